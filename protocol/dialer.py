@@ -50,12 +50,8 @@ class Answer(NamedTuple):
 
 
 class Dialer:
-    """Calls the slave, again and again until it answers.
-
-    Attributes:
-        due: when the next HELLO is to be sent [s]; infinity when not calling.
-        expects: name of the slave that is called; "" until it is known. The first slave that answers sets it.
-    """
+    """Calls the slave, again and again until it answers. The next HELLO is `due` then [s], infinity when not calling.
+    `expects` is the name of the slave that is called; the first one that answers sets it."""
 
     def __init__(
         self,
@@ -143,12 +139,8 @@ class Dialer:
         return header + exchange.hello(pack_hello(hello, security.overhead))
 
     def on_welcome(self, data: bytes) -> Answer | str | DropReason | None:
-        """Take a WELCOME.
-
-        Returns:
-            The session that it opens, the text of a refusal, the reason to drop it, or None if it only makes the next
-            HELLO due at once.
-        """
+        """Take a WELCOME: the session that it opens, the text of a refusal, the reason to drop it, or None if it only
+        makes the next HELLO due at once."""
         answered = read_answered(data)
         exchange = None if answered is None else self._open.get(answered)
         if exchange is None:

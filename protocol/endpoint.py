@@ -350,7 +350,7 @@ class Endpoint:
                 due = min(
                     due,
                     session.next_timer(is_engaged=is_engaged, is_encoding=self._is_encoding),
-                    session.silent_at if is_engaged else session.expires_at,
+                    session.liveness.silent_at if is_engaged else session.expires_at,
                     self._deaf_at,
                 )
             self._due = due
@@ -511,7 +511,7 @@ class Endpoint:
         outcome = session.accept(opened, now)
         if outcome is not DropReason.REPLAYED:
             self._count(data)
-        if not session.is_fresh or now >= session.silent_at:
+        if not session.is_fresh or now >= session.liveness.silent_at:
             self._drop(outcome if isinstance(outcome, DropReason) else DropReason.STALE)
             return
         # The master has received the WELCOME at the address that it called from, and so has proved that address.
@@ -532,7 +532,7 @@ class Endpoint:
             self.peer = path.address
             if (challenge := path.challenge(now)) is not None:
                 self._post_to(session.send_path(now, challenge[0], is_answer=False), challenge[1])
-        if self.state is _SILENT and session.is_fresh and now < session.silent_at:
+        if self.state is _SILENT and session.is_fresh and now < session.liveness.silent_at:
             self.state = moved(self.state, _ENGAGED)
             session.silent_since = inf
             self._is_peer_heard = False

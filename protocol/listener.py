@@ -27,6 +27,7 @@ from weberlink.protocol.handshake import (
     HelloHeader,
     LocalEnd,
     Welcome,
+    difference,
     differences,
     identity_of,
     pack_map,
@@ -34,9 +35,7 @@ from weberlink.protocol.handshake import (
     read_hello,
     read_hello_header,
     read_map,
-    too_long,
     unexpected_slave,
-    version_mismatch,
 )
 from weberlink.protocol.security import Incoming, Protection
 from weberlink.protocol.session import Session
@@ -74,12 +73,7 @@ class Listener:
     """Answers HELLOs and keeps the sessions that they may become."""
 
     def __init__(self, end: LocalEnd, open_session: Callable[[Protection, float, float, float], Session]) -> None:
-        """Prepare to be called.
-
-        Args:
-            end: the slave.
-            open_session: makes a session of its keys, the longest round trip [s], the peer's clock [s] and now [s].
-        """
+        """Prepare to be called; `open_session` takes keys, longest round trip, the peer's clock and now [s]."""
         self._end = end
         self._agreement = read_map(end.agreement) or {}
         self._open_session = open_session
@@ -114,13 +108,7 @@ class Listener:
     ) -> Reply | DropReason:
         """Take a HELLO: the answer to send, never longer than the HELLO, or the reason to drop it.
 
-        Args:
-            data: the datagram.
-            address: where it came from.
-            now: [s].
-            serving: the master of the present session; None without one.
-            is_engaged: whether there is a session whose peer is heard.
-        """
+        `serving` is the master of the present session, `is_engaged` whether it is heard."""
         header = read_hello_header(data)
         if header is None:
             return DropReason.TRUNCATED
@@ -171,7 +159,7 @@ class Listener:
         if body is None:
             return DropReason.MALFORMED
         if header.version != self._end.version:
-            return version_mismatch(header.version, self._end.version)
+            return difference("protocol version", Role.INITIATOR, header.version, self._end.version)
         hello = read_hello(body)
         agreement = None if hello is None else read_map(hello.agreement)
         if hello is None or agreement is None or header.identity != identity_of(hello.name):
@@ -190,7 +178,8 @@ class Listener:
             return message
         longest = min(self._end.longest_round_trip, hello.longest_round_trip_us * 1e-6)
         if hello.round_trip_us * 1e-6 > longest:
-            return too_long(hello.round_trip_us * 1e-6, longest)
+            measured = f"{hello.round_trip_us * 1e-3:.0f}"
+            return f"the round trip is {measured} ms, link.longest_round_trip_ms allows {longest * 1e3:g}"
         was_served = hello.instance == self._masters[identity_of(hello.name)].served
         if serving is None or hello.instance == serving.instance or (hello.takes_over and not was_served):
             return ""

@@ -89,16 +89,9 @@ Opened = tuple[int, int, bytes]
 
 
 class Parameters(NamedTuple):
-    """Parameters that all sessions of an endpoint share.
-
-    Args:
-        outgoing, incoming: layouts of each direction.
-        epoch: when our clock was at 0 [s].
-        tick_period: of both ends [s].
-        silence: time without a fresh datagram after which the peer counts as gone [s].
-        opens: whether this end begins the sessions, as the initiator does.
-        rekey_after: datagrams after which the key of a direction is replaced, if it was not by time.
-    """
+    """Parameters that all sessions of an endpoint share: layouts of each direction; when our clock was at 0, tick
+    period and silence limit [s]; whether this end begins the sessions; datagrams after which a key is replaced, if
+    it was not by time."""
 
     outgoing: DirectionLayout
     incoming: DirectionLayout
@@ -113,12 +106,6 @@ class Session:
     """One session.
 
     Attributes:
-        clock: mapping to the peer's clock.
-        credit: granted by each end to the other, where the session carries it.
-        liveness: whether each end hears the other.
-        heartbeats: when one is due.
-        negotiation: of the changes that the owners of both ends make.
-        round_trip: the agreement of both ends on it.
         silent_since: when the present silence began [s]; inf without one.
         sequence: number of the authentic datagram that came last.
         is_fresh: whether that one was fresh (`Liveness.is_fresh`).
@@ -139,16 +126,8 @@ class Session:
         confirmed_at: float = -inf,
         first_sequence: int = 1,
     ) -> None:
-        """Begin a session.
-
-        Args:
-            statistics: counted into.
-            peer_clock: departure of the peer's handshake datagram on its clock [s].
-            now: arrival of that datagram [s].
-            longest_round_trip: largest one that both ends allow [s].
-            confirmed_at: departure of our handshake datagram that it answers [s]; -inf if it answers none.
-            first_sequence: number of our first datagram, 1 to 2^15.
-        """
+        """Begin with a handshake datagram of the peer, which left at `peer_clock` on its clock and arrived at `now`.
+        `confirmed_at` is the departure of our datagram that it answers; -inf if it answers none."""
         self._protection = protection
         self._parameters = parameters
         self._incoming = parameters.incoming
@@ -188,11 +167,6 @@ class Session:
         self._rekey_from = first_sequence + parameters.rekey_after
         self._reported = (0.0, 0.0, 0.0)
         self._lost = 0
-
-    @property
-    def silent_at(self) -> float:
-        """Time at which one of the two limits is passed [s]."""
-        return self.liveness.silent_at
 
     @property
     def expires_at(self) -> float:
@@ -465,11 +439,13 @@ class Session:
         envelope, sequence = self._envelope(now)
         return self._seal(sequence, pack_path(envelope, token, is_answer=is_answer), now)
 
-    def _send_change(self, now: float) -> bytes:
+    def _send_change(self, now: float) -> bytes | None:
         """The message of a negotiation that is due."""
         rtt = self.clock.rtt
         negotiation = self.negotiation if now >= self.negotiation.due else self.round_trip.negotiation
         change = negotiation.take(now, UNMEASURED_RTT if rtt is None else rtt + self.clock.jitter)
+        if change is None:
+            return None
         envelope, sequence = self._envelope(now)
         tick = change.tick & _CHANGE_TICK_MASK
         return self._seal(

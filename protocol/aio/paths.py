@@ -75,14 +75,11 @@ class Path:
     """One path.
 
     Attributes:
-        found: as the finder told it; `_THE_PORT` for a port of this host.
         address: of the peer in the endpoint.
         remote: where the peer is, as the sources of its datagrams are named; None while unknown.
         changes: how often this place had another path or remote before.
         channel: of the relay, as on the wire.
         budgets: of STUN messages, from strangers and from the peer.
-        is_replaced: whether another path has taken its place.
-        is_open: until `close`.
         missing_since: when the peer was heard on another path first after this one [s]; None if it was not.
     """
 
@@ -202,8 +199,6 @@ class Paths:
     Attributes:
         facts: of the paths in use, in words; replaced when there is news.
         address: own address, once open.
-        now: the clock of the endpoint [s].
-        on_datagrams: called after datagrams were taken because the loop was woken.
     """
 
     def __init__(
@@ -222,15 +217,7 @@ class Paths:
         self.tell()
 
     async def open(self, loop: asyncio.AbstractEventLoop, listen: Address) -> None:
-        """Resolve names, claim the port and listen.
-
-        Args:
-            listen: own host and port; "" for all interfaces, 0 for any port.
-
-        Raises:
-            AddressInUseError: if another program has the port.
-            OSError: if a name does not resolve or is not an address of this host.
-        """
+        """Resolve names, claim the port and listen; raises as `UdpShell.open`."""
         peer = self._endpoint.peer
         family, local = await resolve(loop, listen, socket.AF_UNSPEC, passive=True)
         if peer is not None:
@@ -301,13 +288,8 @@ class FoundPaths(Paths):
         finder: socket.socket,
         on_no_path: Callable[[str], None],
     ) -> None:
-        """Prepare; `open` begins to listen to the finder.
-
-        Args:
-            finder: the socket to it, which does not block; stays open.
-            on_no_path: told in one line why there will be no session, once at most: the finder gave up before the
-                first one, or has ended.
-        """
+        """Prepare. `finder` is the socket to the process, which stays open; `on_no_path` is told once at most, in one
+        line, why there will be no session: the finder gave up before the first one, or has ended."""
         self._finder = finder
         self._on_no_path = on_no_path
         self._loop: asyncio.AbstractEventLoop | None = None
