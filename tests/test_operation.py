@@ -15,6 +15,7 @@ from typer.main import get_command
 
 from tests.program import Program, document
 from weberlink.cli import app
+from weberlink.installation import guests
 from weberlink.protocol.states import State
 from weberlink.system import journal
 from weberlink.system.launcher import STOP_LIMIT_S
@@ -137,6 +138,8 @@ def test_the_page_names_commands_and_options_that_are_there() -> None:
     named = re.findall(r"(?:^|`|/bin/)weberlink ([a-z]+)([^\n`#]*)", PAGE, re.M)
     assert {name for name, _ in named} >= {"doctor", "configs", "keygen", "device", "loopback"}
     for name, rest in named:
+        if name not in known and name in guests("weberlink.commands"):
+            continue  # of one that is not installed
         assert name in known, name
         assert set(re.findall(r"(?<!\w)--[a-z-]+", rest)) <= known[name], (name, rest)
 
