@@ -9,11 +9,9 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from typer.main import get_command
 
-from tests.program import Ended, document, weberlink
+from tests.program import COMMANDS, Ended, document, weberlink
 from tests.system.systems import CONFIGS
-from weberlink.cli import app
 from weberlink.master.trace import read_trace
 from weberlink.system.configuration import load
 from weberlink.system.simulate import simulate
@@ -24,7 +22,6 @@ HARDWARE = ("phantom.yaml",)
 BETWEEN_HOSTS = ("lan.yaml",)
 """Those in which the master calls another host."""
 """Those that another program leads."""
-COMMANDS = get_command(app).commands  # type: ignore[attr-defined]
 MEMBERS = [f"{name} {member}" for name, group in COMMANDS.items() for member in getattr(group, "commands", ())]
 TAKE_A_FILE = ("check", "simulate", "master --duration 0", "slave --duration 0", "loopback --duration 0")
 HEADER = "t,px,py,pz,fx,fy,fz"
@@ -65,7 +62,6 @@ WRONG = {
     # A number is none, or out of its range.
     "loopback --duration three": "--duration",
     f"simulate {LOOPBACK} --duration -1": "--duration",
-    "monitor --port 70000": "--port",
     # A field of the file.
     **{
         f"check {LOOPBACK} --set {override}": field
@@ -89,13 +85,6 @@ WRONG = {
     "keygen -": "out",
     "configs --out a.yaml": "--out",
     "configs deley": "delay",
-    # Pages for others need --public, and their scene is one of the list.
-    "try --scene moon": "--scene moon",
-    **{
-        f"{command} --listen {address}": f"--listen {address}"
-        for command in ("try", "monitor")
-        for address in ("0.0.0.0", "::", "192.0.2.1")
-    },
     # A device that is not known, its options, and an emulator's.
     "device test phantom": "phantom",
     "device test operator --set foce_n=1": "operator.foce_n",
@@ -126,7 +115,6 @@ def test_a_wrong_argument_is_one_line_that_names_it(
 @pytest.mark.parametrize(
     ("line", "variables", "status", "field"),
     [
-        ("try --listen 192.0.2.1 --public", {}, 1, "--listen 192.0.2.1"),
         ("loopback --duration 0", {"XDG_RUNTIME_DIR": ""}, 1, "weberlink is a file"),
     ],
 )
