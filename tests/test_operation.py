@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.program import COMMANDS, Program, document
+from weberlink.installation import guests
 from weberlink.protocol.states import State
 from weberlink.system import wording
 from weberlink.system.launcher import STOP_LIMIT_S
@@ -129,6 +130,8 @@ def test_the_page_names_commands_and_options_that_are_there() -> None:
     named = re.findall(r"(?:^|`|/bin/)weberlink ([a-z]+)([^\n`#]*)", PAGE, re.M)
     assert {name for name, _ in named} >= {"doctor", "configs", "keygen", "device", "loopback"}
     for name, rest in named:
+        if name not in known and name in guests("weberlink.commands"):
+            continue  # of one that is not installed
         assert name in known, name
         assert set(re.findall(r"(?<!\w)--[a-z-]+", rest)) <= known[name], (name, rest)
 

@@ -82,7 +82,7 @@ def find(name: str) -> Path:
     known = inside | folders | {path.stem: path for path in inside.values() if path.suffix == ".yaml"}
     if asked in known:
         return known[asked]
-    guest = guests(CONFIGS).get(asked.removesuffix(".yaml"))
+    guest = guests(CONFIGS).get(asked.removesuffix(".yaml").removesuffix("/"))
     if guest is not None:
         raise ConfigurationError(absence(asked, guest))
     nearest = get_close_matches(asked, known, n=1)
