@@ -1,9 +1,18 @@
-"""How a follower under position control is left: it pushes no more, and stays where it is."""
+"""How a follower under position control is left: it pushes no more, and stays where it is, or goes limp."""
 
 from collections.abc import Callable
+from enum import StrEnum
 from typing import Final
 
 from weberlink.geometry.joints import Joints
+
+
+class OnClose(StrEnum):
+    """How an arm is left; `hold` is the default, since without torque it drops."""
+
+    HOLD = "hold"
+    LIMP = "limp"
+
 
 SETTLE_S: Final = 0.1
 """Time in which an arm comes to rest after its goals have moved [s]."""
