@@ -7,7 +7,10 @@ from typing import Any
 from plugins.arms.tests.virtual import VirtualPort, VirtualTime
 from weberlink.arms.threaded_arm import ArmSample
 from weberlink.geometry.joints import Joints
+from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.guardian import Guardian
+from weberlink.testing.stepping import SteppedWorker
+from weberlink.testing.time import TICK
 from weberlink_arms.dynamixel.exchange import PositionExchange, TorqueExchange
 from weberlink_arms.dynamixel.follower import KochFollowerOptions, OpenManipulatorXOptions
 from weberlink_arms.dynamixel.leader import KochLeaderOptions, OmxLeaderOptions
@@ -75,7 +78,7 @@ class ArmBench:
         family = self.family = FAMILIES[name]
         self.options = family.options.model_validate(options)
         self.time = VirtualTime()
-        self.emulator = family.emulator(family.emulator.Options.model_validate(family.emulated | emulated))  # type: ignore[attr-defined]
+        self.emulator = made(name, **emulated)
         self.port = VirtualPort(self.emulator, self.time)
         self.exchange = family.exchange(
             self.options, self._connect, carried or family.gravity, self.time.clock, self.time.pause
@@ -152,3 +155,42 @@ def opened(
 
 def only(axis: int, value: float, others: Joints = STILL) -> Joints:
     return (*others[:axis], value, *others[axis + 1 :])
+
+
+def made(name: str, **options: Any) -> Any:
+    """The arm of a family."""
+    family = FAMILIES[name]
+    return family.emulator(family.emulator.Options.model_validate(family.emulated | options))  # type: ignore[attr-defined]
+
+
+class Stepped:
+    """A driver in virtual time, before an emulated arm."""
+
+    def __init__(self, driver: Any, emulator: Any) -> None:
+        self.emulator, self.time = emulator, VirtualTime()
+        self.port = VirtualPort(emulator, self.time)
+        self._worker = SteppedWorker.of(driver, self.time.clock)
+        exchange = self._worker.device
+        exchange._connect, exchange._clock, exchange._pause = self._connect, self.time.clock, self.time.pause
+        exchange._guardian = None
+
+    def _connect(self) -> VirtualPort:
+        if self.port.broken is not None:
+            raise self.port.broken
+        self.port.closed = False
+        return self.port
+
+    def tick(self) -> float:
+        self.time.now += TICK
+        self._worker.step()
+        return self.time.now
+
+    @property
+    def faults(self) -> dict[str, Callable[[], None]]:
+        emulator, port = self.emulator, self.port
+        return {
+            "unplug": lambda: setattr(port, "broken", HardwareFault(f"{port.path}: unplugged")),
+            "silent": lambda: setattr(emulator.faults, "silent", True),
+            "late": lambda: setattr(port, "latency", 0.2),
+            "garbled": lambda: setattr(emulator.faults, "garble", 1_000_000),
+        } | {name: lambda name=name: emulator.inject(name, 1) for name in emulator.OWN_FAULTS}

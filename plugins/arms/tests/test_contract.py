@@ -1,68 +1,51 @@
-"""Every servo arm keeps the contract before an emulated one behind a pseudo terminal, and takes or refuses options."""
+"""Every servo arm keeps the contract before an emulated one, in virtual time, and takes or refuses its options."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from math import pi
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from weberlink.hardware.emulator import PtyDevice
-from weberlink.hardware.emulators import EMULATORS
+from plugins.arms.tests import benches
+from plugins.arms.tests.benches import FAMILIES, FOLLOWERS, LEADERS, Stepped
 from weberlink.master.devices import leaders
 from weberlink.slave.robots import followers
 from weberlink.testing.arms import ArmBench, HardwareFollowerContract, HardwareLeaderContract
-from weberlink.testing.time import TICK, real_time
+from weberlink.testing.time import TICK
 
-DYNAMIXEL = ("koch_leader", "omx_leader", "koch_follower", "open_manipulator_x")
 SO101 = ("so101_leader", "so101_follower")
-LEADS = ("koch_leader", "omx_leader", "so101_leader")
+DYNAMIXEL = tuple(name for name in FAMILIES if name not in SO101)
+FAULTS = ("unplug", "silent", "late", "garbled", "dead")
 
 
 def made(name: str, **options: Any) -> Any:
     """Not open."""
-    driver: Any = (leaders if name in LEADS else followers).load(name)
+    driver: Any = (leaders if name in LEADERS else followers).load(name)
     return driver(driver.Options.model_validate(options), TICK)
 
 
-@contextmanager
-def emulated(name: str, folder: Path) -> Iterator[ArmBench]:
-    """In real time: only so are the thread of the driver, the port and the loss of it seen."""
-    emulator_class: Any = EMULATORS.load(name)
-    # A host may pause for longer than a watchdog, which is tested in virtual time.
-    patient: dict[str, Any] = {"timeout_ms": 100.0, "rate_hz": 50.0}
-    patient |= {"bus_watchdog_ms": 2000.0} if name in DYNAMIXEL else {}
-    emulator = emulator_class(emulator_class.Options())
-    with PtyDevice(emulator, folder / "port") as wire:
-        arm = made(name, port=str(folder / "port"), **patient)
-        yield ArmBench(
-            arm,
-            real_time(),
-            faults={"unplug": wire.unplug},
-            torques_on=lambda: [servo.torque_on for servo in emulator.servos],
-        )
-        arm.close()
+def bench_of(name: str) -> ArmBench:
+    arm = made(name)
+    moving = {"hand_rad": (0.4,) * 6, "hand_s": (1.0,) * 6, "hand_n_m_rad": 5.0} if name in LEADERS else {}
+    stepped = Stepped(arm, benches.made(name, **moving))
+    servos = stepped.emulator.servos
+    return ArmBench(arm, stepped.tick, faults=stepped.faults, torques_on=lambda: [servo.torque_on for servo in servos])
 
 
-@pytest.mark.realtime
 class TestLeaders(HardwareLeaderContract):
-    FAULTS = ("unplug",)
+    FAULTS = FAULTS
 
-    @pytest.fixture(params=LEADS)
-    def bench(self, request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ArmBench]:
-        with emulated(request.param, tmp_path) as bench:
-            yield bench
+    @pytest.fixture(params=LEADERS)
+    def bench(self, request: pytest.FixtureRequest) -> Iterator[ArmBench]:
+        yield bench_of(request.param)
 
 
-@pytest.mark.realtime
 class TestFollowers(HardwareFollowerContract):
-    FAULTS = ("unplug",)
+    FAULTS = FAULTS
 
-    @pytest.fixture(params=[name for name in DYNAMIXEL + SO101 if name not in LEADS])
-    def bench(self, request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ArmBench]:
-        with emulated(request.param, tmp_path) as bench:
-            yield bench
+    @pytest.fixture(params=FOLLOWERS)
+    def bench(self, request: pytest.FixtureRequest) -> Iterator[ArmBench]:
+        yield bench_of(request.param)
 
 
 @pytest.mark.parametrize("name", DYNAMIXEL + SO101)
@@ -81,7 +64,7 @@ def test_the_spec_follows_the_options(name: str) -> None:
     assert name in DYNAMIXEL or plain.watchdog_s is None
     lower = (-1.0,) * (count - 1) + (0.0,)
     assert made(name, lower_rad=lower, upper_rad=(1.0,) * count).spec.lower == lower
-    if name not in LEADS:
+    if name not in LEADERS:
         heavy = made(name, gravity=False).spec
         assert heavy.torque_error_nm >= plain.torque_error_nm
         assert made(name, gravity=True).spec.torque_error_nm <= heavy.torque_error_nm
