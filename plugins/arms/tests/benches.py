@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from plugins.arms.tests.virtual import VirtualPort, VirtualTime
-from weberlink.arms.threaded_arm import ArmSample
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.guardian import Guardian
@@ -16,6 +15,7 @@ from weberlink_arms.dynamixel.follower import KochFollowerOptions, OpenManipulat
 from weberlink_arms.dynamixel.leader import KochLeaderOptions, OmxLeaderOptions
 from weberlink_arms.emulators.dynamixel.arm import KochFollowerEmulator, KochLeaderEmulator, OmxLeaderEmulator
 from weberlink_arms.emulators.feetech import FeetechEmulator, So101LeaderEmulator
+from weberlink_arms.emulators.feetech_servo import EmulatedServo
 from weberlink_arms.emulators.open_manipulator import DynamixelEmulator
 from weberlink_arms.feetech.follower import FollowerExchange, So101FollowerOptions
 from weberlink_arms.feetech.leader import LeaderExchange, So101LeaderOptions
@@ -71,28 +71,25 @@ LEADERS = [name for name, family in FAMILIES.items() if family.leads]
 FOLLOWERS = [name for name, family in FAMILIES.items() if not family.leads]
 
 
-class ArmBench:
-    """An arm, its exchange and their time; `carried` is taken for the weight, instead of what the family takes."""
+class Bench:
+    """An arm, its exchange and their time."""
 
-    def __init__(self, name: str, options: dict[str, Any], carried: Gravity | None = None, **emulated: Any) -> None:
-        family = self.family = FAMILIES[name]
-        self.options = family.options.model_validate(options)
-        self.time = VirtualTime()
-        self.emulator = made(name, **emulated)
-        self.port = VirtualPort(self.emulator, self.time)
-        self.exchange = family.exchange(
-            self.options, self._connect, carried or family.gravity, self.time.clock, self.time.pause
-        )
+    exchange: Any
+    sample: Any
+
+    def __init__(self, options: Any, emulator: Any, latency: float = 0.0) -> None:
+        self.options, self.emulator, self.time = options, emulator, VirtualTime()
+        self.port = VirtualPort(emulator, self.time, latency)
 
     def _connect(self) -> VirtualPort:
         self.port.closed = False
         return self.port
 
-    def open(self) -> ArmSample:
-        self.sample: ArmSample = self.exchange.open()
+    def open(self) -> Any:
+        self.sample = self.exchange.open()
         return self.sample
 
-    def run(self, command: Any, seconds: float) -> list[ArmSample]:
+    def run(self, command: Any, seconds: float) -> list[Any]:
         """Cycles at the rate of the bus; a command that is a function is made from the sample before."""
         period, due, samples = 1.0 / self.options.rate_hz, self.time.now, []
         for _ in range(round(seconds / period)):
@@ -106,6 +103,21 @@ class ArmBench:
         """Time passes, and nobody does anything."""
         self.time.now += seconds
         self.emulator.advance(self.time.now)
+
+    def register(self, name: str) -> list[int]:
+        """A register of all servos."""
+        servos = self.emulator.servos
+        return [servo[name] if isinstance(servo, EmulatedServo) else servo.registers[name] for servo in servos]
+
+
+class ArmBench(Bench):
+    """Of a family; `carried` is taken for the weight, instead of what the family takes."""
+
+    def __init__(self, name: str, options: dict[str, Any], carried: Gravity | None = None, **emulated: Any) -> None:
+        family = self.family = FAMILIES[name]
+        super().__init__(family.options.model_validate(options), made(name, **emulated))
+        clock, pause = self.time.clock, self.time.pause
+        self.exchange = family.exchange(self.options, self._connect, carried or family.gravity, clock, pause)
 
     def inject(self, fault: str, value: float) -> None:
         """One of the emulator's, or the faults of its wire."""
@@ -136,13 +148,6 @@ class ArmBench:
     @property
     def torques_on(self) -> list[bool]:
         return [servo.torque_on for servo in self.emulator.servos]
-
-    def register(self, name: str) -> list[int]:
-        """A register of all servos."""
-        return [
-            servo[name] if isinstance(self.emulator, FeetechEmulator) else servo.registers[name]
-            for servo in self.emulator.servos
-        ]
 
 
 def opened(

@@ -1,6 +1,5 @@
 """Registers of both kinds of servos, and models of motors: addresses, signs and units, against the manuals."""
 
-from itertools import pairwise
 from math import pi
 from typing import Any
 
@@ -32,13 +31,6 @@ USED = {
     "present_position": (132, 4, True), "present_input_voltage": (144, 2, False),
 }  # fmt: skip
 """Address, size and sign of what the Dynamixel drivers use, from the manual apart from the table of the product."""
-DELIVERED = {
-    1190: {38: 1750, 44: 1620, 63: 53, 84: 400, 32: 70, 34: 35, 31: 70},
-    1200: {38: 1750, 44: 445, 63: 53, 84: 400, 32: 70, 34: 35, 31: 70},
-    1060: {44: 265, 63: 52, 84: 640, 80: 4000, 32: 140, 34: 60, 31: 72},
-    1020: {38: 1193, 44: 350, 63: 52, 84: 800, 32: 160, 34: 95, 31: 80},
-}
-"""Values as delivered by address, from the manuals likewise."""
 every_model = pytest.mark.parametrize("model", MODELS.values(), ids=lambda model: model.name)
 
 
@@ -46,12 +38,6 @@ def test_registers_in_use_are_those_of_the_manual() -> None:
     table = {each.name: (each.address, each.size, each.signed) for each in dynamixel.REGISTERS}
     assert {name: table[name] for name in USED} == USED
     assert {each.name for each in vars(dynamixel).values() if isinstance(each, dynamixel.Register)} <= USED.keys()
-
-
-@pytest.mark.parametrize("table", [dynamixel.REGISTERS, feetech.REGISTERS], ids=["dynamixel", "feetech"])
-def test_registers_do_not_overlap(table: Any) -> None:
-    assert all(a.address + a.size <= b.address for a, b in pairwise(table))
-    assert table[-1].address + table[-1].size <= feetech.END or table is dynamixel.REGISTERS
 
 
 def bounds(register: Any) -> tuple[int, int]:
@@ -96,43 +82,6 @@ def test_one_read_gives_all_measurements_and_one_write_an_order() -> None:
     assert feetech.present(data) == Present(2048, -700, -25, 74, 30, 300)
     assert feetech.order(True, 2300, 250).hex() == "0100fc0800000000fa00"
     assert len(feetech.order(False, 0, 0)) == feetech.ORDER_SIZE
-
-
-def test_units() -> None:
-    assert dynamixel.angle(2048) == 0.0
-    assert dynamixel.angle(2048 + 1024) == pytest.approx(pi / 2)
-    assert dynamixel.angle(0) == pytest.approx(-pi)
-    assert dynamixel.RAD_S_PER_COUNT / (2 * pi / 60) == pytest.approx(0.229)
-    assert dynamixel.counts_of_current(1.0) == 372
-    assert dynamixel.counts_of_current(-3.209) == -1193
-    assert pytest.approx(2.0 * pi / 4096) == feetech.RAD_PER_COUNT
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (dynamixel.hardware_error_text(0), ["none"]),
-        (dynamixel.hardware_error_text(0x20), ["overload"]),
-        (dynamixel.hardware_error_text(0x05), ["voltage", "overheating"]),
-        (dynamixel.hardware_error_text(0x80), ["alarm bit 7"]),
-        (feetech.error_text(0x20), ["overload"]),
-        (feetech.error_text(0x0C), ["overheating", "overcurrent"]),
-        (feetech.error_text(0x80), ["error 128"]),
-    ],
-)
-def test_alarms_are_named_by_their_bits(text: str, words: list[str]) -> None:
-    assert all(word in text for word in words)
-
-
-@every_model
-def test_registers_as_delivered_are_those_of_the_manual(model: MotorModel) -> None:
-    delivered = {each.address: each.initial for each in model.registers}
-    assert delivered[0] == model.number
-    assert {address: delivered[address] for address in DELIVERED[model.number]} == DELIVERED[model.number]
-    for each in model.registers:
-        known = dynamixel.BY_NAME[each.name]
-        assert (each.address, each.size, each.signed) == (*known[:2], known.signed)
-        assert each.low <= each.initial <= each.high
 
 
 def test_an_xl430_has_no_current() -> None:
