@@ -3,10 +3,7 @@
 import pytest
 
 from weberlink_arms.dynamixel.packet import (
-    ACCESS_ERROR,
     ALERT,
-    DATA_LENGTH_ERROR,
-    DATA_LIMIT_ERROR,
     DATA_RANGE_ERROR,
     FRAMING,
     RESULT_FAIL,
@@ -78,39 +75,6 @@ def test_servos_behind_a_silent_one_are_silent(host: Host) -> None:
     assert host.ask(FRAMING.ping(13)) == []
     host.emulator.inject("dead", 0)
     assert [status.id for status in host.ask(FRAMING.sync_read(132, 4, IDS))] == list(IDS)
-
-
-def test_a_wrong_checksum_is_not_answered(host: Host) -> None:
-    data = bytearray(READ_POSITION)
-    data[-1] ^= 1
-    host.emulator.receive(bytes(data), host.now)
-    assert host.wait(0.02) == []
-    assert host.emulator.bus.bad_checksums == 1
-    assert len(host.ask(READ_POSITION)) == 1
-
-
-@pytest.mark.parametrize(
-    ("address", "size", "value", "error"),
-    [
-        (126, 2, 5, ACCESS_ERROR),  # read-only
-        (14, 1, 5, ACCESS_ERROR),  # not defined
-        (3000, 1, 5, ACCESS_ERROR),
-        (102, 1, 5, DATA_LENGTH_ERROR),
-        (103, 1, 5, DATA_LENGTH_ERROR),
-        (9, 1, 255, DATA_RANGE_ERROR),
-        (11, 1, 7, DATA_RANGE_ERROR),
-        (98, 1, -5, DATA_RANGE_ERROR),
-        (98, 1, -1, DATA_RANGE_ERROR),
-        (102, 2, 1194, DATA_LIMIT_ERROR),
-        (102, 2, -1194, DATA_LIMIT_ERROR),
-        (116, 4, 4096, DATA_LIMIT_ERROR),
-        (116, 4, -1, DATA_LIMIT_ERROR),
-    ],
-)
-def test_what_a_servo_refuses(host: Host, address: int, size: int, value: int, error: int) -> None:
-    before = host.emulator.servos[0].registers.memory[:120]
-    assert host.write(11, address, size, value) == error
-    assert host.emulator.servos[0].registers.memory[:120] == before
 
 
 def test_alarm_disables_torque_until_reboot(host: Host) -> None:
