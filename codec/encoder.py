@@ -252,12 +252,38 @@ class Encoder:
         if bucket is not None and not bucket.take(forced=forced):
             self.bound = error
             return None
-        update = self._update(sample, levels, actual, position, ahead)
-        self._levels, self._forced = levels, False
-        self._newest, self._previous = sample, self._usable(tick)
+        return self.send(sample, levels, actual, position, ahead, max(bound, least))
+
+    def send(
+        self,
+        sample: Sample,
+        levels: tuple[int, ...],
+        actual: Vector,
+        position: Vector = ZERO,
+        ahead: Ahead = NOTHING,
+        most: float = inf,
+    ) -> Update:
+        """Make the update of a sample that was decided on, and apply it to the mirror.
+
+        Args:
+            sample: as the other end will hold it; `levels` are its levels on the wire.
+            actual: the measured value within the range of the wire; `position` where it was measured [m].
+            ahead: the samples that follow.
+            most: largest error with which a model may begin; otherwise the sample is held.
+        """
+        earlier = self._newest
+        if earlier is not None and not 0 < sample.tick - earlier.tick <= MAX_GAP:
+            earlier = None
+        if self._choice is None:
+            selector, model = self._choose(sample, actual, position, earlier, ahead), None
+        else:
+            selector, model = self._choice.choose(self._selectors, sample, earlier, self.bound, ahead)
+        payload = self._predictors[selector].encode(model, sample, earlier, self._levels, self._grid)
+        update = Update(sample.tick, selector, levels[: self._sizes[selector]], payload)
+        self._newest, self._previous, self._levels, self._forced = sample, earlier, levels, False
         decoded = self.mirror.read(update)
-        if deadband.error(decoded.first, actual) > max(bound, least):
-            update = update._replace(payload=None)  # a model that begins outside the deadband: the sample is held
+        if self._deadband.error(decoded.first, actual) > most:
+            update = update._replace(payload=None)
             decoded = self.mirror.read(update)
         self.mirror.take(update, decoded)
         return update
@@ -274,22 +300,6 @@ class Encoder:
             tuple(place(sample.position) for sample in following),
             tuple(sample.bound for sample in following),
         )
-
-    def _update(
-        self, sample: Sample, levels: tuple[int, ...], actual: Vector, position: Vector, ahead: Ahead
-    ) -> Update:
-        earlier = self._usable(sample.tick)
-        if self._choice is None:
-            selector, model = self._choose(sample, actual, position, earlier, ahead), None
-        else:
-            selector, model = self._choice.choose(self._selectors, sample, earlier, self.bound, ahead)
-        payload = self._predictors[selector].encode(model, sample, earlier, self._levels, self._grid)
-        return Update(sample.tick, selector, levels[: self._sizes[selector]], payload)
-
-    def _usable(self, tick: int) -> Sample | None:
-        """The sample sent before; None if it is more than `MAX_GAP` ticks old."""
-        earlier = self._newest
-        return earlier if earlier is not None and 0 < tick - earlier.tick <= MAX_GAP else None
 
     def _choose(self, sample: Sample, actual: Vector, position: Vector, earlier: Sample | None, ahead: Ahead) -> int:
         """The paper's choice: the smallest w_i = |f_pred,i - f| / |f|. The common divisor |f| is left out.

@@ -25,7 +25,6 @@ from weberlink.telemetry.fault import Fault
 ROOT = Path(__file__).parents[1]
 UNITS = ROOT / "configs" / "systemd"
 SIDES = ["weberlink-master@.service", "weberlink-slave@.service"]
-MONITOR = "weberlink-monitor.service"
 PROGRAM = "/opt/weberlink/bin/weberlink"
 PAGE = "\n".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs" / "operation").glob("*.md")))
 CONTAINER = (ROOT / "Containerfile").read_text(encoding="utf-8")
@@ -34,10 +33,10 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 Unit = dict[str, list[str]]
 
 
-def unit(name: str) -> Unit:
+def unit(path: Path) -> Unit:
     """Settings of a unit, each with its values in order; comments and sections left out."""
     settings: Unit = defaultdict(list)
-    for line in (UNITS / name).read_text(encoding="utf-8").splitlines():
+    for line in path.read_text(encoding="utf-8").splitlines():
         if line and line[0] not in "#[":
             key, equals, value = line.partition("=")
             assert equals, line
@@ -55,31 +54,26 @@ def commands() -> dict[str, set[str]]:
     }
 
 
-@pytest.mark.parametrize("name", [*SIDES, MONITOR])
-def test_a_unit_starts_a_command_that_is_there(name: str) -> None:
-    (line,) = unit(name)["ExecStart"]
+def assert_starts_a_command(path: Path) -> None:
+    (line,) = unit(path)["ExecStart"]
     program, command, *arguments = line.split()
     assert program == PROGRAM
     assert {word for word in arguments if word.startswith("--")} <= commands()[command]
 
 
 @pytest.mark.parametrize("name", SIDES)
+def test_a_unit_starts_a_command_that_is_there(name: str) -> None:
+    assert_starts_a_command(UNITS / name)
+
+
+@pytest.mark.parametrize("name", SIDES)
 def test_systemd_waits_for_longer_than_the_launcher(name: str) -> None:
-    settings = unit(name)
+    settings = unit(UNITS / name)
     # A recorder is waited for, told to finish, and waited for again.
     assert int(settings["TimeoutStopSec"][0]) > STOP_LIMIT_S + 2 * FINISH_LIMIT_S
     assert settings["KillSignal"] == ["SIGTERM"]
     assert settings["KillMode"] == ["mixed"]
     assert settings["RestartPreventExitStatus"] == [str(MISCONFIGURED)]
-
-
-@pytest.fixture
-def installed(tmp_path: Path) -> Path:
-    """The units, with a program that is there."""
-    for path in UNITS.iterdir():
-        text = path.read_text(encoding="utf-8").replace(PROGRAM, sys.executable)
-        (tmp_path / path.name.replace("@", "@lan")).write_text(text, encoding="utf-8")
-    return tmp_path
 
 
 def systemd_analyze(*arguments: object) -> subprocess.CompletedProcess[str]:
@@ -90,15 +84,21 @@ def systemd_analyze(*arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
 
 
-@pytest.mark.parametrize("name", [*SIDES, MONITOR])
-def test_systemd_accepts_a_unit_and_finds_it_little_exposed(name: str, installed: Path) -> None:
-    path = installed / name.replace("@", "@lan")
+def assert_accepted_and_little_exposed(unit: Path, folder: Path) -> None:
+    """By systemd, with a program that is there."""
+    path = folder / unit.name.replace("@", "@lan")
+    path.write_text(unit.read_text(encoding="utf-8").replace(PROGRAM, sys.executable), encoding="utf-8")
     verified = systemd_analyze("verify", "--man=no", path)
     assert (verified.returncode, [line for line in verified.stderr.splitlines() if path.name in line]) == (0, [])
     done = systemd_analyze("security", "--offline=true", "--threshold=25", "--no-pager", path)
     if "unrecognized option" in done.stderr:
         pytest.skip("this systemd-analyze does not look at files")
     assert done.returncode == 0, done.stdout.splitlines()[-1:]
+
+
+@pytest.mark.parametrize("name", SIDES)
+def test_systemd_accepts_a_unit_and_finds_it_little_exposed(name: str, tmp_path: Path) -> None:
+    assert_accepted_and_little_exposed(UNITS / name, tmp_path)
 
 
 CONFINED = """

@@ -65,7 +65,6 @@ WRONG = {
     # A number is none, or out of its range.
     "loopback --duration three": "--duration",
     f"simulate {LOOPBACK} --duration -1": "--duration",
-    "monitor --port 70000": "--port",
     # A field of the file.
     **{
         f"check {LOOPBACK} --set {override}": field
@@ -89,13 +88,6 @@ WRONG = {
     "keygen -": "out",
     "configs --out a.yaml": "--out",
     "configs deley": "delay",
-    # Pages for others need --public, and their scene is one of the list.
-    "try --scene moon": "--scene moon",
-    **{
-        f"{command} --listen {address}": f"--listen {address}"
-        for command in ("try", "monitor")
-        for address in ("0.0.0.0", "::", "192.0.2.1")
-    },
     # A device that is not known, its options, and an emulator's.
     "device test phantom": "phantom",
     "device test operator --set foce_n=1": "operator.foce_n",
@@ -126,7 +118,6 @@ def test_a_wrong_argument_is_one_line_that_names_it(
 @pytest.mark.parametrize(
     ("line", "variables", "status", "field"),
     [
-        ("try --listen 192.0.2.1 --public", {}, 1, "--listen 192.0.2.1"),
         ("loopback --duration 0", {"XDG_RUNTIME_DIR": ""}, 1, "weberlink is a file"),
     ],
 )

@@ -29,16 +29,14 @@ def offered(caller: OutgoingCall, waiter: IncomingCalls, now: float = 0.0) -> Me
     return caller.offer(PATHS, take_over=True)
 
 
-def called(caller: OutgoingCall, waiter: IncomingCalls, serves: str | None = None) -> Called:
-    told = waiter.receive(offered(caller, waiter), 0.0, serves)
-    assert isinstance(told, Called)
-    return told
-
-
 @pytest.mark.parametrize("reply", [Answer(PATHS[::-1]), Busy("bob")])
-def test_offer_and_reply_arrive_as_they_were_and_count_once(reply: Answer | Busy) -> None:
+def test_all_arrives_as_it_was_and_counts_once(reply: Answer | Busy) -> None:
     caller, waiter = ends()
-    offer = offered(caller, waiter)
+    ready = waiter.receive(caller.first(), 0.0, "bob")
+    assert isinstance(ready, Message)
+    assert caller.receive(ready._replace(phase="busy")) is None, "told to be of another kind"
+    assert caller.receive(ready) == Ready("bob")
+    offer = caller.offer(PATHS, take_over=True)
     told = waiter.receive(offer, 1.0, None)
     assert isinstance(told, Called)
     assert told.offer == Offer(caller.attempt, PATHS, take_over=True)
@@ -47,26 +45,10 @@ def test_offer_and_reply_arrive_as_they_were_and_count_once(reply: Answer | Busy
     assert caller.receive(waiter.reply(told, reply)) == reply
 
 
-def test_caller_is_told_who_is_served() -> None:
-    caller, waiter = ends()
-    ready = waiter.receive(caller.first(), 0.0, "bob")
-    assert isinstance(ready, Message)
-    assert caller.receive(ready) == Ready("bob")
-    assert caller.receive(ready._replace(phase="busy")) is None, "told to be of another kind"
-
-
 @pytest.mark.parametrize(("delay", "counts"), [(OFFER_LIMIT_S, True), (OFFER_LIMIT_S + 0.001, False)])
 def test_delayed_offer_does_not_count(delay: float, counts: bool) -> None:
     caller, waiter = ends()
     assert isinstance(waiter.receive(offered(caller, waiter, 5.0), 5.0 + delay, None), Called) == counts
-
-
-def test_message_reflected_to_its_sender_does_not_count() -> None:
-    caller, waiter = ends()
-    assert OutgoingCall(Sealing(KEY, "master"), lambda _: caller.attempt).receive(caller.first()) is None
-    ready = waiter.receive(caller.first(), 0.0, None)
-    assert isinstance(ready, Message)
-    assert waiter.receive(Message("call", ready.body), 0.0, None) is None
 
 
 def test_calls_are_remembered_within_bounds() -> None:
@@ -75,7 +57,7 @@ def test_calls_are_remembered_within_bounds() -> None:
     for _ in range(LARGEST_MEMORY):
         assert isinstance(waiter.receive(ends()[0].first(), 0.0, None), Message)
     assert waiter.receive(offer, 0.0, None) is None, "the oldest is forgotten"
-    called(ends()[0], waiter)
+    assert isinstance(waiter.receive(offered(ends()[0], waiter), 0.0, None), Called)
 
 
 @pytest.mark.parametrize("body", ["", "0", "zz", "00" * 12, "00" * 28, "é" * 60, "00" * LONGEST_BODY])

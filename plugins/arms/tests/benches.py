@@ -8,43 +8,21 @@ from plugins.arms.tests.virtual import VirtualPort, VirtualTime
 from weberlink.arms.threaded_arm import ArmSample
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.guardian import Guardian
-from weberlink_arms.dynamixel.arm_exchange import Gravity, TorqueExchange, model_gravity, no_gravity
-from weberlink_arms.dynamixel.follower import (
-    KochFollowerOptions,
-    OpenManipulatorXOptions,
-    position_exchange,
-)
+from weberlink_arms.dynamixel.exchange import PositionExchange, TorqueExchange
+from weberlink_arms.dynamixel.follower import KochFollowerOptions, OpenManipulatorXOptions
 from weberlink_arms.dynamixel.leader import KochLeaderOptions, OmxLeaderOptions
-from weberlink_arms.emulators.dynamixel.joint_arm import (
-    KochFollowerEmulator,
-    KochLeaderEmulator,
-    OmxLeaderEmulator,
-)
+from weberlink_arms.emulators.dynamixel.arm import KochFollowerEmulator, KochLeaderEmulator, OmxLeaderEmulator
 from weberlink_arms.emulators.feetech import FeetechEmulator, So101LeaderEmulator
 from weberlink_arms.emulators.open_manipulator import DynamixelEmulator
-from weberlink_arms.feetech.arm import So101Options
 from weberlink_arms.feetech.follower import FollowerExchange, So101FollowerOptions
 from weberlink_arms.feetech.leader import LeaderExchange, So101LeaderOptions
+from weberlink_arms.servo.gravity import Gravity, gravity_of, no_gravity
 
 STILL = (0.0,) * 6
 
 
-def _torque_exchange(options: Any, connect: Any, time: VirtualTime, gravity: Gravity) -> Any:
-    return TorqueExchange(options, connect, 1e-3 * options.max_current_ma, gravity, time.clock, time.pause)
-
-
-def _position_exchange(options: Any, connect: Any, time: VirtualTime, gravity: Gravity) -> Any:
-    exchange = position_exchange(options, connect, gravity)
-    exchange._clock, exchange._pause = time.clock, time.pause
-    return exchange
-
-
-def _so101_leader(options: Any, connect: Any, time: VirtualTime, gravity: Gravity) -> Any:
-    return LeaderExchange(options, connect, Guardian(b""), time.clock, time.pause)
-
-
-def _so101_follower(options: Any, connect: Any, time: VirtualTime, gravity: Gravity) -> Any:
-    return FollowerExchange(options, connect, gravity, time.clock, time.pause)
+def _so101_leader(options: Any, connect: Any, gravity: Gravity, clock: Any, pause: Any) -> Any:
+    return LeaderExchange(options, connect, Guardian(b""), clock, pause)
 
 
 @dataclass(frozen=True)
@@ -69,21 +47,21 @@ QUIET = {"current_noise_ma": 0.0}
 HELD = {"hand_rad": STILL, "hand_n_m_rad": 5.0, "friction_nm": 0.01}
 FAMILIES = {
     "koch_leader": Family(
-        KochLeaderEmulator, QUIET | {"hand_rad": STILL}, KochLeaderOptions, _torque_exchange, STILL, 0.06, 0.004
+        KochLeaderEmulator, QUIET | {"hand_rad": STILL}, KochLeaderOptions, TorqueExchange, STILL, 0.06, 0.004
     ),
     "omx_leader": Family(
-        OmxLeaderEmulator, QUIET | {"hand_rad": STILL}, OmxLeaderOptions, _torque_exchange, STILL, 0.06, 0.004
+        OmxLeaderEmulator, QUIET | {"hand_rad": STILL}, OmxLeaderOptions, TorqueExchange, STILL, 0.06, 0.004
     ),
     "so101_leader": Family(So101LeaderEmulator, HELD, So101LeaderOptions, _so101_leader, STILL, 0.15, 0.045),
-    "koch_follower": Family(KochFollowerEmulator, QUIET, KochFollowerOptions, _position_exchange, None),
-    "so101_follower": Family(FeetechEmulator, {}, So101FollowerOptions, _so101_follower, None),
+    "koch_follower": Family(KochFollowerEmulator, QUIET, KochFollowerOptions, PositionExchange, None),
+    "so101_follower": Family(FeetechEmulator, {}, So101FollowerOptions, FollowerExchange, None),
     "open_manipulator_x": Family(
         DynamixelEmulator,
         QUIET,
         OpenManipulatorXOptions,
-        _position_exchange,
+        PositionExchange,
         None,
-        gravity=model_gravity("open_manipulator_x"),
+        gravity=gravity_of("open_manipulator_x", wanted=True),
     ),
 }
 LEADERS = [name for name, family in FAMILIES.items() if family.leads]
@@ -99,7 +77,9 @@ class ArmBench:
         self.time = VirtualTime()
         self.emulator = family.emulator(family.emulator.Options.model_validate(family.emulated | emulated))  # type: ignore[attr-defined]
         self.port = VirtualPort(self.emulator, self.time)
-        self.exchange = family.exchange(self.options, self._connect, self.time, carried or family.gravity)
+        self.exchange = family.exchange(
+            self.options, self._connect, carried or family.gravity, self.time.clock, self.time.pause
+        )
 
     def _connect(self) -> VirtualPort:
         self.port.closed = False
@@ -148,10 +128,7 @@ class ArmBench:
     @property
     def limits(self) -> dict[str, list[float]]:
         """Range of the angles, as options [rad]."""
-        options = self.options
-        if isinstance(options, So101Options):
-            return {"lower_rad": [*options.lower_rad], "upper_rad": [*options.upper_rad]}
-        return {"lower_rad": [*options.lower], "upper_rad": [*options.upper]}
+        return {"lower_rad": [*self.options.lower], "upper_rad": [*self.options.upper]}
 
     @property
     def torques_on(self) -> list[bool]:

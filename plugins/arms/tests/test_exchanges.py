@@ -7,8 +7,9 @@ import pytest
 from plugins.arms.tests.benches import FAMILIES, FOLLOWERS, LEADERS, ArmBench, only, opened
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink_arms.dynamixel import registers
-from weberlink_arms.dynamixel.packet import WRITE, PacketReader
+from weberlink_arms.dynamixel.packet import FRAMING
 from weberlink_arms.emulators.feetech import FeetechEmulator
+from weberlink_arms.servo.packet import WRITE
 
 DYNAMIXEL = [name for name in FAMILIES if not name.startswith("so101")]
 BEYOND_RAD = 0.35
@@ -99,7 +100,9 @@ def test_settings_last_until_they_are_set_back(name: str) -> None:
         bench.emulator.servos[0].registers["return_delay_time"] = 250 * wears
         bench.open()
         written = {
-            each.parameters[:2] for each in PacketReader().feed(b"".join(bench.port.sent)) if each.instruction == WRITE
+            each.parameters[:2]
+            for each in FRAMING.requests().feed(b"".join(bench.port.sent))
+            if each.instruction == WRITE
         }
         assert (b"\x09\0" in written, b"\x0b\0" in written) == (wears, False)
         bench.exchange.close()

@@ -19,7 +19,7 @@ from tests.program import ROOT
 from tests.wait import PATIENCE, until
 from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.emulators import EMULATORS
-from weberlink_arms.feetech.arm import NAMES
+from weberlink_arms.feetech.arm import SO101
 
 pytestmark = pytest.mark.realtime(alone=True)
 
@@ -53,7 +53,7 @@ FAMILIES = {
 def pushing(family: Family, folder: Path) -> Iterator[tuple[subprocess.Popen[str], Any]]:
     """The process and the emulated arm, once it pushes."""
     emulator_class: Any = EMULATORS.load(family.driver)
-    wall = {"joint": NAMES[family.axis], "angle_rad": WALL_RAD, "stiffness_nm_rad": STIFFNESS_NM_RAD}
+    wall = {"joint": SO101.axes[family.axis], "angle_rad": WALL_RAD, "stiffness_nm_rad": STIFFNESS_NM_RAD}
     weightless = {"weight": False} if "weight" in emulator_class.Options.model_fields else {}
     emulator = emulator_class(emulator_class.Options.model_validate({"walls": [wall], **weightless}))
     values = [0.0] * 6 if family.leads else list(emulator.angles)

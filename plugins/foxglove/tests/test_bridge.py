@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from plugins.foxglove.tests.client import FoxgloveClient
-from tests.apps.monitor.test_emergency import daemons
 from tests.program import weberlink
 from tests.wait import until
-from tests.watching.sources import description, records, write
+from tests.watching.sources import daemons, description, records, write
 from weberlink.system.description import Description
 from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_TEXT
 from weberlink.telemetry.reader import DTYPE

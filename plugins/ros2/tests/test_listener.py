@@ -23,9 +23,8 @@ from plugins.ros2.tests.publishing import (
 )
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.testing.time import TICK
-from weberlink_ros2.device import Ros2Device
+from weberlink_ros2.device import Ros2Device, Ros2Options
 from weberlink_ros2.node import Node
-from weberlink_ros2.options import Ros2Options
 
 pytestmark = pytest.mark.realtime
 
@@ -78,8 +77,7 @@ def test_killed_listener_is_a_fault_at_once(router: str) -> None:
 
 DAEMON = """
 import sys, time
-from weberlink_ros2.device import Ros2Device
-from weberlink_ros2.options import Ros2Options
+from weberlink_ros2.device import Ros2Device, Ros2Options
 device = Ros2Device(Ros2Options(connect=sys.argv[1]), 1e-3)
 device.open(time.monotonic())
 print(device._poses.pid, "zenoh" in sys.modules, "rosbags" in sys.modules, flush=True)

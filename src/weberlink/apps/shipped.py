@@ -23,7 +23,7 @@ OTHERS = {
     "49-weberlink.rules": "udev rules of the devices; weberlink device rules installs them",
     "arms/": "MuJoCo models of the arms",
     "plotjuggler-layout.xml": "layout of PlotJuggler for an exported recording",
-    "systemd/": "units of master, slave and page",
+    "systemd/": "units of master and slave",
     "traces/": "a recorded motion",
     SCHEMA: "schema of configuration files, for editors",
 }

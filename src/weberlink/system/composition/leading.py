@@ -6,7 +6,6 @@ from weberlink.arms.contract import ArmSpec, LeaderArm
 from weberlink.codec.bundle import BundleDecoder
 from weberlink.control.axes import LEVER, build_axes
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
-from weberlink.control.tuning import LiveSettings
 from weberlink.geometry.joints import Joints
 from weberlink.master.leader_port import LeaderPort, PressedAxes
 from weberlink.master.safety import ContactLimiter, ForceGate
@@ -70,7 +69,6 @@ def build_leading(
     endpoint = build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity)
     silence, engage = system.link.silence_ms * 1e-3, system.master.engage
     joints = len(joint_names(system))
-    decoders = [BundleDecoder(channel) for channel in backward]
     port = LeaderPort(
         arm=leader,
         control=control,
@@ -89,14 +87,11 @@ def build_leading(
         delay=signal_delay(system),
     )
 
-    def retune(settings: LiveSettings, peer_tick: float) -> None:
-        decoders[0].retune(settings.weber, peer_tick)
-
-    tuning = tuning_of(system, retune, leads=True)
+    tuning = tuning_of(system, lambda settings, tick: None, leads=True)  # noqa: ARG005 - decoders of joints need not know
     return Side(
         port=port,
         outgoing=outgoing(("joint_angle", "gripper_angle"), forward, (port.joints, port.gripper)),
-        incoming=incoming(("joint_torque", "gripper_torque"), decoders),
+        incoming=incoming(("joint_torque", "gripper_torque"), [BundleDecoder(channel) for channel in backward]),
         tuning=tuning,
         endpoint=endpoint,
         tick_period=system.tick_period,

@@ -21,9 +21,10 @@ from weberlink_arms.dynamixel.layouts import OPEN_MANIPULATOR_X
 from weberlink_arms.dynamixel.motor_models import XM430_W350
 from weberlink_arms.dynamixel.packet import HIGHEST_ID
 from weberlink_arms.dynamixel.registers import BAUD_RATES
-from weberlink_arms.emulators.dynamixel.arm import STEP, ArmEmulator
+from weberlink_arms.emulators.dynamixel.arm import DynamixelArmEmulator
 from weberlink_mujoco.arms.models import MODELS, compiled, mujoco, read
 
+STEP = DynamixelArmEmulator.STEP
 GRIPPER_N_M, GRIPPER_N_M_S = 0.02, 0.02
 """Dry and viscous friction of the gripper [N m], [N m s]; guesses."""
 FINGER_M_RAD = 0.015
@@ -158,7 +159,7 @@ class Mechanism:
         return self._jacobian.T @ self.force
 
 
-class DynamixelEmulator(ArmEmulator):
+class DynamixelEmulator(DynamixelArmEmulator):
     """See `weberlink_arms.emulators.dynamixel.arm`."""
 
     Options = DynamixelEmulatorOptions
@@ -187,9 +188,17 @@ class DynamixelEmulator(ArmEmulator):
     def _performed(self) -> None:
         self.held = self.held and not all(servo.torque_on for servo in self.servos[:4])
 
-    def _move(self, torques: Sequence[float]) -> None:
-        self._mechanism.step(torques, self.held)
+    @property
+    def angles(self) -> list[float]:
+        return self._angles
+
+    @property
+    def velocities(self) -> list[float]:
+        return self._velocities
+
+    def _move(self, time: float) -> None:  # noqa: ARG002
+        self._mechanism.step(self.motor_nm, self.held)
         self._look()
 
     def _look(self) -> None:
-        self.angles, self.velocities = self._mechanism.angles, self._mechanism.velocities
+        self._angles, self._velocities = self._mechanism.angles, self._mechanism.velocities
