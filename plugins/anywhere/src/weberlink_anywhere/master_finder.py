@@ -5,8 +5,8 @@ from contextlib import suppress
 from itertools import count
 from time import monotonic
 
-from weberlink.protocol.aio.hand_over import ENGAGED, SILENT, SessionState
 from weberlink_anywhere import ice
+from weberlink_anywhere.hand_over import ENGAGED, SILENT, SessionState
 from weberlink_anywhere.networks import Watch
 from weberlink_anywhere.order import FinderOrder
 from weberlink_anywhere.paths import Paths, ServerNames
