@@ -1,0 +1,1 @@
+OTHERS = {"relay/": "a relay of one's own: mailbox and TURN server"}

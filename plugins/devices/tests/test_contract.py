@@ -193,15 +193,6 @@ class RateContract(DeviceContract):
         assert monotonic() - unplugged_at < 0.5
         device.close()
 
-    def test_force_slows_it(self, tmp_path: Path) -> None:
-        with self.make_bench(tmp_path, speed_m_s=0.5) as bench:
-            device = bench.device
-            assert device.spec.push_n > 0.0
-            bench.open()
-            for force, place in (((0.0, 0.0, 100.0), 1), ((0.0, 0.0, -100.0), 0)):
-                edge = device.spec.workspace_m[place][2]
-                bench.push(force, lambda edge=edge: device.latest(bench.tick()).position[2] == edge)  # type: ignore[misc]
-
 
 class TestSpaceMouse(RateContract):
     NAME = "spacemouse"

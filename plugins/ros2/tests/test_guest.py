@@ -27,18 +27,13 @@ def test_the_message_of_the_ros_package_is_that_of_the_code() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "variables", "status", "field"),
-    [
-        (("--domain", 233), {}, 2, "233"),
-        (("--rate", "inf"), {}, 2, "--rate"),
-        ((), {"ZENOH_SESSION_CONFIG_URI": "/none.json5"}, 1, "none.json5"),
-    ],
+    ("words", "config", "status", "field"),
+    [(["--domain", 233], "", 2, "233"), (["--rate", "inf"], "", 2, "--rate"), ([], "/none.json5", 1, "none.json5")],
 )
 def test_what_the_bridge_refuses_is_one_line(
-    words: tuple[object, ...], variables: dict[str, str], status: int, field: str, monkeypatch: pytest.MonkeyPatch
+    words: list[object], config: str, status: int, field: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name, value in variables.items():
-        monkeypatch.setenv(name, value)
+    monkeypatch.setenv("ZENOH_SESSION_CONFIG_URI", config)
     ended = weberlink("bridge", "ros2", *words)
     assert (ended.status, len(ended.errors.splitlines())) == (status, 1)
     assert field in ended.errors

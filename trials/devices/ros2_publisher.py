@@ -1,6 +1,6 @@
 """A node of a third party that publishes poses: zenoh-ros2-sdk, which shares no code with this project.
 
-    python -m plugins.ros2.tests.sdk_publisher FOLDER PORT RATE_HZ
+    python -m trials.devices.ros2_publisher FOLDER PORT RATE_HZ
 
 It reads lines "x y z" [m] on standard input and publishes the newest at a rate; an empty line pauses it, and with
 "clock" x is the number of the pose and y the time of `monotonic` [s]. It ends with its input. Its first line of output
