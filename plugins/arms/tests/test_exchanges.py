@@ -252,3 +252,19 @@ def test_an_answer_is_awaited_for_its_margin(name: str, beyond: float) -> None:
         return
     with pytest.raises(BadReply):
         bench.run(bench.family.rest, 0.05)
+
+
+@every_family
+def test_late_answers_are_never_taken_as_fresh(name: str) -> None:
+    """The arm moves all the time; what is measured is where it is, or nothing."""
+    bench = opened(name, hand_rad=(0.4,) * 6) if name in LEADERS else opened(name)
+    bench.port.latency, bad = 0.02, 0
+    command = bench.family.rest if name in LEADERS else only(0, bench.sample.angles[0] + 1.0, bench.sample.angles)
+    for _ in range(40):
+        try:
+            bench.run(command, 1.0 / bench.options.rate_hz)
+        except BadReply:
+            bad += 1
+        else:
+            assert bench.sample.angles == pytest.approx(bench.angles, abs=0.05)
+    assert bad > 5
