@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from math import inf
 from typing import Final
 
+from weberlink.protocol.calls import Dialer, Listener
 from weberlink.protocol.counters import Credit
-from weberlink.protocol.dialer import Dialer
 from weberlink.protocol.events import (
     Address,
     ChangeProposed,
@@ -39,7 +39,6 @@ from weberlink.protocol.handshake import (
     pack_agreement,
     read_map,
 )
-from weberlink.protocol.listener import Listener
 from weberlink.protocol.liveness import FADE_SHARE, Liveness
 from weberlink.protocol.path import Path
 from weberlink.protocol.retransmission import copies_needed

@@ -35,8 +35,8 @@ from weberlink.protocol import (
     StateError,
     TakenOver,
 )
+from weberlink.protocol.calls import FIRST_INTERVAL, LONGEST_INTERVAL, Answer, Dialer
 from weberlink.protocol.checksum import Checksum
-from weberlink.protocol.dialer import FIRST_INTERVAL, LONGEST_INTERVAL, Answer, Dialer
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.handshake import (
     HELLO_HEADER,
