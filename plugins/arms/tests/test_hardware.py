@@ -1,4 +1,4 @@
-"""A live session of real drivers with emulated hardware: only processes have ports, kernels and signals between them."""
+"""A live session of real drivers with emulated hardware: only processes have ports, kernels and signals."""
 
 from pathlib import Path
 
