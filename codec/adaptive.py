@@ -19,7 +19,7 @@ from math import exp
 
 from weberlink.codec.channel import Channel
 from weberlink.codec.deadband import Deadband
-from weberlink.codec.predictors.contract import NOTHING, Ahead, Candidate, EncodeContext, History, Signal
+from weberlink.codec.predictors.estimation import NOTHING, Ahead, Candidate, EncodeContext, History, Signal
 from weberlink.codec.predictors.model import Hold, Model
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, norm

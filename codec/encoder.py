@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from weberlink.codec.channel import Channel
 from weberlink.codec.deadband import Deadband
 from weberlink.codec.decoder import Decoder
-from weberlink.codec.predictors.contract import NOTHING, Ahead
+from weberlink.codec.predictors.contract import FittedPredictor
+from weberlink.codec.predictors.estimation import NOTHING, Ahead
 from weberlink.codec.rate import TokenBucket
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
@@ -109,6 +110,7 @@ class Encoder:
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
         self._predictors = channel.predictors
+        self._fitted = [each for each in channel.predictors if isinstance(each, FittedPredictor)]
         self._grid = channel.grid
         self._sizes = [sum(form.newest) for form in channel.forms]
         self.mirror = Decoder(channel)
@@ -309,7 +311,7 @@ class Encoder:
         newest, previous, selectors = self._newest, self._previous, self._selectors
         if newest is None or len(selectors) == 1:
             return selectors[0]
-        channel, predictors = self._channel, self._predictors
+        channel, predictors = self._channel, self._fitted  # all of the bank: `Channel` sees to it
         place, limits = channel.place(position), channel.fit_limits
         if ahead.values:
             new = [predictors[selector].model(sample, earlier, limits) for selector in selectors]

@@ -17,7 +17,7 @@ of n.q over a time T: they are -4 sin^2(w T / 2) times the deviation of n.q from
 
 from math import asin, exp, sqrt
 
-from weberlink.codec.predictors.contract import History, Signal
+from weberlink.codec.predictors.estimation import History, Signal
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale, subtract, unit
 
 STEP_S = 0.010

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.codec.predictors.contract import History, Signal
+from weberlink.codec.predictors.estimation import History, Signal
 from weberlink.codec.predictors.path import HORIZONS, STEP_S
 from weberlink.geometry.vector import ZERO, Vector, add, dot, subtract
 

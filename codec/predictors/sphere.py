@@ -12,7 +12,7 @@ One fit finds both kinds of wall. The study `paper` measures what convex walls a
 from dataclasses import dataclass
 from typing import ClassVar
 
-from weberlink.codec.predictors.contract import Predictor, same_contact
+from weberlink.codec.predictors.contract import FittedPredictor, same_contact
 from weberlink.codec.predictors.model import FitLimits, Model, ModelKind, ModelRecord
 from weberlink.codec.sample import Sample
 from weberlink.compiled import mypyc_attr
@@ -49,7 +49,7 @@ class Sphere(Model):
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class SpherePredictor(Predictor):
+class SpherePredictor(FittedPredictor):
     name: ClassVar[str] = "sphere"
     geometric: ClassVar[bool] = True
     describes_contact: ClassVar[bool] = True
