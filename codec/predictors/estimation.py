@@ -14,16 +14,9 @@ LONGEST_GAP_S = 0.016
 
 
 class History:
-    """The latest samples of a signal at the sender's full rate, the newest last.
+    """The latest samples of a signal at the sender's full rate, the newest last, and their positions [m].
 
-    Args:
-        period: time between ticks [s].
-
-    Attributes:
-        values: of the samples.
-        places: their positions [m].
-        bound: deadband of the newest one.
-        follows: whether the newest one came one tick after the one before.
+    `bound` is the deadband of the newest one; `follows` tells whether it came one tick after the one before.
     """
 
     def __init__(self, period: float) -> None:
@@ -71,14 +64,7 @@ Kind = TypeVar("Kind", bound=Estimator)
 
 
 class Signal:
-    """What a predictor may know of a signal before it begins.
-
-    Attributes:
-        grid: the grid of the channel.
-        limits: the range in which a fitted contact is accepted.
-        least_contact: smallest force that counts as contact [N].
-        estimators: those that `estimator` has made.
-    """
+    """What a predictor may know of a signal before it begins; less than `least_contact` [N] is no contact."""
 
     def __init__(self, grid: SampleGrid, limits: FitLimits, least_contact: float) -> None:
         self.grid = grid
@@ -102,10 +88,7 @@ class Signal:
 class Ahead(NamedTuple):
     """The samples that follow the one to code, tick by tick, up to the first gap; empty without look-ahead.
 
-    Args:
-        values: within the range of the wire.
-        places: where models are evaluated [m].
-        bounds: the deadband of each, where its Weber factor refers to the measured value; otherwise near it.
+    `bounds` are their deadbands, where the Weber factor refers to the measured value; otherwise near them.
     """
 
     values: tuple[Vector, ...] = ()
@@ -113,13 +96,7 @@ class Ahead(NamedTuple):
     bounds: tuple[float, ...] = ()
 
     def lasts(self, model: Model, tick: int, measure: Callable[[Vector, Vector], float]) -> int:
-        """For how many of these ticks a new model of the sample of a tick stays within the deadband.
-
-        Args:
-            model: as it is sent.
-            tick: of the sample to code.
-            measure: the error of a displayed value, as a deadband measures it.
-        """
+        """For how many of these ticks a new model of the sample of `tick` stays within the deadband."""
         memory = model.memory
         for index, (value, place, bound) in enumerate(zip(*self, strict=True)):
             if memory is None:

@@ -84,11 +84,7 @@ class SpherePredictor(FittedPredictor):
 
 
 def _solve(a: Vector, b: Vector, y: Vector, least_sine: float) -> tuple[float, float] | None:
-    """Least-squares r, c of a r + b c = y; None if the columns are (nearly) parallel or one is (nearly) 0.
-
-    The length of `a` is the angle between the two forces. On a flat wall it is a rounding error, and the radius would
-    be one too.
-    """
+    """Least-squares r, c of a r + b c = y; None if the columns are (nearly) parallel or one is (nearly) 0."""
     a_norm, b_norm = norm(a), norm(b)
     if not (a_norm > least_sine and b_norm > 0.0):
         return None
