@@ -10,13 +10,11 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 import pytest
-from typer import Context
-from typer.main import get_command
 
-from tests.program import Program, document
-from weberlink.cli import app
+from tests.program import COMMANDS, Program, document
+from weberlink.installation import guests
 from weberlink.protocol.states import State
-from weberlink.system import journal
+from weberlink.system import wording
 from weberlink.system.launcher import STOP_LIMIT_S
 from weberlink.system.order import MISCONFIGURED
 from weberlink.system.recorder import FINISH_LIMIT_S
@@ -46,12 +44,7 @@ def unit(path: Path) -> Unit:
 
 def commands() -> dict[str, set[str]]:
     """Every command with its options."""
-    program = get_command(app)
-    with Context(program) as context:
-        found = {name: program.get_command(context, name) for name in program.list_commands(context)}  # type: ignore[attr-defined]
-    return {
-        name: {option for parameter in command.params for option in parameter.opts} for name, command in found.items()
-    }
+    return {name: {option for parameter in each.params for option in parameter.opts} for name, each in COMMANDS.items()}
 
 
 def assert_starts_a_command(path: Path) -> None:
@@ -137,6 +130,8 @@ def test_the_page_names_commands_and_options_that_are_there() -> None:
     named = re.findall(r"(?:^|`|/bin/)weberlink ([a-z]+)([^\n`#]*)", PAGE, re.M)
     assert {name for name, _ in named} >= {"doctor", "configs", "keygen", "device", "loopback"}
     for name, rest in named:
+        if name not in known and name in guests("weberlink.commands"):
+            continue  # of one that is not installed
         assert name in known, name
         assert set(re.findall(r"(?<!\w)--[a-z-]+", rest)) <= known[name], (name, rest)
 
@@ -147,8 +142,8 @@ def test_every_event_of_the_log_and_every_fault_has_its_line() -> None:
         assert f"`{state.name.lower()}`" in rows
     for fault in list(Fault)[1:]:
         assert re.search(rf"^\| `{fault.name.lower()}` \|", rows, re.M), fault
-    for event in re.findall(r"^\| (`.+?`) \|", journal.__doc__ or "", re.M):
-        assert f"| {event} |" in rows, event
+    for event in wording.EVENTS:
+        assert f"`{event}`" in rows, event
 
 
 def test_the_units_are_shipped() -> None:

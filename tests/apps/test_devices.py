@@ -12,7 +12,7 @@ from tests.program import document, weberlink
 from weberlink.apps import rules
 from weberlink.apps.devices import DeviceAccess, Survey, survey
 from weberlink.apps.rules import RulesError
-from weberlink.hardware.discovery import UDEV_RULES, PluggedDevice, UsbId
+from weberlink.hardware.discovery import PluggedDevice, UsbId
 from weberlink.installation import install_line
 from weberlink.master.devices import DEVICES
 from weberlink.master.devices.leaders import LEADERS
@@ -127,7 +127,7 @@ def test_rules_are_installed_whether_udev_applies_them_or_not(udev: int | None, 
         program.chmod(0o755)
     assert not rules.installed([folder])
     (line,) = rules.install(folder, str(program))
-    assert line.startswith(str(folder / UDEV_RULES))
+    assert line.startswith(str(folder / "49-weberlink.rules"))
     assert ": installed" in line
     assert part in line
     assert rules.installed([tmp_path / "none", folder])

@@ -9,11 +9,9 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from typer.main import get_command
 
-from tests.program import Ended, document, weberlink
+from tests.program import COMMANDS, Ended, document, weberlink
 from tests.system.systems import CONFIGS
-from weberlink.cli import app
 from weberlink.master.trace import read_trace
 from weberlink.system.configuration import load
 from weberlink.system.simulate import simulate
@@ -24,7 +22,6 @@ HARDWARE = ("phantom.yaml",)
 BETWEEN_HOSTS = ("lan.yaml",)
 """Those in which the master calls another host."""
 """Those that another program leads."""
-COMMANDS = get_command(app).commands  # type: ignore[attr-defined]
 MEMBERS = [f"{name} {member}" for name, group in COMMANDS.items() for member in getattr(group, "commands", ())]
 TAKE_A_FILE = ("check", "simulate", "master --duration 0", "slave --duration 0", "loopback --duration 0")
 HEADER = "t,px,py,pz,fx,fy,fz"

@@ -4,7 +4,7 @@ from pathlib import Path
 from struct import Struct
 from typing import Final, NamedTuple
 
-from weberlink.hardware.discovery import UDEV_RULES, UsbId
+from weberlink.hardware.discovery import UsbId
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink_arms.dynamixel.packet import ALERT, CRC_ERROR, FRAMING, error_text
 from weberlink_arms.dynamixel.registers import (
@@ -85,5 +85,5 @@ def latency_advice(path: str, sysfs: Path = SYSFS) -> str | None:
     name = Path(path).resolve().name
     return (
         f"{path} collects what it receives for {latency} ms; set it to 1 ms with: "
-        f"echo 1 | sudo tee {SYSFS / name / 'latency_timer'} (the shipped {UDEV_RULES} does so for good)"
+        f"echo 1 | sudo tee {SYSFS / name / 'latency_timer'} (`weberlink device rules` does so for good)"
     )
