@@ -44,9 +44,10 @@ test: $(DEV) $(PAGE_TOOLS)  ## the whole test suite, on all processors; live ses
 	$(BIN)/python -m pytest -n auto
 
 test-kernel: export PYTHONDONTWRITEBYTECODE :=
-test-kernel: $(KERNEL)/.made  ## the kernel's tests in an environment without any guest or extra
+test-kernel: $(KERNEL)/.made  ## the kernel's tests where no guest and no extra is installed, with fewer examples
 	! $(KERNEL)/bin/python -m pip list --disable-pip-version-check | grep "^weberlink[-_]"
-	$(KERNEL)/bin/python -m pytest -n auto tests
+	$(KERNEL)/bin/python -m pytest -n auto -m "not realtime" --share 0.2 tests
+	$(KERNEL)/bin/python -m pytest -n auto -m realtime tests/cli
 
 compiled: $(DEV)  ## what runs in a tick, compiled with mypyc and a C compiler, in build/compiled: minutes
 	rm -rf build

@@ -24,7 +24,11 @@ from weberlink.update import MAX_SELECTOR, UpdateForm
 
 @dataclass(frozen=True, slots=True)
 class Smoothing:
-    """Length and size of the ramp.
+    """The ramp of smooth updates, which replaces part of the jump that an update makes, within the deadband.
+
+    When an update arrives, the displayed value jumps by the error of the old model, at least one just noticeable
+    difference. Smoothing holds part of the jump back and removes it in equal steps. The encoder's mirror does the same,
+    so the law of the encoder still holds. The held part lags by the length of the ramp at most; the rest does not lag.
 
     Args:
         ticks: length of the ramp, >= 1.
@@ -44,12 +48,7 @@ class Smoothing:
             raise ValueError(f"share must be 0 to 0.9, not {self.share!r}")
 
     def kept(self, jump: Vector, bound: float) -> Vector:
-        """The part of a jump that is held back: the same direction, at most `share` of the deadband.
-
-        Args:
-            jump: from the new sample to the value displayed before [N].
-            bound: the deadband at the new sample [N].
-        """
+        """The part of a jump from the new sample to the value before that is held back."""
         longest, length = self.share * bound, norm(jump)
         return jump if length <= longest else scale(jump, longest / length)
 

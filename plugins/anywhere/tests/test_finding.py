@@ -13,14 +13,15 @@ from plugins.anywhere.tests import FILE
 from tests.program import Program, document, weberlink
 from tests.test_child_process import executed
 from tests.wait import until
-from weberlink.protocol.aio import hand_over
-from weberlink.protocol.aio.hand_over import PathFacts, PathNews
-from weberlink.protocol.aio.paths import FINDER_ENDED
+from weberlink.protocol.aio.paths import PathFacts
 from weberlink.protocol.keyring import Keyring
 from weberlink.protocol.psk import PresharedKey
 from weberlink.system import description
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, load
 from weberlink.system.finders import finder_of, running
+from weberlink_anywhere import hand_over
+from weberlink_anywhere.found_paths import FINDER_ENDED
+from weberlink_anywhere.hand_over import PathNews
 from weberlink_anywhere.order import FinderOrder, PairingOrder
 from weberlink_anywhere.pair import start
 from weberlink_anywhere.path_finder import Anywhere

@@ -11,9 +11,9 @@ import pytest
 from websockets.asyncio.server import ServerConnection, serve
 
 from plugins.anywhere.tests.meetings import PATIENCE, Pair, in_loop
-from weberlink.protocol.aio import hand_over
-from weberlink.protocol.aio.hand_over import PathNews
 from weberlink.system.finders import running
+from weberlink_anywhere import hand_over
+from weberlink_anywhere.hand_over import PathNews
 from weberlink_anywhere.mailbox import MailboxRefuses
 from weberlink_anywhere.order import FinderOrder
 from weberlink_anywhere.peers import PeerStore

@@ -131,6 +131,12 @@ def test_file_and_folder_of_another_user_are_refused(store: PeerStore) -> None:
         store.labels()
 
 
+def complaint(folder: Path) -> str:
+    with pytest.raises(PeerError) as raised:
+        PeerStore(folder).labels()
+    return str(raised.value)
+
+
 @needs_root
 def test_another_user_reads_nothing() -> None:
     with TemporaryDirectory() as folder:
@@ -138,14 +144,7 @@ def test_another_user_reads_nothing() -> None:
         store = PeerStore(Path(folder) / "peers")
         store.add(ROBOT)
         assert as_stranger(read_file, store.folder / "robot.json") == "refused"
-        assert as_stranger(list_labels, str(store.folder)) == f"{store.folder} cannot be read: Permission denied"
-
-
-def list_labels(folder: str) -> str:
-    try:
-        return str(PeerStore(Path(folder)).labels())
-    except PeerError as error:
-        return str(error)
+        assert as_stranger(complaint, store.folder) == f"{store.folder} cannot be read: Permission denied"
 
 
 def test_of_many_at_once_one_adds(tmp_path: Path) -> None:

@@ -15,23 +15,17 @@ pytestmark = pytest.mark.realtime
 
 
 @in_loop
-async def test_call_is_answered(mailbox: MailboxServer) -> None:
-    pair = Pair(mailbox.url)
+async def test_call_is_answered_and_an_absent_peer_said_in_one_line(mailbox: MailboxServer) -> None:
+    pair, absent = Pair(mailbox.url), Pair(mailbox.url)
     async with waiting(pair) as host:
         for _ in range(3):
             assert await pair.call() == Answer(PATHS)
+        assert await presence(absent.slave, 0.4) == Presence(here=False)
+    with pytest.raises(PeerAbsent, match=rf"^robot is not there: .* {mailbox.url}$"):
+        await absent.call(timeout=0.4)
     assert [(label, offer.paths) for label, offer in host.offers] == 3 * [("anna", PATHS)]
     assert len({offer.attempt for _, offer in host.offers}) == 3
     assert host.notes == []
-
-
-@in_loop
-async def test_absent_peer_is_said_in_one_line(mailbox: MailboxServer) -> None:
-    pair = Pair(mailbox.url)
-    with pytest.raises(PeerAbsent, match=rf"^robot is not there: .* {mailbox.url}$"):
-        await pair.call(timeout=0.4)
-    async with waiting(Pair(mailbox.url)):
-        assert await presence(pair.slave, 0.4) == Presence(here=False)
 
 
 @pytest.mark.parametrize(

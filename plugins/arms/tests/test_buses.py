@@ -173,25 +173,6 @@ def test_a_late_answer_is_not_taken_for_the_next(wired: Wired) -> None:
 
 
 @pytest.mark.parametrize(
-    ("bits", "says"), [(0x20, "overload"), (0x04, "overheating"), (0x01, "3.1 V"), (0x24, "overheating.*overload")]
-)
-def test_an_alarm_is_looked_up(bits: int, says: str) -> None:
-    """Of Dynamixel motors, which answer with an alert bit until they are asked for its reason."""
-    wired = Wired(KINDS["dynamixel"])
-
-    def alarmed(request: Any) -> list[bytes]:
-        if request.instruction == READ:
-            data = {144: b"\x1f\x00", 70: bytes((bits,))}[DYNAMIXEL.number(request.parameters, 0)]
-            return [DYNAMIXEL.encode(Status(13, dynamixel.ALERT, data))]
-        return [DYNAMIXEL.encode(Status(id_, dynamixel.ALERT * (id_ == 13), motor_data(id_))) for id_ in IDS]
-
-    wired.port.answer = alarmed
-    with pytest.raises(HardwareFault, match=rf"^flex \(id 13\): .*{says}.*") as caught:
-        wired.bus.present()
-    assert not isinstance(caught.value, BadReply)
-
-
-@pytest.mark.parametrize(
     ("error", "kind", "says"),
     [
         (dynamixel.DATA_RANGE_ERROR, HardwareFault, r"roll \(id 14\) refuses 9 in register 102: value out of range"),
@@ -204,13 +185,6 @@ def test_a_refusal_is_a_fault_and_a_garbled_request_is_none(error: int, kind: ty
     with pytest.raises(HardwareFault, match=says) as caught:
         wired.bus.write(14, dynamixel_registers.GOAL_CURRENT, 9)
     assert type(caught.value) is kind
-
-
-def test_an_answer_of_another_size_is_a_bad_reply() -> None:
-    wired = Wired(KINDS["dynamixel"])
-    wired.port.answer = lambda request: [DYNAMIXEL.encode(Status(request.id, 0, b"\1\2"))]
-    with pytest.raises(BadReply, match="missing"):
-        wired.one()
 
 
 def test_an_error_of_a_servo_is_a_fault_of_the_exchange_alone() -> None:

@@ -10,8 +10,7 @@ from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import HardwareFault
 from weberlink_arms.dynamixel import registers
 from weberlink_arms.emulators.feetech import FeetechEmulator
-from weberlink_arms.feetech.arm import NO_LOAD_RAD_S, SO101, So101Options, motor_torques
-from weberlink_arms.feetech.registers import Present
+from weberlink_arms.feetech.arm import SO101
 
 every_follower = pytest.mark.parametrize("name", FOLLOWERS)
 
@@ -259,22 +258,3 @@ def test_an_alarm_that_keeps_torque_on_does_not_prevent_release() -> None:
     assert all(bench.torques_on)
     bench.exchange.close()
     assert not any(bench.torques_on)
-
-
-@pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize(
-    ("load", "rate", "volts", "torque"),
-    [
-        (500, 0.0, 7.4, 1.0),
-        (500, 0.0, 5.0, 5.0 / 7.4),
-        (-500, 0.0, 12.0, -12.0 / 7.4),
-        (0, NO_LOAD_RAD_S, 7.4, -2.0),  # what it turns against
-        (1000, NO_LOAD_RAD_S, 7.4, 0.0),  # its speed without load
-    ],
-)
-def test_the_torque_of_an_so101_motor_follows_load_speed_and_supply(
-    sign: int, load: int, rate: float, volts: float, torque: float
-) -> None:
-    options = So101Options.model_validate({"sign": (sign,) * 6})
-    present = [Present(2048, 0, sign * load, round(10.0 * volts), 30, 0)] * 6
-    assert motor_torques(present, (rate,) * 6, options, (0.002,) * 6) == pytest.approx((torque,) * 6, abs=1e-12)

@@ -21,7 +21,6 @@ from weberlink.system.targets import TargetError, check_file
 SCHEMA = "weberlink.schema.json"
 OTHERS = {
     "49-weberlink.rules": "udev rules; weberlink device rules installs them, and those of guests",
-    "arms/": "MuJoCo models of the arms",
     "plotjuggler-layout.xml": "layout of PlotJuggler for an exported recording",
     "systemd/": "units of master and slave",
     "traces/": "a recorded motion",

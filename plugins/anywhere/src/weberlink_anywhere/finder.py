@@ -3,7 +3,7 @@
     python -m weberlink_anywhere.finder ORDER DESCRIPTOR
 
 ORDER is a `FinderOrder` in JSON, DESCRIPTOR the number of an open socket to the daemon
-(`weberlink.protocol.aio.hand_over`). The process ends when that socket is closed at the other end.
+(`weberlink_anywhere.hand_over`). The process ends when that socket is closed at the other end.
 """
 
 import asyncio
@@ -15,8 +15,8 @@ from pathlib import Path
 from socket import socket
 from typing import Protocol
 
-from weberlink.protocol.aio import hand_over
 from weberlink.protocol.keys import KeyFileError
+from weberlink_anywhere import hand_over
 from weberlink_anywhere.master_finder import MasterFinder
 from weberlink_anywhere.order import FinderOrder
 from weberlink_anywhere.paths import Paths, ServerNames

@@ -5,8 +5,8 @@ from contextlib import suppress
 from itertools import count
 from time import monotonic
 
-from weberlink.protocol.aio.hand_over import ENGAGED, SILENT, SessionState
 from weberlink_anywhere import ice
+from weberlink_anywhere.hand_over import ENGAGED, SILENT, SessionState
 from weberlink_anywhere.networks import Watch
 from weberlink_anywhere.order import FinderOrder
 from weberlink_anywhere.paths import Paths, ServerNames
@@ -32,7 +32,7 @@ QUICK_TRIES, QUICK_S = 2, 1.0
 """Once there was a session, calls that are given up when no server answers so soon. Where the outage is, or that of the
 relay, a call that waits longer comes to nothing, and keeps the next one waiting."""
 SESSION_S = 2.0
-"""For the first session, once there is a path: twenty HELLOs (weberlink.protocol.dialer)."""
+"""For the first session, once there is a path: twenty HELLOs (weberlink.protocol.calls)."""
 LACK_S = 15.0
 """Between calls, while a session lives on fewer paths than it could have."""
 

@@ -3,8 +3,8 @@
 import asyncio
 from collections.abc import Sequence
 
-from weberlink.protocol.aio.hand_over import ENGAGED, GONE, SessionState
 from weberlink_anywhere import ice
+from weberlink_anywhere.hand_over import ENGAGED, GONE, SessionState
 from weberlink_anywhere.master_finder import CALL_S, CONNECT_S, SILENCE_S
 from weberlink_anywhere.networks import Watch
 from weberlink_anywhere.order import FinderOrder

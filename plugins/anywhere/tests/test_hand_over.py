@@ -9,8 +9,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from weberlink.protocol.aio import hand_over
-from weberlink.protocol.aio.hand_over import (
+from weberlink_anywhere import hand_over
+from weberlink_anywhere.hand_over import (
     LONGEST_MESSAGE,
     LONGEST_TEXT,
     PathFound,
@@ -55,7 +55,7 @@ def open_descriptors() -> int:
 
 def passed(message: hand_over.Message) -> hand_over.Message:
     """Send a message, with a socket where it needs one, and receive it."""
-    ours, theirs = hand_over.pair()
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with ours, theirs, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bound:
         assert hand_over.send(ours, message, bound if isinstance(message, PathFound) else None)
         received = hand_over.receive(theirs)
@@ -89,7 +89,7 @@ def test_news_of_any_text_arrive_as_one_printable_line(text: str, is_final: bool
 @example(bytes(LONGEST_MESSAGE + 1), False)
 @example(msgpack.packb([1, 3]) + bytes(LONGEST_MESSAGE), True)
 def test_any_bytes_are_a_message_or_refused(data: bytes, carries: bool) -> None:
-    ours, theirs = hand_over.pair()
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     before = open_descriptors()
     with ours, theirs, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bound:
         socket.send_fds(ours, [data], [bound.fileno()] if carries else [])
@@ -112,7 +112,7 @@ def test_any_bytes_are_a_message_or_refused(data: bytes, carries: bool) -> None:
 
 @pytest.mark.parametrize("content", NO_MESSAGES, ids=repr)
 def test_what_is_no_message_is_refused_at_both_ends(content: Any) -> None:
-    ours, theirs = hand_over.pair()
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with ours, theirs, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bound:
         socket.send_fds(ours, [msgpack.packb(content)], [bound.fileno()])
         with pytest.raises(ValueError, match=r"message|no "):
@@ -131,7 +131,7 @@ def test_what_is_no_message_is_refused_at_both_ends(content: Any) -> None:
     ids=lambda message: type(message).__name__,
 )
 def test_message_that_would_be_refused_is_not_sent(message: hand_over.Message) -> None:
-    ours, theirs = hand_over.pair()
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with ours, theirs:
         with pytest.raises(ValueError, match="does not fit"):
             hand_over.send(ours, message)
@@ -143,7 +143,7 @@ def test_message_that_would_be_refused_is_not_sent(message: hand_over.Message) -
 @pytest.mark.parametrize("kind", ["stream", "unix", "file", "none"])
 def test_path_without_a_udp_socket_is_refused(kind: str) -> None:
     data = msgpack.packb([0, *FOUND])
-    ours, theirs = hand_over.pair()
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with (
         ours,
         theirs,
@@ -160,7 +160,7 @@ def test_path_without_a_udp_socket_is_refused(kind: str) -> None:
 
 
 def test_a_socket_is_handed_over_and_lives_on() -> None:
-    ours, theirs = hand_over.pair()
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with ours, theirs:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bound:
             bound.bind(("127.0.0.1", 0))
@@ -176,7 +176,7 @@ def test_a_socket_is_handed_over_and_lives_on() -> None:
 
 
 def test_a_closed_end_is_no_message_and_a_full_one_refuses_and_does_not_wait() -> None:
-    ours, theirs = hand_over.pair()
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with ours, theirs:
         ours.setblocking(False)
         theirs.setblocking(False)

@@ -134,40 +134,6 @@ _FIELDS: tuple[tuple[type[Any], str], ...] = (
 _KINDS = [kind for kind, _ in _FIELDS]
 
 
-class PathFacts(NamedTuple):
-    """A path in use, in words, for people: the page, the report, the metrics.
-
-    Args:
-        place: which of several it is.
-        route: "direct", "punched", "relayed", or "" while there is none.
-        via: name of the relay, or "".
-        interface: network interface of this host, or "".
-        remote: address of the peer or of the relay, host:port.
-        changes: how often this path was replaced by another one.
-        note: what is being done while there is no path, or why there will be none.
-        dscp: class of service with which datagrams of the peer arrive (RFC 2474); None while unknown.
-    """
-
-    place: int = 0
-    route: str = "direct"
-    via: str = ""
-    interface: str = ""
-    remote: str = ""
-    changes: int = 0
-    note: str = ""
-    dscp: int | None = None
-
-
-def address_of(name: str) -> Address:
-    """The address of a peer on whatever paths are found to it; names it in an endpoint."""
-    return name, 0
-
-
-def pair() -> tuple[socket.socket, socket.socket]:
-    """Both ends of the Unix socket."""
-    return socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-
-
 def send(end: socket.socket, message: Message, carried: socket.socket | None = None) -> bool:
     """Send a message, with a socket that it hands over; False if the other end is gone or its buffer full.
 

@@ -3,14 +3,18 @@
 import asyncio
 import socket
 from collections.abc import Callable
+from functools import partial
 from time import monotonic
 
 from tests.protocol.harness import forms, make_endpoint, sample_update
 from tests.wait import soon
 from weberlink.protocol import Connected, Endpoint, Event, Role, State, UpdateReceived
-from weberlink.protocol.aio import UdpShell, hand_over
-from weberlink.protocol.aio.hand_over import PathFound
+from weberlink.protocol.aio import UdpShell
+from weberlink.protocol.aio.paths import peer_address
 from weberlink.protocol.events import Address
+from weberlink_anywhere import hand_over
+from weberlink_anywhere.found_paths import FoundPaths
+from weberlink_anywhere.hand_over import PathFound
 
 OPERATOR, ROBOT = "operator", "robot"
 HOST = "127.0.0.1"
@@ -28,16 +32,22 @@ class End:
             "incoming": (forms(3),),
             "silence": 1.0,
             "name": OPERATOR if is_master else ROBOT,
-            "peer": hand_over.address_of(ROBOT) if is_master else None,
+            "peer": peer_address(ROBOT) if is_master else None,
         }
         self.endpoint: Endpoint = make_endpoint(role, **(settings | changes))
-        ours, self.finder = hand_over.pair()
+        ours, self.finder = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         ours.setblocking(False)
         self.finder.setblocking(False)
         self.ours = ours
         self.complaints: list[str] = []
         self.events: list[Event] = []
-        self.shell = UdpShell(self.endpoint, now=monotonic, dscp=46, finder=ours, on_no_path=self.complaints.append)
+        self.shell = UdpShell(
+            self.endpoint,
+            now=monotonic,
+            dscp=46,
+            paths=partial(FoundPaths, finder=ours),
+            on_no_path=self.complaints.append,
+        )
 
     async def open(self) -> None:
         await self.shell.open(asyncio.get_running_loop())

@@ -12,7 +12,7 @@ import msgpack
 import pytest
 import uvloop
 
-from tests.protocol.aio.found import (
+from plugins.anywhere.tests.found import (
     OPERATOR,
     ROBOT,
     End,
@@ -25,19 +25,11 @@ from tests.protocol.aio.found import (
 from tests.protocol.harness import make_endpoint
 from tests.wait import soon
 from weberlink.protocol import Connected, PeerSilent, Role, State
-from weberlink.protocol.aio import hand_over
-from weberlink.protocol.aio.hand_over import PathFound, PathLost, PathNews, PathSilent, SessionState, StunReceived
-from weberlink.protocol.aio.paths import (
-    FINDER_ENDED,
-    MOVED_PEERS,
-    PEER_SHARE,
-    SILENT_S,
-    STRANGER_SHARE,
-    STUN_BURST_S,
-    STUN_S,
-    FoundPaths,
-)
+from weberlink.protocol.aio.paths import PEER_SHARE, STRANGER_SHARE, peer_address
 from weberlink.protocol.events import Address, DropReason
+from weberlink_anywhere import hand_over
+from weberlink_anywhere.found_paths import FINDER_ENDED, MOVED_PEERS, SILENT_S, STUN_BURST_S, STUN_S, FoundPaths
+from weberlink_anywhere.hand_over import PathFound, PathLost, PathNews, PathSilent, SessionState, StunReceived
 
 HANG_S = 10.0
 NONSENSE = [b"x", bytes(5000), msgpack.packb([2, ROBOT, "x" * 5000, True]), msgpack.packb([0, 1, 0]), b"\xc1" * 40]
@@ -188,7 +180,7 @@ async def test_lost_mapping_of_a_nat_is_followed(master: End, slave: End) -> Non
         await until(lambda: slave.ticks()[-1] == 200)
         host, port = middle.towards[1]
         await until(lambda: slave.shell.paths[0].remote == f"{host}:{port}")
-        await until(lambda: slave.endpoint.peer == hand_over.address_of(OPERATOR))
+        await until(lambda: slave.endpoint.peer == peer_address(OPERATOR))
         assert slave.shell.paths[0].changes == 1
         assert master.endpoint.statistics.received > before
         assert master.endpoint.state is slave.endpoint.state is State.ENGAGED
@@ -204,9 +196,9 @@ def test_the_addresses_that_were_answered_last_are_remembered() -> None:
 
     stand_in = SimpleNamespace(role=Role.RESPONDER, peer=None, statistics=endpoint.statistics, receive_datagram=receive)
     path = SimpleNamespace(is_open=True, send_to=lambda data, address: sent.append(address))
-    ours, theirs = hand_over.pair()
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with ours, theirs:
-        paths = FoundPaths(stand_in, 0, monotonic, print, ours, print)  # type: ignore[arg-type]
+        paths = FoundPaths(stand_in, 0, monotonic, print, print, finder=ours)  # type: ignore[arg-type]
         addresses = [("192.0.2.1", port) for port in range(1, MOVED_PEERS + 3)]
         for address in (*addresses[:MOVED_PEERS], addresses[0], *addresses[MOVED_PEERS:]):
             paths.take_from_elsewhere(b"call", address, 0.0, path)  # type: ignore[arg-type]
