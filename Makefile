@@ -9,11 +9,11 @@ ISAACLAB := $(VENV)/isaaclab
 FOXGLOVE := $(VENV)/foxglove
 FRANKA := $(VENV)/franka
 KERNEL := $(VENV)/kernel
-PAGE := src/weberlink/apps/monitor/page
+PAGE := plugins/page/src/weberlink_page/page
 PAGE_TOOLS := build/page
 
-GUESTS := anywhere arms devices foxglove franka mujoco recording ros2 studies
-DEMO := recording
+GUESTS := anywhere arms devices foxglove franka mujoco page recording ros2 studies
+DEMO := page recording
 
 MINUTES ?= 60
 TIMES ?= 10
@@ -44,9 +44,10 @@ test: $(DEV) $(PAGE_TOOLS)  ## the whole test suite, on all processors; live ses
 	$(BIN)/python -m pytest -n auto
 
 test-kernel: export PYTHONDONTWRITEBYTECODE :=
-test-kernel: $(KERNEL)/.made  ## the kernel's tests in an environment without any guest or extra
+test-kernel: $(KERNEL)/.made  ## the kernel's tests where no guest and no extra is installed, with fewer examples
 	! $(KERNEL)/bin/python -m pip list --disable-pip-version-check | grep "^weberlink[-_]"
-	$(KERNEL)/bin/python -m pytest -n auto tests
+	$(KERNEL)/bin/python -m pytest -n auto -m "not realtime" --share 0.2 tests
+	$(KERNEL)/bin/python -m pytest -n auto -m realtime tests/cli
 
 compiled: $(DEV)  ## what runs in a tick, compiled with mypyc and a C compiler, in build/compiled: minutes
 	rm -rf build
@@ -86,7 +87,7 @@ lint: $(DEV) $(PAGE_TOOLS)  ## style, types (also of the page's scripts), and th
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	! test -d $(PAGE_TOOLS)/node_modules || $(PAGE_TOOLS)/node_modules/.bin/tsc -p tests/apps/monitor/page
+	! test -d $(PAGE_TOOLS)/node_modules || $(PAGE_TOOLS)/node_modules/.bin/tsc -p plugins/page/tests/page
 
 format: $(DEV)
 	$(BIN)/ruff check --fix .
@@ -125,7 +126,7 @@ schema: $(DEV)  ## the JSON Schema of configuration files, for editors, and the 
 docs: $(DEV)  ## the documentation as a site, in docs/_build
 	$(BIN)/python -m sphinx -q -W -b html docs docs/_build
 
-vendor: $(PAGE_TOOLS)  ## the libraries of the live page, of the versions and checksums in tests/apps/monitor/page
+vendor: $(PAGE_TOOLS)  ## the libraries of the live page, of the versions and checksums in plugins/page/tests/page
 	cp $(PAGE_TOOLS)/node_modules/uplot/dist/uPlot.esm.js $(PAGE)/vendor/uplot.js
 	cp $(PAGE_TOOLS)/node_modules/uplot/dist/uPlot.min.css $(PAGE)/vendor/uplot.css
 	cp $(PAGE_TOOLS)/node_modules/uplot/LICENSE $(PAGE)/vendor/uplot.LICENSE
@@ -137,8 +138,8 @@ vendor: $(PAGE_TOOLS)  ## the libraries of the live page, of the versions and ch
 
 lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 	mkdir -p build
-	printf -- '%s\n' setuptools "-e .[monitor]" $(DEMO:%="-e plugins/%") >build/requirements.in
-	printf -- '%s\n' "-e .[dev,monitor,camera,docs]" $(GUESTS:%="-e plugins/%") "-e plugins/recording[parquet]" \
+	printf -- '%s\n' setuptools "-e ." $(DEMO:%="-e plugins/%") >build/requirements.in
+	printf -- '%s\n' "-e .[dev,docs]" $(GUESTS:%="-e plugins/%") "-e plugins/page[camera]" "-e plugins/recording[parquet]" \
 		"-e plugins/studies[dask]" >build/requirements-dev.in
 	for each in requirements requirements-dev; do \
 		cp $$each.lock build/; \
@@ -196,9 +197,9 @@ $(FOXGLOVE)/.made: trials/foxglove/package.json
 	npm install --prefix $(FOXGLOVE) --no-audit --no-fund --ignore-scripts --silent
 	touch $@
 
-$(PAGE_TOOLS): tests/apps/monitor/page/package-lock.json  # TypeScript and axe-core, without which lint and a test skip
+$(PAGE_TOOLS): plugins/page/tests/page/package-lock.json  # TypeScript and axe-core, without which lint and a test skip
 	mkdir -p $@
-	cp tests/apps/monitor/page/package.json $< $@
+	cp plugins/page/tests/page/package.json $< $@
 	command -v npm >/dev/null && npm ci --prefix $@ --no-audit --no-fund --ignore-scripts --silent || \
 		echo "npm is missing or has no network: the types of the page's scripts are not checked (make system installs it)"
 	touch $@

@@ -36,9 +36,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--hunt", type=int, default=0, metavar="TIMES", help="explore: random examples, TIMES as many as usual"
     )
 
+    parser.addoption("--share", type=float, default=1.0, help="share of the usual examples of every property")
+
 
 def pytest_configure(config: pytest.Config) -> None:
-    examples.hunt(config.option.hunt)
+    examples.hunt(config.option.hunt, config.option.share)
 
 
 def is_realtime(item: pytest.Item) -> bool:

@@ -1,14 +1,15 @@
 """The sending end: predicts what the decoder holds, and makes an update when the error leaves the deadband."""
 
+from collections import deque
 from collections.abc import Sequence
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from weberlink.codec.channel import Channel
 from weberlink.codec.deadband import Deadband
 from weberlink.codec.decoder import Decoder
-from weberlink.codec.lookahead import Taken, Window
-from weberlink.codec.predictors.contract import NOTHING, Ahead
+from weberlink.codec.predictors.contract import FittedPredictor
+from weberlink.codec.predictors.estimation import NOTHING, Ahead
 from weberlink.codec.rate import TokenBucket
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
@@ -16,6 +17,55 @@ from weberlink.update import MAX_GAP, Update
 
 if TYPE_CHECKING:
     from weberlink.codec.adaptive import AdaptiveChoice
+
+
+class Taken(NamedTuple):
+    """A measured sample that waits for its decision; `bound` is its deadband if it were displayed and sent."""
+
+    tick: int
+    value: Vector
+    actual: Vector
+    position: Vector
+    most: float
+    bound: float = 0.0
+
+
+class Window:
+    """The samples that are known and not yet decided on: the decision on one waits for the next `length` ticks.
+
+    A tick without a sample gets no decision, and neither does a sample whose time passed while nothing was encoded.
+    """
+
+    def __init__(self, length: int) -> None:
+        self.length = length
+        self._samples: deque[Taken] = deque()
+
+    def clear(self) -> None:
+        self._samples.clear()
+
+    def take(self, sample: Taken) -> None:
+        """Add the sample of a tick. One that does not rise (the sender's ticks began anew) clears the window."""
+        samples = self._samples
+        if samples and sample.tick <= samples[-1].tick:
+            samples.clear()
+        samples.append(sample)
+
+    def due(self, tick: int) -> Taken | None:
+        """Remove and return the sample of `length` ticks before this one; None if there was none."""
+        samples, due = self._samples, tick - self.length
+        while samples and samples[0].tick < due:
+            samples.popleft()
+        return samples.popleft() if samples and samples[0].tick == due else None
+
+    def following(self, tick: int) -> list[Taken]:
+        """The samples that follow a tick without a gap."""
+        run: list[Taken] = []
+        for sample in self._samples:
+            tick += 1
+            if sample.tick != tick:
+                break
+            run.append(sample)
+        return run
 
 
 class Encoder:
@@ -27,18 +77,16 @@ class Encoder:
 
     With several predictors in the bank this is the paper's hybrid: at a send it chooses the predictor whose value
     *before* the update is closest (after it, all of them pass through the sample) and uses it until the next send. An
-    adaptive channel chooses by the records of the predictors instead (`weberlink.codec.adaptive`).
+    adaptive channel chooses by the records of the predictors instead (`weberlink.codec.adaptive`). A bounded rate of
+    updates widens the deadband of a busy signal (`weberlink.codec.rate`).
 
-    If the channel bounds the rate of updates, a busy signal widens the deadband (`weberlink.codec.rate`).
-
-    With look-ahead the sample of L ticks ago is coded in a tick (`weberlink.codec.lookahead`), and the law holds for
-    the signal delayed by L: the mirror is evaluated at the tick and at the commanded position of the coded sample.
+    With look-ahead the sample of L ticks ago is coded in a tick, and the law holds for the signal delayed by L: the
+    mirror is evaluated at the tick and at the commanded position of the coded sample.
 
     Attributes:
         mirror: the state of the other end if no update was lost.
         coded: the last coded sample as measured; before the first, what the other end starts from.
-        bound: the deadband of the last coded sample, in the unit of the values, as widened; at least its error, if
-            that was not sent for want of tokens.
+        bound: its deadband in the unit of the values, widened by the rate limit; its error if no token was left.
         widened: whether the rate of updates widened it.
         predicted: the value at the other end for that sample, before any update; None if it had none.
         rejected: number of samples that were not finite, and so were not coded.
@@ -47,6 +95,7 @@ class Encoder:
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
         self._predictors = channel.predictors
+        self._fitted = [each for each in channel.predictors if isinstance(each, FittedPredictor)]
         self._grid = channel.grid
         self._sizes = [sum(form.newest) for form in channel.forms]
         self.mirror = Decoder(channel)
@@ -190,12 +239,38 @@ class Encoder:
         if bucket is not None and not bucket.take(forced=forced):
             self.bound = error
             return None
-        update = self._update(sample, levels, actual, position, ahead)
-        self._levels, self._forced = levels, False
-        self._newest, self._previous = sample, self._usable(tick)
+        return self.send(sample, levels, actual, position, ahead, max(bound, least))
+
+    def send(
+        self,
+        sample: Sample,
+        levels: tuple[int, ...],
+        actual: Vector,
+        position: Vector = ZERO,
+        ahead: Ahead = NOTHING,
+        most: float = inf,
+    ) -> Update:
+        """Make the update of a sample that was decided on, and apply it to the mirror.
+
+        Args:
+            sample: as the other end will hold it; `levels` are its levels on the wire.
+            actual: the measured value within the range of the wire; `position` where it was measured [m].
+            ahead: the samples that follow.
+            most: largest error with which a model may begin; otherwise the sample is held.
+        """
+        earlier = self._newest
+        if earlier is not None and not 0 < sample.tick - earlier.tick <= MAX_GAP:
+            earlier = None
+        if self._choice is None:
+            selector, model = self._choose(sample, actual, position, earlier, ahead), None
+        else:
+            selector, model = self._choice.choose(self._selectors, sample, earlier, self.bound, ahead)
+        payload = self._predictors[selector].encode(model, sample, earlier, self._levels, self._grid)
+        update = Update(sample.tick, selector, levels[: self._sizes[selector]], payload)
+        self._newest, self._previous, self._levels, self._forced = sample, earlier, levels, False
         decoded = self.mirror.read(update)
-        if deadband.error(decoded.first, actual) > max(bound, least):
-            update = update._replace(payload=None)  # a model that begins outside the deadband: the sample is held
+        if self._deadband.error(decoded.first, actual) > most:
+            update = update._replace(payload=None)
             decoded = self.mirror.read(update)
         self.mirror.take(update, decoded)
         return update
@@ -213,22 +288,6 @@ class Encoder:
             tuple(sample.bound for sample in following),
         )
 
-    def _update(
-        self, sample: Sample, levels: tuple[int, ...], actual: Vector, position: Vector, ahead: Ahead
-    ) -> Update:
-        earlier = self._usable(sample.tick)
-        if self._choice is None:
-            selector, model = self._choose(sample, actual, position, earlier, ahead), None
-        else:
-            selector, model = self._choice.choose(self._selectors, sample, earlier, self.bound, ahead)
-        payload = self._predictors[selector].encode(model, sample, earlier, self._levels, self._grid)
-        return Update(sample.tick, selector, levels[: self._sizes[selector]], payload)
-
-    def _usable(self, tick: int) -> Sample | None:
-        """The sample sent before; None if it is more than `MAX_GAP` ticks old."""
-        earlier = self._newest
-        return earlier if earlier is not None and 0 < tick - earlier.tick <= MAX_GAP else None
-
     def _choose(self, sample: Sample, actual: Vector, position: Vector, earlier: Sample | None, ahead: Ahead) -> int:
         """The paper's choice: the smallest w_i = |f_pred,i - f| / |f|. The common divisor |f| is left out.
 
@@ -237,7 +296,7 @@ class Encoder:
         newest, previous, selectors = self._newest, self._previous, self._selectors
         if newest is None or len(selectors) == 1:
             return selectors[0]
-        channel, predictors = self._channel, self._predictors
+        channel, predictors = self._channel, self._fitted  # all of the bank: `Channel` sees to it
         place, limits = channel.place(position), channel.fit_limits
         if ahead.values:
             new = [predictors[selector].model(sample, earlier, limits) for selector in selectors]

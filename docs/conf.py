@@ -77,5 +77,5 @@ def setup(_app: object) -> None:
         f"| {part} | {name} | {'groups' if most == 0 else most if least == most else f'{least}-{most}'} | {meaning} |"
         for part, name, least, most, meaning in wire.TABLE
     )
-    text = f"# Datagrams\n\n{wire.__doc__}\n| part | field | bits | meaning |\n|---|---|---|---|\n{fields}\n"
+    text = f"# Datagrams\n\n{wire.__doc__ or ''}\n| part | field | bits | meaning |\n|---|---|---|---|\n{fields}\n"
     DATAGRAMS.write_text(text, encoding="utf-8")

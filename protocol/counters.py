@@ -43,11 +43,8 @@ def expand_counter(truncated: int, bits: int, near: int) -> int:
 
 
 class ReplayWindow:
-    """Accepts each sequence number once (sliding window, RFC 6479). Use it only for authentic datagrams.
-
-    Attributes:
-        newest: highest number marked; -1 before the first.
-    """
+    """Accepts each sequence number once (sliding window, RFC 6479). Use it only for authentic datagrams. `newest` is
+    the highest number marked, -1 before the first."""
 
     def __init__(self) -> None:
         self.newest = -1
@@ -69,16 +66,12 @@ class ReplayWindow:
 
 
 class LossMeter:
-    """Counts missing sequence numbers and estimates the present loss rate.
+    """Counts missing sequence numbers (`lost`) and estimates the present loss rate.
 
     Two exponential averages over the sequence, one over about 32 numbers and one over about 1024; the larger counts, so
     the estimate rises within a burst and still remembers one loss in a thousand. The bursts of about 1024 numbers are
     averaged too. A number that arrives after it was judged missing is subtracted again from the count and, since the
-    averages are linear, exactly from all of them.
-
-    Attributes:
-        lost: numbers judged missing so far.
-    """
+    averages are linear, exactly from all of them."""
 
     def __init__(self) -> None:
         self.lost = 0
@@ -165,11 +158,7 @@ class Credit:
     It only grows, so a lost datagram delays knowledge and loses none. The receiver must never believe in more than was
     granted. It therefore reads only datagrams newer than the newest one it has read: the true count is then at least
     the known one, and the least number that fits the truncated field is at most the true one. It is exact unless a
-    whole range of the field was granted unheard; then it is too low until a longer field arrives.
-
-    Attributes:
-        known: the largest count known to have been granted by the peer.
-    """
+    whole range of the field was granted unheard; then it is too low until a longer field arrives."""
 
     def __init__(self) -> None:
         self._granted = 0

@@ -9,37 +9,11 @@ from collections.abc import Callable, Mapping, Sequence
 from math import inf
 from typing import Final
 
+from weberlink.protocol import events, handshake, wire
+from weberlink.protocol.calls import Dialer, Listener
 from weberlink.protocol.counters import Credit
-from weberlink.protocol.dialer import Dialer
-from weberlink.protocol.events import (
-    Address,
-    ChangeProposed,
-    Connected,
-    DatagramDropped,
-    DropReason,
-    Event,
-    PathAnswered,
-    PathAsked,
-    PeerClosed,
-    PeerReturned,
-    PeerSilent,
-    Refused,
-    SessionExpired,
-    Statistics,
-    TakenOver,
-    UpdateLost,
-    UpdateReceived,
-)
-from weberlink.protocol.handshake import (
-    INSTANCE_BYTES,
-    PROTOCOL_VERSION,
-    Hello,
-    LocalEnd,
-    check_name,
-    pack_agreement,
-    read_map,
-)
-from weberlink.protocol.listener import Listener
+from weberlink.protocol.events import Address, DropReason, Event, Statistics
+from weberlink.protocol.handshake import Hello, LocalEnd
 from weberlink.protocol.liveness import FADE_SHARE, Liveness
 from weberlink.protocol.path import Path
 from weberlink.protocol.retransmission import copies_needed
@@ -48,15 +22,7 @@ from weberlink.protocol.security import Protection, Security
 from weberlink.protocol.session import LONGEST_SILENCE, Outcome, OwnersOutcome, Parameters, Session
 from weberlink.protocol.states import Role, State, moved
 from weberlink.protocol.timing import Clock
-from weberlink.protocol.wire import (
-    LONGEST_CHANGE,
-    LONGEST_DATAGRAM,
-    TICK_BITS,
-    DirectionLayout,
-    Kind,
-    kind_of,
-    length_fault,
-)
+from weberlink.protocol.wire import DirectionLayout, Kind
 from weberlink.update import Update, UpdateForm
 
 QUEUED_DATAGRAMS: Final = 64
@@ -65,7 +31,7 @@ QUEUED_EVENTS: Final = 256
 ENCODING_REPORT_S: Final = 0.02
 ENCODING_REPORT_TICKS: Final = 10
 """How long an encoder counts as running after its owner last reported it: the longer of the two."""
-MOST_TICKS: Final = 1 << TICK_BITS - 1
+MOST_TICKS: Final = 1 << wire.TICK_BITS - 1
 """Ticks that the silence limit may span."""
 QUIET_SHARE: Final = 0.2
 LONGEST_QUIET: Final = 0.05
@@ -113,7 +79,7 @@ class Endpoint:
         silence: float = 0.1,
         longest_round_trip: float = 0.4,
         peer: Address | None = None,
-        version: int = PROTOCOL_VERSION,
+        version: int = handshake.PROTOCOL_VERSION,
         carries_credit: bool = False,
         name: str = "",
         expects: str = "",
@@ -157,7 +123,7 @@ class Endpoint:
             DirectionLayout(streams, carries_credit=carries_credit, acks=len(others))
             for streams, others in ((outgoing, incoming), (incoming, outgoing))
         )
-        packed = pack_agreement(agreement)
+        packed = handshake.pack_agreement(agreement)
         self.role = role
         self.state = State.IDLE
         self.peer = peer
@@ -170,7 +136,7 @@ class Endpoint:
         self._parameters = Parameters(forward, backward, epoch, tick_period, silence, self._calls)
         self._longest_loop_age = silence + longest_round_trip
         self._encoding_report = max(ENCODING_REPORT_S, ENCODING_REPORT_TICKS * tick_period)
-        self._agreement = read_map(packed) or {}
+        self._agreement = handshake.read_map(packed) or {}
         self._entropy = entropy
         self._lengths = backward.lengths(security.tag_size)
         self._datagrams: list[tuple[bytes, Address]] = []
@@ -189,13 +155,13 @@ class Endpoint:
             packed,
             version,
             epoch,
-            check_name(name or role.value),
-            check_name(expects) if expects else "",
+            handshake.check_name(name or role.value),
+            handshake.check_name(expects) if expects else "",
             longest_round_trip,
         )
         self._dialer = Dialer(
             end,
-            entropy(INSTANCE_BYTES),
+            entropy(handshake.INSTANCE_BYTES),
             takes_over=take_over,
             stamp=stamp or (lambda now: max(0, round(now * 1e9))),
             patience=self._longest_loop_age,
@@ -294,15 +260,15 @@ class Endpoint:
         Raises:
             ValueError: the body is empty or too long.
         """
-        if not 1 <= len(body) <= LONGEST_CHANGE:
-            raise ValueError(f"a change takes 1 to {LONGEST_CHANGE} bytes, not {len(body)}")
+        if not 1 <= len(body) <= wire.LONGEST_CHANGE:
+            raise ValueError(f"a change takes 1 to {wire.LONGEST_CHANGE} bytes, not {len(body)}")
         if self._session is None or self.state is not _ENGAGED or self._session.negotiation.is_proposing:
             return False
         self._session.negotiation.propose(tick, body, now)
         self._due = None
         return True
 
-    def answer_change(self, proposal: ChangeProposed, refusal: str | None) -> None:
+    def answer_change(self, proposal: events.ChangeProposed, refusal: str | None) -> None:
         """Answer a change that the peer has proposed, unless its session is over or it has proposed another one since.
 
         Args:
@@ -350,7 +316,7 @@ class Endpoint:
                 due = min(
                     due,
                     session.next_timer(is_engaged=is_engaged, is_encoding=self._is_encoding),
-                    session.silent_at if is_engaged else session.expires_at,
+                    session.liveness.silent_at if is_engaged else session.expires_at,
                     self._deaf_at,
                 )
             self._due = due
@@ -381,14 +347,14 @@ class Endpoint:
             self.state = moved(self.state, _SILENT)
             self._session.request_full_state()
             self._is_peer_heard = now - self.liveness.heard_at < 0.5 * FADE_SHARE * self._parameters.silence
-            self._tell(PeerSilent(self._is_peer_heard))
+            self._tell(events.PeerSilent(self._is_peer_heard))
             if self._calls:
                 self._call(now)
         if now >= self._deaf_at:
             self._is_peer_heard = False
-            self._tell(PeerSilent(is_heard=False))
+            self._tell(events.PeerSilent(is_heard=False))
         if self.state is _SILENT and now >= self._session.expires_at:
-            self._leave(SessionExpired(), now)
+            self._leave(events.SessionExpired(), now)
 
     def _send_due(self, now: float) -> None:
         """Send what is due in the present session, and report lost updates to the owner."""
@@ -399,7 +365,7 @@ class Endpoint:
             if self._encoding_reported_at is not None and now - self._encoding_reported_at > self._encoding_report:
                 self._is_encoding = False
             for stream in session.take_lost(now) if self._is_encoding else ():
-                self._tell(UpdateLost(stream))
+                self._tell(events.UpdateLost(stream))
         while (datagram := session.handle_timer(now, is_engaged=is_engaged, is_encoding=self._is_encoding)) is not None:
             self._post(datagram)
 
@@ -422,19 +388,19 @@ class Endpoint:
         if not data:
             self._drop(DropReason.TRUNCATED)
             return
-        kind = kind_of(data)
+        kind = wire.kind_of(data)
         if self._calls and address != self.peer:
             self._drop(DropReason.FOREIGN_ADDRESS)
         elif kind in _HANDSHAKE:
             if self.state in (State.IDLE, State.CLOSED) or (kind == Kind.WELCOME) is not self._calls:
                 self._drop(DropReason.UNEXPECTED)
-            elif len(data) > LONGEST_DATAGRAM:
+            elif len(data) > wire.LONGEST_DATAGRAM:
                 self._drop(DropReason.WRONG_LENGTH)
             elif self._calls:
                 self._on_welcome(data, address, now)
             else:
                 self._on_hello(data, address, now)
-        elif reason := length_fault(data, self._lengths):
+        elif reason := wire.length_fault(data, self._lengths):
             self._drop(reason)
         else:
             self._on_sealed(data, address, now)
@@ -452,7 +418,7 @@ class Endpoint:
             return
         self._drop(DropReason.REFUSED)
         if self._session is None:
-            self._tell(Refused(refusal))
+            self._tell(events.Refused(refusal))
 
     def _on_welcome(self, data: bytes, address: Address, now: float) -> None:
         answer = self._dialer.on_welcome(data)
@@ -465,7 +431,7 @@ class Endpoint:
         if isinstance(answer, str):
             self.state = moved(self.state, State.CLOSED)
             self._end_session()
-            self._tell(Refused(answer))
+            self._tell(events.Refused(answer))
             return
         hello_at = self._parameters.epoch + answer.peer_clock - answer.outward_delay
         round_trip = now - hello_at
@@ -511,7 +477,7 @@ class Endpoint:
         outcome = session.accept(opened, now)
         if outcome is not DropReason.REPLAYED:
             self._count(data)
-        if not session.is_fresh or now >= session.silent_at:
+        if not session.is_fresh or now >= session.liveness.silent_at:
             self._drop(outcome if isinstance(outcome, DropReason) else DropReason.STALE)
             return
         # The master has received the WELCOME at the address that it called from, and so has proved that address.
@@ -532,16 +498,16 @@ class Endpoint:
             self.peer = path.address
             if (challenge := path.challenge(now)) is not None:
                 self._post_to(session.send_path(now, challenge[0], is_answer=False), challenge[1])
-        if self.state is _SILENT and session.is_fresh and now < session.silent_at:
+        if self.state is _SILENT and session.is_fresh and now < session.liveness.silent_at:
             self.state = moved(self.state, _ENGAGED)
             session.silent_since = inf
             self._is_peer_heard = False
             self._dialer.stop()
             self._tell_encoding()
-            self._tell(PeerReturned())
-        if isinstance(outcome, PathAsked):
+            self._tell(events.PeerReturned())
+        if isinstance(outcome, events.PathAsked):
             self._post_to(session.send_path(now, outcome.token, is_answer=True), address)
-        elif isinstance(outcome, PathAnswered):
+        elif isinstance(outcome, events.PathAnswered):
             if path is not None:
                 path.on_answer(outcome.token, now)
                 self.peer = path.address
@@ -552,14 +518,14 @@ class Endpoint:
         """Tell the owner, and end the session if the peer has left it."""
         if isinstance(outcome, DropReason):
             self._drop(outcome)
-        elif not isinstance(outcome, PeerClosed):
-            if isinstance(outcome, UpdateReceived):
+        elif not isinstance(outcome, events.PeerClosed):
+            if isinstance(outcome, events.UpdateReceived):
                 self.statistics.updates_received[outcome.stream] += 1
             self._tell(outcome)
         elif self._calls and outcome.reason.startswith(TAKEN_OVER):
             self.state = moved(self.state, State.CLOSED)  # calling again would take the slave back
             self._end_session()
-            self._tell(TakenOver(outcome.reason.removeprefix(TAKEN_OVER)))
+            self._tell(events.TakenOver(outcome.reason.removeprefix(TAKEN_OVER)))
         else:
             self._leave(outcome, now)
 
@@ -589,9 +555,9 @@ class Endpoint:
         if not self._calls:
             self._path = Path(address, self._entropy, min(LONGEST_QUIET, QUIET_SHARE * self._parameters.silence))
         self._events.clear()  # what has not been read of the session before is void
-        self._events.append(Connected(address, self._agreement))
+        self._events.append(events.Connected(address, self._agreement))
 
-    def _leave(self, why: SessionExpired | PeerClosed, now: float) -> None:
+    def _leave(self, why: events.SessionExpired | events.PeerClosed, now: float) -> None:
         """End the session, and call or listen again."""
         self.state = moved(self.state, State.IDLE)
         self._end_session()
@@ -636,4 +602,4 @@ class Endpoint:
         self.statistics.dropped[reason] += 1
         self.statistics.drops += 1
         if len(self._events) < QUEUED_EVENTS // 2:
-            self._events.append(DatagramDropped(reason))
+            self._events.append(events.DatagramDropped(reason))

@@ -41,18 +41,7 @@ _NOTHING = object()
 
 
 class LocalEnd(NamedTuple):
-    """This end, for the handshake.
-
-    Args:
-        security: the suite, with its key.
-        entropy: returns that many random bytes.
-        agreement: packed, from `pack_agreement`.
-        version: of the protocol.
-        epoch: when our clock was at 0 [s].
-        name: of this end.
-        expects: name of the only peer that is accepted; "" for any with the key.
-        longest_round_trip: largest one that this end allows [s].
-    """
+    """This end, for the handshake: the agreement is packed, the longest round trip that it allows is in s."""
 
     security: Security
     entropy: Callable[[int], bytes]
@@ -68,9 +57,6 @@ class Hello(NamedTuple):
     """The first message, which stands for its sender from then on.
 
     Args:
-        agreement: packed.
-        clock_us: departure on the sender's clock.
-        name, instance: of the sender.
         expects: name of the slave that it wants; "" for any.
         takes_over: whether a master that the slave serves now is to be replaced.
         longest_round_trip_us: largest one that the sender allows.
@@ -244,26 +230,17 @@ def unexpected_slave(expected: str, name: str) -> str:
     return f"the master expects slave {expected!r}, and {name!r} answered"
 
 
-def too_long(round_trip: float, longest: float) -> str:
-    """Message to the user: the link is longer than what one of the two ends allows; both in s."""
-    return f"the round trip is {round_trip * 1e3:.0f} ms, link.longest_round_trip_ms allows {longest * 1e3:g}"
-
-
-def version_mismatch(master: int, slave: int) -> str:
-    """Message to the user: the two ends speak different versions of the protocol."""
-    return _difference("protocol version", Role.INITIATOR, master, slave)
-
-
 def differences(role: Role, mine: Mapping[str, object], theirs: Mapping[str, object]) -> str:
     """Every key on which two agreements differ, with both values; "" if they are the same."""
     return "; ".join(
-        _difference(key, role, mine.get(key, _NOTHING), theirs.get(key, _NOTHING))
+        difference(key, role, mine.get(key, _NOTHING), theirs.get(key, _NOTHING))
         for key in sorted(mine.keys() | theirs.keys())
         if mine.get(key, _NOTHING) != theirs.get(key, _NOTHING)
     )
 
 
-def _difference(key: str, role: Role, mine: object, theirs: object) -> str:
+def difference(key: str, role: Role, mine: object, theirs: object) -> str:
+    """Message to the user: what each end has for a key."""
     held = {role: mine, role.other: theirs}
     said = {side: "nothing" if value is _NOTHING else repr(value) for side, value in held.items()}
     master, slave = Role.INITIATOR, Role.RESPONDER

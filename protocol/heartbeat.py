@@ -57,12 +57,7 @@ class HeartbeatSchedule:
     """
 
     def __init__(self, now: float, *, silence: float, tick_period: float) -> None:
-        """Begin with one that is due.
-
-        Args:
-            silence: loop age at which the peer declares us silent [s].
-            tick_period: how late a heartbeat may be sent [s].
-        """
+        """Begin with one that is due. A heartbeat may be late by a tick period."""
         self._fade = FADE_SHARE * silence
         self._horizon = HORIZON_SHARE * silence
         self._silence = silence
@@ -78,14 +73,8 @@ class HeartbeatSchedule:
         self.adapt(0.0, 0.0, inf, 0.0, 0.0)
 
     def adapt(self, outgoing: float, incoming: float, rtt: float, jitter: float, round_trip: float) -> None:
-        """Take new measurements of the link.
-
-        Args:
-            outgoing, incoming: loss of each direction, 0..1.
-            rtt: round trip [s]; infinite while unknown.
-            jitter: by how much few datagrams exceed their least delay [s].
-            round_trip: the one that both ends have agreed on [s].
-        """
+        """Take new measurements of the link: loss of each direction, 0..1; measured round trip, infinite while unknown,
+        and its jitter; the round trip that both ends have agreed on [s]."""
         path = (0.0 if rtt == inf else rtt) + jitter
         late = LATE_TICKS * self._tick_period
         overhead = path + late + (self._silence + round_trip) / UNITS
@@ -108,14 +97,8 @@ class HeartbeatSchedule:
         self._due_engaged = None
 
     def _longest_pause(self, room: float, losses: int, questions: int, path: float) -> float:
-        """Longest pause between two datagrams with which a limit holds [s].
-
-        Args:
-            room: what the limit leaves for pauses [s].
-            losses: datagrams one after another that may be lost.
-            questions: that may be lost, or their answers, where answers of this path [s] can be in time.
-            path: round trip with its jitter [s].
-        """
+        """Longest pause between two datagrams with which a limit that leaves this room for pauses holds, although so
+        many datagrams in a row are lost, and so many questions, whose answers take this path [s]."""
         asking = questions * (ASK_PACE + self._tick_period) + (path if questions else 0.0)
         return max(room - asking, room / (1 + losses))
 
@@ -146,13 +129,7 @@ class HeartbeatSchedule:
             self._due_engaged = None
 
     def sent(self, now: float, heard_at: float, credit: int) -> None:
-        """A datagram of any kind went out.
-
-        Args:
-            now: [s].
-            heard_at: when the newest datagram that it echoes came [s].
-            credit: that it carries.
-        """
+        """A datagram of any kind went out, echoing one that came at `heard_at`, with this credit."""
         self._sent_at = now
         self._echoed_at = heard_at
         self._told = credit
@@ -160,13 +137,7 @@ class HeartbeatSchedule:
         self._due_engaged = None
 
     def pulsed(self, now: float, *, has_reported: bool, is_confirmed: bool) -> None:
-        """The datagram was a heartbeat.
-
-        Args:
-            now: [s].
-            has_reported: whether it had a report.
-            is_confirmed: whether the peer was heard under these keys.
-        """
+        """The datagram was a heartbeat; `is_confirmed` if the peer was heard under these keys."""
         if now >= self._ask_due():
             self._asked_at = now
         self._pulsed_at = now
@@ -220,13 +191,9 @@ class HeartbeatSchedule:
 
 
 def questions_needed(unanswered: float, rate: float) -> int:
-    """The least number of questions for which all of them stay unanswered more rarely than `rate`.
+    """The least number of questions for which all of them stay unanswered more rarely than `rate` per interval.
 
     Losses are taken as independent. Bursts longer than the questions are not covered: no datagram arrives during them.
-
-    Args:
-        unanswered: share of questions whose answer does not come, 0..1.
-        rate: failures allowed per interval.
     """
     if unanswered <= rate:
         return 0

@@ -32,34 +32,26 @@ HORIZON_SHARE: Final = 0.6
 
 
 class Liveness:
-    """Both directions of one session.
+    """Both directions of one session. Times are in s; -inf (`generation_heard_at`: inf) stands for never.
 
     Attributes:
-        heard_at: arrival of the newest fresh datagram [s].
-        confirmed_at: departure of our newest datagram that the peer is known to have heard [s]; -inf before the first.
+        heard_at: arrival of the newest fresh datagram.
+        confirmed_at: departure of our newest datagram that the peer is known to have heard.
         encoder_heard_at: arrival of the newest fresh datagram that left while the peer's encoder ran, with no update
-            known to be missing since its departure [s]; -inf before the first.
-        encodes_until: until when the peer's encoder counts as running [s]; -inf if it does not run.
-        in_touch_at: the end is in touch until then, and fades as time passes since then [s].
-        round_trip: the one that this end uses now [s].
-        generation: its parity.
+            known to be missing since its departure.
+        encodes_until: until when the peer's encoder counts as running.
+        in_touch_at: the end is in touch until then, and fades as time passes since then.
+        round_trip, generation: R that this end uses now, and its parity.
         is_agreed: whether there is one; a responder learns it from the first datagrams of the initiator.
         is_opening: whether nothing that left in this session was confirmed yet, and the path is so long that the first
             confirmation cannot be there in time. Then the session is given time for one round trip, but must not drive.
-        opened_at: when the session had a round trip [s]; -inf before.
-        generation_heard_at: arrival of the first datagram that used the present round trip [s]; inf before it.
+        opened_at: when the session had a round trip.
+        generation_heard_at: arrival of the first datagram that used the present round trip.
     """
 
     def __init__(self, epoch: float, silence: float, departure: float, now: float, confirmed_at: float = -inf) -> None:
-        """Begin with a handshake datagram of the peer.
-
-        Args:
-            epoch: when our clock was at 0 [s].
-            silence: the limit S, which both ends have agreed on [s].
-            departure: of that datagram on the peer's clock [s].
-            now: its arrival [s].
-            confirmed_at: departure of our datagram that it answers [s]; -inf if it answers none.
-        """
+        """Begin with a handshake datagram of the peer, which left at `departure` on its clock and arrived at `now`.
+        `confirmed_at` is the departure of our datagram that it answers; -inf if it answers none."""
         self._epoch = epoch
         self._silence = silence
         self.round_trip = 0.0
@@ -139,13 +131,7 @@ class Liveness:
         return departed if departed < now else now
 
     def hear(self, departure: float, echo: int, generation: int, now: float) -> bool:
-        """Take a fresh datagram; returns whether its loop age as it arrives is within the limit.
-
-        Args:
-            departure: on the peer's clock [s].
-            echo, generation: what it says.
-            now: [s].
-        """
+        """Take a fresh datagram; returns whether its loop age as it arrives is within the limit."""
         self.heard_at = now
         self._departure = departure if departure > self._departure else self._departure
         if generation == self.generation and self.generation_heard_at == inf:

@@ -20,14 +20,8 @@ ACCEPTED, REFUSED = b"\x01", b"\x00"
 
 
 class Change(NamedTuple):
-    """A proposal or an answer.
-
-    Args:
-        number: of the proposal, 0..`NUMBERS` - 1, counted on by the negotiations before.
-        tick: of the sender, at which to make the change; 0 in an answer.
-        body: what is to change, or the answer.
-        is_answer: which of the two it is.
-    """
+    """A proposal or an answer: number of the proposal; tick of the sender at which to make the change, 0 in an answer;
+    what is to change, or the answer."""
 
     number: int
     tick: int
@@ -36,14 +30,11 @@ class Change(NamedTuple):
 
 
 class ParameterNegotiation:
-    """One end's part in the changes of a session: its own proposal, and its answer to the newest one of the peer."""
+    """One end's part in the changes of a session: its own proposal, and its answer to the newest one of the peer.
+
+    `place` is which of the negotiations of the session this is; 0 is the owner's."""
 
     def __init__(self, place: int = 0) -> None:
-        """Begin.
-
-        Args:
-            place: which of the negotiations of the session this is; 0 is the owner's.
-        """
         self._first = place * NUMBERS
         self._number = self._first
         self._proposal: Change | None = None
@@ -64,14 +55,9 @@ class ParameterNegotiation:
         return -inf if self._answer_due else self._due
 
     def propose(self, tick: int, body: bytes, now: float) -> None:
-        """Begin a proposal; there must be none under way.
-
-        Args:
-            tick: of ours, at which to make the change.
-            body: what is to be changed.
-            now: [s].
-        """
-        assert self._proposal is None
+        """Begin a proposal for a tick of ours. Nothing happens while another one waits for its answer."""
+        if self._proposal is not None:
+            return
         self._number = self._after(self._number)
         self._proposal = Change(self._number, tick, body, is_answer=False)
         self._due = now
@@ -87,13 +73,11 @@ class ParameterNegotiation:
         self._answer = Change(self._answering[0], 0, body, is_answer=True)
         self._answer_due = True
 
-    def take(self, now: float, rtt: float) -> Change:
-        """The message to send, when one is due."""
+    def take(self, now: float, rtt: float) -> Change | None:
+        """The message that is due."""
         if self._answer_due:
-            assert self._answer is not None
             self._answer_due = False
             return self._answer
-        assert self._proposal is not None
         self._due = now + max(PACE, PACE_SHARE * rtt)
         return self._proposal
 

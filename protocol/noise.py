@@ -108,14 +108,8 @@ class Initiator:
     """Writes the first message and reads the second."""
 
     def __init__(self, shared: SharedKey, prologue: bytes, private: bytes, finish: Callable[[Secrets], Any]) -> None:
-        """Prepare.
-
-        Args:
-            shared: made of `PSK_BYTES`.
-            prologue: data that both ends must have alike; it is not part of the messages.
-            private: `PRIVATE_BYTES` random bytes that serve for this message alone.
-            finish: makes the keys of the session from the secrets of the exchange.
-        """
+        """Prepare. Both ends must have the same prologue, which is not part of the messages; `private` are
+        `PRIVATE_BYTES` random bytes that serve for this message alone; `finish` makes the keys of the session."""
         self._private = X25519PrivateKey.from_private_bytes(private)
         self._state = SymmetricState(shared, prologue)
         self._finish = finish

@@ -19,20 +19,10 @@ OVERTAKEN = 3
 
 
 class Path:
-    """The address of one session's peer, and a candidate for it.
-
-    Attributes:
-        address: where the peer is.
-    """
+    """The address of one session's peer, and a candidate for it. Another address is used when nothing has come from the
+    present one for `quiet` [s]."""
 
     def __init__(self, address: Address, entropy: Callable[[int], bytes], quiet: float) -> None:
-        """Begin at the address where the peer has received our part of the handshake.
-
-        Args:
-            address: of the peer.
-            entropy: returns that many random bytes.
-            quiet: how long nothing must come from an address before another one is used [s].
-        """
         self.address = address
         self._entropy = entropy
         self._quiet = quiet

@@ -16,15 +16,9 @@ from weberlink.protocol.wire import TOKEN_BYTES
 
 
 class Heard(NamedTuple):
-    """An authentic datagram of the peer.
-
-    Args:
-        session: number of the session, from 0.
-        sequence: number of the datagram.
-        at: arrival [s].
-        question: number of the question that it answers; None for any other datagram.
-        delay: from the peer to here [s], by the clocks mapped as `weberlink.protocol.timing` says; None while unknown.
-    """
+    """An authentic datagram of the peer: number of the session, from 0; its own number; arrival [s]; the question that
+    it answers, None for any other datagram; delay from the peer to here by the mapped clocks [s], None while
+    unknown."""
 
     session: int
     sequence: int

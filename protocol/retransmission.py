@@ -40,26 +40,17 @@ LONGEST_HOLD: Final = 64.0
 
 
 def lost_again(loss: float, burst: float) -> float:
-    """Chance that the datagram after a lost one is lost too, 0..1.
+    """Chance that the datagram after a lost one is lost too, 0..1, of the loss, 0..1, and the mean length of a run of
+    losses, at least 1, or 0 if unknown.
 
     A run of losses ends with each datagram with the chance 1 / burst (Gilbert 1960). Shorter runs than independent
-    losses make do not count.
-
-    Args:
-        loss: share of datagrams that are lost, 0..1.
-        burst: mean length of a run of them, at least 1; 0 if unknown.
-    """
+    losses make do not count."""
     return max(loss, 1.0 - 1.0 / burst) if burst > 1.0 else loss
 
 
 def copies_needed(loss: float, burst: float = 0.0) -> int:
-    """How often to send an update again before there is evidence of a loss, so that at most `RESIDUAL` are lost.
-
-    0 to `MOST_COPIES`.
-
-    Args:
-        loss, burst: as for `lost_again`.
-    """
+    """How often to send an update again before there is evidence of a loss, so that at most `RESIDUAL` are lost: 0 to
+    `MOST_COPIES`."""
     if loss <= RESIDUAL:
         return 0
     again = lost_again(loss, burst)
@@ -67,18 +58,13 @@ def copies_needed(loss: float, burst: float = 0.0) -> int:
 
 
 class Allowance:
-    """How many early repeats an end may send.
+    """How many early repeats an end may send: a bucket of tokens that is filled at a rate [1/s].
 
-    A bucket of tokens that is filled at a rate. The rate begins at its least and grows step by step on a lossy link, as
-    long as neither the loss nor the delay in queues grows with it. If one does, the repeats themselves may be what
-    fills the link: the rate falls to its least at once, both are measured anew, and the rate is raised again later,
-    each time after twice as long.
+    The rate begins at its least and grows step by step on a lossy link, as long as neither the loss nor the delay in
+    queues grows with it. If one does, the repeats themselves may be what fills the link: the rate falls to its least at
+    once, both are measured anew, and the rate is raised again later, each time after twice as long.
 
-    So in T seconds there are at most `MOST_EARLY_PER_S` (1 + T) early repeats.
-
-    Attributes:
-        rate: [1/s].
-    """
+    So in T seconds there are at most `MOST_EARLY_PER_S` (1 + T) early repeats."""
 
     def __init__(self) -> None:
         self.rate = LEAST_EARLY_PER_S
@@ -106,14 +92,8 @@ class Allowance:
         self._tokens -= 1.0
 
     def adapt(self, lost: int, sent: int, late: float, now: float) -> None:
-        """Count the losses, and watch the delays.
-
-        Args:
-            lost: datagrams that the peer has found missing since the last call; negative for late ones that came.
-            sent: datagrams that were sent so far.
-            late: by how much few datagrams exceed their least delay [s].
-            now: [s].
-        """
+        """Count datagrams that the peer has found missing since the last call (negative for late ones that came) of all
+        that were sent so far, and watch by how much few datagrams exceed their least delay [s]."""
         if self._begun_at == -inf:
             self._begun_at, self._sent = now, sent
             return
@@ -209,15 +189,10 @@ class OutgoingStream:
         return truncated == 0 or truncated == self._last_ack  # noqa: PLR1714 - a tuple costs more
 
     def acknowledge(self, sequence: int, ack: int | None, *, is_newest: bool) -> bool:
-        """Take the acknowledgement in a datagram; False if the newest update is not known to have arrived.
+        """Take the acknowledgement in the datagram of this number, None if it has none, so that the newest one still
+        holds; returns whether the newest update is known to have arrived.
 
-        A peer that acknowledges nothing after it had acknowledged the newest update has forgotten it.
-
-        Args:
-            sequence: number of the datagram.
-            ack: None if it has none, so that the newest one still holds.
-            is_newest: whether no later datagram came before it.
-        """
+        A peer that acknowledges nothing after it had acknowledged the newest update has forgotten it."""
         if ack is None:
             if not is_newest:
                 return True
@@ -245,12 +220,7 @@ class OutgoingStream:
         self._evidence = True
 
     def due_at(self, rtt: float, fallback: float) -> float:
-        """Time of the next repeat [s]; infinity if there is no need.
-
-        Args:
-            rtt: measured round trip [s].
-            fallback: how long to wait for evidence [s].
-        """
+        """Time of the next repeat, infinity if there is no need; `fallback` is how long to wait for evidence [s]."""
         if not self._sequences:
             return inf
         if self._early:

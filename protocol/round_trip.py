@@ -41,23 +41,14 @@ def in_ms(round_trip: float) -> int:
 
 
 class RoundTripAgreement:
-    """One end's part in the agreement on R.
+    """One end's part in the agreement on R, which `liveness` holds.
 
     Attributes:
         longest: largest R that both ends allow [s].
-        negotiation: sends proposals and answers.
         switch_at: when to switch to the agreed value [s]; inf without one.
     """
 
     def __init__(self, liveness: Liveness, longest: float, tick_period: float, *, proposes: bool) -> None:
-        """Begin.
-
-        Args:
-            liveness: holds the values.
-            longest: as of the attribute.
-            tick_period: of both ends [s].
-            proposes: whether this end is the initiator.
-        """
         self._liveness = liveness
         self._tick_period = tick_period
         self._proposes = proposes
@@ -76,13 +67,7 @@ class RoundTripAgreement:
         return True
 
     def follow(self, needed: float, tick_at: float, now: float) -> None:
-        """Propose another value if the link has changed.
-
-        Args:
-            needed: round trip that few datagrams of both directions exceed [s].
-            tick_at: our clock now [s].
-            now: [s].
-        """
+        """Propose another value if the link has changed: few round trips exceed `needed`; our clock is at `tick_at`."""
         liveness = self._liveness
         present = liveness.round_trip
         wanted = min(rounded_up(needed), self.longest)

@@ -3,6 +3,7 @@
 from math import inf
 from typing import Final, NamedTuple
 
+from weberlink.protocol import wire
 from weberlink.protocol.bits import MalformedError
 from weberlink.protocol.counters import (
     ACKNOWLEDGEMENT_MASK,
@@ -31,30 +32,7 @@ from weberlink.protocol.retransmission import Allowance, OutgoingStream, copies_
 from weberlink.protocol.round_trip import RoundTripAgreement, in_ms
 from weberlink.protocol.security import Protection
 from weberlink.protocol.timing import Clock
-from weberlink.protocol.wire import (
-    BURST_UNITS,
-    BYE,
-    CHANGE_TICK_BITS,
-    ENCODES,
-    HEARTBEAT,
-    HEARTBEAT_CREDIT_BITS,
-    LOSS_UNITS,
-    LOST_MASK,
-    PATH,
-    PHASE,
-    SECOND_UPDATE,
-    TICK_BITS,
-    UPDATE_CREDIT_BITS,
-    Content,
-    DirectionLayout,
-    Envelope,
-    Report,
-    pack_bye,
-    pack_change,
-    pack_heartbeat,
-    pack_path,
-    sequence_of,
-)
+from weberlink.protocol.wire import Content, DirectionLayout, Envelope, Report
 from weberlink.update import Update
 
 TICK_LEAD: Final = 1.0
@@ -78,8 +56,8 @@ REKEY_AFTER_S: Final = 120.0
 REKEY_AFTER: Final = 1 << 20
 """For how long, and for how many datagrams, one key seals what an end sends; far below the limit of AES-CCM (RFC 9147,
 section 4.5.3)."""
-_CHANGE_TICK_MASK: Final = (1 << CHANGE_TICK_BITS) - 1
-_TICK_MASK: Final = (1 << TICK_BITS) - 1
+_CHANGE_TICK_MASK: Final = (1 << wire.CHANGE_TICK_BITS) - 1
+_TICK_MASK: Final = (1 << wire.TICK_BITS) - 1
 
 OwnersOutcome = UpdateReceived | PeerClosed | ChangeProposed | ChangeAnswered
 Outcome = OwnersOutcome | PathAsked | PathAnswered | DropReason | None
@@ -89,16 +67,9 @@ Opened = tuple[int, int, bytes]
 
 
 class Parameters(NamedTuple):
-    """Parameters that all sessions of an endpoint share.
-
-    Args:
-        outgoing, incoming: layouts of each direction.
-        epoch: when our clock was at 0 [s].
-        tick_period: of both ends [s].
-        silence: time without a fresh datagram after which the peer counts as gone [s].
-        opens: whether this end begins the sessions, as the initiator does.
-        rekey_after: datagrams after which the key of a direction is replaced, if it was not by time.
-    """
+    """Parameters that all sessions of an endpoint share: layouts of each direction; when our clock was at 0, tick
+    period and silence limit [s]; whether this end begins the sessions; datagrams after which a key is replaced, if
+    it was not by time."""
 
     outgoing: DirectionLayout
     incoming: DirectionLayout
@@ -113,12 +84,6 @@ class Session:
     """One session.
 
     Attributes:
-        clock: mapping to the peer's clock.
-        credit: granted by each end to the other, where the session carries it.
-        liveness: whether each end hears the other.
-        heartbeats: when one is due.
-        negotiation: of the changes that the owners of both ends make.
-        round_trip: the agreement of both ends on it.
         silent_since: when the present silence began [s]; inf without one.
         sequence: number of the authentic datagram that came last.
         is_fresh: whether that one was fresh (`Liveness.is_fresh`).
@@ -139,16 +104,8 @@ class Session:
         confirmed_at: float = -inf,
         first_sequence: int = 1,
     ) -> None:
-        """Begin a session.
-
-        Args:
-            statistics: counted into.
-            peer_clock: departure of the peer's handshake datagram on its clock [s].
-            now: arrival of that datagram [s].
-            longest_round_trip: largest one that both ends allow [s].
-            confirmed_at: departure of our handshake datagram that it answers [s]; -inf if it answers none.
-            first_sequence: number of our first datagram, 1 to 2^15.
-        """
+        """Begin with a handshake datagram of the peer, which left at `peer_clock` on its clock and arrived at `now`.
+        `confirmed_at` is the departure of our datagram that it answers; -inf if it answers none."""
         self._protection = protection
         self._parameters = parameters
         self._incoming = parameters.incoming
@@ -190,11 +147,6 @@ class Session:
         self._lost = 0
 
     @property
-    def silent_at(self) -> float:
-        """Time at which one of the two limits is passed [s]."""
-        return self.liveness.silent_at
-
-    @property
     def expires_at(self) -> float:
         """Time at which the session expires [s].
 
@@ -208,8 +160,8 @@ class Session:
     def authenticate(self, data: bytes) -> Opened | None:
         """Open a datagram of the right length; None if it is not of this session. Changes nothing."""
         newest = self._replay.newest
-        sequence = expand_counter(sequence_of(data), SEQUENCE_BITS, newest + 1)
-        if data[0] & PHASE == self._incoming_phase:
+        sequence = expand_counter(wire.sequence_of(data), SEQUENCE_BITS, newest + 1)
+        if data[0] & wire.PHASE == self._incoming_phase:
             body = self._protection.open(sequence, data)
         elif sequence > newest:
             body = self._protection.open_next(sequence, data)
@@ -225,9 +177,9 @@ class Session:
         self.is_newest = sequence > replay.newest
         if not replay.is_new(sequence):
             return DropReason.REPLAYED
-        if self.is_newest and first & PHASE != self._incoming_phase:
+        if self.is_newest and first & wire.PHASE != self._incoming_phase:
             self._protection.rekey_incoming()
-            self._incoming_phase = first & PHASE
+            self._incoming_phase = first & wire.PHASE
         # Numbers up to one that was accepted at least one silence limit ago are rejected: they left before that. Time
         # stamps and echoes wrap, so a datagram that was held back for minutes may look new; its number does not.
         if now - self._marked_at >= self._silence:
@@ -253,14 +205,14 @@ class Session:
             return DropReason.UNTIMED
         for stream, ack in enumerate(content.acks):
             self._acknowledged(stream, ack, departure)
-        if content.kind == BYE:
+        if content.kind == wire.BYE:
             return PeerClosed(content.data.decode(errors="replace"))
         if content.report is not None and not self._learn(content.report, now):
             return DropReason.IMPLAUSIBLE
         outcome = self._deliver(content, departure, now)
         # A late credit is still true, because the count only grows.
         if content.credit is not None and outcome is not DropReason.IMPLAUSIBLE:
-            bits = UPDATE_CREDIT_BITS if content.update is not None else HEARTBEAT_CREDIT_BITS
+            bits = wire.UPDATE_CREDIT_BITS if content.update is not None else wire.HEARTBEAT_CREDIT_BITS
             self.credit.learn(sequence, content.credit, bits)
         return outcome
 
@@ -287,8 +239,8 @@ class Session:
         if not clock.learn(report.minimum_us * 1e-6, report.latest_us * 1e-6, report.late_us * 1e-6):
             return False
         self._newest_report = self.sequence
-        statistics.outgoing_loss = report.loss_65535 / LOSS_UNITS
-        statistics.outgoing_burst = report.burst_256 / BURST_UNITS
+        statistics.outgoing_loss = report.loss_65535 / wire.LOSS_UNITS
+        statistics.outgoing_burst = report.burst_256 / wire.BURST_UNITS
         self._allowance.adapt(int16(report.lost - self._lost), self._next_sequence, clock.late, now)
         self._lost = report.lost
         if clock.bound is not None:
@@ -315,8 +267,8 @@ class Session:
         self.is_fresh = True
         is_current = liveness.hear(departure, content.echo, content.generation, now)
         self.heartbeats.heard(now, liveness.confirmed_at)
-        if kind == HEARTBEAT:
-            runs = content.selector & ENCODES != 0
+        if kind == wire.HEARTBEAT:
+            runs = content.selector & wire.ENCODES != 0
             # A heartbeat whose ticks are not those of the newest updates held here shows that an update is missing. It
             # does not count: otherwise an attacker who drops only updates could keep an old one in use.
             if not runs or content.tick == sum(self._held_ticks) & _TICK_MASK:
@@ -324,13 +276,13 @@ class Session:
             if content.mark:
                 self.heartbeats.asked()
             return None
-        if kind == PATH:
+        if kind == wire.PATH:
             return PathAnswered(content.data) if content.mark else PathAsked(content.data)
         if age is None or not is_current:
             return DropReason.UNTIMED if age is None else DropReason.STALE
         if content.update is None:
             return self._deliver_change(content, departure, now)
-        outcome = self._deliver_update(int(kind == SECOND_UPDATE), content.update, departure, age)
+        outcome = self._deliver_update(int(kind == wire.SECOND_UPDATE), content.update, departure, age)
         if isinstance(outcome, UpdateReceived):
             liveness.hear_encoder(self.sequence, now, runs=True)
         return outcome
@@ -358,7 +310,7 @@ class Session:
             self.round_trip.take_answer(number, body, now)
             return None
         sent_tick = departure / self._tick_period
-        tick = expand_counter(content.tick, CHANGE_TICK_BITS, int(sent_tick))
+        tick = expand_counter(content.tick, wire.CHANGE_TICK_BITS, int(sent_tick))
         if abs(tick - sent_tick) * self._tick_period > CHANGE_LEAD:
             return DropReason.IMPLAUSIBLE
         if number < NUMBERS:
@@ -421,7 +373,7 @@ class Session:
         self.heartbeats.pulsed(now, has_reported=report is not None, is_confirmed=self.is_confirmed)
         self._statistics.heartbeats += 1
         self.said_encoding = is_encoding
-        clear = pack_heartbeat(
+        clear = wire.pack_heartbeat(
             envelope,
             sum(stream.update.tick for stream in self._streams if stream.update is not None) & _TICK_MASK,
             report,
@@ -440,9 +392,9 @@ class Session:
             round(minimum * 1e6),
             round(latest * 1e6),
             round(late * 1e6),
-            round(min(self._loss.fraction, 1.0) * LOSS_UNITS),
-            round(self._statistics.incoming_burst * BURST_UNITS),
-            self._loss.lost & LOST_MASK,
+            round(min(self._loss.fraction, 1.0) * wire.LOSS_UNITS),
+            round(self._statistics.incoming_burst * wire.BURST_UNITS),
+            self._loss.lost & wire.LOST_MASK,
         )
 
     def _has_changed(self) -> bool:
@@ -458,22 +410,24 @@ class Session:
     def send_bye(self, now: float, reason: str) -> bytes:
         """The datagram of a farewell; `reason` is cut to `LONGEST_REASON` bytes."""
         envelope, sequence = self._envelope(now)
-        return self._seal(sequence, pack_bye(envelope, reason), now)
+        return self._seal(sequence, wire.pack_bye(envelope, reason), now)
 
     def send_path(self, now: float, token: bytes, *, is_answer: bool) -> bytes:
         """Ask whether the peer is at the address that this is sent to, or answer such a question."""
         envelope, sequence = self._envelope(now)
-        return self._seal(sequence, pack_path(envelope, token, is_answer=is_answer), now)
+        return self._seal(sequence, wire.pack_path(envelope, token, is_answer=is_answer), now)
 
-    def _send_change(self, now: float) -> bytes:
+    def _send_change(self, now: float) -> bytes | None:
         """The message of a negotiation that is due."""
         rtt = self.clock.rtt
         negotiation = self.negotiation if now >= self.negotiation.due else self.round_trip.negotiation
         change = negotiation.take(now, UNMEASURED_RTT if rtt is None else rtt + self.clock.jitter)
+        if change is None:
+            return None
         envelope, sequence = self._envelope(now)
         tick = change.tick & _CHANGE_TICK_MASK
         return self._seal(
-            sequence, pack_change(envelope, tick, change.number, change.body, is_answer=change.is_answer), now
+            sequence, wire.pack_change(envelope, tick, change.number, change.body, is_answer=change.is_answer), now
         )
 
     def _envelope(self, now: float) -> tuple[Envelope, int]:
@@ -493,10 +447,10 @@ class Session:
         """The datagram under the present key, which is replaced by time and by count (RFC 9001, section 6)."""
         if now >= self._rekey_at or sequence >= self._rekey_from:
             self._protection.rekey_outgoing()
-            self._phase ^= PHASE
+            self._phase ^= wire.PHASE
             self._rekey_at, self._rekey_from = now + REKEY_AFTER_S, sequence + self._parameters.rekey_after
         if self._phase:
-            clear = bytes((clear[0] | PHASE,)) + clear[1:]
+            clear = bytes((clear[0] | wire.PHASE,)) + clear[1:]
         return self._protection.seal(sequence, clear)
 
     # --- time

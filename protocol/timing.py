@@ -64,24 +64,19 @@ class SlidingMinimum:
 
 
 class Clock:
-    """Our clock, and the mapping to the peer's.
+    """Our clock, and the mapping to the peer's. Of a direction that was not measured yet, times are None.
 
     Attributes:
         late: by how much few datagrams of the outward direction exceed their least delay [s].
-        bound: round trip that few datagrams of the two directions together exceed [s]; None until both are measured.
-        rtt: round trip of the latest datagrams of the two directions [s]; None until both are measured.
-        one_way: delay of the latest datagram of the peer [s]; None until both are measured.
+        bound: round trip that few datagrams of the two directions together exceed [s].
+        rtt: round trip of the latest datagrams of the two directions [s].
+        one_way: delay of the latest datagram of the peer [s].
         jitter: by how much few datagrams exceed their least delay, in the worse of the two directions [s].
     """
 
     def __init__(self, epoch: float, peer_clock: float, now: float) -> None:
-        """Start from a first datagram whose departure is known in full.
-
-        Args:
-            epoch: when our clock was at 0 [s].
-            peer_clock: departure on the peer's clock [s].
-            now: arrival [s].
-        """
+        """Start from a first datagram whose departure on the peer's clock is known in full; `epoch` is our clock's 0
+        [s]."""
         self._epoch = epoch
         self._inward = SlidingMinimum()
         self._excess = 0.0

@@ -7,20 +7,23 @@ from hypothesis import HealthCheck, settings
 COUNT = 40
 """Examples of a test that does not set a number."""
 
-_times = 1
+FEWEST = 5
+"""Examples of a test, however small the share."""
+
+_times = 1.0
 
 
-def hunt(times: int) -> None:
-    """Set the number and choice of examples, before any test is imported; 0 for the fixed examples."""
+def hunt(times: int, share: float = 1.0) -> None:
+    """Set the number and choice of examples, before any test is imported; 0 for that share of the fixed examples."""
     global _times  # noqa: PLW0603 - decorators run at the import of a test and take no argument from here
-    _times = max(1, times)
+    _times = times or share
     patient = [HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much] if times else []
     # No deadline: a busy machine is slow, which says nothing about an example.
     settings.register_profile(
         "weberlink",
         deadline=None,
         derandomize=not times,
-        max_examples=COUNT * _times,
+        max_examples=_number(COUNT),
         suppress_health_check=patient,
     )
     settings.load_profile("weberlink")
@@ -28,4 +31,8 @@ def hunt(times: int) -> None:
 
 def examples(count: int, **others: Any) -> settings:
     """Decorate a test to use `count` examples; `others` as of `hypothesis.settings`."""
-    return settings(max_examples=count * _times, **others)
+    return settings(max_examples=_number(count), **others)
+
+
+def _number(count: int) -> int:
+    return max(min(count, FEWEST), round(count * _times))

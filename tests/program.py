@@ -14,6 +14,8 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from typer import Context
+from typer.main import get_command
 from typer.testing import CliRunner
 
 from tests.wait import PATIENCE, until
@@ -25,6 +27,16 @@ from weberlink.telemetry.ring import default_path
 Records = NDArray[Any]
 
 ROOT = Path(__file__).parents[1]
+
+
+def commands(group: Any) -> dict[str, Any]:
+    """The commands of a group, which are made when they are asked for."""
+    context = Context(group)
+    return {name: group.get_command(context, name) for name in group.list_commands(context)}
+
+
+COMMANDS = commands(get_command(app))
+"""Of the program and of the distributions that are installed."""
 PATIENT = ("--set", "link.silence_ms=2000")
 """For live sessions of tests that are not about silence: a short stall of the host then causes no fault."""
 ENGAGED = State.ENGAGED.value

@@ -17,7 +17,7 @@ of n.q over a time T: they are -4 sin^2(w T / 2) times the deviation of n.q from
 
 from math import asin, exp, sqrt
 
-from weberlink.codec.predictors.contract import History, Signal
+from weberlink.codec.predictors.estimation import History, Signal
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale, subtract, unit
 
 STEP_S = 0.010
@@ -121,16 +121,11 @@ class FrequencyEstimator:
 
 
 class ContactEstimator:
-    """Estimates the surface in contact, tick by tick, and remembers it for the next contact.
+    """Estimates the surface in contact by three hypotheses, tick by tick, and remembers it for the next contact.
 
-    Attributes:
-        age: ticks since the contact began, or since a gap in the samples; 0 without contact.
-        normal: unit normal of a surface with friction.
-        friction: coefficient of friction, or a lower bound of it while the probe sticks.
-        frictionless: compliance of a surface at rest without friction; `curvature` is its curvature.
-        frictional: compliance of a surface at rest with friction; `frictional_curvature` is its curvature.
-        moving: compliance of a surface that moves; `frequency` is that of its motion.
-        threshold: a larger force counts as contact [N].
+    `age` counts the ticks since the contact or a gap in the samples, 0 without contact. While the probe sticks,
+    `friction` is a lower bound of the coefficient. `curvature` and `frictional_curvature` go with `frictionless` and
+    `frictional`, `frequency` with `moving`.
     """
 
     def __init__(self, signal: Signal) -> None:
@@ -151,9 +146,6 @@ class ContactEstimator:
         forget = exp(-every / MEMORY_CURVATURE_S)
         self.curvature, self.frictional_curvature = CurvatureEstimator(forget), CurvatureEstimator(forget)
         self.frequency = FrequencyEstimator(exp(-every / MEMORY_FREQUENCY_S), self._second)
-        self._slow_way = self._slow_force = 0.0
-        self._directions: list[Vector] = []
-        self._normals: list[Vector] = []
 
     def follow(self, history: History) -> None:
         """Take in the newest sample."""
@@ -168,7 +160,8 @@ class ContactEstimator:
             if dot(direction, self.normal) < SAME_SURFACE:
                 self.normal = direction
             self._slow_way = self._slow_force = 0.0
-            self._directions, self._normals = [], []
+            self._directions: list[Vector] = []
+            self._normals: list[Vector] = []
         self.age += 1
         self._directions.append(direction)
         if self.age > self._step:

@@ -28,11 +28,6 @@ class WorkBudget:
 
     It counts time and not datagrams, because a datagram of the peer costs several times as much as a foreign one. The
     debt is bounded too: otherwise, after a stall, the peer would not be heard for several times as long as it lasted.
-
-    Args:
-        share: of one processor, in (0, 1]; may change.
-        most: largest balance, and largest debt [s].
-        now: [s].
     """
 
     def __init__(self, share: float, most: float, now: float) -> None:
@@ -57,13 +52,7 @@ class WorkBudget:
 
 
 class ReceiveQueue:
-    """Reads one socket.
-
-    Attributes:
-        socket: non-blocking and bound; closed with the queue.
-        budget: of reading.
-        is_open: False once `close` was called.
-    """
+    """Reads one socket, which does not block and is closed with the queue."""
 
     def __init__(
         self,
@@ -80,12 +69,9 @@ class ReceiveQueue:
         """Listen.
 
         Args:
-            now: the clock of the owner [s].
-            take: receives each datagram, its sender and the time.
             on_datagrams: called after the loop was woken by the socket and datagrams were taken.
             share: of a processor that reading may cost, in (0, 1].
-            on_ancillary: told the sender of a datagram and what the system gives beside it, if it does.
-            look_every: least time between two such calls [s].
+            on_ancillary: told what the system gives beside a datagram, at most once in `look_every` [s].
         """
         self.socket = bound
         self.is_open = True

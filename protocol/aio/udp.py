@@ -6,13 +6,11 @@ this host, or of paths that another process finds.
 """
 
 import asyncio
-import socket
 from collections.abc import Callable
 from math import inf
 from typing import Final
 
-from weberlink.protocol.aio.hand_over import PathFacts
-from weberlink.protocol.aio.paths import FoundPaths, Paths
+from weberlink.protocol.aio.paths import MakePaths, PathFacts, Paths
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
@@ -34,7 +32,7 @@ class UdpShell:
         listen: Address = _ANY_PORT,
         link: EmulatedLink[Address] | None = None,
         dscp: int = 0,
-        finder: socket.socket | None = None,
+        paths: MakePaths = Paths,
         on_no_path: Callable[[str], None] = lambda _why: None,
     ) -> None:
         """Prepare; `open` claims the port.
@@ -44,20 +42,15 @@ class UdpShell:
             listen: own host and port; "" for all interfaces, 0 for any port.
             link: applies faults to what is sent; None for none.
             dscp: class of service of what is sent, 0 to 63 (RFC 2474).
-            finder: the socket to the process that finds paths (`weberlink.protocol.aio.hand_over`), which does not
-                block; stays open. Its paths are used instead of a port, and an endpoint that calls has the peer
-                `hand_over.address_of(name)`.
+            paths: what carries the datagrams; a port of this host, or what a path finder makes. There an endpoint that
+                calls has the peer `peer_address(name)`.
             on_no_path: told in one line why there will be no session, once at most.
         """
         self._endpoint = endpoint
         self._now = now
         self._link = link
         self._listen = listen
-        self._paths: Paths = (
-            Paths(endpoint, dscp, now, self._on_datagrams)
-            if finder is None
-            else FoundPaths(endpoint, dscp, now, self._on_datagrams, finder, on_no_path)
-        )
+        self._paths = paths(endpoint, dscp, now, self._on_datagrams, on_no_path)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._state: State | None = None
         self._peer: Address | None = None

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from weberlink.geometry.vector import ZERO, Vector, add, dot, scale, subtract
 from weberlink.slave.integrators.contract import ControlledMass
 from weberlink.slave.integrators.oscillation import Oscillation
-from weberlink.slave.scenes.active_set import PARALLEL, SOLVERS, smallest_push
+from weberlink.slave.scenes.proxy import PARALLEL, SOLVERS, smallest_push
 from weberlink.slave.scenes.scene import FARTHEST, NOTHING, Facing
 
 UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -41,12 +41,7 @@ class Face(NamedTuple):
 
 
 class Faces:
-    """All faces of the planes n_i x + o_i = 0, each computed on first use.
-
-    Args:
-        normals: Unit vectors out of the solids.
-        offsets: Gap of each plane at the origin [m].
-    """
+    """All faces of the planes n_i x + o_i = 0, the n_i unit vectors out of the solids, each computed on first use."""
 
     __slots__ = ("_known", "_normals", "_offsets")
 

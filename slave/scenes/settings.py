@@ -147,9 +147,7 @@ class ObjectSettings(SceneShapeSettings):
     friction: FrictionSettings | None = None
     damping_n_s_m: float | None = Field(default=None, ge=0.0, le=1e6, description="along the normal; never pulls")
     motion: MotionSettings | None = None
-    carve: tuple[Annotated[CutSettings, ByShape(carvable)], ...] = Field(
-        default=(), description="shapes cut out of this one"
-    )
+    carve: tuple[Cut, ...] = Field(default=(), description="shapes cut out of this one")
 
     @classmethod
     def variants(cls) -> list[type[SceneShapeSettings]]:
@@ -169,11 +167,6 @@ def object_model(name: str) -> type[ObjectSettings]:
     return cast(
         type[ObjectSettings], create_model(title, __base__=bases, __doc__=f"A {name.replace('_', ' ')} to touch.")
     )
-
-
-def object_settings(**keys: object) -> ObjectSettings:
-    """The settings of an object with the keys that a configuration file would have."""
-    return object_model(str(keys["shape"])).model_validate(keys)
 
 
 SceneSettings = tuple[Annotated[ObjectSettings, ByShape(object_model)], ...]

@@ -76,9 +76,9 @@ def _check(name: str, entry: object) -> None:
 SHAPES: Registry[type[SceneShapeSettings]] = Registry(
     "shape",
     {
-        "plane": "weberlink.slave.scenes.plane:PlaneSettings",
-        "sphere": "weberlink.slave.scenes.sphere:SphereSettings",
-        "box": "weberlink.slave.scenes.box:BoxSettings",
+        "plane": "weberlink.slave.scenes.solids:PlaneSettings",
+        "sphere": "weberlink.slave.scenes.solids:SphereSettings",
+        "box": "weberlink.slave.scenes.solids:BoxSettings",
         "height_field": "weberlink.slave.scenes.height_field:HeightFieldSettings",
     },
     "weberlink.shapes",

@@ -1,9 +1,12 @@
-"""Solids with a formula: a half-space, a ball, a box, and the complements of the last two."""
+"""Shapes with a formula, and their settings: a half-space, a ball, a box, and the complements of the last two."""
 
-from math import copysign, sqrt
+from math import copysign, radians, sqrt
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
 
 from weberlink.geometry.vector import Vector, dot, norm, scale
-from weberlink.slave.scenes.shape import Tangent
+from weberlink.slave.scenes.shape import CarvableSettings, Shape, Tangent, UnitVector
 
 
 class PlaneShape:
@@ -116,3 +119,67 @@ class BoxCavity(BoxShape):
             (half[1] - abs(py), (0.0, copysign(1.0, -py), 0.0)),
             (half[2] - abs(pz), (0.0, 0.0, copysign(1.0, -pz))),
         )
+
+
+class PlaneSettings(CarvableSettings):
+    """A half-space, solid against the normal."""
+
+    shape: Literal["plane"]
+    point_m: Vector = (0.0, 0.0, 0.0)
+    normal: UnitVector = Field(default=(0.0, 0.0, 1.0), description="outward, of any length; it is normalised")
+
+    def solid(self) -> Shape:
+        return PlaneShape(self.point_m, self.normal)
+
+    def hollow(self) -> Shape:
+        return PlaneShape(self.point_m, (-self.normal[0], -self.normal[1], -self.normal[2]))
+
+
+class SphereSettings(CarvableSettings):
+    """A ball; with `side: inside`, everything but the ball."""
+
+    shape: Literal["sphere"]
+    center_m: Vector
+    radius_m: float = Field(gt=0.0)
+    side: Literal["outside", "inside"] = Field(default="outside", description="where the operator is")
+
+    def solid(self) -> Shape:
+        return SphereShape(self.center_m, self.radius_m, inside=self.side == "inside")
+
+    def hollow(self) -> Shape:
+        return SphereShape(self.center_m, self.radius_m, inside=True)
+
+
+def edges(size: Vector) -> Vector:
+    if not min(size) > 0.0:
+        raise ValueError("expected three edges longer than 0 m")
+    return size
+
+
+RollPitchYaw = Annotated[
+    Vector, Field(description="roll, pitch, yaw [deg] about the centre: R = Rz(yaw) Ry(pitch) Rx(roll)")
+]
+
+
+class BoxSettings(CarvableSettings):
+    """A box with sharp edges; with `side: inside`, everything but the box."""
+
+    shape: Literal["box"]
+    center_m: Vector
+    size_m: Annotated[Vector, AfterValidator(edges)]
+    side: Literal["outside", "inside"] = Field(default="outside", description="where the operator is")
+    rotation_deg: RollPitchYaw | None = None
+
+    def solid(self) -> Shape:
+        return self._turned(BoxShape(self.center_m, self.size_m)) if self.side == "outside" else self.hollow()
+
+    def hollow(self) -> Shape:
+        return self._turned(BoxCavity(self.center_m, self.size_m))
+
+    def _turned(self, shape: Shape) -> Shape:
+        if self.rotation_deg is None:
+            return shape
+        from weberlink.slave.scenes.derived import TurnedShape  # noqa: PLC0415 - where one is turned
+
+        roll, pitch, yaw = self.rotation_deg
+        return TurnedShape(shape, self.center_m, (radians(roll), radians(pitch), radians(yaw)))

@@ -34,6 +34,11 @@ def guests(group: str | None) -> Mapping[str, str]:
     return _listed().get(group, {})
 
 
+def all_guests() -> set[str]:
+    """Names of the guests of this project that extend a table or have files, installed or not."""
+    return {guest for group, names in _listed().items() if group != NEEDED for guest in names.values()}
+
+
 def config_modules() -> list[str]:
     """The packages of configuration files: the program's own, then those of the guests that are installed."""
     from importlib.metadata import entry_points  # noqa: PLC0415 - a long import, for messages and one command
@@ -57,7 +62,7 @@ def install_line(extra: str) -> str:
     Args:
         extra: of the kernel; or a guest, which may have an extra too, such as "studies[dask]".
     """
-    is_guest = extra.partition("[")[0] in {guest for names in _listed().values() for guest in names.values()}
+    is_guest = extra.partition("[")[0] in all_guests()
     clone = Path(__file__).resolve().parents[2]
     if not (clone / "pyproject.toml").is_file():
         return f"{pip_install()} {quote(f'weberlink-{extra}' if is_guest else f'weberlink[{extra}]')}"

@@ -9,7 +9,8 @@ import pytest
 from pydantic import BaseModel
 
 from tests.system.systems import CONFIGS
-from weberlink.apps.shipped import copy
+from weberlink.apps.shipped import copy, listing
+from weberlink.installation import config_folders
 from weberlink.system.configuration import Configuration, ConfigurationError, load
 
 SCHEMA = "weberlink.schema.json"
@@ -39,6 +40,12 @@ def test_the_wheel_has_every_file() -> None:
     project = tomllib.loads((CONFIGS.parent / "pyproject.toml").read_text(encoding="utf-8"))
     patterns = project["tool"]["setuptools"]["package-data"]["weberlink.configs"]
     assert sorted({path for pattern in patterns for path in CONFIGS.glob(pattern) if path.is_file()}) == SHIPPED
+
+
+def test_every_file_and_folder_is_listed() -> None:
+    own = [path for folder in config_folders() for path in folder.iterdir() if path.suffix not in (".py", ".pyc")]
+    there = {path.stem if path.suffix == ".yaml" else f"{path.name}/" if path.is_dir() else path.name for path in own}
+    assert {name for name, _ in listing().rows} == there - {"__pycache__/"}
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)

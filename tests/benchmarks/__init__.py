@@ -1,0 +1,3 @@
+import pytest
+
+pytest.importorskip("weberlink_studies", reason="the benchmarks use the tables of weberlink-studies")

@@ -9,11 +9,9 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from typer.main import get_command
 
-from tests.program import Ended, document, weberlink
+from tests.program import COMMANDS, Ended, document, weberlink
 from tests.system.systems import CONFIGS
-from weberlink.cli import app
 from weberlink.master.trace import read_trace
 from weberlink.system.configuration import load
 from weberlink.system.simulate import simulate
@@ -24,11 +22,8 @@ HARDWARE = ("phantom.yaml",)
 BETWEEN_HOSTS = ("lan.yaml",)
 """Those in which the master calls another host."""
 """Those that another program leads."""
-COMMANDS = get_command(app).commands  # type: ignore[attr-defined]
 MEMBERS = [f"{name} {member}" for name, group in COMMANDS.items() for member in getattr(group, "commands", ())]
 TAKE_A_FILE = ("check", "simulate", "master --duration 0", "slave --duration 0", "loopback --duration 0")
-HEADER = "t,px,py,pz,fx,fy,fz"
-AT_0, AT_1, AT_2 = "0.000,0,0,0,0,0,0", "0.001,0,0,0,0,0,1", "0.002,0,0,0,0,0,1"
 
 
 def run(line: str, *further: object) -> Ended:
@@ -56,7 +51,6 @@ def test_every_command_explains_itself(command: str) -> None:
     assert (ended.status, ended.output[:7], ended.errors) == (0, "Usage: ", "")
 
 
-EVALUATE = "study evaluate configs/traces/operator.npz"
 LOOPBACK, FIG6, ARM = "configs/loopback.yaml", "configs/fig6.yaml", "configs/phantom.yaml"
 WRONG = {
     # The command or the option is not there.
@@ -65,7 +59,6 @@ WRONG = {
     # A number is none, or out of its range.
     "loopback --duration three": "--duration",
     f"simulate {LOOPBACK} --duration -1": "--duration",
-    "monitor --port 70000": "--port",
     # A field of the file.
     **{
         f"check {LOOPBACK} --set {override}": field
@@ -85,17 +78,9 @@ WRONG = {
     f"simulate {LOOPBACK} --json /sys/out.json": "--json: /sys",
     f"simulate {LOOPBACK} --trace .": "--trace",
     f"simulate {FIG6} --duration 0 --trace -": "--trace",
-    f"{EVALUATE} --plots -": "--plots",
     "keygen -": "out",
     "configs --out a.yaml": "--out",
     "configs deley": "delay",
-    # Pages for others need --public, and their scene is one of the list.
-    "try --scene moon": "--scene moon",
-    **{
-        f"{command} --listen {address}": f"--listen {address}"
-        for command in ("try", "monitor")
-        for address in ("0.0.0.0", "::", "192.0.2.1")
-    },
     # A device that is not known, its options, and an emulator's.
     "device test phantom": "phantom",
     "device test operator --set foce_n=1": "operator.foce_n",
@@ -126,7 +111,6 @@ def test_a_wrong_argument_is_one_line_that_names_it(
 @pytest.mark.parametrize(
     ("line", "variables", "status", "field"),
     [
-        ("try --listen 192.0.2.1 --public", {}, 1, "--listen 192.0.2.1"),
         ("loopback --duration 0", {"XDG_RUNTIME_DIR": ""}, 1, "weberlink is a file"),
     ],
 )
@@ -145,19 +129,6 @@ def test_a_host_that_does_not_permit_it_is_one_line(
     [
         ("check", "yaml", b"\xff\xfe\x00", "text"),
         ("check", "yaml", b"", "empty"),
-        *(
-            ("study evaluate", "csv", "\n".join(lines).encode(), field)
-            for lines, field in (
-                ([HEADER, AT_0, AT_2, AT_1], "row 4, column t"),
-                ([HEADER, AT_0, AT_1, "0.002,0,0,0,nan,0,1"], "row 4, column fx"),
-                ([HEADER], "rows"),
-            )
-        ),
-        *(
-            (command, "mcap", content, "")
-            for command in ("study evaluate",)
-            for content in (b"", b"\x89MCAP0\r\n", b"\x89PNG\r\n\x1a\n" + bytes(100))
-        ),
     ],
 )
 def test_a_file_of_another_kind_is_one_line_that_names_it(
@@ -205,23 +176,18 @@ def test_simulate_completes_every_shipped_file(name: str, key: str) -> None:
     assert summary["ticks"]["slave"]["count"] >= 300
 
 
-def test_a_trace_is_the_signal_to_the_last_digit_and_can_be_evaluated(tmp_path: Path) -> None:
+def test_a_trace_is_the_signal_to_the_last_digit(tmp_path: Path) -> None:
     path = tmp_path / "trace.csv"
     assert run("simulate configs/scene-plane.yaml --duration 1 --trace", path).status == 0
     read, made = read_trace(path), simulate(load(CONFIGS / "scene-plane.yaml"), 1.0)[1].trace
     for name in ("time_s", "position_m", "force_n"):
         assert getattr(read, name).tolist() == getattr(made, name).tolist()
     assert np.abs(made.force_n).max() > 0.1
-    (row,) = document(run("study evaluate --predictor zoh --workers 1 --json -", path).output)["rows"]
-    assert row["packets"] > 0
 
 
-@pytest.mark.parametrize(
-    "line", [f"{EVALUATE} --predictor zoh --workers 1 --json", f"simulate {FIG6} --duration 0 --json"]
-)
-def test_figures_that_cannot_be_written_are_not_lost(line: str) -> None:
-    ended = run(line, "/dev/full")  # which can be opened
+def test_figures_that_cannot_be_written_are_not_lost() -> None:
+    ended = run(f"simulate {FIG6} --duration 0 --json", "/dev/full")  # which can be opened
     text, _, said = ended.errors.rstrip("\n").rpartition("\n")
     assert ended.status == 1
-    assert {"rows", "outcome"} & set(json.loads(text))
+    assert "outcome" in json.loads(text)
     assert said.startswith("weberlink: /dev/full: cannot be written: ")

@@ -69,15 +69,18 @@ def test_a_command_imports_what_it_needs_when_it_needs_it(command: str, there: s
 HIDDEN = """
 import importlib.metadata, json, sys
 importlib.metadata.entry_points = lambda **_: ()  # no guest is installed
-sys.modules.update(dict.fromkeys(["aiohttp", "matplotlib", "mujoco", "scipy"]))
+sys.modules.update(dict.fromkeys(["matplotlib", "mujoco", "scipy"]))
 from tests.program import weberlink
 json.dump([weberlink(*line) for line in json.loads(sys.argv[1])], sys.stdout)
 """
+INSTALL = f"install it with: {install_line('devices')}"
 WITHOUT = [
     # A package is asked for where it is needed only, and after what is nearer: a name that is wrong.
-    (["try"], 2, install_line("monitor")),
+    (["try"], 2, install_line("page")),
     (["loopback", "--record", "a.mcap"], 2, "--record is of weberlink-recording, which is not installed; install it"),
     (["record", "info", "a.mcap"], 2, install_line("recording")),
+    (["device", "test", "touch"], 2, f"driver 'touch' is of weberlink-devices, which is not installed; {INSTALL}"),
+    (["device", "emulate", "inverse3"], 2, install_line("devices")),
 ]
 
 

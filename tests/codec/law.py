@@ -95,7 +95,7 @@ class Law:
         self.encoder = encoder or self.encoder
         self.late = getattr(channel, "lookahead", 0)
         first = channel.parts[0] if isinstance(channel, BundleChannel) else channel
-        self.rate, self.smoothing, self.step = first.rate, first.smoothing, first.value_quantizer.step
+        self.rate, self.smoothing, self.step = channel.rate, first.smoothing, first.value_quantizer.step
         self.layout = UpdateLayout(channel.forms) if first.value_quantizer.limit < 1e6 else None
         self.deadband: Any = getattr(channel, "deadband", None)
         self.weber = first.deadband.weber if isinstance(channel, BundleChannel) else 0.0
@@ -120,12 +120,13 @@ class Law:
 
     def retune(self, deadband: Any, selectors: Sequence[int], tick: int = 0) -> None:
         """`deadband` is a Weber factor on a bundle."""
-        self.encoder.retune(deadband, selectors)
-        self.decoder.retune(deadband, tick)
         if isinstance(deadband, Deadband):
+            self.encoder.retune(deadband, selectors)
+            self.decoder.retune(deadband, tick)
             self.deadband = deadband
             self.last = self.last if deadband.reads_motion else None
         else:
+            self.encoder.retune(deadband)
             self.weber = deadband
         if self.decoder.newest is not None:
             self.forced = self.decoder.selected not in selectors

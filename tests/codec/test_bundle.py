@@ -3,7 +3,6 @@
 import pytest
 
 from tests.codec.law import AXIS_BOUNDS as BOUNDS
-from weberlink.codec import force_channel
 from weberlink.codec.bundle import BundleChannel, BundleDecoder, BundleEncoder, joint_channel
 from weberlink.codec.rate import UpdateRate
 from weberlink.geometry.joints import widths
@@ -60,13 +59,7 @@ def test_rest_is_displayed_and_not_sent() -> None:
     assert encoder.encode(1, (0.0, 0.0, 0.0, 0.2)) is not None
 
 
-def test_parts_that_do_not_fit_are_refused() -> None:
-    part = channel_of(3).parts[0]
-    for parts, count in (((), 0), ((part,), 4), ((part, part), 5)):
-        with pytest.raises(ValueError, match="axes, three to a part"):
-            BundleChannel(parts, count)
-    with pytest.raises(ValueError, match="PerAxisDeadband, not isotropic"):
-        BundleChannel((force_channel(predictor="zoh"),), 3)
+def test_what_does_not_fit_is_refused() -> None:
     with pytest.raises(ValueError, match="rest has 2 axes"):
         joint_channel(bounds=(0.1,) * 4, step=STEP, rest=(0.0, 0.0))
     for predictor in ("plane", "path", "hybrid", "nothing"):
@@ -75,7 +68,5 @@ def test_parts_that_do_not_fit_are_refused() -> None:
     encoder = BundleEncoder(channel_of(4))
     with pytest.raises(ValueError, match="3 axes, expected 4"):
         encoder.encode(0, (0.0, 0.0, 0.0))
-    with pytest.raises(ValueError, match="selectors"):
-        encoder.retune(0.1, [1])
     with pytest.raises(ValueError, match="weber"):
         encoder.retune(-0.1)

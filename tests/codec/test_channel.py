@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from tests.codec.law import ESTIMATED
 from weberlink.codec import force_channel, position_channel
+from weberlink.codec.channel import Smoothing
 from weberlink.codec.predictors import ADAPTIVE_BANK, HYBRID_BANK, PREDICTORS
-from weberlink.codec.quantizer import Quantizer
-from weberlink.codec.smoothing import Smoothing
+from weberlink.codec.sample import Quantizer
 
 values = st.floats(-30.0, 30.0)
 anything = st.floats()

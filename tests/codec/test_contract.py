@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from tests.codec.law import KINDS, Kind, Law, ends
 from tests.examples import examples
 from weberlink.codec import Update
+from weberlink.codec.channel import Smoothing
 from weberlink.codec.deadband import Deadband, ForceDeadband, PositionDeadband
 from weberlink.codec.deadband.cone import ConeDeadband
 from weberlink.codec.deadband.level_crossing import LevelCrossingDeadband
 from weberlink.codec.deadband.velocity import VelocityDeadband
-from weberlink.codec.quantizer import INT16_MAX
 from weberlink.codec.rate import UpdateRate
-from weberlink.codec.smoothing import Smoothing
+from weberlink.codec.sample import INT16_MAX
 from weberlink.update import MAX_GAP, ModelParameters, PreviousSample
 
 every = pytest.mark.parametrize("kind", KINDS, ids="-".join)
@@ -90,7 +90,7 @@ def test_at_every_tick_the_ends_hold_the_same_within_the_deadband(
     """
     chosen = data.draw(options(kind))
     channel = kind.channel(**chosen)
-    law, tick, selected = Law(channel), 0, range(len(channel.bank))
+    law, tick, selected = Law(channel), 0, range(len(channel.forms))
     ticks, axes = (60 if is_slow(kind) else 120), chosen["axes"]
     for index, (value, place) in enumerate(kind.stream(seed, ticks=ticks, axes=axes, rubbing=rubbing)):
         event = events.get(index)
@@ -100,7 +100,7 @@ def test_at_every_tick_the_ends_hold_the_same_within_the_deadband(
         if event == "reset":
             law.reset()
         if isinstance(event, tuple) or event == "restart and retune":
-            deadband, selected = retuned(kind, *(event if isinstance(event, tuple) else (0.1, {0})), len(channel.bank))
+            deadband, selected = retuned(kind, *(event if isinstance(event, tuple) else (0.1, {0})), len(channel.forms))
             law.retune(deadband, selected, tick)
         sample = None if event == "skip" else (spoilt(value, event), place)
         found = law.tick(tick, sample, 1e-3 if event == "limit" else inf)
@@ -205,7 +205,8 @@ def test_after_a_restart_the_next_sample_is_sent_once_without_history(kind: Kind
     for tick, retunes in ((1, False), (5, True)):
         encoder.restart()
         if retunes:
-            encoder.retune(*retuned(kind, 0.1, {0}, 1))
+            tuning = retuned(kind, 0.1, {0}, 1)
+            encoder.retune(*tuning[: 1 if kind.of == "joints" else 2])
         update = encoder.encode(tick, rest)
         assert update is not None
         assert not isinstance(update.payload, PreviousSample)
@@ -224,7 +225,7 @@ def test_an_update_that_does_not_fit_is_refused_and_changes_nothing(kind: Kind) 
         if update is not None:
             decoder.apply(update)
     before = repr((decoder.state, decoder.newest, decoder.first, decoder.selected))
-    wrong = [Update(99, len(channel.bank), (0,) * 6), Update(99, -1, (0,) * 6)]
+    wrong = [Update(99, len(channel.forms), (0,) * 6), Update(99, -1, (0,) * 6)]
     for selector, form in enumerate(channel.forms):
         newest = (0,) * sum(form.newest)
         wrong += [Update(99, selector, (*newest, 0)), Update(99, selector, newest[1:])]

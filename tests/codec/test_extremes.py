@@ -20,7 +20,7 @@ from tests.examples import examples
 from weberlink.codec import Channel, Decoder, Update, force_channel
 from weberlink.codec.predictors import PREDICTORS
 from weberlink.codec.predictors.model import Hold
-from weberlink.codec.quantizer import INT16_MAX
+from weberlink.codec.sample import INT16_MAX
 from weberlink.geometry.vector import ZERO, Vector, is_finite, norm, scale
 from weberlink.master.safety import ForceLimiter
 from weberlink.update import ModelParameters, Payload, PreviousSample

@@ -12,7 +12,7 @@ from tests.codec.law import FITTED
 from tests.codec.signals import contact_stream
 from tests.examples import examples
 from weberlink.codec import Decoder, Encoder, force_channel
-from weberlink.codec.lookahead import Taken, Window
+from weberlink.codec.encoder import Taken, Window
 from weberlink.codec.predictors.chords import MARGIN, Chords
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
 

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from tests.codec.signals import contact_stream
 from weberlink.codec import Decoder, Encoder, Update, force_channel
+from weberlink.codec.channel import Smoothing
 from weberlink.codec.deadband import ForceDeadband
-from weberlink.codec.smoothing import Smoothing
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.update import PreviousSample
 

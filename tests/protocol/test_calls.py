@@ -35,8 +35,8 @@ from weberlink.protocol import (
     StateError,
     TakenOver,
 )
+from weberlink.protocol.calls import FIRST_INTERVAL, LONGEST_INTERVAL, Answer, Dialer
 from weberlink.protocol.checksum import Checksum
-from weberlink.protocol.dialer import FIRST_INTERVAL, LONGEST_INTERVAL, Answer, Dialer
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.handshake import (
     HELLO_HEADER,
@@ -55,6 +55,7 @@ from weberlink.protocol.handshake import (
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Security
 from weberlink.protocol.session import LONGEST_SILENCE
+from weberlink.protocol.states import moved
 from weberlink.protocol.wire import Kind, kind_of
 from weberlink.update import ModelParameters, PreviousSample, Update
 
@@ -260,6 +261,8 @@ def test_calls_in_the_wrong_state_raise_or_do_nothing() -> None:
     endpoint.connect(0.0)
     with pytest.raises(StateError, match="cannot become CONNECTING"):
         endpoint.connect(0.0)
+    with pytest.raises(StateError, match="CONNECTING cannot become SILENT"):
+        moved(State.CONNECTING, State.SILENT)
     endpoint.close(0.0, "done")
     with pytest.raises(StateError, match="cannot become CLOSED"):
         endpoint.close(0.0, "done")

@@ -96,22 +96,6 @@ def test_nothing_gets_through_a_blackout_once_or_periodic(blackout: tuple[float,
     assert made.counters.blacked_out == len(gone)
 
 
-@examples(25)
-@given(st.integers(0, 2**32), st.floats(0.0, 0.5), st.floats(1.0, 10.0))
-def test_same_seed_causes_the_same_faults(seed: int, loss: float, burst: float) -> None:
-    faults = {
-        "delay_s": 0.01, "jitter_s": 0.01, "loss": loss, "burst": burst,
-        "reorder": 0.1, "duplicate": 0.1, "corrupt": 0.1, "rate_bit_s": 1e6,
-    }  # fmt: skip
-    results = []
-    for _ in range(2):
-        made = link(seed, **faults)
-        for number in range(100):
-            made.send(bytes(20), number, number * 0.001)
-        results.append((made.receive(10.0), made.counters))
-    assert results[0] == results[1]
-
-
 @pytest.mark.parametrize(
     ("field", "value"),
     [

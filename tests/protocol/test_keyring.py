@@ -4,8 +4,8 @@ from random import Random
 
 import pytest
 
-from tests.protocol.harness import Pair, Side, make_endpoint
-from weberlink.protocol import Connected, DropReason, Refused, Role, State
+from tests.protocol.harness import Pair
+from weberlink.protocol import Connected, DropReason, Refused, State
 from weberlink.protocol.keyring import Keyring
 from weberlink.protocol.psk import PresharedKey
 
@@ -39,15 +39,3 @@ def test_a_key_opens_no_session_under_another_name(name: str, key: bytes) -> Non
     assert not called.slave.of(Connected)
     assert not called.master.of(Connected) and not called.master.of(Refused)
     assert set(called.slave.faults()) == {DropReason.UNPROVEN}
-
-
-def test_a_session_goes_on_whoever_calls() -> None:
-    served = pair("ann@desk", KEYS["ann@desk"]).run(0.2)
-    for place, (name, key) in enumerate((("bob@desk", KEYS["bob@desk"]), ("ann@desk", STRANGER))):
-        end = make_endpoint(Role.INITIATOR, seed=77, name=name, security=PresharedKey(key))
-        end.connect(served.now)
-        served.guests.append(Side(end, ("192.0.2.9", 40_009 + place)))
-    served.run(0.5)
-    assert "'ann@desk'" in served.guests[0].refusal()
-    assert not served.guests[1].of(Connected)
-    assert served.master.endpoint.state is served.slave.endpoint.state is State.ENGAGED

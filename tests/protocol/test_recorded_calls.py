@@ -10,20 +10,20 @@ from tests.protocol.harness import AGREEMENT, KEY, MASTER, STRANGER, Pair, make_
 from weberlink.protocol import DropReason, Endpoint, Role, State
 from weberlink.protocol.aio.paths import PEER_SHARE
 from weberlink.protocol.aio.queue import MOST_S
-from weberlink.protocol.dialer import Dialer
+from weberlink.protocol.calls import (
+    EXCHANGE_PACE,
+    EXCHANGE_PACE_ENGAGED,
+    KNOWN_MASTERS,
+    REFUSAL_PACE,
+    STALE_PACE,
+    Dialer,
+)
 from weberlink.protocol.handshake import (
     INSTANCE_BYTES,
     PROTOCOL_VERSION,
     HelloHeader,
     LocalEnd,
     pack_agreement,
-)
-from weberlink.protocol.listener import (
-    EXCHANGE_PACE,
-    EXCHANGE_PACE_ENGAGED,
-    KNOWN_MASTERS,
-    REFUSAL_PACE,
-    STALE_PACE,
 )
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import Kind, kind_of

@@ -16,19 +16,10 @@ DATAGRAM = CLEAR + b"what follows is hidden"
 
 
 @pytest.mark.parametrize("security", suites())
-def test_each_end_opens_what_the_other_seals(security: Security) -> None:
-    for sealing, opening in (exchanged(security), exchanged(security)[::-1]):
-        for sequence in (0, 1, 2**24, 2**40):
-            sealed = sealing.seal(sequence, DATAGRAM)
-            assert sealed[:CLEAR_BYTES] == CLEAR
-            assert len(sealed) == len(DATAGRAM) + security.tag_size
-            assert opening.open(sequence, sealed) == DATAGRAM[CLEAR_BYTES:]
-
-
-@pytest.mark.parametrize("security", suites())
 def test_every_flipped_bit_is_found(security: Security) -> None:
     sealing, opening = exchanged(security)
     sealed = sealing.seal(9, DATAGRAM)
+    assert sealed[:CLEAR_BYTES] == CLEAR and len(sealed) == len(DATAGRAM) + security.tag_size
     for bit in range(8 * len(sealed)):
         damaged = bytearray(sealed)
         damaged[bit // 8] ^= 1 << bit % 8

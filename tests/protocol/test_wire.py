@@ -3,7 +3,7 @@
 from itertools import product
 
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.protocol.harness import KEY, forms
@@ -138,8 +138,8 @@ def test_a_harmed_update_is_refused_or_says_what_an_update_can_say(
         found = read(direction, bytes(data))
     except MalformedError:
         return
-    assume(found.update is not None)
-    assert found.update is not None
+    if found.update is None:
+        return
     layout.check(found.update)
     head = (wire.sequence_of(data), found.generation, found.sent, found.echo, found.acks)
     packed = direction.updates[found.kind == Kind.SECOND_UPDATE].pack(
@@ -201,16 +201,62 @@ def test_other_kinds_survive_the_wire(envelope: Envelope, reason: str, body: byt
     assert path == Content(Kind.PATH, True, 0, *envelope[1:], data=body[:8].ljust(8))
 
 
-@given(st.integers(0, 255), st.binary(max_size=120), st.booleans())
-def test_any_bytes_are_read_or_refused(first: int, body: bytes, carries_credit: bool) -> None:
-    stream = (UpdateForm((3, 3), (3, 3)), UpdateForm((3,), (3,)), UpdateForm((3,), None))
-    direction = DirectionLayout([stream], carries_credit=carries_credit)
-    try:
-        found = direction.read(first, body)
-    except MalformedError:
-        return
-    if found.update is not None:
-        direction.updates[0].check(found.update)
+ENVELOPE: Envelope = (1, 0, 2, 3, (None,))
+PADDED = {  # datagrams and their bits after the head, of 33 bits
+    "update": (UpdateLayout(forms(3)).pack(ENVELOPE, 0, Update(1, 0, (1, 2, 3))), 1 + 4 + 9),
+    "update in whole bytes": (UpdateLayout(forms(3)).pack(ENVELOPE, 0, Update(1, 0, (2000, 1, 0))), 1 + 4 + 36),
+    "pair": (
+        UpdateLayout(forms(3)).pack(ENVELOPE, 0, Update(1, 0, (1, 2, 3), PreviousSample(3, (1, 2, 4)))),
+        1 + 4 + 9 + 4 + 1 + 4 + 3,
+    ),
+    "heartbeat": (wire.pack_heartbeat(ENVELOPE, 5), 16),
+    "bye": (wire.pack_bye(ENVELOPE, ""), 0),
+    "change": (wire.pack_change(ENVELOPE, 3, 4, b"", is_answer=False), 32),
+    "path": (wire.pack_path(ENVELOPE, b"", is_answer=True), 0),
+}
+
+
+@pytest.mark.parametrize("name", PADDED)
+def test_a_datagram_ends_where_it_ends_and_zeros_fill_its_last_byte(name: str) -> None:
+    data, bits = PADDED[name]
+    direction = DirectionLayout([forms(3)])
+    read(direction, data)
+    assert len(data) == CLEAR_BYTES - -(33 + bits) // 8
+    for bit in range(-(33 + bits) % 8):
+        with pytest.raises(MalformedError):
+            read(direction, data[:-1] + bytes([data[-1] | 1 << bit]))
+    with pytest.raises(MalformedError):
+        read(direction, data[:-1])
+    if name not in ("bye", "change", "path"):
+        with pytest.raises(MalformedError):
+            read(direction, data + b"\0")
+
+
+def test_what_no_peer_of_these_layouts_sends_is_refused() -> None:
+    direction = DirectionLayout([(UpdateForm((3,), None),)])
+    update = Update(1, 0, (1, 2, 3), ModelParameters(bytes(MOST_PARAMETER_BYTES)))
+    data = direction.updates[0].pack(ENVELOPE, 0, update)
+    assert read(direction, data).update == update._replace(tick=0)
+    for first in (data[0] | 1 << 4, Kind.SECOND_UPDATE, Kind.HELLO, Kind.WELCOME):  # selector, stream, kinds
+        with pytest.raises(MalformedError):
+            direction.read(first, data[CLEAR_BYTES:])
+    with pytest.raises(MalformedError, match="49 bytes"):
+        read(direction, data + b"\0")
+
+
+@given(st.lists(LEVEL, min_size=1, max_size=4).map(tuple), st.integers(1, MAX_GAP))
+def test_groups_and_counts_that_are_cut_are_refused(levels: tuple[int, ...], count: int) -> None:
+    for made, reader in (
+        (
+            strings.put_groups(1, (len(levels),), levels),
+            lambda bits, left: strings.take_groups(bits, left, (len(levels),)),
+        ),
+        (strings.put_count(1, count), strings.take_count),
+    ):
+        size = made.bit_length() - 1
+        for cut in range(1, size):
+            with pytest.raises(MalformedError):
+                reader(made >> cut, size - cut)
 
 
 @given(st.lists(st.one_of(LEVEL.map(lambda level: (level,)), LEVELS, st.integers(1, MAX_GAP)), max_size=6))

@@ -9,8 +9,7 @@ from tests.system.kinds import HAND, changed, says
 from tests.system.systems import configuration, steps
 from weberlink.control.contract import CREDIT_STEP
 from weberlink.protocol.states import State
-from weberlink.system.scoring.bound import accounts_in
-from weberlink.system.scoring.energy import Records
+from weberlink.system.scoring.energy import Records, accounts_in
 from weberlink.system.scoring.session import SessionScore
 from weberlink.system.simulate import build_simulation
 from weberlink.system.simulation import Simulation, as_array

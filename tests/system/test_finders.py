@@ -1,16 +1,21 @@
-"""A path finder of another distribution: its key, its names, the process that hands sockets over, and its secrets."""
+"""A path finder of another distribution: its key, its names, the process that finds paths, and its secrets."""
 
 import socket
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import pytest
 from pydantic import BaseModel
 
+from tests.protocol.harness import make_endpoint
 from tests.system.systems import CONFIGS
 from weberlink.cli.sessions import acquainted
-from weberlink.protocol.aio import hand_over
+from weberlink.protocol import Role
+from weberlink.protocol.aio import UdpShell
+from weberlink.protocol.aio.paths import MakePaths, Paths
 from weberlink.protocol.psk import PresharedKey
 from weberlink.system.composition.link import build_security
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, load
@@ -20,13 +25,19 @@ from weberlink.system.finders import PathFinder, finder_of, finding
 FILE = CONFIGS / "loopback.yaml"
 PROGRAM = """
 import socket, sys
-from weberlink.protocol.aio import hand_over
 
-with socket.socket(fileno=int(sys.argv[2])) as end, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as found:
-    found.bind(("127.0.0.1", 0))
-    hand_over.send(end, hand_over.PathFound(1, 0, sys.argv[1], found.getsockname()), found)
-    hand_over.receive(end)
+with socket.socket(fileno=int(sys.argv[2])) as end:
+    end.send(sys.argv[1].encode())
+    end.recv(1)
 """
+
+
+class Found(Paths):
+    """Paths with the socket to the process that finds them."""
+
+    def __init__(self, *arguments: Any, end: socket.socket) -> None:
+        super().__init__(*arguments)
+        self.end = end
 
 
 class Options(BaseModel):
@@ -43,6 +54,9 @@ class Finder:
 
     def process(self, *, take_over: bool) -> tuple[str, ...]:
         return "finder_of_a_stranger", f"{self.expects} {take_over}"
+
+    def paths(self, end: socket.socket) -> MakePaths:
+        return partial(Found, end=end)
 
     @staticmethod
     def finds_path(options: Options) -> bool:
@@ -61,27 +75,23 @@ def test_the_finder_has_the_key_and_the_names() -> None:
     assert finder_of(load(FILE), MASTER) is None
 
 
-def test_a_process_hands_sockets_over_and_ends_with_the_daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_process_finds_paths_and_ends_with_the_daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "finder_of_a_stranger.py").write_text(PROGRAM)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     asked = configuration(MASTER)
-    with finding(asked, finder_of(asked, MASTER), take_over=True) as end:
-        assert end is not None and not end.getblocking()
-        end.setblocking(True)
-        received = hand_over.receive(end)
-        assert received is not None
-        message, carried = received
-    assert isinstance(message, hand_over.PathFound) and message.peer == "robot True"
-    assert isinstance(carried, socket.socket)
-    with carried:
-        assert carried.getsockname() == message.remote
+    with finding(asked, finder_of(asked, MASTER), take_over=True) as make:
+        shell = UdpShell(make_endpoint(Role.RESPONDER), now=monotonic, paths=make)
+        found = shell._paths
+        assert isinstance(found, Found) and not found.end.getblocking()
+        found.end.setblocking(True)
+        assert found.end.recv(100) == b"robot True"
 
 
 def test_without_a_path_to_find_no_process_is_started() -> None:
     for asked in (configuration(MASTER, finds=False), load(FILE)):
-        with finding(asked, finder_of(asked, MASTER), take_over=False) as end:
-            assert end is None
+        with finding(asked, finder_of(asked, MASTER), take_over=False) as make:
+            assert make is Paths
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ import pytest
 from tests.program import Records
 from tests.program import weberlink as command
 from tests.records import ticks as records_of
-from weberlink.protocol.aio.hand_over import PathFacts
+from weberlink.protocol.aio.paths import PathFacts
 from weberlink.protocol.states import State
 from weberlink.system.journal import Journal
 from weberlink.system.log_file import LogFile

@@ -5,7 +5,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.protocol.aio.hand_over import PathFacts
+from weberlink.protocol.aio.paths import PathFacts
 from weberlink.system.paths import LONGEST, MOST, dscp_words, finding, notable, of_event, path_words, paths_of
 
 RELAYED = PathFacts(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)

@@ -9,10 +9,9 @@ from tests.master.devices.targets import Path, Targets
 from tests.system.systems import configuration
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.pointer import PointerDevice
-from weberlink.system.scenes import SCENES
 from weberlink.system.scoring.energy import Records
 from weberlink.system.scoring.session import SessionScore
-from weberlink.system.simulate import build_simulation, simulate
+from weberlink.system.simulate import build_simulation
 from weberlink.system.simulation import as_array
 
 WALL, HAND = 1500.0, 150.0
@@ -87,12 +86,3 @@ def test_released_handle_has_no_force_and_the_robot_holds(goes_silent: bool, lim
     assert abs(held[0][2]) < 5e-3, "where it was"
     rest = master["position"][after]
     assert lengths(rest - rest[-1]).max() < 5e-3, "so does the hand"
-
-
-@pytest.mark.parametrize("name", list(SCENES))
-def test_every_scene_to_try_is_felt(name: str) -> None:
-    loaded = configuration(*SCENES[name].overrides, file="try.yaml")
-    summary, trace = simulate(loaded, 2.5)
-    assert (summary["outcome"], summary["faults"]) == ("completed", {"master": {}, "slave": {}})
-    assert summary["force"]["packets"] > 2
-    assert 0.5 < lengths(trace.trace.force_n).max() < 10.0

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from tests.system.scoring.test_session import NONE, RATE, records
 from tests.system.test_verdict import clean, figures
-from weberlink.protocol.aio.hand_over import PathFacts
+from weberlink.protocol.aio.paths import PathFacts
 from weberlink.protocol.states import State
 from weberlink.system.paths import paths_of
 from weberlink.system.report import WIDTH, session_report, status_line

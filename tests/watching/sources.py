@@ -1,15 +1,22 @@
 """Records and sources made by hand, for what is tested without a daemon."""
 
+import asyncio
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from threading import Thread
+from time import monotonic
 from typing import Any
 
 import numpy as np
 
 from tests.records import ticks as made_ticks
 from tests.system.systems import CONFIGS
+from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.protocol.states import State
 from weberlink.system.composition.channels import banks, channels
 from weberlink.system.configuration import load
+from weberlink.system.control_socket import ControlSocket
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.ring import RingWriter
 from weberlink.watching.rings import RowSource
@@ -71,3 +78,64 @@ class HandSource(RowSource):
 
 def pieces(made: Records, cuts: list[int]) -> list[Records]:
     return np.split(made, sorted(cut % (len(made) + 1) for cut in cuts))
+
+
+class Daemon:
+    """A side with its telemetry and its control socket, which notes when it was stopped."""
+
+    def __init__(self, folder: Path, session: str, side: str, loop: asyncio.AbstractEventLoop) -> None:
+        self.path = path = folder / f"weberlink-{session}-{side}.ring"
+        self.ring = RingWriter.create(path, side=side, rate_hz=1000.0, capacity=10_000)
+        self.ticks = 0
+        self.tick(20)
+        self.tuning = Tuning(LiveSettings(0.1, "zoh"), {}, lambda *_: None)
+        self.proposed: list[object] = []
+        self.halted_at: float | None = None
+        self.control = ControlSocket(path, self)
+        self.control.open(loop)
+
+    def tick(self, count: int) -> None:
+        write(self.ring, records(count, first=self.ticks, seed=self.ticks))
+        self.ticks += count
+
+    def propose(self, change: object, now: float) -> str | None:
+        self.proposed.append(change)
+        return "a daemon of a test makes no change"
+
+    def stop(self, now: float, reason: str) -> None:
+        raise AssertionError(reason)
+
+    def emergency(self, now: float) -> None:
+        self.halted_at = monotonic()
+
+    def close(self) -> None:
+        self.control.close()
+        self.ring.close()
+
+
+@contextmanager
+def daemons(folder: Path, session: str = "7") -> Iterator[list[Daemon]]:
+    """Both sides of a session, in a thread, that write a record each millisecond."""
+    loop = asyncio.new_event_loop()
+    sides = [Daemon(folder, session, side, loop) for side in ("master", "slave")]
+
+    async def tick() -> None:
+        while not over:
+            for side in sides:
+                side.tick(20)
+            await asyncio.sleep(0.02)
+
+    over: list[bool] = []
+    thread = Thread(target=loop.run_forever)
+    thread.start()
+    ticking = asyncio.run_coroutine_threadsafe(tick(), loop)
+    try:
+        yield sides
+    finally:
+        over.append(True)
+        ticking.result()
+        loop.call_soon_threadsafe(loop.stop)
+        thread.join()
+        for side in sides:
+            side.close()
+        loop.close()

@@ -13,14 +13,13 @@ from time import monotonic, sleep
 
 import numpy as np
 
-from plugins.ros2.tests.ports import endpoint
-from plugins.ros2.tests.publishing import listening, next_target
+from plugins.ros2.tests.rigs import endpoint, listening
 from tests.program import ROOT
 from weberlink.realtime.process import prepare
-from weberlink.testing.time import TICK
+from weberlink.testing.time import TICK, until
 from weberlink_ros2.process import ListenerProcess
 
-SDK = "plugins.ros2.tests.sdk_publisher"
+SDK = "trials.devices.ros2_publisher"
 
 
 def main(seconds: float = 60.0, rate_hz: float = 1000.0) -> None:
@@ -33,7 +32,7 @@ def main(seconds: float = 60.0, rate_hz: float = 1000.0) -> None:
         sdk.stdout.readline()
         sdk.stdin.write("clock\n")
         sdk.stdin.flush()
-        next_target(process)
+        until(process.newest, "a pose", pause=1e-3)
         sys.stdout.write(f"reader: {prepare(50, lock_memory=False, cpu=None).priority.detail}\n")
         try:
             tell(*read(process, seconds), seconds)

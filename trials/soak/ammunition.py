@@ -6,8 +6,8 @@ Pure, but for the key of the one kind that stands for a long recording. Knows no
 from collections.abc import Sequence
 from random import Random
 
+from weberlink.protocol.calls import Dialer
 from weberlink.protocol.counters import SEQUENCE_MASK
-from weberlink.protocol.dialer import Dialer
 from weberlink.protocol.handshake import (
     HELLO_HEADER,
     PROTOCOL_VERSION,

@@ -2,24 +2,22 @@
 
 import atexit
 import re
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from subprocess import DEVNULL, Popen
 from tempfile import TemporaryDirectory
-from time import monotonic, sleep
-from types import TracebackType
 from typing import Self
 
 import pytest
 
-from tests.wait import PATIENCE
+from tests.wait import until
 
 _STARTED = re.compile(r"PrivacyEnhancedSite starting on (\d+)")
 
 
 class MailboxServer:
-    """The server of the package magic-wormhole-mailbox-server, started again by `restart`.
+    """The server of the package magic-wormhole-mailbox-server; what it holds is kept from `stop` to `start`.
 
     Args:
         host: IPv4 address to listen on.
@@ -28,9 +26,8 @@ class MailboxServer:
     """
 
     def __init__(self, host: str = "127.0.0.1", port: int = 0, prefix: tuple[str, ...] = ()) -> None:
-        self.host, self.port = host, port
-        self._prefix = prefix
-        self._process: subprocess.Popen[bytes] | None = None
+        self.host, self.port, self._prefix = host, port, prefix
+        self._process: Popen[bytes] | None = None
 
     @property
     def url(self) -> str:
@@ -45,28 +42,20 @@ class MailboxServer:
         """Start it, and wait until it listens."""
         listen = f"--port=tcp:{self.port}:interface={self.host}"
         database = f"--channel-db={self._folder.name}/channels.sqlite"
-        self._log.write_bytes(b"")
         twist = (sys.executable, "-m", "twisted", f"--log-file={self._log}", "--log-format=text")
-        self._process = subprocess.Popen(
-            [*self._prefix, *twist, "wormhole-mailbox", listen, database],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-        )
-        deadline = monotonic() + PATIENCE
-        while (started := _STARTED.search(self.log)) is None:
-            if self._process.poll() is not None or monotonic() > deadline:
-                self._process.kill()
-                stderr = self._process.communicate()[1].decode(errors="replace")
-                raise RuntimeError(f"the mailbox server did not start: {self.log}{stderr}")
-            sleep(0.02)
+        self._log.write_bytes(b"")
+        command = [*self._prefix, *twist, "wormhole-mailbox", listen, database]
+        self._process = process = Popen(command, stdin=DEVNULL, stdout=DEVNULL)
+        until(lambda: _STARTED.search(self.log) or process.poll() is not None, "the mailbox server")
+        started = _STARTED.search(self.log)
+        if started is None:
+            raise RuntimeError(f"the mailbox server did not start: {self.log}")
         self.port = int(started[1])
 
     def stop(self) -> None:
-        """End it; what it holds for its clients is kept for the next start."""
         if self._process is not None:
             self._process.terminate()
-            self._process.communicate()
+            self._process.wait()
             self._process = None
 
     def __enter__(self) -> Self:
@@ -76,7 +65,7 @@ class MailboxServer:
         self.start()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
         atexit.unregister(self.stop)
         self._folder.cleanup()

@@ -1,16 +1,13 @@
-"""A mailbox server that does what a rule says to the messages of two hosts, in front of a real one.
+"""A mailbox server that changes or drops messages of two hosts, in front of a real one.
 
-The path of the URL is the rule, a word for its phase if it has one, and a token: `ws://127.0.0.1:PORT/drop/pake/slave/7`.
-Connections of one path are those of one trial, in order: first the slave, which invites, then the master.
+The path of the URL is RULE/PHASE/TO, and a token: `ws://127.0.0.1:PORT/drop/pake/slave/7`. Connections of one path are
+those of one trial, in order: first the slave, which invites, then the master.
 """
 
 import asyncio
 import json
 import threading
-from collections import defaultdict
-from collections.abc import Callable
 from contextlib import suppress
-from types import TracebackType
 from typing import Any, Self
 
 from websockets.asyncio.client import ClientConnection, connect
@@ -18,43 +15,30 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 
 Message = dict[str, Any]
-ROLES = ("slave", "master")
 
 
 class Trial:
     """What is known of the connections of one path."""
 
-    def __init__(self, words: list[str]) -> None:
-        self.words = words
+    def __init__(self, path: str) -> None:
+        self.rule, self.phase, self.whom, *_ = *path.strip("/").split("/"), "", ""
         self.sides: list[str] = []
-        self.held: dict[str, list[Message]] = defaultdict(list)
+        self.of_slave: list[Message] = []
         self.seen: list[str] = []
 
-
-def changed(trial: Trial, message: Message) -> list[Message]:
-    """The last bit of a message is another one."""
-    body = bytearray.fromhex(message["body"])
-    body[-1] ^= 1
-    return [message | {"body": body.hex()}]
-
-
-RULES: dict[str, Callable[[Trial, Message], list[Message]]] = {"drop": lambda trial, message: [], "changed": changed}
-"""What arrives instead of a message of the phase and to the host that the path names ("both" for either)."""
-
-
-def arriving(trial: Trial, to: str, message: Message) -> list[Message]:
-    rule, phase, whom = (*trial.words, "", "", "")[:3]
-    if rule in RULES and whom in (to, "both") and message["phase"] == phase:
-        return RULES[rule](trial, message)
-    return [message]
+    def arriving(self, to: str, message: Message) -> list[Message]:
+        """What arrives instead of a message to the host of the side `to`."""
+        if to == "slave":
+            self.of_slave.append(message)
+        if (message["phase"], to) != (self.phase, self.whom) or self.rule not in ("drop", "changed"):
+            return [message]
+        body = bytearray.fromhex(message["body"])
+        body[-1] ^= 1
+        return [] if self.rule == "drop" else [message | {"body": body.hex()}]
 
 
 class MaliciousMailbox:
-    """The server, in a thread of its own.
-
-    Args:
-        real: URL of the real mailbox server.
-    """
+    """The server, in a thread of its own, in front of the one with the URL `real`."""
 
     def __init__(self, real: str) -> None:
         self._real = real
@@ -74,7 +58,7 @@ class MaliciousMailbox:
         assert self._is_ready.wait(10)
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self._loop.call_soon_threadsafe(self._end.set)
         self._thread.join(10)
 
@@ -89,8 +73,7 @@ class MaliciousMailbox:
 
     async def _meet(self, client: ServerConnection) -> None:
         assert client.request is not None
-        path = client.request.path
-        trial = self._trials.setdefault(path, Trial(path.strip("/").split("/")))
+        trial = self._trials.setdefault(client.request.path, Trial(client.request.path))
         async with connect(self._real, close_timeout=0.1) as server:
             bound = json.loads(await client.recv())  # the first message, which names the host's side
             await server.send(json.dumps(bound))
@@ -98,7 +81,11 @@ class MaliciousMailbox:
                 trial.sides.append(bound["side"])
             up = asyncio.create_task(self._up(trial, client, server))
             with suppress(ConnectionClosed):
-                await self._down(trial, bound["side"], client, server)
+                async for text in server:
+                    told, to = json.loads(text), ("slave", "master")[trial.sides.index(bound["side"]) % 2]
+                    is_of_peer = told["type"] == "message" and told["side"] != bound["side"]
+                    for one in trial.arriving(to, told) if is_of_peer else [told]:
+                        await client.send(json.dumps(one))
             up.cancel()
 
     async def _up(self, trial: Trial, client: ServerConnection, server: ClientConnection) -> None:
@@ -107,19 +94,7 @@ class MaliciousMailbox:
             async for text in client:
                 trial.seen.append(str(text))
                 await server.send(text)
-                if json.loads(text)["type"] == "open" and trial.words[0] == "recorded" and len(trial.sides) == 3:
-                    for old in trial.held["slave"]:
+                if json.loads(text)["type"] == "open" and trial.rule == "recorded" and len(trial.sides) == 3:
+                    for old in trial.of_slave:
                         await client.send(json.dumps(old))
         await server.close()
-
-    async def _down(self, trial: Trial, own: str, client: ServerConnection, server: ClientConnection) -> None:
-        """What the server sends to the host of the side `own`."""
-        order = trial.sides.index(own)
-        to = ROLES[order % 2]
-        async for text in server:
-            message = json.loads(text)
-            is_of_peer = message["type"] == "message" and message["side"] != own
-            if is_of_peer:
-                trial.held[to].append(message)
-            for one in arriving(trial, to, message) if is_of_peer else [message]:
-                await client.send(json.dumps(one))

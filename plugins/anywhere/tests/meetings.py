@@ -55,10 +55,10 @@ class Pair:
 class Host:
     """A slave's host, which answers every offer by the paths offered, and remembers the offers."""
 
-    def __init__(self, pairs: Sequence[Pair]) -> None:
+    def __init__(self, pairs: Sequence[Pair], **options: int) -> None:
         self.notes: list[str] = []
         self.offers: list[tuple[str, Offer]] = []
-        self.waiter = Waiter([pair.master for pair in pairs], pairs[0].url, self.notes.append)
+        self.waiter = Waiter([pair.master for pair in pairs], pairs[0].url, self.notes.append, **options)
 
     async def answer(self, peer: Peer, offer: Offer) -> Answer | Busy:
         self.offers.append((peer.label, offer))
@@ -66,9 +66,9 @@ class Host:
 
 
 @asynccontextmanager
-async def waiting(*pairs: Pair) -> AsyncIterator[Host]:
+async def waiting(*pairs: Pair, **options: int) -> AsyncIterator[Host]:
     """A slave that waits, until the end of the `with`."""
-    host = Host(pairs)
+    host = Host(pairs, **options)
     async with running(host.waiter.serve(host.answer)):
         yield host
 
@@ -85,12 +85,7 @@ async def running(work: Coroutine[Any, Any, Any]) -> AsyncIterator[asyncio.Task[
 
 
 class ThirdParty:
-    """A connection of its own to the mailbox of a pair.
-
-    Args:
-        pair: whose mailbox it is.
-        side: as which it opens it.
-    """
+    """A connection of its own to the mailbox of a pair, as a side of its choice."""
 
     def __init__(self, pair: Pair, side: str) -> None:
         self._pair, self._side = pair, side

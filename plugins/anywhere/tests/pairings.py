@@ -1,26 +1,27 @@
 """Pairings of two hosts in one process: attacks of the mailbox, message by message, and of third parties.
 
-    python -m plugins.anywhere.tests.pairings "wrong code,drop 0 both"     one JSON object: the outcome of each trial
+    python -m plugins.anywhere.tests.pairings PATIENCE "wrong code" "drop 0 slave" ...
 
-A process of its own, since the reactor of Twisted runs once. Uses a real mailbox server on loopback, and real folders
-of peers. A trial is a course of events, or a rule of the malicious mailbox.
+Prints one JSON object: the outcome of each trial. A process of its own, since the reactor of Twisted runs once. Uses a
+real mailbox server on loopback, and real folders of peers. A trial is a course of events, or a rule of the malicious
+mailbox.
 """
 
-import argparse
 import json
 import sys
 from collections.abc import Awaitable, Callable
 from contextlib import ExitStack
+from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-from twisted.internet.defer import Deferred, DeferredSemaphore, gatherResults
+from twisted.internet.defer import Deferred, gatherResults
 from wormhole._wordlist import PGPWordList
 
 from plugins.anywhere.tests.mailbox_server import MailboxServer
 from plugins.anywhere.tests.malicious_mailbox import MaliciousMailbox
-from weberlink_anywhere.introduction import PairingError
+from weberlink_anywhere.key_confirmation import PairingError
 from weberlink_anywhere.order import PairingOrder
 from weberlink_anywhere.pairing import PairingSession, events_out, reactor
 from weberlink_anywhere.peers import Peer, PeerStore
@@ -40,64 +41,53 @@ class End(NamedTuple):
 Ends = dict[str, End]
 
 
-class Host:
-    """One end of a pairing, with a store of its own."""
+class Rig:
+    """Makes hosts and lets them meet; `short` is the patience where a message never comes [s]."""
 
-    def __init__(self, side: str, name: str, folder: Path) -> None:
-        self.side, self.name, self.store = side, name, PeerStore(folder)
+    def __init__(self, folder: Path, short: float) -> None:
+        self._folder, self._numbers, self.short = folder, count(1), short
 
-    async def meet(self, mailbox: str, code: str = "", patience_s: float = LONG, shown: Any = None) -> End:
-        """Pair; calls `shown` back with the code."""
-        words = (self.side, self.name, str(self.store.folder), mailbox, code, "", 2 * patience_s, patience_s)
+    def store(self) -> PeerStore:
+        return PeerStore(self._folder / str(next(self._numbers)))
+
+    async def meet(
+        self, side: str, mailbox: str, code: str = "", patience_s: float = LONG, shown: "Deferred[str] | None" = None
+    ) -> End:
+        """A new host that invites, and calls `shown` back with the code, or that joins by one."""
+        if not code and shown is None:
+            return End(None, "no code was shown", [])
+        store = self.store()
+        name = f"{side} {store.folder.name}"
 
         def tell(key: str, text: str) -> None:
-            if key == "code":
+            if key == "code" and shown is not None:
                 shown.callback(text)
 
+        order = PairingOrder(side, name, str(store.folder), mailbox, code, "", 2 * patience_s, patience_s)
         try:
-            peer = await PairingSession(PairingOrder(*words), tell).run()
+            peer = await PairingSession(order, tell).run()
         except PairingError as error:
             if shown is not None and not shown.called:
                 shown.callback("")
-            return End(None, str(error), list(self.store))
-        return End(peer, "", list(self.store))
-
-    async def join(self, mailbox: str, code: str, patience_s: float = LONG) -> End:
-        return await self.meet(mailbox, code, patience_s) if code else End(None, "no code was shown", [])
-
-
-class Rig:
-    """Makes hosts and lets them meet.
-
-    Args:
-        folder: of all stores.
-        short: patience where a message never comes [s].
-    """
-
-    def __init__(self, folder: Path, short: float) -> None:
-        self._folder, self._hosts, self.short = folder, 0, short
-
-    def host(self, side: str) -> Host:
-        self._hosts += 1
-        return Host(side, f"{side} {self._hosts}", self._folder / str(self._hosts))
+            return End(None, str(error), list(store))
+        return End(peer, "", list(store))
 
     async def pair(
         self,
         mailbox: str,
         patience_s: float = LONG,
         *,
-        master: Host | None = None,
+        joins: str = "master",
         typed: Callable[[str], str] = str,
         between: Callable[[str], Awaitable[object]] | None = None,
     ) -> Ends:
         """One invites, the other joins with what it `typed` for the code; `between` runs before it joins."""
-        slave, master = self.host("slave"), master or self.host("master")
         shown: Deferred[str] = Deferred()
-        invited = Deferred.fromCoroutine(slave.meet(mailbox, "", patience_s, shown))
+        invited = Deferred.fromCoroutine(self.meet("slave", mailbox, "", patience_s, shown))
         code = await shown
         if between is not None and code:
             await between(code)
-        joined = await master.join(mailbox, typed(code) if code else "", patience_s)
+        joined = await self.meet(joins, mailbox, typed(code) if code else "", patience_s)
         return {"slave": await invited, "master": joined}
 
 
@@ -119,36 +109,34 @@ def is_sound(ends: Ends) -> bool:
 async def recorded(rig: Rig, url: str) -> Ends:
     """After a pairing, the mailbox gives the next one that invites what the first got."""
     first = await rig.pair(url)
-    return first | {"second slave": await rig.host("slave").meet(url, "", LONG, Deferred())}
+    return first | {"second slave": await rig.meet("slave", url, shown=Deferred())}
 
 
 async def with_third(rig: Rig, url: str, *, is_first: bool) -> Ends:
     """A third host comes before the master with a wrong code, or after the two with the right one."""
-    thief, codes, ends = rig.host("master"), [], dict[str, End]()
+    codes, ends = [], dict[str, End]()
 
     async def between(code: str) -> None:
         codes.append(code)
         if is_first:
-            ends["thief"] = await thief.meet(url, wrong(code))
+            ends["thief"] = await rig.meet("master", url, wrong(code))
 
     ends |= await rig.pair(url, rig.short if is_first else LONG, between=between)
-    return ends if is_first else ends | {"thief": await thief.join(url, codes[0], rig.short)}
+    return ends if is_first else ends | {"thief": await rig.meet("master", url, codes[0], rig.short)}
 
 
-COURSES: dict[str, tuple[Callable[[Rig, str], Awaitable[Ends]], str]] = {
-    "wrong code": (lambda rig, url: rig.pair(url, typed=wrong), ""),
-    "two slaves": (lambda rig, url: rig.pair(url, master=rig.host("slave")), ""),
-    "recorded": (recorded, "recorded"),
+COURSES: dict[str, Callable[[Rig, str], Awaitable[Ends]]] = {
+    "wrong code": lambda rig, url: rig.pair(url, typed=wrong),
+    "two slaves": lambda rig, url: rig.pair(url, joins="slave"),
+    "recorded": recorded,
+    "third party first": lambda rig, url: with_third(rig, url, is_first=True),
+    "code used twice": lambda rig, url: with_third(rig, url, is_first=False),
 }
-"""What happens, and the rule of the mailbox; "" for the real one."""
-ALONE: dict[str, Callable[[Rig, MailboxServer], Awaitable[Ends]]] = {
-    "third party first": lambda rig, server: with_third(rig, server.url, is_first=True),
-    "code used twice": lambda rig, server: with_third(rig, server.url, is_first=False),
-}
+ALONE = ("third party first", "code used twice")
 """With a server of their own, which gives the number of a void code to nobody else."""
 
 
-async def attacks(names: tuple[str, ...], patience_s: float) -> dict[str, Any]:
+async def attacks(patience_s: float, names: list[str]) -> dict[str, Any]:
     """Run the trials of these names at once, after an honest pairing, whose messages are searched for secrets."""
     with ExitStack() as stack:
         server = stack.enter_context(MailboxServer())
@@ -156,16 +144,15 @@ async def attacks(names: tuple[str, ...], patience_s: float) -> dict[str, Any]:
         rig = Rig(Path(stack.enter_context(TemporaryDirectory())), patience_s)
 
         def trial(name: str) -> Awaitable[Ends]:
+            if name not in COURSES:
+                return rig.pair(evil.url(name.replace(" ", "/"), 0), rig.short)
             if name in ALONE:
-                return ALONE[name](rig, stack.enter_context(MailboxServer()))
-            if name in COURSES:
-                course, rule = COURSES[name]
-                return course(rig, evil.url(rule, name.replace(" ", "")) if rule else server.url)
-            return rig.pair(evil.url(name.replace(" ", "/"), 0), rig.short)
+                return COURSES[name](rig, stack.enter_context(MailboxServer()).url)
+            return COURSES[name](rig, evil.url(name.replace(" ", ""), 0))
 
-        url, turns = evil.url("honest", 0), DeferredSemaphore(32)
+        url = evil.url("honest", 0)
         honest = await rig.pair(url)
-        done = await gatherResults([turns.run(Deferred.fromCoroutine, trial(name)) for name in names])
+        done = await gatherResults([Deferred.fromCoroutine(trial(name)) for name in names])
         peer = honest["slave"].peer
         assert peer is not None, honest
         told = "".join(evil.trial(url).seen)
@@ -181,20 +168,18 @@ async def attacks(names: tuple[str, ...], patience_s: float) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("trials", help="their names, with commas")
-    parser.add_argument("--patience", type=float, default=3.0)
-    arguments, found, out = parser.parse_args(), [], events_out()
+    found: list[dict[str, Any]] = []
+    out = events_out()
 
     def begin() -> None:
-        done: Any = Deferred.fromCoroutine(attacks(tuple(arguments.trials.split(",")), arguments.patience))
+        done: Any = Deferred.fromCoroutine(attacks(float(sys.argv[1]), sys.argv[2:]))
         done.addCallback(found.append)
         done.addErrback(lambda failure: failure.printTraceback(sys.stderr))
         done.addBoth(lambda _: reactor.stop())
 
     reactor.callWhenRunning(begin)
     reactor.run()
-    out.write(json.dumps(found[0], ensure_ascii=False) + "\n" if found else "")
+    out.write("".join(json.dumps(each, ensure_ascii=False) for each in found))
     out.flush()
     sys.exit(not found)
 

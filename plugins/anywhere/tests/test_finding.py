@@ -1,23 +1,27 @@
-"""A daemon and the process that finds its paths: what it is asked, what is published, and what its end means."""
+"""Whom a side meets, what its daemon asks of the process that finds paths, and what the end of that process means."""
 
 import json
 import os
 import signal
 from contextlib import suppress
 from pathlib import Path
+from typing import Literal
 
 import pytest
 
 from plugins.anywhere.tests import FILE
-from tests.program import Program, document
+from tests.program import Program, document, weberlink
 from tests.test_child_process import executed
 from tests.wait import until
-from weberlink.protocol.aio import hand_over
-from weberlink.protocol.aio.hand_over import PathFacts, PathNews
-from weberlink.protocol.aio.paths import FINDER_ENDED
+from weberlink.protocol.aio.paths import PathFacts
+from weberlink.protocol.keyring import Keyring
+from weberlink.protocol.psk import PresharedKey
 from weberlink.system import description
-from weberlink.system.configuration import MASTER, SLAVE, Configuration, load
+from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, load
 from weberlink.system.finders import finder_of, running
+from weberlink_anywhere import hand_over
+from weberlink_anywhere.found_paths import FINDER_ENDED
+from weberlink_anywhere.hand_over import PathNews
 from weberlink_anywhere.order import FinderOrder, PairingOrder
 from weberlink_anywhere.pair import start
 from weberlink_anywhere.path_finder import Anywhere
@@ -25,37 +29,82 @@ from weberlink_anywhere.peers import KEY_BYTES, Peer, PeerStore
 
 __all__ = ["executed"]
 NOWHERE = "ws://127.0.0.1:1/v1"
-FINDER = b"weberlink_anywhere.finder"
-OPERATOR = Peer("lab", "operator", "robot", "master", bytes(KEY_BYTES))
-ROBOT = Peer("arm", "robot", "operator", "slave", bytes(KEY_BYTES))
+
+
+def peer(label: str, role: Literal["master", "slave"], own: str = "here") -> Peer:
+    return Peer(label, f"{label}'s own name", own, role, bytes(KEY_BYTES))
 
 
 @pytest.fixture
 def store(tmp_path: Path) -> PeerStore:
-    """One operator and one robot that know each other."""
+    """One operator and one robot that this host knows."""
     made = PeerStore(tmp_path / "peers")
-    made.add(OPERATOR)
-    made.add(ROBOT)
+    made.add(peer("ann", "master"))
+    made.add(peer("arm", "slave"))
     return made
 
 
 def loaded(store: PeerStore, side: str, *overrides: str) -> Configuration:
-    return load(FILE, [f"link.finder.peer_store={store.folder}", *overrides], sides=[side])
+    return load(FILE, [f"link.finder.{each}" for each in (f"peer_store={store.folder}", *overrides)], sides=[side])
+
+
+def met(store: PeerStore, side: str, *overrides: str) -> Anywhere:
+    found = finder_of(loaded(store, side, *overrides), side)
+    assert isinstance(found, Anywhere)
+    return found
+
+
+def test_master_calls_the_only_robot_that_it_knows(store: PeerStore) -> None:
+    found = met(store, MASTER)
+    assert isinstance(found.security, PresharedKey)
+    assert (found.own, found.expects) == ("here", "arm's own name")
+
+
+def test_slave_waits_for_all_operators_or_for_one(store: PeerStore) -> None:
+    store.add(peer("bob", "master", own="here:47001"))
+    with pytest.raises(ConfigurationError, match="ann, bob know this host by different names: here, here:47001"):
+        met(store, SLAVE)
+    found = met(store, SLAVE, "peer=bob")
+    assert (found.own, found.expects) == ("here:47001", "bob's own name")
+    store.remove("bob")
+    store.add(peer("bob", "master"))
+    found = met(store, SLAVE)
+    assert isinstance(found.security, Keyring)
+    assert [each.label for each in found.peers] == ["ann", "bob"] and found.expects == ""
+
+
+@pytest.mark.parametrize(
+    ("label", "overrides", "complaint"),
+    [
+        ("arm", (), "no slave is known; pair with --invite and --join"),
+        ("", ("peer=leg",), "there is no peer 'leg'; known: ann, arm"),
+        ("", ("peer=ann",), "ann is a master, and so is this side"),
+    ],
+)
+def test_unclear_peer_is_named(store: PeerStore, label: str, overrides: tuple[str, ...], complaint: str) -> None:
+    if label:
+        store.remove(label)
+    with pytest.raises(ConfigurationError, match=complaint):
+        met(store, MASTER, *overrides)
+
+
+def test_of_several_robots_one_must_be_named(store: PeerStore) -> None:
+    store.add(peer("leg", "slave"))
+    with pytest.raises(ConfigurationError, match="several robots are known, say which: arm, leg"):
+        met(store, MASTER)
+    assert met(store, MASTER, "peer=leg").expects == "leg's own name"
+    told = weberlink("doctor", FILE, "--link", "nobody", "--set", f"link.finder.peer_store={store.folder}")
+    assert (told.status, "there is no peer 'nobody'" in told.errors) == (2, True)
 
 
 def test_order_holds_what_the_file_says(store: PeerStore) -> None:
-    configuration = loaded(
-        store, MASTER, "link.finder.paths=2", 'link.finder.interfaces=["wlan0","usb0"]', "link.dscp=34"
-    )
-    finder = finder_of(configuration, MASTER)
-    assert isinstance(finder, Anywhere)
-    order = finder.order(take_over=True)
+    order = met(store, MASTER, "paths=2", 'interfaces=["wlan0","usb0"]').order(take_over=True)
     assert (order.side, order.peers, order.store) == (MASTER, ("arm",), str(store.folder))
     assert (order.mailbox, order.stun) == ("ws://relay.example:4000/v1", "relay.example:3478")
     assert order.turn is not None and order.turn["server"] == "relay.example:3478"
     assert (order.turn["secret_file"], order.turn["credentials_file"]) == (str(FILE.parent / "turn.secret"), None)
+    assert (order.paths, order.interfaces, order.dscp, order.take_over) == (2, ("wlan0", "usb0"), 46, True)
     assert FinderOrder.from_json(order.to_json()) == order
-    assert (order.paths, order.interfaces, order.dscp, order.take_over) == (2, ("wlan0", "usb0"), 34, True)
 
 
 def test_description_names_paths_and_no_secrets(store: PeerStore, tmp_path: Path) -> None:
@@ -63,13 +112,10 @@ def test_description_names_paths_and_no_secrets(store: PeerStore, tmp_path: Path
     published = description.Description(ring, description.describe(loaded(store, MASTER), MASTER))
     published.publish({"name": "robot"}, [PathFacts(1, "relayed", "relay.example", "wlan0", "192.0.2.1:3478", dscp=0)])
     found = description.read(ring)
-    assert found is not None
-    assert found["peer"] == {"name": "robot"}
+    assert found is not None and found["peer"] == {"name": "robot"}
     (path,) = found["paths"]
     assert (path["place"], path["route"], path["via"], path["dscp"]) == (1, "relayed", "relay.example", 0)
-    text = json.dumps(found)
-    assert "turn.secret" not in text
-    assert str(store.folder) not in text
+    assert not any(secret in json.dumps(found) for secret in ("turn.secret", str(store.folder)))
 
 
 def end_finder(program: Program) -> bool:
@@ -77,7 +123,7 @@ def end_finder(program: Program) -> bool:
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         with suppress(FileNotFoundError, ProcessLookupError):
             parent = int((path.parent / "stat").read_text(errors="replace").rpartition(")")[2].split()[1])
-            if FINDER in path.read_bytes() and parent in program.daemons():
+            if b"weberlink_anywhere.finder" in path.read_bytes() and parent in program.daemons():
                 os.kill(int(path.parent.name), signal.SIGKILL)
                 return True
     return not program.children()
@@ -85,12 +131,8 @@ def end_finder(program: Program) -> bool:
 
 @pytest.mark.realtime
 def test_waiting_slave_fails_once_its_finder_has_ended(store: PeerStore) -> None:
-    overrides = (
-        f"link.finder.peer_store={store.folder}",
-        "link.finder.mailbox=ws://127.0.0.1:9/v1",
-        "link.finder.turn=null",
-    )
-    settings = [word for override in overrides for word in ("--set", override)]
+    overrides = (f"peer_store={store.folder}", "mailbox=ws://127.0.0.1:9/v1", "turn=null")
+    settings = [word for override in overrides for word in ("--set", f"link.finder.{override}")]
     with Program("slave", FILE, *settings, "--json", "-") as program:
         program.telemetry(SLAVE)
         until(lambda: end_finder(program), "the finder")

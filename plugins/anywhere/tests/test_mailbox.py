@@ -6,16 +6,14 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 from select import select
-from socket import socket
-from time import monotonic
 
 import pytest
 from websockets.asyncio.server import ServerConnection, serve
 
 from plugins.anywhere.tests.meetings import PATIENCE, Pair, in_loop
-from weberlink.protocol.aio import hand_over
-from weberlink.protocol.aio.hand_over import PathNews
 from weberlink.system.finders import running
+from weberlink_anywhere import hand_over
+from weberlink_anywhere.hand_over import PathNews
 from weberlink_anywhere.mailbox import MailboxRefuses
 from weberlink_anywhere.order import FinderOrder
 from weberlink_anywhere.peers import PeerStore
@@ -70,18 +68,9 @@ async def test_daemon_hears_of_a_long_refusal_and_the_finder_lives_on(side: str,
         PeerStore(tmp_path).add(peer)
         order = FinderOrder(side, (peer.label,), str(tmp_path), url)
         with running(("weberlink_anywhere.finder", order.to_json())) as end:
-            news = await asyncio.to_thread(first_news, end)
+            end.setblocking(True)
+            received = await asyncio.to_thread(hand_over.receive, end)
+            assert received is not None and isinstance(news := received[0], PathNews)
             assert is_line(news.text) and "xxx" in news.text
-            while select([end], [], [], 0.0)[0]:
+            while select([end], [], [], 0.1)[0]:
                 assert hand_over.receive(end) is not None, "the finder has ended"
-
-
-def first_news(end: socket) -> PathNews:
-    """What the finder tells first."""
-    deadline = monotonic() + PATIENCE
-    while select([end], [], [], deadline - monotonic())[0]:
-        received = hand_over.receive(end)
-        assert received is not None, "the finder has ended"
-        if isinstance(received[0], PathNews):
-            return received[0]
-    raise AssertionError("the finder said nothing")

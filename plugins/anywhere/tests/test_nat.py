@@ -16,20 +16,10 @@ KINDS = list(product(Behaviour, Behaviour))
 
 
 class EmulatedNat:
-    """Behind it, servers that answer as RFC 5780 says.
+    """Behind it, servers that answer as RFC 5780 says, at the `alive` addresses; one at `FIRST` has `OTHER` too."""
 
-    Args:
-        mapping, filtering: of the NAT.
-        two_ended: whether servers at `FIRST` have `OTHER` too.
-        alive: addresses that answer.
-    """
-
-    def __init__(
-        self, mapping: Behaviour, filtering: Behaviour, alive: Sequence[Address], *, two_ended: bool = True
-    ) -> None:
-        self._mapping, self._filtering = mapping, filtering
-        self._two_ended = two_ended
-        self._alive = alive
+    def __init__(self, mapping: Behaviour, filtering: Behaviour, alive: Sequence[Address]) -> None:
+        self._mapping, self._filtering, self._alive = mapping, filtering, alive
         self._ports: dict[object, int] = {}
         self._sent_to: set[Address] = set()
 
@@ -38,34 +28,23 @@ class EmulatedNat:
         self._sent_to.add(server)
         if server not in self._alive:
             return None
-        has_ends = self._two_ended and server[0] in (FIRST[0], OTHER[0])
-        other = (self._opposite(server[0]), 6957 - server[1]) if has_ends else None
-        source = server
-        if other is not None:
+        source, other = server, None
+        if server[0] in (FIRST[0], OTHER[0]):
+            other = (OTHER[0] if server[0] == FIRST[0] else FIRST[0], 6957 - server[1])
             source = (
                 other[0] if question.from_other_address else server[0],
                 other[1] if question.from_other_port else server[1],
             )
-        return Reply(self._mapped(server), source, other) if self._lets_in(source) else None
+        if not any(self._seen(self._filtering, source) == self._seen(self._filtering, to) for to in self._sent_to):
+            return None
+        port = self._ports.setdefault(self._seen(self._mapping, server), 20_000 + len(self._ports))
+        return Reply(("198.51.100.7", port), source, other)
 
     @staticmethod
-    def _opposite(host: str) -> str:
-        return OTHER[0] if host == FIRST[0] else FIRST[0]
-
-    def _mapped(self, destination: Address) -> Address:
-        key = {
-            Behaviour.INDEPENDENT: None,
-            Behaviour.ADDRESS: destination[0],
-            Behaviour.ADDRESS_AND_PORT: destination,
-        }[self._mapping]
-        return "198.51.100.7", self._ports.setdefault(key, 20_000 + len(self._ports))
-
-    def _lets_in(self, source: Address) -> bool:
-        if self._filtering is Behaviour.INDEPENDENT:
-            return True
-        if self._filtering is Behaviour.ADDRESS:
-            return source[0] in {host for host, _ in self._sent_to}
-        return source in self._sent_to
+    def _seen(behaviour: Behaviour, address: Address) -> object:
+        """What a behaviour tells addresses apart by."""
+        whole, host = behaviour is Behaviour.ADDRESS_AND_PORT, behaviour is Behaviour.ADDRESS
+        return address if whole else address[0] if host else None
 
 
 def talk(nat: EmulatedNat, servers: Sequence[Address], local: Address = LOCAL) -> Nat | None:

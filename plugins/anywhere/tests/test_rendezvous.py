@@ -1,14 +1,13 @@
 """Known peers meet at the real mailbox server, whatever it and others do."""
 
 import asyncio
-import os
 
 import pytest
 
 from plugins.anywhere.tests.mailbox_server import MailboxServer, mailbox
 from plugins.anywhere.tests.meetings import PATHS, PATIENCE, Host, Pair, ThirdParty, in_loop, running, waiting
 from weberlink_anywhere.peers import Peer
-from weberlink_anywhere.rendezvous import TOO_MANY, presence
+from weberlink_anywhere.rendezvous import presence
 from weberlink_anywhere.signalling import Answer, Busy, MailboxUnreachable, Offer, PeerAbsent, Presence
 
 __all__ = ["mailbox"]
@@ -16,23 +15,17 @@ pytestmark = pytest.mark.realtime
 
 
 @in_loop
-async def test_call_is_answered(mailbox: MailboxServer) -> None:
-    pair = Pair(mailbox.url)
+async def test_call_is_answered_and_an_absent_peer_said_in_one_line(mailbox: MailboxServer) -> None:
+    pair, absent = Pair(mailbox.url), Pair(mailbox.url)
     async with waiting(pair) as host:
         for _ in range(3):
             assert await pair.call() == Answer(PATHS)
+        assert await presence(absent.slave, 0.4) == Presence(here=False)
+    with pytest.raises(PeerAbsent, match=rf"^robot is not there: .* {mailbox.url}$"):
+        await absent.call(timeout=0.4)
     assert [(label, offer.paths) for label, offer in host.offers] == 3 * [("anna", PATHS)]
     assert len({offer.attempt for _, offer in host.offers}) == 3
     assert host.notes == []
-
-
-@in_loop
-async def test_absent_peer_is_said_in_one_line(mailbox: MailboxServer) -> None:
-    pair = Pair(mailbox.url)
-    with pytest.raises(PeerAbsent, match=rf"^robot is not there: .* {mailbox.url}$"):
-        await pair.call(timeout=0.4)
-    async with waiting(Pair(mailbox.url)):
-        assert await presence(pair.slave, 0.4) == Presence(here=False)
 
 
 @pytest.mark.parametrize(
@@ -105,11 +98,11 @@ async def test_both_ends_survive_a_restart_of_the_server(mailbox: MailboxServer)
 @in_loop
 async def test_waiter_empties_a_mailbox_of_many_messages(mailbox: MailboxServer) -> None:
     pair = Pair(mailbox.url)
-    async with waiting(pair) as host, ThirdParty(pair, pair.sealing.other_side) as party:
+    async with waiting(pair, too_many=40) as host, ThirdParty(pair, pair.sealing.other_side) as party:
         assert await presence(pair.slave, PATIENCE) == Presence(here=True)
-        for _ in range(TOO_MANY):
-            await party.add("call", "00" * 40)
-        assert len(await party.stored()) == TOO_MANY + 2
+        for _ in range(40):
+            await party.add("call", "00" * 40)  # also of who has no key: nothing comes of it
+        assert len(await party.stored()) == 40 + 2
         host.waiter.renew()
         async with ThirdParty(pair, pair.sealing.side) as own:
             while await own.stored():
@@ -137,34 +130,6 @@ async def test_repeated_messages_are_not_answered_again(mailbox: MailboxServer) 
     async with waiting(pair) as other:  # after a start, which forgets what it heard
         await presence(pair.slave, PATIENCE)
         assert other.offers == []
-
-
-@in_loop
-async def test_answer_of_an_earlier_call_does_not_count(mailbox: MailboxServer) -> None:
-    pair = Pair(mailbox.url)
-    async with waiting(pair):
-        await pair.call()
-    with pytest.raises(PeerAbsent):
-        async with running(pair.call(timeout=1.0)) as call, ThirdParty(pair, pair.sealing.side) as party:
-            for each in await party.stored():
-                await party.add(each["phase"], each["body"])
-            await call
-
-
-@in_loop
-async def test_messages_without_the_key_change_nothing(mailbox: MailboxServer) -> None:
-    pair, stranger = Pair(mailbox.url), Pair(mailbox.url)
-    async with waiting(pair) as host:
-        for side in (pair.sealing.side, pair.sealing.other_side):
-            async with ThirdParty(pair, side) as party:
-                for phase in ("call", "ready", "offer", "answer", "busy", "nonsense"):
-                    await party.add(phase, os.urandom(80).hex())
-                    await party.add(phase, "no hexadecimal")
-                    await party.add(phase, stranger.sealing.seal(phase, [b"a", b"n", "bob"]))
-                await party.stored()
-        assert await pair.call() == Answer(PATHS)
-        assert len(host.offers) == 1
-        assert host.notes == []
 
 
 @in_loop

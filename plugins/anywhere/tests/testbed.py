@@ -17,8 +17,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic
-from types import TracebackType
-from typing import Self
+from typing import NamedTuple, Self
 
 from plugins.anywhere.tests.mailbox_server import MailboxServer
 from plugins.anywhere.tests.namespaces import SERVER, SERVER_NAME, Namespace
@@ -69,107 +68,53 @@ _RULES = {
 
 
 class Router:
-    """The way of one network interface of a host to the public net.
-
-    Args:
-        space: that of the router.
-        number: unique in an internet, 1 to 15.
-        nat: one of `NATS`.
-        interface: name of the interface at the host.
-    """
+    """The way of one network interface of a host to the public net; `number` is unique in an internet, 1 to 15."""
 
     def __init__(
         self, public: Namespace, host: Namespace, space: Namespace, number: int, nat: str, interface: str
     ) -> None:
-        self.nat, self.space = nat, space
-        self._number, self._public, self._host, self._interface = number, public, host, interface
+        self.space, self.host, self.interface = space, host, interface
         self.outside = f"203.0.113.{10 + number}"
-        lan, self._size = (f"198.51.100.{16 * number}", 28) if nat == NONE else _PRIVATE[interface]
-        self._base, last = lan.rsplit(".", 1)
-        self._first = int(last) + 1
-        self.address = f"{self._base}.{self._first + 1}"
-        """That of the host."""
-        self._connect()
-        self.space.set_sysctl("ipv4/ip_forward", 1)
-        self.space.nft(_RULES[nat])
-
-    def _connect(self) -> None:
-        gateway = f"{self._base}.{self._first}"
-        port = f"port{self._number}"
-        self._public.ip(
-            f"link add {port} type veth peer name outside netns {self.space.name}", f"link set {port} master net up"
-        )
-        self.space.ip(
-            f"link add inside type veth peer name {self._interface} netns {self._host.name}",
+        net, self.size = (f"198.51.100.{16 * number}", 28) if nat == NONE else _PRIVATE[interface]
+        base, last = net.rsplit(".", 1)
+        self.gateway, self.address = (f"{base}.{int(last) + each}" for each in (1, 2))
+        """Of the router inside, and of the host."""
+        port = f"port{number}"
+        public.ip(f"link add {port} type veth peer name outside netns {space.name}", f"link set {port} master net up")
+        space.ip(
+            f"link add inside type veth peer name {interface} netns {host.name}",
             f"addr add {self.outside}/24 dev outside",
-            f"addr add {gateway}/{self._size} dev inside",
+            f"addr add {self.gateway}/{self.size} dev inside",
             "link set inside up",
             "link set outside up",
             f"route add default via {SERVER}",
         )
-        if self.nat == NONE:
-            self._public.ip(f"route add {self._base}.{self._first - 1}/{self._size} via {self.outside}")
+        if nat == NONE:
+            public.ip(f"route add {net}/{self.size} via {self.outside}")
         self.connect_host()
+        space.set_sysctl("ipv4/ip_forward", 1)
+        space.nft(_RULES[nat])
 
     def connect_host(self) -> None:
-        """Plug the host in, also again after `unplug`."""
+        """Plug the host in, perhaps again."""
         # An interface with a larger number is the second choice of a host that does not name one.
-        self._host.ip(
-            f"addr replace {self.address}/{self._size} dev {self._interface}",
-            f"link set {self._interface} up",
-            f"route replace default via {self._base}.{self._first} dev {self._interface} "
-            f"metric {100 if self._interface == FIRST else 200}",
+        self.host.ip(
+            f"addr replace {self.address}/{self.size} dev {self.interface}",
+            f"link set {self.interface} up",
+            f"route replace default via {self.gateway} dev {self.interface} "
+            f"metric {100 if self.interface == FIRST else 200}",
         )
-
-    def unplug(self) -> None:
-        """Take the host's interface down."""
-        self._host.ip(f"link set {self._interface} down")
-
-    def readdress(self) -> None:
-        """Give the host another address in its net, as a DHCP server may."""
-        before = self.address
-        last = int(before.rsplit(".", 1)[1])
-        self.address = f"{self._base}.{last + 1}"
-        self._host.ip(f"addr del {before}/{self._size} dev {self._interface}")
-        self.connect_host()
-
-    def renumber(self) -> None:
-        """Give the router another public address, as a provider may; all mappings are lost."""
-        before, self.outside = self.outside, f"203.0.113.{int(self.outside.rsplit('.', 1)[1]) + 100}"
-        self.space.ip(
-            f"addr del {before}/24 dev outside",
-            f"addr add {self.outside}/24 dev outside",
-            f"route replace default via {SERVER}",
-        )
-        if self.nat == NONE:
-            self._public.ip(f"route replace {self._base}.{self._first - 1}/{self._size} via {self.outside}")
-        else:
-            self.space.forget_connections()
-
-    def forget(self) -> None:
-        """Lose all mappings; the next datagram of the host gets another one."""
-        self.space.forget_connections()
-
-    def set_silent(self, is_silent: bool) -> None:
-        """Pass nothing, without any sign of it at the host."""
-        self.space.ip(f"link set outside {'down' if is_silent else 'up'}")
-        if not is_silent:
-            self.space.ip(f"route replace default via {SERVER}")
-
-    def set_timeout(self, seconds: int) -> None:
-        """How long an unused mapping lives."""
-        self.space.set_sysctl("netfilter/nf_conntrack_udp_timeout", seconds)
-        self.space.set_sysctl("netfilter/nf_conntrack_udp_timeout_stream", seconds)
 
 
 _PRIVATE = {FIRST: ("192.168.1.0", 24), SECOND: ("10.64.0.0", 24)}
 
 
-class Home:
+class Home(NamedTuple):
     """A host, and its router for each interface."""
 
-    def __init__(self, host: Namespace, first: Router, second: Router | None) -> None:
-        self.space, self.first, self.second = host, first, second
+    space: Namespace
+    first: Router
+    second: Router | None
 
     @property
     def prefix(self) -> tuple[str, ...]:
@@ -178,15 +123,10 @@ class Home:
 
 
 class Relay:
-    """coturn as shipped (configs/relay), in a namespace, with `SECRET`.
-
-    Args:
-        folder: for its secret and configuration.
-    """
+    """coturn as shipped (configs/relay), in a namespace, with `SECRET`."""
 
     def __init__(self, space: Namespace, folder: Path) -> None:
-        self._space = space
-        self._folder = folder
+        self._space, self._folder = space, folder
         self._process: subprocess.Popen[bytes] | None = None
         secret = folder / "turn.secret"
         secret.touch(mode=0o600)
@@ -196,13 +136,10 @@ class Relay:
 
     def start(self) -> None:
         """Start it, and wait until it answers."""
+        environment = {**os.environ, "RUNTIME_DIRECTORY": str(self._folder)}
         with (self._folder / "log").open("wb") as log:
             self._process = subprocess.Popen(
-                self._command,
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=log,
-                env={**os.environ, "RUNTIME_DIRECTORY": str(self._folder)},
+                self._command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=environment
             )
         with self._space.entered():
             asking = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -251,7 +188,7 @@ class Internet:
             raise
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self._stack.close()
 
     def home(self, nat: str, second: str | None = None) -> Home:

@@ -6,6 +6,7 @@ from time import monotonic, sleep
 
 import numpy as np
 
+from plugins.anywhere.tests.namespaces import SERVER
 from plugins.anywhere.tests.testbed import CONE, FIRST, SECOND, SYMMETRIC, Router
 from plugins.anywhere.trials.interruption import EITHER, NOTHING, SILENCE, Interruption, measure, violated
 from plugins.anywhere.trials.scene import FILE, MEET_S, SCRIPT, Scene, scene, waits
@@ -44,49 +45,77 @@ class Fault:
     after_s: float = 3.0
 
 
-def first(place: Scene) -> Router:
-    return place.operator.home.first
+def unplug(router: Router) -> None:
+    """Take the host's interface down."""
+    router.host.ip(f"link set {router.interface} down")
 
 
-def unplug(place: Scene) -> None:
-    first(place).unplug()
+def readdress(router: Router) -> None:
+    """Give the host another address in its net, as a DHCP server may."""
+    before = router.address
+    base, last = before.rsplit(".", 1)
+    router.address = f"{base}.{int(last) + 1}"
+    router.host.ip(f"addr del {before}/{router.size} dev {router.interface}")
+    router.connect_host()
 
 
-def plug(place: Scene) -> None:
-    first(place).connect_host()
+def renumber(router: Router) -> None:
+    """Give a router with NAT another public address, as a provider may; all mappings are lost."""
+    before, router.outside = router.outside, f"203.0.113.{int(router.outside.rsplit('.', 1)[1]) + 100}"
+    router.space.ip(f"addr del {before}/24 dev outside", f"addr add {router.outside}/24 dev outside", DEFAULT)
+    forget(router)
 
 
-def darken(place: Scene) -> None:
-    first(place).set_silent(True)
+def darken(router: Router) -> None:
+    """Pass nothing, without any sign of it at the host."""
+    router.space.ip("link set outside down")
 
 
-def lighten(place: Scene) -> None:
-    first(place).set_silent(False)
+def lighten(router: Router) -> None:
+    router.space.ip("link set outside up", DEFAULT)
 
 
-def forget(place: Scene) -> None:
-    first(place).forget()
+def forget(router: Router) -> None:
+    """Lose all mappings."""
+    router.space.forget_connections()
 
 
+def shorten(router: Router) -> None:
+    """Unused mappings live for a second."""
+    for kind in ("timeout", "timeout_stream"):
+        router.space.set_sysctl(f"netfilter/nf_conntrack_udp_{kind}", 1)
+
+
+def at_operator(deed: Callable[[Router], object]) -> Deed:
+    return lambda place: deed(place.operator.home.first)
+
+
+def at_robot(deed: Callable[[Router], object]) -> Deed:
+    return lambda place: deed(place.robot.home.first)
+
+
+DEFAULT = f"route replace default via {SERVER}"
+UNPLUG, PLUG = at_operator(unplug), at_operator(Router.connect_host)
+DARKEN, LIGHTEN, FORGET = at_operator(darken), at_operator(lighten), at_operator(forget)
 RELAYED = {"robot": SYMMETRIC, "operator": SYMMETRIC}
 TWO = ("link.finder.paths=2", f"link.finder.interfaces=[{FIRST},{SECOND}]")
 FAULTS: Mapping[str, Fault] = {
-    "cut": Fault("operator's interface down", unplug, plug, lasts=2.0),
+    "cut": Fault("operator's interface down", UNPLUG, PLUG, lasts=2.0),
     "cut-robot": Fault(
         "robot's interface down",
-        lambda s: s.robot.home.first.unplug(),
-        lambda s: s.robot.home.first.connect_host(),
+        at_robot(unplug),
+        at_robot(Router.connect_host),
         lasts=2.0,
     ),
-    "cut-one": Fault("one of two down", unplug, plug, lasts=2.0, effect=NOTHING, second=CONE, settings=TWO),
-    "moved": Fault("Wi-Fi down, phone stays (1 path)", unplug, second=CONE, settings=("link.finder.paths=1",)),
-    "dark": Fault("router passes nothing", darken, lighten, lasts=2.0),
-    "blink": Fault("the same, for 50 ms", darken, lighten, lasts=0.05, effect=EITHER),
-    "forget": Fault("cone NAT loses its mappings", forget, effect=EITHER),
-    "forget-relay": Fault("symmetric NAT loses its mappings", forget, effect=EITHER, **RELAYED),
-    "timeout": Fault("unused mappings live for 1 s", lambda s: first(s).set_timeout(1), lasts=4.0, effect=NOTHING),
-    "address": Fault("operator's address changes", lambda s: first(s).readdress(), effect=EITHER),
-    "renumber": Fault("router's address changes", lambda s: first(s).renumber(), effect=EITHER),
+    "cut-one": Fault("one of two down", UNPLUG, PLUG, lasts=2.0, effect=NOTHING, second=CONE, settings=TWO),
+    "moved": Fault("Wi-Fi down, phone stays (1 path)", UNPLUG, second=CONE, settings=("link.finder.paths=1",)),
+    "dark": Fault("router passes nothing", DARKEN, LIGHTEN, lasts=2.0),
+    "blink": Fault("the same, for 50 ms", DARKEN, LIGHTEN, lasts=0.05, effect=EITHER),
+    "forget": Fault("cone NAT loses its mappings", FORGET, effect=EITHER),
+    "forget-relay": Fault("symmetric NAT loses its mappings", FORGET, effect=EITHER, **RELAYED),
+    "timeout": Fault("unused mappings live for 1 s", at_operator(shorten), lasts=4.0, effect=NOTHING),
+    "address": Fault("operator's address changes", at_operator(readdress), effect=EITHER),
+    "renumber": Fault("router's address changes", at_operator(renumber), effect=EITHER),
     "relay": Fault(
         "relay killed and restarted", lambda s: s.relay.stop(), lambda s: s.relay.start(), lasts=2.0, **RELAYED
     ),

@@ -5,46 +5,27 @@ from dataclasses import dataclass
 from typing import Any
 
 from plugins.arms.tests.virtual import VirtualPort, VirtualTime
-from weberlink.arms.threaded_arm import ArmSample
 from weberlink.geometry.joints import Joints
+from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.guardian import Guardian
-from weberlink_arms.dynamixel.arm_exchange import Gravity, TorqueExchange, model_gravity, no_gravity
-from weberlink_arms.dynamixel.follower import (
-    KochFollowerOptions,
-    OpenManipulatorXOptions,
-    position_exchange,
-)
+from weberlink.testing.stepping import SteppedWorker
+from weberlink.testing.time import TICK
+from weberlink_arms.dynamixel.exchange import PositionExchange, TorqueExchange
+from weberlink_arms.dynamixel.follower import KochFollowerOptions, OpenManipulatorXOptions
 from weberlink_arms.dynamixel.leader import KochLeaderOptions, OmxLeaderOptions
-from weberlink_arms.emulators.dynamixel.joint_arm import (
-    KochFollowerEmulator,
-    KochLeaderEmulator,
-    OmxLeaderEmulator,
-)
+from weberlink_arms.emulators.dynamixel.arm import KochFollowerEmulator, KochLeaderEmulator, OmxLeaderEmulator
 from weberlink_arms.emulators.feetech import FeetechEmulator, So101LeaderEmulator
+from weberlink_arms.emulators.feetech_servo import EmulatedServo
 from weberlink_arms.emulators.open_manipulator import DynamixelEmulator
-from weberlink_arms.feetech.arm import So101Options
 from weberlink_arms.feetech.follower import FollowerExchange, So101FollowerOptions
 from weberlink_arms.feetech.leader import LeaderExchange, So101LeaderOptions
+from weberlink_arms.servo.gravity import Gravity, gravity_of, no_gravity
 
 STILL = (0.0,) * 6
 
 
-def _torque_exchange(options: Any, connect: Any, time: VirtualTime, gravity: Gravity) -> Any:
-    return TorqueExchange(options, connect, 1e-3 * options.max_current_ma, gravity, time.clock, time.pause)
-
-
-def _position_exchange(options: Any, connect: Any, time: VirtualTime, gravity: Gravity) -> Any:
-    exchange = position_exchange(options, connect, gravity)
-    exchange._clock, exchange._pause = time.clock, time.pause
-    return exchange
-
-
-def _so101_leader(options: Any, connect: Any, time: VirtualTime, gravity: Gravity) -> Any:
-    return LeaderExchange(options, connect, Guardian(b""), time.clock, time.pause)
-
-
-def _so101_follower(options: Any, connect: Any, time: VirtualTime, gravity: Gravity) -> Any:
-    return FollowerExchange(options, connect, gravity, time.clock, time.pause)
+def _so101_leader(options: Any, connect: Any, gravity: Gravity, clock: Any, pause: Any) -> Any:
+    return LeaderExchange(options, connect, Guardian(b""), clock, pause)
 
 
 @dataclass(frozen=True)
@@ -69,47 +50,46 @@ QUIET = {"current_noise_ma": 0.0}
 HELD = {"hand_rad": STILL, "hand_n_m_rad": 5.0, "friction_nm": 0.01}
 FAMILIES = {
     "koch_leader": Family(
-        KochLeaderEmulator, QUIET | {"hand_rad": STILL}, KochLeaderOptions, _torque_exchange, STILL, 0.06, 0.004
+        KochLeaderEmulator, QUIET | {"hand_rad": STILL}, KochLeaderOptions, TorqueExchange, STILL, 0.06, 0.004
     ),
     "omx_leader": Family(
-        OmxLeaderEmulator, QUIET | {"hand_rad": STILL}, OmxLeaderOptions, _torque_exchange, STILL, 0.06, 0.004
+        OmxLeaderEmulator, QUIET | {"hand_rad": STILL}, OmxLeaderOptions, TorqueExchange, STILL, 0.06, 0.004
     ),
     "so101_leader": Family(So101LeaderEmulator, HELD, So101LeaderOptions, _so101_leader, STILL, 0.15, 0.045),
-    "koch_follower": Family(KochFollowerEmulator, QUIET, KochFollowerOptions, _position_exchange, None),
-    "so101_follower": Family(FeetechEmulator, {}, So101FollowerOptions, _so101_follower, None),
+    "koch_follower": Family(KochFollowerEmulator, QUIET, KochFollowerOptions, PositionExchange, None),
+    "so101_follower": Family(FeetechEmulator, {}, So101FollowerOptions, FollowerExchange, None),
     "open_manipulator_x": Family(
         DynamixelEmulator,
         QUIET,
         OpenManipulatorXOptions,
-        _position_exchange,
+        PositionExchange,
         None,
-        gravity=model_gravity("open_manipulator_x"),
+        gravity=gravity_of("open_manipulator_x", wanted=True),
     ),
 }
 LEADERS = [name for name, family in FAMILIES.items() if family.leads]
 FOLLOWERS = [name for name, family in FAMILIES.items() if not family.leads]
 
 
-class ArmBench:
-    """An arm, its exchange and their time; `carried` is taken for the weight, instead of what the family takes."""
+class Bench:
+    """An arm, its exchange and their time."""
 
-    def __init__(self, name: str, options: dict[str, Any], carried: Gravity | None = None, **emulated: Any) -> None:
-        family = self.family = FAMILIES[name]
-        self.options = family.options.model_validate(options)
-        self.time = VirtualTime()
-        self.emulator = family.emulator(family.emulator.Options.model_validate(family.emulated | emulated))  # type: ignore[attr-defined]
-        self.port = VirtualPort(self.emulator, self.time)
-        self.exchange = family.exchange(self.options, self._connect, self.time, carried or family.gravity)
+    exchange: Any
+    sample: Any
+
+    def __init__(self, options: Any, emulator: Any, latency: float = 0.0) -> None:
+        self.options, self.emulator, self.time = options, emulator, VirtualTime()
+        self.port = VirtualPort(emulator, self.time, latency)
 
     def _connect(self) -> VirtualPort:
         self.port.closed = False
         return self.port
 
-    def open(self) -> ArmSample:
-        self.sample: ArmSample = self.exchange.open()
+    def open(self) -> Any:
+        self.sample = self.exchange.open()
         return self.sample
 
-    def run(self, command: Any, seconds: float) -> list[ArmSample]:
+    def run(self, command: Any, seconds: float) -> list[Any]:
         """Cycles at the rate of the bus; a command that is a function is made from the sample before."""
         period, due, samples = 1.0 / self.options.rate_hz, self.time.now, []
         for _ in range(round(seconds / period)):
@@ -123,6 +103,21 @@ class ArmBench:
         """Time passes, and nobody does anything."""
         self.time.now += seconds
         self.emulator.advance(self.time.now)
+
+    def register(self, name: str) -> list[int]:
+        """A register of all servos."""
+        servos = self.emulator.servos
+        return [servo[name] if isinstance(servo, EmulatedServo) else servo.registers[name] for servo in servos]
+
+
+class ArmBench(Bench):
+    """Of a family; `carried` is taken for the weight, instead of what the family takes."""
+
+    def __init__(self, name: str, options: dict[str, Any], carried: Gravity | None = None, **emulated: Any) -> None:
+        family = self.family = FAMILIES[name]
+        super().__init__(family.options.model_validate(options), made(name, **emulated))
+        clock, pause = self.time.clock, self.time.pause
+        self.exchange = family.exchange(self.options, self._connect, carried or family.gravity, clock, pause)
 
     def inject(self, fault: str, value: float) -> None:
         """One of the emulator's, or the faults of its wire."""
@@ -148,21 +143,11 @@ class ArmBench:
     @property
     def limits(self) -> dict[str, list[float]]:
         """Range of the angles, as options [rad]."""
-        options = self.options
-        if isinstance(options, So101Options):
-            return {"lower_rad": [*options.lower_rad], "upper_rad": [*options.upper_rad]}
-        return {"lower_rad": [*options.lower], "upper_rad": [*options.upper]}
+        return {"lower_rad": [*self.options.lower], "upper_rad": [*self.options.upper]}
 
     @property
     def torques_on(self) -> list[bool]:
         return [servo.torque_on for servo in self.emulator.servos]
-
-    def register(self, name: str) -> list[int]:
-        """A register of all servos."""
-        return [
-            servo[name] if isinstance(self.emulator, FeetechEmulator) else servo.registers[name]
-            for servo in self.emulator.servos
-        ]
 
 
 def opened(
@@ -175,3 +160,42 @@ def opened(
 
 def only(axis: int, value: float, others: Joints = STILL) -> Joints:
     return (*others[:axis], value, *others[axis + 1 :])
+
+
+def made(name: str, **options: Any) -> Any:
+    """The arm of a family."""
+    family = FAMILIES[name]
+    return family.emulator(family.emulator.Options.model_validate(family.emulated | options))  # type: ignore[attr-defined]
+
+
+class Stepped:
+    """A driver in virtual time, before an emulated arm."""
+
+    def __init__(self, driver: Any, emulator: Any) -> None:
+        self.emulator, self.time = emulator, VirtualTime()
+        self.port = VirtualPort(emulator, self.time)
+        self._worker = SteppedWorker.of(driver, self.time.clock)
+        exchange = self._worker.device
+        exchange._connect, exchange._clock, exchange._pause = self._connect, self.time.clock, self.time.pause
+        exchange._guardian = None
+
+    def _connect(self) -> VirtualPort:
+        if self.port.broken is not None:
+            raise self.port.broken
+        self.port.closed = False
+        return self.port
+
+    def tick(self) -> float:
+        self.time.now += TICK
+        self._worker.step()
+        return self.time.now
+
+    @property
+    def faults(self) -> dict[str, Callable[[], None]]:
+        emulator, port = self.emulator, self.port
+        return {
+            "unplug": lambda: setattr(port, "broken", HardwareFault(f"{port.path}: unplugged")),
+            "silent": lambda: setattr(emulator.faults, "silent", True),
+            "late": lambda: setattr(port, "latency", 0.2),
+            "garbled": lambda: setattr(emulator.faults, "garble", 1_000_000),
+        } | {name: lambda name=name: emulator.inject(name, 1) for name in emulator.OWN_FAULTS}

@@ -11,17 +11,15 @@ from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink_arms.dynamixel import packet as dynamixel
 from weberlink_arms.dynamixel import registers as dynamixel_registers
 from weberlink_arms.dynamixel.bus import MotorBus, MotorReading, latency_advice, latency_ms
-from weberlink_arms.dynamixel.packet import PacketReader, StatusPacket, encode_status
-from weberlink_arms.feetech import packet as feetech
 from weberlink_arms.feetech import registers as feetech_registers
-from weberlink_arms.feetech.bus import ServoBus
-from weberlink_arms.feetech.packet import Frame, FrameReader
+from weberlink_arms.feetech.bus import FeetechBus
 from weberlink_arms.feetech.registers import Present
+from weberlink_arms.servo.packet import READ, SYNC_READ, SYNC_WRITE, Status
 
 IDS = (11, 12, 13, 14)
 NAMES = ("pan", "lift", "flex", "roll")
 BAUD, MARGIN_S, ADAPTER_S = 1_000_000, 0.01, 0.0002
-READ_DYNAMIXEL, READ_FEETECH = dynamixel.READ, feetech.READ
+DYNAMIXEL, FEETECH = MotorBus.FRAMING, FeetechBus.FRAMING
 
 
 class AnsweringPort:
@@ -55,17 +53,14 @@ class AnsweringPort:
 
 
 class Kind(NamedTuple):
-    """Of a bus: what it is made of, what it is asked and what is answered."""
+    """Of a bus."""
 
-    bus: Callable[[AnsweringPort], Any]
-    reader: Callable[[], Any]  # of requests
-    answer: Callable[[int, int, bytes], bytes]  # of an id, with an error and data
-    one: Callable[[Any], int]  # reads one register of id 11; gives 3 where the data are
+    bus: type[Any]
+    mode: Any  # a register of a byte
     all: Callable[[Any], Any]  # reads the measurements of all
     data: Callable[[int], bytes]  # of the measurements of an id
     expected: Callable[[int], Any]  # what they mean
-    sizes: tuple[int, int]  # of the request for them, and of an answer
-    request: Any
+    request: int  # bytes of the request for them
 
 
 def motor_data(id_: int) -> bytes:
@@ -80,49 +75,40 @@ def servo_data(id_: int) -> bytes:
 
 KINDS = {
     "dynamixel": Kind(
-        lambda port: MotorBus(port, BAUD, IDS, MARGIN_S, lambda: 5.0, port.paused.append, NAMES),
-        PacketReader,
-        lambda id_, error, data: encode_status(StatusPacket(id_, error, data)),
-        lambda bus: bus.read(11, dynamixel_registers.OPERATING_MODE),
-        lambda bus: bus.present(),
-        motor_data,
-        lambda id_: MotorReading(-id_, 10 * id_, 2048 + id_),
-        (18, 21),
-        dynamixel.sync_read(126, 10, IDS),
+        MotorBus, dynamixel_registers.OPERATING_MODE, MotorBus.present, motor_data,
+        lambda id_: MotorReading(-id_, 10 * id_, 2048 + id_), 18,
     ),
     "feetech": Kind(
-        lambda port: ServoBus(port, BAUD, IDS, NAMES, MARGIN_S, lambda: 5.0, port.paused.append),
-        FrameReader,
-        lambda id_, error, data: feetech.encode(Frame(id_, error, data)),
-        lambda bus: bus.read(11, feetech_registers.MODE),
-        lambda bus: bus.exchange(),
-        servo_data,
-        lambda id_: Present(2048 + id_, -id_, -id_, 74, 30, id_),
-        (12, 21),
-        Frame(feetech.BROADCAST, feetech.SYNC_READ, bytes((56, 15, *IDS))),
+        FeetechBus, feetech_registers.MODE, FeetechBus.exchange, servo_data,
+        lambda id_: Present(2048 + id_, -id_, -id_, 74, 30, id_), 12,
     ),
-}
+}  # fmt: skip
 
 
 class Wired:
     """A bus and its port; it answers well until a test changes that."""
 
     def __init__(self, kind: Kind) -> None:
-        self.kind = kind
-        self.port = AnsweringPort(kind.reader())
+        self.kind, self.framing = kind, kind.bus.FRAMING
+        self.port = AnsweringPort(self.framing.requests())
         self.port.answer = self.good
-        self.bus = kind.bus(self.port)
+        self.bus = kind.bus(self.port, BAUD, IDS, NAMES, MARGIN_S, lambda: 5.0, self.port.paused.append)
+
+    def answer(self, id_: int, error: int, data: bytes) -> bytes:
+        return bytes(self.framing.encode(Status(id_, error, data)))
 
     def good(self, request: Any) -> list[bytes]:
         """To a read of one servo, as many zeros as it asks for."""
-        kind = self.kind
-        if request[1] in (READ_DYNAMIXEL, READ_FEETECH):
-            size = request.parameters[2 if isinstance(request, dynamixel.Packet) else 1]
-            return [kind.answer(request.id, 0, bytes(size))]
-        return [kind.answer(id_, 0, kind.data(id_)) for id_ in IDS]
+        if request.instruction == READ:
+            return [self.answer(request.id, 0, bytes(self.framing.number(request.parameters, 1)))]
+        return [self.answer(id_, 0, self.kind.data(id_)) for id_ in IDS]
 
     def measured(self) -> bool:
         return bool(self.kind.all(self.bus) == [self.kind.expected(id_) for id_ in IDS])
+
+    def one(self) -> int:
+        """A register of id 11."""
+        return int(self.bus.read(11, self.kind.mode))
 
 
 @pytest.fixture(params=KINDS)
@@ -133,24 +119,24 @@ def wired(request: pytest.FixtureRequest) -> Wired:
 def test_all_are_measured_at_once_and_in_time(wired: Wired) -> None:
     """The host sleeps while the bytes are on the wire, and waits for the margin beyond that."""
     assert wired.measured()
-    assert wired.port.heard == [wired.kind.request]
-    request, answer = wired.kind.sizes
-    wire_s = (request + len(IDS) * answer) * 10 / BAUD
+    (request,) = wired.port.heard
+    assert request.instruction == SYNC_READ and request.parameters[-len(IDS) :] == bytes(IDS)
+    wire_s = (wired.kind.request + len(IDS) * 21) * 10 / BAUD
     assert wired.port.paused == pytest.approx([wire_s + ADAPTER_S])
     assert wired.port.until == pytest.approx([5.0 + wire_s + MARGIN_S] * len(IDS))
 
 
 def test_fragments_and_strays_are_tolerated(wired: Wired) -> None:
-    kind = wired.kind
+    kind, answer = wired.kind, wired.answer
 
     def in_pieces(request: Any) -> list[bytes]:
         stream = b"\x00\xff\xff" + b"".join(wired.good(request))
-        return [kind.answer(15, 0, kind.data(15))] + [stream[i : i + 7] for i in range(0, len(stream), 7)]
+        return [answer(15, 0, kind.data(15))] + [stream[i : i + 7] for i in range(0, len(stream), 7)]
 
     wired.port.answer = in_pieces
     assert wired.measured()
     wired.port.answer = wired.good
-    wired.port.reads += [kind.answer(id_, 0, kind.data(1)) for id_ in IDS]  # of an earlier request
+    wired.port.reads += [answer(id_, 0, kind.data(1)) for id_ in IDS]  # of an earlier request
     assert wired.measured()
 
 
@@ -174,35 +160,16 @@ def test_a_missing_or_garbled_answer_is_named_and_the_next_is_good(
 
 def test_a_late_answer_is_not_taken_for_the_next(wired: Wired) -> None:
     """It arrives after the next request, and before the answer of a size of its own that ends the wait."""
-    kind, asked = wired.kind, wired.port.heard
+    answer, asked = wired.answer, wired.port.heard
     wired.port.answer = lambda _: []
     for _ in range(2):  # the answer of the unique size is missing too
         with pytest.raises(BadReply, match="late"):
-            kind.one(wired.bus)
-    late = kind.answer(11, 0, b"\x01")
+            wired.one()
+    late = answer(11, 0, b"\x01")
     wired.port.answer = lambda request: (
-        [late, *wired.good(request)] if request is asked[-1] and len(asked) == 3 else [kind.answer(11, 0, b"\x03")]
+        [late, *wired.good(request)] if request is asked[-1] and len(asked) == 3 else [answer(11, 0, b"\x03")]
     )
-    assert kind.one(wired.bus) == 3
-
-
-@pytest.mark.parametrize(
-    ("bits", "says"), [(0x20, "overload"), (0x04, "overheating"), (0x01, "3.1 V"), (0x24, "overheating.*overload")]
-)
-def test_an_alarm_is_looked_up(bits: int, says: str) -> None:
-    """Of Dynamixel motors, which answer with an alert bit until they are asked for its reason."""
-    wired = Wired(KINDS["dynamixel"])
-
-    def alarmed(request: Any) -> list[bytes]:
-        if request.instruction == READ_DYNAMIXEL:
-            data = {dynamixel.read(13, 144, 2): b"\x1f\x00", dynamixel.read(13, 70, 1): bytes((bits,))}[request]
-            return [encode_status(StatusPacket(13, dynamixel.ALERT, data))]
-        return [encode_status(StatusPacket(id_, dynamixel.ALERT * (id_ == 13), motor_data(id_))) for id_ in IDS]
-
-    wired.port.answer = alarmed
-    with pytest.raises(HardwareFault, match=rf"^flex \(id 13\): .*{says}.*") as caught:
-        wired.bus.present()
-    assert not isinstance(caught.value, BadReply)
+    assert wired.one() == 3
 
 
 @pytest.mark.parametrize(
@@ -214,17 +181,10 @@ def test_an_alarm_is_looked_up(bits: int, says: str) -> None:
 )
 def test_a_refusal_is_a_fault_and_a_garbled_request_is_none(error: int, kind: type[Exception], says: str) -> None:
     wired = Wired(KINDS["dynamixel"])
-    wired.port.answer = lambda request: [encode_status(StatusPacket(request.id, error))]
+    wired.port.answer = lambda request: [DYNAMIXEL.encode(Status(request.id, error))]
     with pytest.raises(HardwareFault, match=says) as caught:
         wired.bus.write(14, dynamixel_registers.GOAL_CURRENT, 9)
     assert type(caught.value) is kind
-
-
-def test_an_answer_of_another_size_is_a_bad_reply() -> None:
-    wired = Wired(KINDS["dynamixel"])
-    wired.port.answer = lambda request: [encode_status(StatusPacket(request.id, 0, b"\1\2"))]
-    with pytest.raises(BadReply, match="2 bytes instead of 1"):
-        wired.kind.one(wired.bus)
 
 
 def test_an_error_of_a_servo_is_a_fault_of_the_exchange_alone() -> None:
@@ -232,26 +192,26 @@ def test_an_error_of_a_servo_is_a_fault_of_the_exchange_alone() -> None:
     wired = Wired(KINDS["feetech"])
     for error, says in ((32, "overload"), (1, r"7\.4 V"), (4, "overheating")):
         wired.port.answer = lambda request, error=error: [
-            feetech.encode(Frame(id_, error * (id_ == 12), servo_data(id_))) for id_ in IDS
+            FEETECH.encode(Status(id_, error * (id_ == 12), servo_data(id_))) for id_ in IDS
         ]
         with pytest.raises(HardwareFault, match=rf"^lift \(id 12\): .*{says}"):
             wired.bus.exchange()
-    wired.port.answer = lambda request: [feetech.encode(Frame(11, 32, b"\x03"))]
-    assert wired.kind.one(wired.bus) == 3
+    wired.port.answer = lambda request: [FEETECH.encode(Status(11, 32, b"\x03"))]
+    assert wired.one() == 3
 
 
 def test_orders_leave_before_the_request_and_alone_while_a_late_answer_may_come() -> None:
     """What makes servos safe does not wait."""
     wired = Wired(KINDS["feetech"])
-    order = feetech.sync_write(40, 1, [(11, b"\0")])
+    order = FEETECH.sync_write(40, 1, [(11, b"\0")])
     wired.bus.exchange(order)
-    assert [each.code for each in wired.port.heard] == [feetech.SYNC_WRITE, feetech.SYNC_READ]
+    assert [each.instruction for each in wired.port.heard] == [SYNC_WRITE, SYNC_READ]
     wired.port.answer = lambda _: []
     with pytest.raises(BadReply):
         wired.bus.exchange(order)
     wired.port.answer, wired.port.heard = wired.good, []
     wired.bus.exchange(order)
-    assert [each.code for each in wired.port.heard] == [feetech.SYNC_WRITE, feetech.READ, feetech.SYNC_READ]
+    assert [each.instruction for each in wired.port.heard] == [SYNC_WRITE, READ, SYNC_READ]
 
 
 @pytest.mark.parametrize(("text", "latency"), [("16\n", 16), ("1\n", 1), ("soon\n", None)])

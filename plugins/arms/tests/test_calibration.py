@@ -5,9 +5,9 @@ import pytest
 from plugins.arms.tests.virtual import VirtualPort, VirtualTime
 from weberlink.hardware.fault import HardwareFault
 from weberlink_arms.emulators.feetech import FeetechEmulator, FeetechEmulatorOptions
-from weberlink_arms.feetech.arm import So101Options
+from weberlink_arms.feetech.bus import FeetechBus
 from weberlink_arms.feetech.calibration import Scales, Weighing, fit
-from weberlink_arms.feetech.exchange import So101Bus
+from weberlink_arms.feetech.servos import FeetechServos
 
 OWN_NM = 0.1
 STALL_NM = 1.7
@@ -16,8 +16,8 @@ FRICTION_NM = 0.09
 
 def scales(emulator: FeetechEmulator, axis: int) -> Scales:
     time = VirtualTime()
-    bus = So101Bus(So101Options(), VirtualPort(emulator, time), time.clock, time.pause)
-    return Scales(bus, axis, 0.5, time.clock, time.pause)
+    bus = FeetechBus(VirtualPort(emulator, time), 1_000_000, range(1, 7), clock=time.clock, pause=time.pause)
+    return Scales(FeetechServos(bus), axis, 0.5, time.clock, time.pause)
 
 
 def test_weights_give_torque_of_load_and_friction() -> None:
@@ -25,7 +25,7 @@ def test_weights_give_torque_of_load_and_friction() -> None:
     emulator = FeetechEmulator(options)
     arm, weighings = scales(emulator, 2), []
     for torque in (0.0, 0.3, 0.7):
-        emulator.pushes[2] = -OWN_NM - torque
+        emulator.joints[2].push = -OWN_NM - torque
         weighings.append(arm.weigh(torque))
     found = fit(weighings)
     assert found.per_load == pytest.approx(STALL_NM / 1000.0 * 7.0 / 7.4, rel=0.05)
@@ -40,7 +40,7 @@ def test_weights_give_torque_of_load_and_friction() -> None:
 def test_too_heavy_a_weight_is_refused() -> None:
     emulator = FeetechEmulator()
     arm = scales(emulator, 0)
-    emulator.pushes[0] = -1.45
+    emulator.joints[0].push = -1.45
     with pytest.raises(HardwareFault, match=r"shoulder_pan: a load of .* take a lighter weight"):
         arm.weigh(1.45)
 

@@ -1,90 +1,51 @@
-"""Every servo arm keeps the contract before an emulated one behind a pseudo terminal, and takes or refuses options."""
+"""Every servo arm keeps the contract before an emulated one, in virtual time, and takes or refuses its options."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from math import pi
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from weberlink.hardware.emulator import PtyDevice
-from weberlink.hardware.emulators import EMULATORS
+from plugins.arms.tests import benches
+from plugins.arms.tests.benches import FAMILIES, FOLLOWERS, LEADERS, Stepped
 from weberlink.master.devices import leaders
 from weberlink.slave.robots import followers
 from weberlink.testing.arms import ArmBench, HardwareFollowerContract, HardwareLeaderContract
-from weberlink.testing.time import TICK, real_time
+from weberlink.testing.time import TICK
 
-DYNAMIXEL = ("koch_leader", "omx_leader", "koch_follower", "open_manipulator_x")
 SO101 = ("so101_leader", "so101_follower")
-LEADS = ("koch_leader", "omx_leader", "so101_leader")
+DYNAMIXEL = tuple(name for name in FAMILIES if name not in SO101)
+FAULTS = ("unplug", "silent", "late", "garbled", "dead")
 
 
 def made(name: str, **options: Any) -> Any:
     """Not open."""
-    driver: Any = (leaders if name in LEADS else followers).load(name)
+    driver: Any = (leaders if name in LEADERS else followers).load(name)
     return driver(driver.Options.model_validate(options), TICK)
 
 
-@contextmanager
-def emulated(name: str, folder: Path) -> Iterator[ArmBench]:
-    """In real time: only so are the thread of the driver, the port and the loss of it seen."""
-    emulator_class: Any = EMULATORS.load(name)
-    # A host may pause for longer than a watchdog, which is tested in virtual time.
-    patient: dict[str, Any] = {"timeout_ms": 100.0, "rate_hz": 50.0}
-    patient |= {"bus_watchdog_ms": 2000.0} if name in DYNAMIXEL else {}
-    emulator = emulator_class(emulator_class.Options())
-    with PtyDevice(emulator, folder / "port") as wire:
-        arm = made(name, port=str(folder / "port"), **patient)
-        yield ArmBench(
-            arm,
-            real_time(),
-            faults={"unplug": wire.unplug},
-            torques_on=lambda: [servo.torque_on for servo in emulator.servos],
-        )
-        arm.close()
+def bench_of(name: str) -> ArmBench:
+    arm = made(name)
+    moving = {"hand_rad": (0.4,) * 6, "hand_s": (1.0,) * 6, "hand_n_m_rad": 5.0} if name in LEADERS else {}
+    stepped = Stepped(arm, benches.made(name, **moving))
+    servos = stepped.emulator.servos
+    return ArmBench(arm, stepped.tick, faults=stepped.faults, torques_on=lambda: [servo.torque_on for servo in servos])
 
 
-@pytest.mark.realtime
 class TestLeaders(HardwareLeaderContract):
-    FAULTS = ("unplug",)
+    FAULTS = FAULTS
 
-    @pytest.fixture(params=LEADS)
-    def bench(self, request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ArmBench]:
-        with emulated(request.param, tmp_path) as bench:
-            yield bench
+    @pytest.fixture(params=LEADERS)
+    def bench(self, request: pytest.FixtureRequest) -> Iterator[ArmBench]:
+        yield bench_of(request.param)
 
 
-@pytest.mark.realtime
 class TestFollowers(HardwareFollowerContract):
-    FAULTS = ("unplug",)
+    FAULTS = FAULTS
 
-    @pytest.fixture(params=[name for name in DYNAMIXEL + SO101 if name not in LEADS])
-    def bench(self, request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ArmBench]:
-        with emulated(request.param, tmp_path) as bench:
-            yield bench
-
-
-@pytest.mark.parametrize("name", DYNAMIXEL + SO101)
-def test_the_spec_follows_the_options(name: str) -> None:
-    plain = made(name).spec
-    count = plain.axes
-    fast = made(name, rate_hz=100.0).spec
-    assert fast.lag_s - plain.lag_s == pytest.approx(1.0 / 100.0 - 1.0 / plain.rate_hz)
-    known = {"torque_per_load_nm": (4e-3,) * 6} if name in SO101 else {"torque_ratio": (1.5,) * count}
-    calibrated = made(name, **known).spec
-    assert (plain.calibrated, calibrated.calibrated) == (False, True)
-    assert all(b > a for a, b in zip(plain.torque_nm, calibrated.torque_nm, strict=True))
-    watchdogs = {80.0: 0.08, 81.0: 0.1, 100.0: 0.1} if name in DYNAMIXEL else {}
-    for asked, kept in watchdogs.items():
-        assert made(name, bus_watchdog_ms=asked).spec.watchdog_s == pytest.approx(kept)
-    assert name in DYNAMIXEL or plain.watchdog_s is None
-    lower = (-1.0,) * (count - 1) + (0.0,)
-    assert made(name, lower_rad=lower, upper_rad=(1.0,) * count).spec.lower == lower
-    if name not in LEADS:
-        heavy = made(name, gravity=False).spec
-        assert heavy.torque_error_nm >= plain.torque_error_nm
-        assert made(name, gravity=True).spec.torque_error_nm <= heavy.torque_error_nm
+    @pytest.fixture(params=FOLLOWERS)
+    def bench(self, request: pytest.FixtureRequest) -> Iterator[ArmBench]:
+        yield bench_of(request.param)
 
 
 COMMON: list[tuple[dict[str, Any], str]] = [
@@ -104,14 +65,14 @@ MOST_HZ = {
     "koch_leader": 359, "omx_leader": 359, "koch_follower": 344, "open_manipulator_x": 380, "so101_leader": 274,
     "so101_follower": 316,
 }  # fmt: skip
+BEYOND = (("upper_rad", 6.29), ("lower_rad", -6.29))
 OPTIONS: list[tuple[str, dict[str, Any], str]] = [
     *[(name, {"rate_hz": float(most)}, "") for name, most in MOST_HZ.items()],
     *[(name, {"rate_hz": most + 1.0}, "rate_hz") for name, most in MOST_HZ.items()],
     *[(name, {"baud": baud}, "baud") for name in MOST_HZ for baud in (12, 1_000_001)],
     *[(name, {"baud": 57_600, "rate_hz": 50.0}, "baud") for name in DYNAMIXEL],
     *[(name, {"lower_rad": 1.0, "upper_rad": 1.0}, "shoulder_pan|joint1") for name in MOST_HZ],
-    *[(name, {"upper_rad": 6.29}, "shoulder_pan|joint1") for name in MOST_HZ],
-    *[(name, {"lower_rad": -6.29}, "shoulder_pan|joint1") for name in MOST_HZ],
+    *[(name, {end: value}, "shoulder_pan|joint1") for name in MOST_HZ for end, value in BEYOND],
     *[(name, {"lower_rad": -2.0 * pi, "upper_rad": 2.0 * pi}, "") for name in MOST_HZ],
     *[(name, *case) for name in DYNAMIXEL for case in COMMON],
     ("koch_leader", {"ids": [1, 2, 3, 4, 5, 5]}, "ids"),

@@ -10,8 +10,7 @@ from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import HardwareFault
 from weberlink_arms.dynamixel import registers
 from weberlink_arms.emulators.feetech import FeetechEmulator
-from weberlink_arms.feetech.arm import NAMES, NO_LOAD_RAD_S, So101Options, motor_torques
-from weberlink_arms.feetech.registers import Present
+from weberlink_arms.feetech.arm import SO101
 
 every_follower = pytest.mark.parametrize("name", FOLLOWERS)
 
@@ -108,7 +107,7 @@ def test_the_torque_of_a_wall_is_measured_within_the_stated_error(
 ) -> None:
     start = opened(name).sample.angles
     sign = -1 if below else 1
-    joint = NAMES[axis]
+    joint = SO101.axes[axis]
     wall = {"joint": joint, "angle_rad": start[axis] + sign * 0.05, "below": below}
     bench = opened(name, options, walls=[wall], **emulated)
     bench.run(only(axis, start[axis] + sign * (0.15 if axis else 0.3), start), 1.0)
@@ -158,7 +157,7 @@ def pushed(bench: ArmBench, axis: int) -> float:
 
 def pressing(name: str, axis: int, stiffness: float = 200.0) -> ArmBench:
     start = opened(name).sample.angles
-    joint = NAMES[axis]
+    joint = SO101.axes[axis]
     wall = {"joint": joint, "angle_rad": start[axis] + 0.1, "stiffness_nm_rad": stiffness}
     bench = opened(name, walls=[wall])
     bench.run(only(axis, start[axis] + 0.5, start), 1.0)
@@ -228,7 +227,7 @@ def test_an_arm_that_fell_is_held_where_it_lies() -> None:
     bench.wait(0.2)
     assert bench.emulator.watchdog_trips == 6
     assert pushed(bench, 2) < 0.02
-    bench.emulator.angles[2], bench.emulator.velocities[2] = -0.3, 0.0
+    bench.emulator.joints[2].angle, bench.emulator.joints[2].velocity = -0.3, 0.0
     with pytest.raises(HardwareFault, match="watchdog tripped"):
         bench.exchange.exchange(None)
     bench.exchange.close()
@@ -259,22 +258,3 @@ def test_an_alarm_that_keeps_torque_on_does_not_prevent_release() -> None:
     assert all(bench.torques_on)
     bench.exchange.close()
     assert not any(bench.torques_on)
-
-
-@pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize(
-    ("load", "rate", "volts", "torque"),
-    [
-        (500, 0.0, 7.4, 1.0),
-        (500, 0.0, 5.0, 5.0 / 7.4),
-        (-500, 0.0, 12.0, -12.0 / 7.4),
-        (0, NO_LOAD_RAD_S, 7.4, -2.0),  # what it turns against
-        (1000, NO_LOAD_RAD_S, 7.4, 0.0),  # its speed without load
-    ],
-)
-def test_the_torque_of_an_so101_motor_follows_load_speed_and_supply(
-    sign: int, load: int, rate: float, volts: float, torque: float
-) -> None:
-    options = So101Options.model_validate({"sign": (sign,) * 6})
-    present = [Present(2048, 0, sign * load, round(10.0 * volts), 30, 0)] * 6
-    assert motor_torques(present, (rate,) * 6, options, (0.002,) * 6) == pytest.approx((torque,) * 6, abs=1e-12)

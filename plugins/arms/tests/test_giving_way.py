@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from weberlink.geometry.joints import Joints
-from weberlink_arms.giving_way import LEAST_RAD, STEPS, give_way
+from weberlink_arms.servo.on_close import LEAST_RAD, STEPS, give_way
 
 STIFFNESS_NM_RAD = 5.0
 

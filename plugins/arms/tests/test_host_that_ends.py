@@ -19,7 +19,7 @@ from tests.program import ROOT
 from tests.wait import PATIENCE, until
 from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.emulators import EMULATORS
-from weberlink_arms.feetech.arm import NAMES
+from weberlink_arms.feetech.arm import SO101
 
 pytestmark = pytest.mark.realtime(alone=True)
 
@@ -53,7 +53,7 @@ FAMILIES = {
 def pushing(family: Family, folder: Path) -> Iterator[tuple[subprocess.Popen[str], Any]]:
     """The process and the emulated arm, once it pushes."""
     emulator_class: Any = EMULATORS.load(family.driver)
-    wall = {"joint": NAMES[family.axis], "angle_rad": WALL_RAD, "stiffness_nm_rad": STIFFNESS_NM_RAD}
+    wall = {"joint": SO101.axes[family.axis], "angle_rad": WALL_RAD, "stiffness_nm_rad": STIFFNESS_NM_RAD}
     weightless = {"weight": False} if "weight" in emulator_class.Options.model_fields else {}
     emulator = emulator_class(emulator_class.Options.model_validate({"walls": [wall], **weightless}))
     values = [0.0] * 6 if family.leads else list(emulator.angles)
@@ -96,7 +96,11 @@ def test_arm_pushes_on_nothing_afterwards(family: Family, number: int, tmp_path:
     with pushing(family, tmp_path) as (process, emulator):
         process.send_signal(number)
         until(pushes_no_more(emulator, family), "the push to end")
-        assert (process.poll() is None) is (number == signal.SIGSTOP)
+        if number == signal.SIGSTOP:
+            assert process.poll() is None
+        else:
+            until(lambda: process.poll() is not None, "the process to end")
+            assert push(emulator, family) <= family.left
         assert {servo.torque_on for servo in emulator.servos} == {not family.leads}
         if number == signal.SIGSTOP and family.driver.startswith("so101"):
             process.send_signal(signal.SIGCONT)

@@ -140,7 +140,7 @@ def test_small_torques_of_an_so101_do_not_switch_on_and_off() -> None:
             bench.run(only(0, sign * share * zone), 0.02)
             assert bench.torques_on[0] is on
     bench.emulator.most_motor_nm = 0.0
-    bench.emulator.pushes[2] = 1.0
+    bench.emulator.joints[2].push = 1.0
     bench.run(bench.family.rest, 0.5)
     assert bench.sample.angles[2] > 0.1
     assert bench.emulator.most_motor_nm == 0.0, "free motion has no torque"
@@ -149,7 +149,7 @@ def test_small_torques_of_an_so101_do_not_switch_on_and_off() -> None:
 def test_a_hand_that_yields_is_not_pulled_back_by_an_so101() -> None:
     bench = opened("so101_leader")
     bench.run(only(0, 0.2), 0.3)
-    bench.emulator.pushes[0] = 1.0  # with the torque
+    bench.emulator.joints[0].push = 1.0  # with the torque
     for _ in range(100):
         bench.run(only(0, 0.2), 0.005)
         assert bench.emulator.servos[0].duty >= 0.0, "no torque against the one displayed"

@@ -1,7 +1,6 @@
-"""The shipped files: all are valid; of the pair of computed arms, what is felt, the report and the recording."""
+"""The shipped files: all are valid; of the pair of computed arms, what is felt."""
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -11,8 +10,6 @@ from weberlink.system.configuration import load
 from weberlink.system.simulate import simulate
 from weberlink.system.tick_cost import measured_tick_s
 from weberlink.system.verdict import verdict
-from weberlink_recording.reader import read_recording
-from weberlink_recording.session import put_together
 
 pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 
@@ -20,16 +17,8 @@ CONFIGS = Path(__file__).parents[1] / "configs"
 CHANNELS = ("joint_torque", "joint_angle", "gripper_torque", "gripper_angle")
 
 
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Path]:
-    """The figures of a session that reaches the table, and its recording."""
-    path = tmp_path_factory.mktemp("arms") / "arms.mcap"
-    summary, _ = simulate(load(CONFIGS / "arms.yaml"), 2.2, path)
-    return summary, path
-
-
-def test_shipped_pair_presses_table_and_operator_feels_it(recorded: tuple[dict[str, Any], Path]) -> None:
-    summary, _ = recorded
+def test_shipped_pair_presses_table_and_operator_feels_it() -> None:
+    summary, _ = simulate(load(CONFIGS / "arms.yaml"), 2.2)
     assert (summary["outcome"], summary["verdict"]["word"]) == ("completed", "good")
     assert min(summary[name]["reduction"] for name in CHANNELS) > 0.9
     torque = summary["joint_torque"]
@@ -37,13 +26,6 @@ def test_shipped_pair_presses_table_and_operator_feels_it(recorded: tuple[dict[s
     assert set(torque["axes"]) == {"shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll"}
     assert torque["coding"]["error_max_deadbands"] <= 1.0 + 1e-3
     assert summary["energy"]["generated_j"] == 0.0
-
-
-def test_recording_gives_figures_of_its_session(recorded: tuple[dict[str, Any], Path]) -> None:
-    summary, path = recorded
-    again = put_together([read_recording(path)]).summary()
-    for name in (*CHANNELS, "energy", "limited"):
-        assert again[name] == summary[name]
 
 
 def test_the_shipped_pair_is_connected_from_start_to_end_at_a_distance() -> None:

@@ -10,11 +10,10 @@ from hypothesis import strategies as st
 
 from tests.wait import until
 from weberlink.hardware.emulator import PtyDevice
-from weberlink_arms.dynamixel import packet as dynamixel
 from weberlink_arms.dynamixel import registers
-from weberlink_arms.dynamixel.packet import encode_packet
+from weberlink_arms.dynamixel.packet import FRAMING as DYNAMIXEL
 from weberlink_arms.emulators.feetech import FeetechEmulator
-from weberlink_arms.feetech import packet as feetech
+from weberlink_arms.feetech.packet import FRAMING as FEETECH
 
 scservo: Any = pytest.importorskip("scservo_sdk")
 SDK = PacketHandler(2.0)
@@ -50,7 +49,7 @@ def test_single_requests_are_those_of_feetech(id_: int, address: int, size: int,
     handler.readTxRx(tape, id_, address, size)
     handler.write2ByteTxRx(tape, id_, address, value)
     data = value.to_bytes(2, "little")
-    assert tape.written == feetech.ping(id_) + feetech.read(id_, address, size) + feetech.write(id_, address, data)
+    assert tape.written == FEETECH.ping(id_) + FEETECH.read(id_, address, size) + FEETECH.write(id_, address, data)
 
 
 @given(st.lists(st.integers(0, 252), min_size=1, max_size=6, unique=True), st.integers(0, 70), st.binary(min_size=10))
@@ -63,7 +62,7 @@ def test_sync_requests_are_those_of_feetech(ids: list[int], address: int, data: 
         assert reader.addParam(id_)
     writer.txPacket()
     reader.txPacket()
-    ours = feetech.sync_write(address, 10, [(id_, data[:10]) for id_ in ids]) + feetech.sync_read(address, 15, ids)
+    ours = FEETECH.sync_write(address, 10, [(id_, data[:10]) for id_ in ids]) + FEETECH.sync_read(address, 15, ids)
     assert tape.written == ours
 
 
@@ -90,13 +89,13 @@ def test_requests_are_those_of_robotis(register: registers.Register, values: tup
     for group in (writer, reader):
         assert group.txPacket() == COMM_SUCCESS
     ours = [
-        dynamixel.ping(3),
-        dynamixel.read(6, register.address, register.size),
-        dynamixel.write(6, register.address, pairs[-1][1]),
-        dynamixel.sync_write(register.address, register.size, pairs),
-        dynamixel.sync_read(register.address, register.size, [id_ for id_, _ in pairs]),
+        DYNAMIXEL.ping(3),
+        DYNAMIXEL.read(6, register.address, register.size),
+        DYNAMIXEL.write(6, register.address, pairs[-1][1]),
+        DYNAMIXEL.sync_write(register.address, register.size, pairs),
+        DYNAMIXEL.sync_read(register.address, register.size, [id_ for id_, _ in pairs]),
     ]
-    assert tape.written == b"".join(map(encode_packet, ours))
+    assert tape.written == b"".join(ours)
 
 
 @pytest.mark.realtime

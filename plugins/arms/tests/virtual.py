@@ -30,6 +30,8 @@ class VirtualPort:
         self._emulator, self._time = emulator, time
         self.latency = latency
         self.closed = False
+        self.broken: Exception | None = None
+        """What every access raises."""
         self.killed_after: int | None = None
         """Messages that still get out before the host is gone; None for all."""
         self.sent: list[bytes] = []
@@ -37,7 +39,7 @@ class VirtualPort:
         emulator.advance(time.now)
 
     def write(self, data: bytes) -> None:
-        assert not self.closed
+        self._check()
         if self.killed_after is not None:
             if self.killed_after == 0:
                 raise KilledError
@@ -45,8 +47,13 @@ class VirtualPort:
         self.sent.append(data)
         self._emulator.receive(data, self._time.now)
 
-    def read(self, until: float) -> bytes:
+    def _check(self) -> None:
         assert not self.closed
+        if self.broken is not None:
+            raise self.broken
+
+    def read(self, until: float) -> bytes:
+        self._check()
         while True:
             said = self.drain()
             if said or self._time.now >= until:
@@ -55,6 +62,7 @@ class VirtualPort:
             self._time.now = min(until, max(self._time.now + 1e-6, until if due is None else due + self.latency))
 
     def drain(self) -> bytes:
+        self._check()
         emulator, faults = self._emulator, self._emulator.faults
         emulator.advance(self._time.now)
         replies = emulator.replies(self._time.now - self.latency)

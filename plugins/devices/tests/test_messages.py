@@ -9,32 +9,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from plugins.devices.tests.haply.far_end import BOARD, COUNT_DEG, answer, counts
 from weberlink.hardware.fault import BadReply
 from weberlink.testing.messages import Message, MessageContract
-from weberlink_devices.haply.linkage import VERSIONS
 from weberlink_devices.inverse3.protocol import decode
 from weberlink_devices.spacemouse.reports import PuckState
-
-BOARD = VERSIONS["v3"].board
-COUNT_DEG = 360.0 / 4880.0
-
-
-def haply_reply(angles: tuple[int, int]) -> bytes:
-    """Ports in the order of the board: encoder 1 hangs on port 2."""
-    return BOARD.bare_reply + pack("<2f", angles[1] * COUNT_DEG, angles[0] * COUNT_DEG)
-
-
-def haply_counts(reply: bytes) -> tuple[int, int]:
-    first, second = BOARD.angles(reply)
-    return round(first / COUNT_DEG), round(second / COUNT_DEG)
 
 
 class TestMessages(MessageContract):
     MESSAGES: ClassVar = {
         "haply": Message(
             st.tuples(*[st.integers(-20_000, 20_000)] * 2),
-            haply_reply,
-            haply_counts,
+            lambda turned: answer(*turned),
+            lambda reply: counts(BOARD.angles(reply)),
             BadReply,
             refused=(
                 bytes((BOARD.id + 1,)) + bytes(8),

@@ -4,7 +4,7 @@ import json
 from collections import defaultdict
 from contextlib import suppress
 from threading import Thread
-from typing import Any, Self
+from typing import Any
 
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
@@ -28,10 +28,7 @@ class FoxgloveClient:
         self._thread = Thread(target=self._read, daemon=True)
         self._thread.start()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
         self._socket.close()
         self._thread.join()
 

@@ -7,14 +7,11 @@ import numpy as np
 import pytest
 
 from plugins.foxglove.tests.client import FoxgloveClient
-from tests.apps.monitor.test_emergency import daemons
+from plugins.ros2.tests.rigs import ring
 from tests.program import weberlink
 from tests.wait import until
-from tests.watching.sources import description, records, write
-from weberlink.system.description import Description
+from tests.watching.sources import daemons, description, records, write
 from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_TEXT
-from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.ring import RingWriter
 from weberlink_foxglove.bridge import FoxgloveBridge
 from weberlink_ros2.follow import FIND_S, SessionFollower
 from weberlink_ros2.markers import CUBE, DELETE_ALL
@@ -24,81 +21,70 @@ TOPICS = 14
 
 
 class View:
-    """A bridge that follows the rings of a folder; time passes by `look` only."""
+    """A bridge that follows the rings of a folder, and a client; time passes by `look` only."""
 
     def __init__(self, folder: Path, *, allow_changes: bool = False) -> None:
         self.said: list[str] = []
         self.bridge = FoxgloveBridge("127.0.0.1", 0, allow_changes=allow_changes, tell=self.said.append)
         self._follower = SessionFollower(self.bridge, None, self.said.append, folder)
+        self.client = FoxgloveClient(self.bridge.server.port)
         self._now = 0.0
 
     def look(self) -> None:
         self._now += FIND_S
         self._follower.look(self._now)
 
-    def until(self, client: FoxgloveClient, topic: str, count: int = 1) -> list[bytes]:
+    def until(self, topic: str, count: int = 1) -> list[bytes]:
         """Messages of a topic, once there are so many."""
+        until(lambda: self.look() or len(self.client.messages[topic]) >= count, f"{count} messages of {topic}")  # type: ignore[func-returns-value]
+        return self.client.messages[topic]
 
-        def enough() -> bool:
-            self.look()
-            return len(client.messages[topic]) >= count
+    def parsed(self, topic: str, count: int) -> list[Any]:
+        """The same, as ROS reads them."""
+        return [decode(message, self.client.types[topic]) for message in self.until(topic, count)]
 
-        until(enough, f"{count} messages of {topic}")
-        return client.messages[topic]
+    def ask(self, name: str) -> dict[str, Any]:
+        """The answer to the wish that a parameter be 0.2."""
+        return self.client.answer("setParameters", "status", parameters=[{"name": name, "value": 0.2}])
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.client.close()
         self._follower.close()
         self.bridge.close()
 
 
-def ring(folder: Path, side: str, session: int = 7, described: Any = None) -> RingWriter:
-    path = folder / f"weberlink-{session}-{side}.ring"
-    Description(path, described or description(side)).publish()
-    return RingWriter.create(path, side=side, rate_hz=1000.0, capacity=4096)
-
-
-def parsed(client: FoxgloveClient, topic: str) -> list[Any]:
-    """Messages as ROS reads them."""
-    return [decode(message, client.types[topic]) for message in client.messages[topic]]
-
-
 def test_every_tick_comes_as_it_was_recorded(tmp_path: Path) -> None:
     made = records(300, seed=1)
-    with View(tmp_path) as seen, ring(tmp_path, "slave") as slave, FoxgloveClient(seen.bridge.server.port) as client:
-        until(lambda: len(client.types) == TOPICS, "all topics")
+    with View(tmp_path) as seen, ring(tmp_path, "slave") as slave:
+        until(lambda: len(seen.client.types) == TOPICS, "all topics")
         seen.look()
-        client.answer("getParameters", "parameterValues", parameterNames=[], id="is subscribed")
+        seen.client.answer("getParameters", "parameterValues", parameterNames=[], id="is subscribed")
         for piece in np.split(made, [1, 100, 299]):
             write(slave, piece)
             seen.look()
-        messages = seen.until(client, "/weberlink/slave", len(made))
-        assert client.schemas["/weberlink/slave"] == SCHEMA_TEXT
-        assert {message[: len(ENCAPSULATION)] for message in messages} == {ENCAPSULATION}
-        body = b"".join(message[len(ENCAPSULATION) :] for message in messages)
-        assert np.frombuffer(body, DTYPE).tobytes() == made.tobytes()
+        messages = seen.until("/weberlink/slave", len(made))
+        assert seen.client.schemas["/weberlink/slave"] == SCHEMA_TEXT
+        assert messages == [ENCAPSULATION + row.tobytes() for row in made]
 
 
 def test_the_next_session_takes_the_place_of_the_last(tmp_path: Path) -> None:
-    box = description("slave", "scene-box.yaml")
-    with View(tmp_path) as seen, FoxgloveClient(seen.bridge.server.port) as client:
+    with View(tmp_path) as seen:
         with ring(tmp_path, "slave") as slave:
             write(slave, records(20))
-            seen.until(client, "/weberlink/log")
+            seen.until("/weberlink/log")
         seen.look()
-        with ring(tmp_path, "slave", 8, box) as slave:
+        with ring(tmp_path, "slave", 8, description("slave", "scene-box.yaml")) as slave:
             write(slave, records(20))
             scenes: list[Any] = []
             while not any(each.markers[-1].type == CUBE for each in scenes):
-                seen.until(client, "/weberlink/scene", len(scenes) + 1)
-                scenes = parsed(client, "/weberlink/scene")
+                scenes = seen.parsed("/weberlink/scene", len(scenes) + 1)
             boxed = next(index for index, each in enumerate(scenes) if each.markers[-1].type == CUBE)
             assert [each.action for each in scenes[boxed - 1].markers] == [DELETE_ALL]
-            client.messages["/diagnostics"].clear()
-            seen.until(client, "/diagnostics", 2)  # the first one tells the end of the former session
-            status = parsed(client, "/diagnostics")[-1].status
+            seen.client.messages["/diagnostics"].clear()
+            status = seen.parsed("/diagnostics", 2)[-1].status  # the first one tells the end of the former session
             assert status[0].hardware_id == "8" and {each.level for each in status} <= {0, 1, 2}
 
 
@@ -112,23 +98,16 @@ def test_the_next_session_takes_the_place_of_the_last(tmp_path: Path) -> None:
     ],
 )
 def test_a_refused_parameter_says_why(tmp_path: Path, allow: bool, name: str, why: str) -> None:
-    with View(tmp_path, allow_changes=allow) as seen, FoxgloveClient(seen.bridge.server.port) as client:
-        wish = [{"name": name, "value": 0.2}]
-        told = client.answer("setParameters", "status", parameters=wish)
+    with View(tmp_path, allow_changes=allow) as seen:
+        told = seen.ask(name)
         assert why in told["message"] and told["level"] == 2 and why in seen.said[-1]
-        none = client.answer("getParameters", "parameterValues", parameterNames=[], id="1")
-        assert none["parameters"] == []
+        assert seen.client.answer("getParameters", "parameterValues", parameterNames=[], id="1")["parameters"] == []
 
 
 def test_a_permitted_parameter_is_up_to_the_daemons(tmp_path: Path) -> None:
-    with (
-        daemons(tmp_path) as sides,
-        View(tmp_path, allow_changes=True) as seen,
-        FoxgloveClient(seen.bridge.server.port) as client,
-    ):
+    with daemons(tmp_path) as sides, View(tmp_path, allow_changes=True) as seen:
         seen.look()
-        told = client.answer("setParameters", "status", parameters=[{"name": "weber", "value": 0.2}])
-        assert "a daemon of a test" in told["message"]
+        assert "a daemon of a test" in seen.ask("weber")["message"]
         assert [side.proposed for side in sides if side.proposed] == [[{"weber": 0.2}]], "the two agree by themselves"
 
 

@@ -22,15 +22,9 @@ from zenoh_ros2_sdk.session import ZenohSession
 
 from weberlink_ros2.messages import types
 
-PACKAGES = (
-    "builtin_interfaces",
-    "std_msgs",
-    "geometry_msgs",
-    "tf2_msgs",
-    "sensor_msgs",
-    "diagnostic_msgs",
-    "visualization_msgs",
-)
+PACKAGES = {f"{name}_msgs" for name in ("std", "geometry", "tf2", "sensor", "diagnostic", "visualization")} | {
+    "builtin_interfaces"
+}
 PATIENCE_S = 30.0
 
 

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.watching.sources import description, records, write
-from weberlink.system.description import Description
+from plugins.ros2.tests.rigs import ring
+from tests.watching.sources import records, write
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.message import ENCAPSULATION
 from weberlink.telemetry.record import RELEASED
-from weberlink.telemetry.ring import RingWriter
 from weberlink.watching.rings import RingSource
 from weberlink_ros2.bridge import Ros2Bridge
 from weberlink_ros2.diagnostics import STALE_S, Level, SideCondition
@@ -23,13 +22,10 @@ from weberlink_ros2.messages import decode
 from weberlink_ros2.names import Qos
 from weberlink_ros2.topics import DIAGNOSTICS, DIAGNOSTICS_S, FRESH_S, wall_offset_s
 
-SESSION = "7"
-
 
 class Publisher:
     def __init__(self, type_name: str) -> None:
-        self.type_name, self.sequence = type_name, 0
-        self.bodies: list[bytes] = []
+        self.type_name, self.sequence, self.bodies = type_name, 0, list[bytes]()
 
     def put_body(self, cdr: bytes, stamp_ns: int) -> None:
         assert abs(stamp_ns - time() * 1e9) < 60e9
@@ -48,31 +44,19 @@ class Node:
 
     def __init__(self) -> None:
         self.topics: dict[str, Publisher] = {}
-        self.closed = False
 
     def publisher(self, topic: str, type_name: str, qos: Qos | None = None) -> Publisher:
-        del qos
         assert topic not in self.topics
-        self.topics[topic] = Publisher(type_name)
-        return self.topics[topic]
-
-    def close(self) -> None:
-        self.closed = True
+        return self.topics.setdefault(topic, Publisher(type_name))
 
 
 class Live:
-    """A bridge that follows rings in a folder; `side` writes the ring of one side."""
+    """A bridge that follows rings in a folder."""
 
-    def __init__(self, folder: Path, rate_hz: float | None = None) -> None:
-        self.folder, self.node, self.said = folder, Node(), list[str]()
-        self.bridge = Ros2Bridge(self.node, Qos(), rate_hz, self.said.append, wall_offset_s)  # type: ignore[arg-type]
-        self.follower = SessionFollower(self.bridge, None, self.said.append, folder)
-        self.now = 0.0
-
-    def ring(self, side: str, described: dict[str, Any] | None = None) -> RingWriter:
-        path = self.folder / f"weberlink-{SESSION}-{side}.ring"
-        Description(path, description(side) if described is None else described).publish()
-        return RingWriter.create(path, side=side, rate_hz=1000.0, capacity=4096)
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.node, self.now = folder, Node(), 0.0
+        bridge = Ros2Bridge(self.node, Qos(), None, print, wall_offset_s)  # type: ignore[arg-type]
+        self.follower = SessionFollower(bridge, None, print, folder)
 
     def look(self) -> None:
         self.now += DIAGNOSTICS_S
@@ -97,26 +81,24 @@ def ticks(count: int, *, first: int = 0) -> Records:
     return made
 
 
-def vector(message: Any) -> list[float]:
-    return [message.x, message.y, message.z]
-
-
 def test_every_new_tick_is_published_once_with_its_wall_clock(live: Live) -> None:
-    with live.ring("master") as ring:
+    with ring(live.folder, "master") as master:
         old = ticks(5)
         old["at"] -= 2 * FRESH_S
         made = [ticks(3, first=5), ticks(5, first=8)]
-        write(ring, old)  # what was before is left out
+        write(master, old)  # what was before is left out
         for piece in made:
-            write(ring, piece)
+            write(master, piece)
             live.look()
     poses, wrenches, frames = (live.node.topics[f"/{name}"] for name in ("weberlink/hand", "weberlink/felt", "tf"))
     new = np.concatenate(made)
-    np.testing.assert_array_equal([vector(each.pose.position) for each in poses.messages], new["position"])
-    np.testing.assert_array_equal([vector(each.wrench.force) for each in wrenches.messages], new["output"])
-    assert [[each.child_frame_id for each in message.transforms] for message in frames.messages] == [
-        ["hand", "felt"]
-    ] * 8
+    for vectors, field in (
+        ([each.pose.position for each in poses.messages], "position"),
+        ([each.wrench.force for each in wrenches.messages], "output"),
+    ):
+        assert [[each.x, each.y, each.z] for each in vectors] == new[field].tolist()
+    named = [[each.child_frame_id for each in message.transforms] for message in frames.messages]
+    assert named == [["hand", "felt"]] * 8
     at = np.array([each.header.stamp.sec + 1e-9 * each.header.stamp.nanosec for each in poses.messages])
     np.testing.assert_allclose(at, new["at"] + wall_offset_s(), atol=1.0)
     np.testing.assert_allclose(np.diff(at), np.diff(new["at"]), atol=1e-6)
@@ -125,14 +107,14 @@ def test_every_new_tick_is_published_once_with_its_wall_clock(live: Live) -> Non
 def test_diagnostics_tell_state_and_fault(live: Live) -> None:
     live.look()
     assert live.statuses()["weberlink: bridge"].message == "waits for a session"
-    with live.ring("master") as master, live.ring("slave") as slave:
+    with ring(live.folder, "master") as master, ring(live.folder, "slave") as slave:
         made = ticks(5)
         made["updates_sent"] = np.arange(5)
         write(master, made)
         write(slave, ticks(5))
         live.look()
         statuses = live.statuses()
-        assert statuses["weberlink: bridge"].message == f"publishes session {SESSION}"
+        assert statuses["weberlink: bridge"].message == "publishes session 7"
         values = {pair.key: pair.value for pair in statuses["weberlink: master"].values}
         assert statuses["weberlink: master"].level == Level.OK
         assert "engaged" in statuses["weberlink: master"].message
@@ -151,8 +133,8 @@ def test_diagnostics_tell_state_and_fault(live: Live) -> None:
 
 
 def test_a_side_that_stands_still_is_stale(live: Live) -> None:
-    with live.ring("master") as ring:
-        source = RingSource(ring.path)
+    with ring(live.folder, "master") as master:
+        source = RingSource(master.path)
         condition = SideCondition(source, 100.0)
         condition.take(ticks(3), 100.2)
         for at, level in ((100.2 + STALE_S - 0.1, Level.OK), (100.3 + STALE_S, Level.STALE)):

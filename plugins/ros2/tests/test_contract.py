@@ -9,8 +9,7 @@ from typing import Any
 from tests.master.devices.targets import Targets
 from weberlink.testing.devices import DeviceBench, DeviceContract
 from weberlink.testing.time import TICK, virtual_time
-from weberlink_ros2.device import Ros2Device
-from weberlink_ros2.options import Ros2Options
+from weberlink_ros2.device import Ros2Device, Ros2Options
 
 
 class Poses(Targets):

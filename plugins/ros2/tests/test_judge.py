@@ -10,11 +10,9 @@ from threading import Timer
 import numpy as np
 import pytest
 
-from plugins.ros2.tests.ports import endpoint
-from tests.watching.sources import description, write
+from plugins.ros2.tests.rigs import endpoint, ring
 from tests.watching.sources import records as engaged
-from weberlink.system.description import Description
-from weberlink.telemetry.ring import RingWriter
+from tests.watching.sources import write
 from weberlink_ros2.bridge import Ros2Bridge
 from weberlink_ros2.follow import SessionFollower
 from weberlink_ros2.names import Qos
@@ -32,12 +30,8 @@ LISTED = {
     "/weberlink/robot": [POSE],
     "/weberlink/scene": [MARKERS],
 }
-DOMAIN = 5
-TICKS = 200
-
-
-LIMIT_S = 120.0
-"""Until the client of others is ended [s]."""
+DOMAIN, TICKS = 5, 200
+LIMIT_S = 120.0  # until the client of others is ended
 
 
 @pytest.mark.realtime
@@ -53,10 +47,8 @@ def test_a_client_of_others_lists_and_receives(tmp_path: Path) -> None:
         timer = Timer(LIMIT_S, sdk.kill)  # which ends a line that does not come
         timer.start()
         assert sdk.stdout is not None
-        try:
-            listed = sdk.stdout.readline()
-        finally:
-            timer.cancel()
+        listed = sdk.stdout.readline()
+        timer.cancel()
         assert listed, "the client lists nothing"
         assert json.loads(listed) == LISTED
         made = engaged(TICKS, seed=1)
@@ -75,16 +67,10 @@ def test_a_client_of_others_lists_and_receives(tmp_path: Path) -> None:
     received, last = json.loads(output), made[-1]
     for name in ("hand", "felt", "robot", "measured"):
         assert len(received[f"/weberlink/{name}"]) == TICKS
-    newest = {name: messages[-1] for name, messages in received.items()}
-    assert list(newest["/weberlink/hand"]["pose"]["position"].values()) == last["position"].tolist()
-    assert list(newest["/weberlink/felt"]["wrench"]["force"].values()) == last["output"].tolist()
-    assert list(newest["/weberlink/robot"]["pose"]["position"].values()) == last["output"].tolist()
-    assert list(newest["/weberlink/measured"]["wrench"]["force"].values()) == last["raw"].tolist()
-    assert len(newest["/weberlink/scene"]["markers"]) == 2  # of configs/loopback.yaml
+    newest = {name.rpartition("/")[2]: messages[-1] for name, messages in received.items()}
+    for name, field in (("hand", "position"), ("robot", "output")):
+        assert list(newest[name]["pose"]["position"].values()) == last[field].tolist()
+    for name, field in (("felt", "output"), ("measured", "raw")):
+        assert list(newest[name]["wrench"]["force"].values()) == last[field].tolist()
+    assert len(newest["scene"]["markers"]) == 2  # of configs/loopback.yaml
     assert {each["transforms"][0]["child_frame_id"] for each in received["/tf"]} >= {"robot"}
-
-
-def ring(folder: Path, side: str) -> RingWriter:
-    path = folder / f"weberlink-7-{side}.ring"
-    Description(path, description(side)).publish()
-    return RingWriter.create(path, side=side, rate_hz=1000.0, capacity=4096)

@@ -9,23 +9,11 @@ from time import monotonic, sleep
 
 import pytest
 
-pytest.importorskip("zenoh", reason="needs the extra weberlink[ros2]")
-pytest.importorskip("rosbags", reason="needs the extra weberlink[ros2]")
-
-from plugins.ros2.tests.ports import endpoint
-from plugins.ros2.tests.publishing import (
-    PATIENCE,
-    await_trouble,
-    listening,
-    next_target,
-    publishing,
-    steadily,
-)
+from plugins.ros2.tests.rigs import await_trouble, endpoint, listening, publishing, steadily
 from weberlink.master.devices.contract import DeviceFault
-from weberlink.testing.time import TICK
-from weberlink_ros2.device import Ros2Device
+from weberlink.testing.time import TICK, until
+from weberlink_ros2.device import Ros2Device, Ros2Options
 from weberlink_ros2.node import Node
-from weberlink_ros2.options import Ros2Options
 
 pytestmark = pytest.mark.realtime
 
@@ -41,7 +29,7 @@ def test_poses_lead_and_what_is_wrong_is_told(router: str) -> None:
         with publishing(router) as publisher:
             await_trouble(process, "no pose comes")
             with steadily(publisher, 0.01, turned_rad=0.5):
-                target = next_target(process)
+                target = until(process.newest, "a pose", pause=1e-3)
                 assert (target.target, target.held) == ((0.01, 0.0, 0.03), True)
                 assert target.rotation == pytest.approx((0.0, 0.0, 0.5))
                 await_trouble(process, None)
@@ -52,7 +40,7 @@ def test_poses_lead_and_what_is_wrong_is_told(router: str) -> None:
             with steadily(publisher, float("nan")):
                 await_trouble(process, "its position is not finite: nan, 0, 0.03")
             with steadily(publisher, 0.03):
-                assert next_target(process).target == (0.03, 0.0, 0.03)
+                assert until(process.newest, "a pose", pause=1e-3).target == (0.03, 0.0, 0.03)
         with publishing(router, type_name="geometry_msgs/msg/Pose") as wrong:
             with steadily(wrong, 0.04, type_name="geometry_msgs/msg/Pose"):
                 await_trouble(process, "published as geometry_msgs/msg/Pose, not as geometry_msgs/msg/PoseStamped")
@@ -63,14 +51,11 @@ def test_killed_listener_is_a_fault_at_once(router: str) -> None:
     device = Ros2Device(Ros2Options(connect=router), TICK)
     device.open(monotonic())
     try:
-        child = device._poses.pid  # type: ignore[attr-defined]
         device.latest(monotonic())
-        os.kill(child, signal.SIGKILL)
+        os.kill(device._poses.pid, signal.SIGKILL)  # type: ignore[attr-defined]
         killed = monotonic()
         with pytest.raises(DeviceFault, match="ros2: its listener was killed by SIGKILL; start the session again"):
-            while monotonic() < killed + PATIENCE:
-                device.latest(monotonic())
-                sleep(TICK)
+            until(lambda: device.latest(monotonic()) is None, "a fault", pause=TICK)
         assert monotonic() - killed < 1.0
     finally:
         device.close()
@@ -78,8 +63,7 @@ def test_killed_listener_is_a_fault_at_once(router: str) -> None:
 
 DAEMON = """
 import sys, time
-from weberlink_ros2.device import Ros2Device
-from weberlink_ros2.options import Ros2Options
+from weberlink_ros2.device import Ros2Device, Ros2Options
 device = Ros2Device(Ros2Options(connect=sys.argv[1]), 1e-3)
 device.open(time.monotonic())
 print(device._poses.pid, "zenoh" in sys.modules, "rosbags" in sys.modules, flush=True)
@@ -93,10 +77,7 @@ def test_listener_ends_with_a_killed_daemon_that_imports_no_zenoh(router: str) -
         pid, *imported = daemon.stdout.readline().split()
         assert imported == ["False", "False"]
         daemon.kill()
-        killed = monotonic()
-        while _runs(pid):
-            assert monotonic() < killed + PATIENCE
-            sleep(0.01)
+        until(lambda: not _runs(pid), "the end of the listener")
     with Node("next", 0, router) as node:
         assert node.is_router, "its place is free"
 

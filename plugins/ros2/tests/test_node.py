@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from plugins.ros2.tests.ports import endpoint
+from plugins.ros2.tests.rigs import endpoint
 from tests.wait import until
 from weberlink.telemetry.message import ENCAPSULATION
 from weberlink_ros2.messages import encode_body, types
 from weberlink_ros2.names import Qos
-from weberlink_ros2.node import CONFIG_VARIABLE, Node, NodeError
+from weberlink_ros2.node import CONFIG_VARIABLE, Node, NodeError, Publisher
 
 STRING = "std_msgs/msg/String"
 BODY = encode_body(types().types[STRING]("hello"), STRING)
@@ -27,13 +27,20 @@ def hear(node: Node, topic: str = "/chatter") -> Heard:
     return heard
 
 
+def published(node: Node, heard: Heard) -> Publisher:
+    """A publisher whose messages are heard."""
+    publisher = node.publisher("/chatter", STRING)
+    until(lambda: publisher.put_body(BODY, 5) or heard, "a message")
+    return publisher
+
+
 @pytest.mark.realtime
 def test_messages_come_with_time_and_source_and_nodes_listen_on_loopback_alone() -> None:
     before, where = listening(), endpoint()
     with Node("first", connect=where) as first, Node("second", connect=where) as second:
         heard, elsewhere = hear(second), hear(second, "/other")
-        one, other = first.publisher("/chatter", STRING), first.publisher("/chatter", STRING, Qos(reliable=False))
-        until(lambda: one.put_body(BODY, 5) or heard, "a message")
+        other = first.publisher("/chatter", STRING, Qos(reliable=False))
+        published(first, heard)
         first_source = heard[0][2]
         heard.clear()
         other.put_body(BODY, 6)
@@ -51,8 +58,7 @@ def test_other_domains_hear_nothing() -> None:
     where = endpoint()
     with Node("first", 1, where) as first, Node("second", 1, where) as same, Node("third", 2, where) as other:
         heard, unheard = hear(same), hear(other)
-        publisher = first.publisher("/chatter", STRING)
-        until(lambda: publisher.put_body(BODY, 0) or heard, "a message")
+        publisher = published(first, heard)
         until(lambda: other.connections, "a connection")
         publisher.put_body(BODY, 0)
         time.sleep(0.1)
@@ -68,8 +74,7 @@ def test_a_router_elsewhere_forwards_messages() -> None:
     config.insert_json5("scouting/multicast/enabled", "false")
     with zenoh.open(config), Node("first", connect=where) as first, Node("second", connect=where) as second:
         heard = hear(second)
-        publisher = first.publisher("/chatter", STRING)
-        until(lambda: publisher.put_body(BODY, 0) or heard, "a message")
+        published(first, heard)
         assert not first.is_router and first.connections == second.connections == 1
 
 
@@ -92,22 +97,18 @@ def listening() -> set[tuple[str, str]]:
 def test_a_closed_node_says_so() -> None:
     node = Node("first", connect=endpoint())
     publisher = node.publisher("/chatter", STRING)
-    node.close()
-    node.close()
+    for _ in range(2):
+        node.close()
     with pytest.raises(NodeError, match="closed"):
         publisher.put_body(BODY, 0)
 
 
 def test_the_file_of_the_environment_configures_the_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    file = tmp_path / "session.json5"
+    file, where = tmp_path / "session.json5", endpoint()
     monkeypatch.setenv(CONFIG_VARIABLE, str(file))
     with pytest.raises(NodeError, match=r"session\.json5"):
         Node("first")
-    where = endpoint()
-    file.write_text(
-        json.dumps({"mode": "peer", "listen": {"endpoints": [where]}, "scouting": {"multicast": {"enabled": False}}})
-    )
-    with Node("first") as first:
+    without = {"multicast": {"enabled": False}}
+    file.write_text(json.dumps({"mode": "peer", "listen": {"endpoints": [where]}, "scouting": without}))
+    with Node("first") as first, socket.create_connection(("127.0.0.1", int(where.rpartition(":")[2])), timeout=5):
         assert not first.is_router
-        with socket.create_connection(("127.0.0.1", int(where.rpartition(":")[2])), timeout=5):
-            pass

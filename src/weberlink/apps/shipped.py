@@ -20,10 +20,9 @@ from weberlink.system.targets import TargetError, check_file
 
 SCHEMA = "weberlink.schema.json"
 OTHERS = {
-    "49-weberlink.rules": "udev rules of the devices; weberlink device rules installs them",
-    "arms/": "MuJoCo models of the arms",
+    "49-weberlink.rules": "udev rules; weberlink device rules installs them, and those of guests",
     "plotjuggler-layout.xml": "layout of PlotJuggler for an exported recording",
-    "systemd/": "units of master, slave and page",
+    "systemd/": "units of master and slave",
     "traces/": "a recorded motion",
     SCHEMA: "schema of configuration files, for editors",
 }
@@ -82,7 +81,7 @@ def find(name: str) -> Path:
     known = inside | folders | {path.stem: path for path in inside.values() if path.suffix == ".yaml"}
     if asked in known:
         return known[asked]
-    guest = guests(CONFIGS).get(asked.removesuffix(".yaml"))
+    guest = guests(CONFIGS).get(asked.removesuffix(".yaml").removesuffix("/"))
     if guest is not None:
         raise ConfigurationError(absence(asked, guest))
     nearest = get_close_matches(asked, known, n=1)

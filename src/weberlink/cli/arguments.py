@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from difflib import get_close_matches
 from functools import cached_property
 from math import isfinite
@@ -23,12 +23,6 @@ from weberlink.system.targets import STANDARD_OUTPUT, TargetError, check_file, c
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
-
-# Robots share their host with other tools, whose ports this one avoids: 8765 of Foxglove's bridge, which LeRobot starts
-# too; 9090 of rosbridge and Prometheus; 9876 and 9877 of Rerun; 7000 of MeshCat; 5000, 5555, 8000, 8080, 8081 and 8888
-# of web servers, notebooks and ZeroMQ. IANA assigns 8724 to nobody; Linux takes it for no outgoing connection.
-MONITOR_PORT = 8724
-"""Port of the live page where none is given."""
 
 
 def finite(value: float | None) -> float | None:
@@ -82,20 +76,23 @@ Listen = Annotated[
     str, typer.Option(metavar="ADDRESS", help="Address to serve; one that other hosts can reach needs --public.")
 ]
 Public = Annotated[bool, typer.Option("--public", help="Allow other hosts, without encryption.")]
-Port = Annotated[
-    int | None, typer.Option(min=0, max=65535, help=f"Port of the page; 0 for any free one; default: {MONITOR_PORT}.")
-]
-Browse = Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")]
 SessionName = Annotated[
     str | None,
     typer.Option("--session", metavar="ID", help="Follow one session only, by its launcher's process id."),
 ]
 
 
+def is_loopback(address: str) -> bool:
+    """Whether an address (or `localhost`) can be reached from this host only."""
+    from ipaddress import ip_address  # noqa: PLC0415 - not for the help
+
+    with suppress(ValueError):
+        return address == "localhost" or ip_address(address).is_loopback
+    return False
+
+
 def check_public(listen: str, public: bool) -> None:
     """Refuse an address that other hosts can reach, unless that is asked for."""
-    from weberlink.apps.monitor.access import is_loopback  # noqa: PLC0415 - not for the help
-
     if not (public or is_loopback(listen)):
         fail(f"--listen {listen}: nothing is encrypted; add --public to serve other hosts all the same", MISCONFIGURED)
 

@@ -1,4 +1,4 @@
-"""Commands that show a session, a file or a machine: monitor, check, doctor, bridge."""
+"""Commands that show a session, a file or a machine: check, doctor, bridge."""
 
 from contextlib import nullcontext
 from pathlib import Path
@@ -7,20 +7,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from weberlink.cli.arguments import (
-    MONITOR_PORT,
-    Browse,
-    CommandGroup,
-    File,
-    Json,
-    Listen,
-    Port,
-    Public,
-    SessionName,
-    Set,
-    check_public,
-)
-from weberlink.cli.output import fail, failing, tell, write
+from weberlink.cli.arguments import CommandGroup, File, Json, Set
+from weberlink.cli.output import fail, write
 from weberlink.system.order import COMPLETED, FAILED, MASTER, MISCONFIGURED, SIDES
 
 
@@ -33,43 +21,6 @@ class Bridges(CommandGroup):
 bridge = typer.Typer(name="bridge", cls=Bridges, help="Carry a running session to other systems.", no_args_is_help=True)
 
 # Each command imports what it needs when it runs.
-
-
-def monitor(
-    port: Port = None,
-    listen: Listen = "127.0.0.1",
-    public: Public = False,
-    session: SessionName = None,
-    browse: Browse = False,
-    recordings: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder of the recordings that the page starts; made on first use.")
-    ] = Path("recordings"),
-    view: Annotated[
-        str | None, typer.Option(metavar="SOURCE", help="Picture beside the scene: camera:/dev/video0 or robot.")
-    ] = None,
-) -> None:
-    """Show running sessions in a browser.
-
-    Until Ctrl-C. The same address has figures for Prometheus.
-    """
-    from weberlink.system.configuration.extras import need  # noqa: PLC0415
-
-    for package in ("aiohttp", "prometheus_client"):
-        need(package, "monitor", "weberlink monitor")
-    from weberlink.apps.monitor.access import is_loopback  # noqa: PLC0415
-    from weberlink.apps.monitor.address import MonitorError  # noqa: PLC0415
-    from weberlink.apps.monitor.camera import ViewError, parse_view  # noqa: PLC0415
-    from weberlink.apps.monitor.program import MonitorSettings, run  # noqa: PLC0415
-
-    check_public(listen, public)
-    if not is_loopback(listen):
-        tell(f"warning: {listen}: not encrypted, and everybody who can reach it sees everything")
-    if view is not None:
-        need("cv2", "camera", "--view")
-    with failing(ViewError, MISCONFIGURED):
-        shown = None if view is None else parse_view(view)
-    with failing(MonitorError):
-        run(MonitorSettings(listen, MONITOR_PORT if port is None else port, session, browse, recordings, shown))
 
 
 def check(file: File, set_: Set = None) -> None:

@@ -16,11 +16,8 @@ class Program(CommandGroup):
     """The commands of this program, and those of other distributions."""
 
     topics: ClassVar = {
-        "Run": {
-            "try": f"{_HERE}.try_session:try_session",
-            **{name: f"{_HERE}.sessions:{name}" for name in ("loopback", "master", "slave", "simulate")},
-        },
-        "Look": {name: f"{_HERE}.look:{name}" for name in ("monitor", "check", "doctor", "bridge")},
+        "Run": {name: f"{_HERE}.sessions:{name}" for name in ("loopback", "master", "slave", "simulate")},
+        "Look": {name: f"{_HERE}.look:{name}" for name in ("check", "doctor", "bridge")},
         "Setup": {name: f"{_HERE}.setup:{name}" for name in ("device", "keygen", "configs")},
     }
     extended_by = "weberlink.commands"

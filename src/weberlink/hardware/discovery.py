@@ -10,9 +10,6 @@ from typing import Any, NamedTuple
 
 from weberlink.hardware.fault import HardwareFault
 
-UDEV_RULES = "49-weberlink.rules"
-"""Shipped with the configurations; gives the user at the machine access to the devices."""
-
 
 class UsbId(NamedTuple):
     """USB vendor and product; product None matches all of the vendor."""

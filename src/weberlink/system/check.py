@@ -29,13 +29,6 @@ from weberlink.system.configuration.model import ControlSettings, MappingSetting
 UDP_IP_BYTES = 28
 SAMPLES = 2000
 """Ticks of the cost measurement."""
-SILENCE_TICKS = 5
-"""Ticks that the silence limit should span: both ends look at the link in ticks."""
-USUAL_RATE_HZ = 1000.0
-TICKS = 600
-"""Measured where the rate is higher: 0.1 s or less."""
-TICK_SHARE = 1 / 3
-"""Share of a period that the work of a tick may take; the rest is for a late start, and for all else that runs."""
 
 
 @runtime_checkable

@@ -16,7 +16,7 @@ from traceback import format_exception, print_exception
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from weberlink.protocol.aio.hand_over import address_of
+from weberlink.protocol.aio.paths import MakePaths, peer_address
 from weberlink.protocol.aio.udp import UdpShell
 from weberlink.realtime.garbage import GarbageSchedule
 from weberlink.realtime.process import Grants, die_with_parent, prepare
@@ -35,8 +35,6 @@ from weberlink.system.side import Side
 from weberlink.telemetry.ring import RingWriter
 
 if TYPE_CHECKING:
-    from socket import socket
-
     from weberlink.system.live_link import LiveLink
 
 RING_SECONDS = 10.0
@@ -96,11 +94,11 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
     side = _build(order, configuration, epoch, finder)
     with ExitStack() as stack:
         # Before the rights are taken, so that it gets none, and has imported its libraries by the time of the session.
-        end = stack.enter_context(finding(configuration, finder, take_over=order.take_over))
+        paths = stack.enter_context(finding(configuration, finder, take_over=order.take_over))
         # After the imports of the side: with real-time rights they would hold up the other side.
         grants = prepare(realtime.priority, realtime.lock_memory, cpu, wakeful=realtime.wakeful)
         link = emulated_link(order.side, system, epoch)
-        udp = _transport(order.side, system, side, link, end)
+        udp = _transport(order.side, system, side, link, paths)
         transport = WithControlSocket(udp, ControlSocket(order.ring, side, link))
         capacity = int(RING_SECONDS * system.rate_hz)
         described = description.Description(order.ring, description.describe(configuration, order.side, side.port))
@@ -133,7 +131,7 @@ def _build(order: DaemonOrder, configuration: Configuration, epoch: float, finde
     if order.side == MASTER:
         from weberlink.system.composition.master import build_master  # noqa: PLC0415
 
-        peer = address_of(expects) if configuration.finds_path else split_address(link.slave)
+        peer = peer_address(expects) if configuration.finds_path else split_address(link.slave)
         return build_master(configuration, peer=peer, **common)
     from weberlink.system.composition.slave import build_slave  # noqa: PLC0415
 
@@ -154,14 +152,14 @@ def emulated_link(name: str, system: System, epoch: float) -> "LiveLink | None":
     return LiveLink(faults, build_link(faults, uniform, epoch), fixed)
 
 
-def _transport(name: str, system: System, side: Side, link: "LiveLink | None", finder: "socket | None") -> UdpShell:
+def _transport(name: str, system: System, side: Side, link: "LiveLink | None", paths: MakePaths) -> UdpShell:
     return UdpShell(
         side.endpoint,
         now=monotonic,
         listen=("", 0) if name == MASTER else split_address(system.link.listen),
         link=None if link is None else link.link,
         dscp=system.link.dscp,
-        finder=finder,
+        paths=paths,
         on_no_path=lambda why: side.give_up(monotonic(), why),
     )
 

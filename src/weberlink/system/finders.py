@@ -1,17 +1,16 @@
 """Path finders: parts of other distributions that say whom a side meets, by which key, and over which path."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
-from socket import socket
+from contextlib import contextmanager
+from socket import AF_UNIX, SOCK_SEQPACKET, socket, socketpair
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from pydantic import BaseModel
 
-from weberlink.child_process import Child, python
-from weberlink.realtime.process import forbid_core_dumps
 from weberlink.registry import Registry
 
 if TYPE_CHECKING:
+    from weberlink.protocol.aio.paths import MakePaths
     from weberlink.protocol.security import Security
     from weberlink.system.configuration import Configuration
 
@@ -39,7 +38,7 @@ class PathFinder(Protocol):
     def __init__(self, options: Any, configuration: "Configuration", side: str) -> None: ...
 
     def process(self, *, take_over: bool) -> Sequence[str]:
-        """Module and arguments of the process that finds paths (`weberlink.protocol.aio.hand_over`).
+        """Module and arguments of the process that finds paths.
 
         The number of its end of the socket to the daemon is added as the last argument. It ends when the other end is
         closed.
@@ -47,6 +46,10 @@ class PathFinder(Protocol):
         Args:
             take_over: whether to replace a master that the slave serves.
         """
+
+    def paths(self, end: socket) -> "MakePaths":
+        """What makes the paths of the endpoint, where they are found: `end` is the socket to the process, which does
+        not block and stays open."""
 
     @staticmethod
     def finds_path(options: Any) -> bool:
@@ -86,26 +89,31 @@ def finder_of(configuration: "Configuration", side: str) -> PathFinder | None:
     part = configuration.finder
     if part is None:
         return None
+    from weberlink.realtime.process import forbid_core_dumps  # noqa: PLC0415 - where a file asks for it
+
     forbid_core_dumps()
     made: PathFinder = part.driver(part.options, configuration, side)
     return made
 
 
-def finding(
-    configuration: "Configuration", finder: PathFinder | None, *, take_over: bool
-) -> AbstractContextManager[socket | None]:
-    """The socket to the process that finds paths, which has ended when this is left; None where none are found."""
+@contextmanager
+def finding(configuration: "Configuration", finder: PathFinder | None, *, take_over: bool) -> "Iterator[MakePaths]":
+    """What makes the paths of the endpoint; a process that finds them has ended when this is left."""
+    from weberlink.protocol.aio.paths import Paths  # noqa: PLC0415 - for daemons alone
+
     if finder is None or not configuration.finds_path:
-        return nullcontext()
-    return running(finder.process(take_over=take_over))
+        yield Paths
+    else:
+        with running(finder.process(take_over=take_over)) as end:
+            yield finder.paths(end)
 
 
 @contextmanager
 def running(module: Sequence[str]) -> Iterator[socket]:
     """Run a module with arguments of its own; the socket to it does not block."""
-    from weberlink.protocol.aio import hand_over  # noqa: PLC0415 - for daemons alone
+    from weberlink.child_process import Child, python  # noqa: PLC0415 - for daemons alone
 
-    ours, theirs = hand_over.pair()
+    ours, theirs = socketpair(AF_UNIX, SOCK_SEQPACKET)
     with ours:
         with theirs:
             child = Child(python("-m", *module, str(theirs.fileno())), pass_fds=[theirs.fileno()])

@@ -3,22 +3,7 @@
 Each side writes at most one line per kind and second; intermediate changes are counted in `suppressed`, and the newest
 one is written when the second is over. Every line has `time` (UTC), `side` and `event`, with its `level` and `text` in
 words (`weberlink.system.wording`); a line about a tick also has `tick` and `at_s`, its deadline on the monotonic clock,
-as in recordings.
-
-| event | fields |
-|---|---|
-| `started` | `state`, `rate_hz` |
-| `idle`, `connecting`, `listening`, `engaged`, `silent`, `closed` | the new state; `before` |
-| `fault`, `recovered` | name of the `fault`; on recovery `lasted_s` |
-| `settings` | live changes in force: `generation`, `weber` |
-| `path` | `place`, `route`, `via`, `interface`, `remote`, `changes`, `note` of a path that is new or another one |
-| `held`, `released` | the button of `master.engage`, while a session runs |
-| `missed` | `ticks`: missed deadlines since the last such line |
-| `clipped` | `ticks`: ticks with output changed by a limiter since the last such line |
-| `slewed` | `ticks`: ticks with force held back by the slew limit since the last such line |
-| `trace` | `entry`: a piece of the trace of an error that ended a side, or kept the session from its start |
-| `summary` | figures of the last interval |
-| `ended` | `outcome`, `verdict`, and the figures of the session |
+as in recordings. docs/operation/logs.md lists the events and their fields.
 """
 
 import json
@@ -352,11 +337,7 @@ def _timestamp(wall_s: float) -> str:
 
 def _outcome(summary: dict[str, Any]) -> Fields:
     """The part of a session's report that the log keeps."""
-    kept: Fields = {
-        key: summary[key]
-        for key in ("status", "verdict", "duration_s", "faults", "drops", "realtime", "host")
-        if key in summary
-    }
+    kept: Fields = {key: summary[key] for key in KEPT if key in summary}
     kept["outcome"] = str(summary.get("outcome"))[:LONGEST_OUTCOME]
     return kept | {
         name: {key: summary[name].get(key) for key in ("packets_per_s", "reduction")}

@@ -48,7 +48,7 @@ def words(side: str, event: str, fields: Fields) -> Words:
     """The words for an event of `weberlink.system.journal`; those of an unknown event are its name."""
     if event in STATES:
         return _of_side(STATES[event], side)
-    made = _EVENTS.get(event)
+    made = EVENTS.get(event)
     return Words(INFO, event) if made is None else made(side, fields)
 
 
@@ -106,7 +106,7 @@ def _counted(level: str, one: str, many: str) -> Callable[[str, Fields], Words]:
     return made
 
 
-_EVENTS: dict[str, Callable[[str, Fields], Words]] = {
+EVENTS: dict[str, Callable[[str, Fields], Words]] = {
     "started": _started,
     "fault": lambda side, fields: fault_words(side, fields["fault"]),
     "recovered": _recovered,

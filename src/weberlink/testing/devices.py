@@ -20,11 +20,16 @@ from weberlink.child_process import python
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, norm
 from weberlink.master.devices import load
 from weberlink.master.devices.contract import Device, DeviceFault, ReportsTrouble, TorqueDevice
+from weberlink.master.devices.threaded_device import RAMP_S
 from weberlink.system.composition.master import check_force_ends
 from weberlink.testing import pushing_host
 from weberlink.testing.time import TICK, until
 
 PUSH: Vector = (0.0, 1.0, 0.0)
+HOST_N = 0.8
+"""With which the process of `StoppedHostContract` pushes along y [N]."""
+SLACK_S = 0.02
+"""For which a machine that stalls may hold up what a board hears [s]."""
 FORCES: Sequence[Vector] = ((0.5, 0.0, 0.0), (0.0, -0.5, 0.0), (0.3, 0.3, 0.3))
 
 
@@ -152,7 +157,7 @@ class DeviceContract(BenchedDevice):
         bench.open()
         lower, upper = device.spec.workspace_m
         readings, away = [], [0.0]
-        for now in bench.hold(ZERO, 300):
+        for now in bench.hold(ZERO, 200):
             reading = device.latest(now)
             assert device.latest(now) == reading
             assert reading.at <= (now if is_virtual else monotonic()), "not of the future"
@@ -191,6 +196,8 @@ class ForceDeviceContract(DeviceContract):
     """Those of its bench that end a session."""
     UNHEARD: ClassVar[Sequence[str]] = ()
     """Those of them behind which nothing reaches a board without a watchdog, which holds its last force."""
+    MISPLACED: ClassVar[Sequence[str]] = ("restart",)
+    """Those after which the device takes another place for its home."""
     OPTIONS: ClassVar[Mapping[str, Any]] = {}
     """Options without which there is no force at all."""
     SIGNS: ClassVar[Sequence[Mapping[str, Any]]] = ()
@@ -251,7 +258,8 @@ class ForceDeviceContract(DeviceContract):
         start = device.latest(bench.tick()).position
         bench.push(PUSH, lambda: bench.displayed > 0.5)
         # Far from where it was switched on, so that a device which has lost its place says something else than before.
-        bench.push(PUSH, lambda: distance(device.latest(bench.tick()).position, start) > 0.02)
+        way = 0.02 if fault in self.MISPLACED else 0.0
+        bench.push(PUSH, lambda: distance(device.latest(bench.tick()).position, start) >= way)
         bench.faults[fault]()
         with pytest.raises(DeviceFault, match=self.NAME) as caught:
             bench.push(PUSH, lambda: False)
@@ -296,7 +304,7 @@ class ForceDeviceContract(DeviceContract):
 
 
 class StoppedHostContract(BenchedDevice):
-    """The force ends while the process that pushes is stopped, stalled and killed in turn.
+    """The force ends while the process that pushes is stopped, stalled and killed in turn, and begins again from zero.
 
     Only processes can show it: what ends the force of a stopped one is the board, a guardian, or a process of the
     driver. It measures time; the bench knows the force that is felt, and the options for another process.
@@ -310,11 +318,21 @@ class StoppedHostContract(BenchedDevice):
         with self.make_bench(tmp_path, **self.PATIENT) as bench:
             felt = bench.felt
             assert felt is not None
-            command = python("-m", pushing_host.__name__, self.NAME, json.dumps(bench.options), "0.8")
+            command = python("-m", pushing_host.__name__, self.NAME, json.dumps(bench.options), str(HOST_N))
             with subprocess.Popen(command, stdin=subprocess.PIPE, text=True) as host:  # noqa: S603 - our own
 
                 def ends_after(deed: Callable[[], object]) -> None:
-                    until(lambda: felt()[1] > 0.4, "the push", pause=1e-3)
+                    began = monotonic()
+
+                    def pushes() -> bool:
+                        nonlocal began
+                        before, force = monotonic(), felt()[1]
+                        began = before if force == 0.0 else began
+                        most = 2.0 * HOST_N * (monotonic() - began + SLACK_S) / RAMP_S
+                        assert force <= most, "it comes up from zero, slowly"
+                        return force > 0.5 * HOST_N
+
+                    until(pushes, "the push", pause=1e-3)
                     deed()
                     began = monotonic()
                     until(lambda: felt() == ZERO, "the end of the force", pause=1e-3)

@@ -14,9 +14,9 @@ from weberlink.system.composition.channels import measures_in
 from weberlink.system.configuration import MASTER, SLAVE
 from weberlink.system.paths import dscp_words, finding, paths_of, route_words
 from weberlink.system.scoring.arm import ArmLayout, arm_in
-from weberlink.system.scoring.bound import accounts_in
+from weberlink.system.scoring.energy import accounts_in
+from weberlink.system.scoring.link import ways_now
 from weberlink.system.scoring.session import Records, SessionScore
-from weberlink.system.scoring.ways import ways_now
 from weberlink.system.verdict import DEGRADED, FAILURE, Cause, verdict
 from weberlink.system.wording import ALARM, fault_words
 from weberlink.telemetry.fault import Fault

@@ -16,7 +16,7 @@ from weberlink.apps.doctor.link_report import WayOut, judge
 from weberlink.apps.doctor.link_trial import PERIOD_S, Measurement, received
 from weberlink.apps.doctor.report import problem
 from weberlink.protocol import Role, UpdateReceived
-from weberlink.protocol.aio.hand_over import PathFacts
+from weberlink.protocol.aio.paths import PathFacts
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.probing import Heard, ProbingEndpoint
 from weberlink.protocol.psk import PresharedKey

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.linalg import expm
 
 from tests.examples import examples
 from weberlink.geometry.vector import ZERO, add
 from weberlink.master.devices.hand import GraspingHand, Tremor, modelled_hand
 from weberlink.master.devices.hand_options import GraspOptions, HandOptions
 
+expm = pytest.importorskip("scipy.linalg").expm
 positive = st.floats(0.01, 100.0)
 
 

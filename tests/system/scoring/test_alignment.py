@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from tests.system.scoring.test_session import RATE, records, score
-from weberlink.system.scoring.alignment import MARGIN_S, AlignedError
+from weberlink.system.scoring.felt import MARGIN_S, AlignedError
 
 TICK = 0.01
 """Long, so that a second is few ticks [s]."""

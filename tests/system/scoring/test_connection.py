@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.examples import examples
 from weberlink.protocol.session import EXPIRY
 from weberlink.protocol.states import State
-from weberlink.system.scoring.connection import AWAY, CONNECTED, UNCONNECTED, ConnectionScore
+from weberlink.system.scoring.link import AWAY, CONNECTED, UNCONNECTED, ConnectionScore
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.reader import DTYPE
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.records import ticks
 from weberlink.protocol.states import State
-from weberlink.system.scoring.perception import JumpsOfRecords, QualityStatistics, Threshold
+from weberlink.system.scoring.felt import JumpsOfRecords, QualityStatistics, Threshold
 from weberlink.telemetry.record import RELEASED
 
 magnitudes = st.just(0.0) | st.floats(1e-9, 30.0)

@@ -7,8 +7,8 @@ import pytest
 
 from tests.system.scoring.test_session import NONE, RATE, records
 from weberlink.protocol.states import State
+from weberlink.system.scoring.link import ways_now
 from weberlink.system.scoring.session import Records, SessionScore
-from weberlink.system.scoring.ways import ways_now
 
 
 def ways(master: Records, slave: Records, pieces: int = 1) -> dict[str, Any]:

@@ -3,7 +3,7 @@
     python -m weberlink_anywhere.finder ORDER DESCRIPTOR
 
 ORDER is a `FinderOrder` in JSON, DESCRIPTOR the number of an open socket to the daemon
-(`weberlink.protocol.aio.hand_over`). The process ends when that socket is closed at the other end.
+(`weberlink_anywhere.hand_over`). The process ends when that socket is closed at the other end.
 """
 
 import asyncio
@@ -15,14 +15,14 @@ from pathlib import Path
 from socket import socket
 from typing import Protocol
 
-from weberlink.protocol.aio import hand_over
 from weberlink.protocol.keys import KeyFileError
-from weberlink_anywhere.answering import Answering
-from weberlink_anywhere.calling import Calling
+from weberlink_anywhere import hand_over
+from weberlink_anywhere.master_finder import MasterFinder
 from weberlink_anywhere.order import FinderOrder
 from weberlink_anywhere.paths import Paths, ServerNames
 from weberlink_anywhere.peers import PeerError, PeerStore
 from weberlink_anywhere.rendezvous import Caller
+from weberlink_anywhere.slave_finder import SlaveFinder
 from weberlink_anywhere.sockets import SocketLoop
 
 FAREWELL_S = 1.0
@@ -30,7 +30,7 @@ FAREWELL_S = 1.0
 
 
 class Policy(Protocol):
-    """What one side does: `Calling` or `Answering`."""
+    """What one side does: `MasterFinder` or `SlaveFinder`."""
 
     async def run(self) -> None: ...
 
@@ -79,9 +79,9 @@ async def find(order: FinderOrder, end: socket) -> None:
         paths = Paths(order, ServerNames(order, peers[0].own), daemon.tell)
         policy: Policy
         if order.side == "master":
-            policy = Calling(order, peers[0], Caller(peers[0], order.mailbox), paths)
+            policy = MasterFinder(order, peers[0], Caller(peers[0], order.mailbox), paths)
         else:
-            policy = Answering(order, peers, paths)
+            policy = SlaveFinder(order, peers, paths)
     except (PeerError, KeyFileError) as problem:
         daemon.tell(hand_over.PathNews.of(order.peers[0] if order.peers else "", str(problem), True))
         return

@@ -1,8 +1,8 @@
 """The process that pairs two hosts by a code, through a magic-wormhole mailbox server.
 
 The code is the password of a SPAKE2 exchange: whoever does not know it has one guess among 65,536 pairs of words, and
-that guess ends the invitation. The mailbox sees sealed messages, addresses and times. `introduction` tells what the two
-hosts say to each other, and `order` how a command talks to this process.
+that guess ends the invitation. The mailbox sees sealed messages, addresses and times. `key_confirmation` tells what the
+two hosts say to each other, and `PairingOrder` how a command talks to this process.
 """
 
 import json
@@ -26,8 +26,8 @@ from wormhole._wordlist import even_words_lowercase, odd_words_lowercase
 
 from weberlink.protocol.keys import KEY_BYTES
 from weberlink.text import one_line
-from weberlink_anywhere import introduction
-from weberlink_anywhere.introduction import CONFIRM, HELLO, KEPT, REFUSED, Names, PairingError, RefusedThereError
+from weberlink_anywhere import key_confirmation
+from weberlink_anywhere.key_confirmation import CONFIRM, HELLO, KEPT, REFUSED, Names, PairingError, RefusedThereError
 from weberlink_anywhere.order import PairingOrder
 from weberlink_anywhere.peers import Peer, PeerError, PeerStore, default_folder
 
@@ -84,28 +84,28 @@ class PairingSession:
         except RefusedThereError:
             raise
         except (PairingError, CancelledError) as error:
-            hole.send_message(introduction.message(REFUSED, str(error) or "the pairing was ended there"))
+            hole.send_message(key_confirmation.message(REFUSED, str(error) or "the pairing was ended there"))
             raise
 
     async def _introduce(self, secret: bytes) -> Peer:
         order, send = self._order, self._wormhole.send_message
         other = "slave" if order.side == "master" else "master"
-        send(introduction.hello(order.side, order.name))
-        name = introduction.name_in(await self._next(HELLO), order.side)
+        send(key_confirmation.hello(order.side, order.name))
+        name = key_confirmation.name_in(await self._next(HELLO), order.side)
         label = order.label or name.replace("/", "-").lstrip(".") or other  # it names a file
         names = Names(order.name, name) if order.side == "master" else Names(name, order.name)
         self._refuse_known(label, name, other)
-        send(introduction.message(CONFIRM, introduction.confirmation(secret, names, order.side)))
-        if not introduction.is_confirmed(await self._next(CONFIRM), secret, names, other):
+        send(key_confirmation.message(CONFIRM, key_confirmation.confirmation(secret, names, order.side)))
+        if not key_confirmation.is_confirmed(await self._next(CONFIRM), secret, names, other):
             raise PairingError("the other host confirmed other names than these two")
-        key = introduction.pair_key(secret, names)
+        key = key_confirmation.pair_key(secret, names)
         peer = Peer(label, name, order.name, other, key, order.mailbox, time.time())  # type: ignore[arg-type]
         try:
             self._store.add(peer)
         except PeerError as error:
             raise PairingError(str(error)) from None
         try:
-            send(introduction.message(KEPT, True))
+            send(key_confirmation.message(KEPT, True))
             await self._next(KEPT)
         except BaseException:
             self._store.remove(peer.label)
@@ -128,7 +128,7 @@ class PairingSession:
         late = f"the other host stopped answering before its {kind!r}"
         if kind == KEPT:
             late += "; if it says that it paired, remove this host there (weberlink peer) before you pair again"
-        return introduction.read(await self._soon(self._wormhole.get_message(), late), kind)
+        return key_confirmation.read(await self._soon(self._wormhole.get_message(), late), kind)
 
     async def _soon(self, result: Any, late: str) -> Any:
         return await self._in_time(result, self._order.patience_s, late)

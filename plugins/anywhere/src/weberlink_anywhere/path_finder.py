@@ -1,8 +1,11 @@
 """Whom a side meets: the known peers that its file asks for, their keys, and the process that finds paths to them."""
 
 from collections.abc import Sequence
+from functools import partial
+from socket import socket
 from typing import Any
 
+from weberlink.protocol.aio.paths import MakePaths
 from weberlink.protocol.keyring import Keyring
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Security
@@ -65,6 +68,11 @@ class Anywhere:
 
     def process(self, *, take_over: bool) -> Sequence[str]:
         return "weberlink_anywhere.finder", self.order(take_over=take_over).to_json()
+
+    def paths(self, end: socket) -> MakePaths:
+        from weberlink_anywhere.found_paths import FoundPaths  # noqa: PLC0415 - for daemons alone
+
+        return partial(FoundPaths, finder=end)
 
     @staticmethod
     def finds_path(options: AnywhereOptions) -> bool:

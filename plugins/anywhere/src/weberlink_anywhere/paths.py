@@ -8,11 +8,11 @@ from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 
-from weberlink.protocol.aio.hand_over import ENGAGED, LONGEST_TEXT, PathFound, PathLost, PathNews, StunReceived
 from weberlink.protocol.events import Address
 from weberlink.text import one_line
 from weberlink_anywhere import ice, networks
 from weberlink_anywhere.credentials import credentials, read_credentials, read_secret
+from weberlink_anywhere.hand_over import ENGAGED, LONGEST_TEXT, PathFound, PathLost, PathNews, StunReceived
 from weberlink_anywhere.order import FinderOrder
 from weberlink_anywhere.signalling import Description
 from weberlink_anywhere.sockets import Binding

@@ -142,10 +142,10 @@ async def presence(peer: Peer, timeout: float) -> Presence:
 class Waiter:
     """A slave that waits for the masters that it knows; `note` takes what happens to the mailbox server."""
 
-    def __init__(self, peers: Sequence[Peer], mailbox: str, note: Note) -> None:
+    def __init__(self, peers: Sequence[Peer], mailbox: str, note: Note, too_many: int = TOO_MANY) -> None:
         self.serves: str | None = None
         """Name of the master that is served now, as told to those who ask; set by the owner."""
-        self._url, self._note = mailbox, note
+        self._url, self._note, self.too_many = mailbox, note, too_many
         self._lines = [_Line(peer, mailbox, self) for peer in peers]
         self._outages: dict[str, str] = {}
 
@@ -238,7 +238,7 @@ class _Line:
     def _is_full(self, mailbox: Mailbox, stored: list[Received]) -> bool:
         is_handling = self._unsent is not None or (self._handling is not None and not self._handling.done())
         is_quiet = not is_handling and all(each.age > QUIET_S for each in stored)
-        return mailbox.count >= (MANY if is_quiet else TOO_MANY)
+        return mailbox.count >= (MANY if is_quiet else self._waiter.too_many)
 
     async def _take(self, mailbox: Mailbox, message: Message, handler: Handler, tasks: asyncio.TaskGroup) -> None:
         now = asyncio.get_running_loop().time()

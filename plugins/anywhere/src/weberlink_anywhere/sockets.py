@@ -12,8 +12,8 @@ from contextlib import suppress
 from contextvars import ContextVar
 from typing import Any
 
-from weberlink.protocol.aio.hand_over import is_stun
 from weberlink.protocol.events import Address
+from weberlink_anywhere.hand_over import is_stun
 
 HOLD_S = 0.1
 """How long the first datagram of a session waits in the kernel for the socket to be handed over."""

@@ -69,13 +69,9 @@ def test_the_spec_states_lag_and_uncertainty() -> None:
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"baud": 1_000_001}, "baud: expected one of"),
-        ({"ids": (11, 12, 13, 254)}, "ids"),
         ({"baud": 57_600}, "baud: expected more: .* takes 23.2 ms, and the arm needs 200 Hz"),
-        ({"rate_hz": 439.0}, "rate_hz: expected 438 or less"),
         ({"stiffness_n_m": 439.0}, "stiffness_n_m: expected 438 or less"),
         ({"damping_rate_s": 14.0}, "damping_rate_s: expected 13.9 or less at 250 Hz with rotor_inertia_kg_m2 0.045"),
-        ({"bus_watchdog_ms": 29.0, "timeout_ms": 15.0}, "bus_watchdog_ms: expected at least twice timeout_ms, 30"),
         ({"workspace_m": ((0.2, -0.1, 0.1), (0.1, 0.1, 0.2))}, "workspace_m: expected a lower and a higher corner"),
         ({"workspace_m": ((0.12, -0.1, 0.1), (0.4, 0.1, 0.2))}, "workspace_m: expected corners that the arm reaches"),
         ({"home_m": (0.3, 0.0, 0.1)}, "home_m: expected a point within the workspace"),

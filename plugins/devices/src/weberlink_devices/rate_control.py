@@ -18,7 +18,7 @@ from typing import NamedTuple, Self
 from pydantic import Field, model_validator
 
 from weberlink.geometry.cube import check_home, cube
-from weberlink.geometry.rotation import IDENTITY, Quaternion, product, quaternion, unit_quaternion
+from weberlink.geometry.rotation import IDENTITY, product, quaternion, unit_quaternion
 from weberlink.geometry.vector import ZERO, Vector, scale
 from weberlink.hardware.worker import Exchange, Worker
 from weberlink.master.devices.contract import DeviceReading, DeviceSpec
@@ -74,23 +74,14 @@ def beyond_dead_zone(deflection: Vector, dead_zone: float) -> Vector:
     return (share * x, share * y, share * z)
 
 
-class RateControl:
-    """The commanded position [m], which follows the law of this module and stays within the workspace."""
-
-    def __init__(self, options: RateOptions) -> None:
-        self._options = options
-        self.position = options.home_m
-
-    def advance(self, deflection: Vector, force: Vector, step: float) -> Vector:
-        """Move on by `step` [s] under the force on the hand [N]; gives the position."""
-        options = self._options
-        speed, push, edge = options.speed_m_s, options.push_n, options.workspace_m
-        d = beyond_dead_zone(deflection, options.dead_zone)
-        x, y, z = d[0] + force[0] / push, d[1] + force[1] / push, d[2] + force[2] / push
-        way = speed * step / max(1.0, hypot(x, y, z))
-        x, y, z = (min(max(at + way * share, -edge), edge) for at, share in zip(self.position, (x, y, z), strict=True))
-        self.position = (x, y, z)
-        return self.position
+def moved(at: Vector, deflection: Vector, force: Vector, step: float, options: RateOptions) -> Vector:
+    """Where the law of this module moves a position [m] in `step` [s] under the force on the hand [N]."""
+    push, edge = options.push_n, options.workspace_m
+    d = beyond_dead_zone(deflection, options.dead_zone)
+    x, y, z = d[0] + force[0] / push, d[1] + force[1] / push, d[2] + force[2] / push
+    way = options.speed_m_s * step / max(1.0, hypot(x, y, z))
+    x, y, z = (min(max(start + way * part, -edge), edge) for start, part in zip(at, (x, y, z), strict=True))
+    return (x, y, z)
 
 
 class RateDevice(WorkedDevice[Vector, Deflection]):
@@ -147,8 +138,7 @@ class RateDevice(WorkedDevice[Vector, Deflection]):
         self._begin(0.0, 0)
 
     def _begin(self, now: float, buttons: int) -> None:
-        self._control = RateControl(self._options)
-        self._orientation: Quaternion = IDENTITY
+        self._position, self._orientation = self._options.home_m, IDENTITY
         self._felt, self._asked_at = ZERO, now
         self._reading = self._reading_at(now, buttons)
 
@@ -174,7 +164,7 @@ class RateDevice(WorkedDevice[Vector, Deflection]):
             self._worker.command(force, now)
 
     def _advance(self, deflection: Deflection, step: float) -> None:
-        self._control.advance(deflection.move, self._felt, step)
+        self._position = moved(self._position, deflection.move, self._felt, step, self._options)
         turn = beyond_dead_zone(deflection.turn, self._options.dead_zone)
         if self._spin is not None and turn != ZERO:
             turned = product(quaternion(scale(turn, self._spin * step)), self._orientation)
@@ -182,4 +172,4 @@ class RateDevice(WorkedDevice[Vector, Deflection]):
 
     def _reading_at(self, at: float, buttons: int) -> DeviceReading:
         orientation = None if self._spin is None else self._orientation
-        return DeviceReading(at, self._control.position, False, orientation, buttons)
+        return DeviceReading(at, self._position, False, orientation, buttons)

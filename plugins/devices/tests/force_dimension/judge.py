@@ -1,8 +1,4 @@
-"""The judge: forcedimension-core, the bindings that others wrote, on the same library file as the driver.
-
-Run as a process of its own with FDSDK set, since it loads the library on import. An assertion says where the driver's
-calls or constants differ from the bindings'.
-"""
+"""The judge, run with FDSDK set: forcedimension-core, bindings that others wrote, on the library file of the driver."""
 
 from forcedimension_core import constants, runtime
 
@@ -17,7 +13,7 @@ def kind(type_: object) -> str:
 
 
 def compare() -> int:
-    """See that calls and constants are the same; returns the number of calls."""
+    """See that calls and constants are the same; gives the number of calls."""
     for name, (result, arguments) in library.PROTOTYPES.items():
         call = getattr(runtime._libdhd, name)
         assert kind(call.restype) == kind(result), name

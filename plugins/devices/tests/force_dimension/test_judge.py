@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from plugins.devices.tests.compiler import compiled
-from plugins.devices.tests.force_dimension import judge_name
 from plugins.devices.tests.force_dimension.fake import SOURCE
 from tests.program import ROOT
 from weberlink_devices.force_dimension.library import find
@@ -38,10 +37,9 @@ def sdk(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_calls_and_constants_of_the_driver_are_those_of_the_bindings(sdk: Path) -> None:
-    command = [sys.executable, "-m", judge_name]
-    done = subprocess.run(
-        command, cwd=ROOT, env=os.environ | {"FDSDK": str(sdk)}, capture_output=True, text=True, check=False
-    )
+    command = [sys.executable, "-m", f"{__package__}.judge"]  # which loads the library on import
+    environment = os.environ | {"FDSDK": str(sdk)}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     assert (done.stdout, done.stderr) == ("18\n", "")
 
 

@@ -1,7 +1,7 @@
 """The far end of the wire in the hands of a test: what the board answers, question by question."""
 
-from collections.abc import Callable
 from struct import pack
+from time import sleep
 
 from weberlink.hardware.emulator import WireFaults
 from weberlink_devices.haply.board import RESET
@@ -28,18 +28,16 @@ def counts(angles: tuple[float, float]) -> tuple[int, int]:
 
 
 class Far:
-    """An emulator that does the next deed for each question that comes, and `rest` once there are no more."""
+    """An emulator that says the next answer to each question that comes, and `rest` once there are no more."""
 
     def __init__(self) -> None:
         self.faults = WireFaults()
         self.messages: list[bytes] = []
-        self.deeds: list[Callable[[], None]] = []
-        self.rest: Callable[[], None] = lambda: None
+        self.answers: list[bytes] = []
+        self.rest = b""
+        self.slow_s = 0.0
+        self.said: list[bytes] = []
         self._heard = b""
-        self._said: list[bytes] = []
-
-    def say(self, data: bytes) -> None:
-        self._said.append(data)
 
     def receive(self, data: bytes, now: float) -> None:
         self._heard += data
@@ -48,12 +46,13 @@ class Far:
             if message[0] in LENGTHS:  # the firmware ignores others
                 self.messages.append(message)
             if message[0] == 2:
-                (self.deeds.pop(0) if self.deeds else self.rest)()
+                sleep(self.slow_s)
+                self.said.append(self.answers.pop(0) if self.answers else self.rest)
 
     def advance(self, now: float) -> None: ...
 
     def replies(self, now: float) -> list[bytes]:
-        said, self._said = self._said, []
+        said, self.said = self.said, []
         return said
 
     def next_timer(self) -> float | None:

@@ -39,42 +39,42 @@ def path(far: Far, tmp_path: Path) -> Iterator[str]:
 def exchange(far: Far, path: str) -> Iterator[HaplyExchange]:
     made = HaplyExchange(lambda: path, V3, PATIENT)
     yield made
-    far.rest = lambda: far.say(HOME)
+    far.rest = HOME
     made.close()
 
 
 def test_a_board_that_knows_its_setup_keeps_it_and_another_gets_it(far: Far, exchange: HaplyExchange) -> None:
-    far.deeds = [lambda: far.say(at(160.0, 20.0))]
+    far.answers = [at(160.0, 20.0)]
     x, y = HaplyFrame(V3.center).tip(exchange.open().position)
     assert V3.bar.angles((x, y)) == pytest.approx((2.7925, 0.3491), abs=1e-3)
     assert far.messages == [ZERO]
     for answers, says in ((HOME, ""), (at(150.0, 30.0), "is another firmware on the board")):
-        far.rest = lambda answers=answers: far.say(answers)  # type: ignore[misc]
+        far.rest = answers
         exchange.close()
         exchange.start_afresh()
         far.messages.clear()
-        far.deeds = [lambda: far.say(BOARD.bare_reply)] * 2
+        far.answers = [BOARD.bare_reply] * 2
         with pytest.raises(HardwareFault, match=says) if says else nullcontext():
             exchange.open()
         assert far.messages == [ZERO, ZERO, RESET, BOARD.setup, ZERO]
-    far.deeds = [lambda: far.say(BOARD.bare_reply)] * 4
+    far.answers = [BOARD.bare_reply] * 4
     with pytest.raises(HardwareFault, match="was restarted and has forgotten where the arms are"):
         exchange.open()
 
 
 def test_implausible_angles_cause_zero_torque(far: Far, exchange: HaplyExchange) -> None:
-    far.deeds = [lambda: far.say(HOME), lambda: far.say(at(-400.0, 12.0))]
+    far.answers = [HOME, at(-400.0, 12.0)]
     exchange.open()
     with pytest.raises(BadReply, match=r"arm 1 .* out of its range"):
         exchange.exchange((1.0, 0.0, 0.0))
-    far.rest = lambda: far.say(HOME)
+    far.rest = HOME
     exchange.exchange((0.0, 0.0, 0.0))
     assert far.messages[2:] == [ZERO, ZERO]
 
 
 @pytest.mark.parametrize("force", [(0.3, 0.4, 0.0), (6.0, 8.0, 0.0), (0.0, -9.0, 5.0)])
 def test_limited_torque_keeps_the_force_direction(far: Far, exchange: HaplyExchange, force: Vector) -> None:
-    far.rest = lambda: far.say(HOME)
+    far.rest = HOME
     exchange.open()
     exchange.exchange(force)
     second, first = unpack("<2f", far.messages[-1][2:])
@@ -89,7 +89,7 @@ def test_a_singular_posture_gets_no_torque(far: Far, path: str) -> None:
     board = replace(v2.board, home_deg=(90.2, 89.8), whole_counts=False)
     exchange = HaplyExchange(lambda: path, replace(v2, board=board), PATIENT)
     reply = bytes((board.id,)) + at(90.2, 89.8)[1:]
-    far.rest = lambda: far.say(reply)
+    far.rest = reply
     exchange.open()
     exchange.exchange((1.0, 1.0, 0.0))
     assert far.messages[-1] == board.torques(0.0, 0.0)
@@ -108,16 +108,16 @@ def line(path: str) -> Iterator[HaplyLine]:
 
 
 def test_what_came_before_the_question_is_no_answer(far: Far, line: HaplyLine) -> None:
-    far.say(answer(9) + b"junk")
+    far.said.append(answer(9) + b"junk")
     while line._port._port.in_waiting < 13:
         sleep(0.001)
-    far.deeds = [lambda: far.say(answer(1))]
+    far.answers = [answer(1)]
     assert counts(line.ask(ZERO, LONG_S)) == (1, 0)
 
 
 def test_late_answer_is_not_the_next_one(far: Far, line: HaplyLine) -> None:
     """It comes with that to the zero torque which is sent first; only then is there another question."""
-    far.deeds = [lambda: None, lambda: far.say(answer(1) + answer(2)), lambda: far.say(answer(3))]
+    far.answers = [b"", answer(1) + answer(2), answer(3)]
     with pytest.raises(BadReply, match="no answer within 1 ms"):
         line.ask(PUSH, 0.001)
     assert counts(line.ask(PUSH, LONG_S)) == (3, 0)
@@ -125,11 +125,11 @@ def test_late_answer_is_not_the_next_one(far: Far, line: HaplyLine) -> None:
 
 
 def test_torn_answer_is_bad_and_a_forgotten_setup_is_another_thing(far: Far, line: HaplyLine) -> None:
-    far.deeds = [lambda: far.say(answer(1)[:-1]), lambda: far.say(answer(2)), lambda: far.say(answer(3))]
+    far.answers = [answer(1)[:-1], answer(2), answer(3)]
     with pytest.raises(BadReply, match="8 bytes of 9"):
         line.ask(PUSH, 0.2)
     assert counts(line.ask(ZERO, LONG_S)) == (3, 0)
-    far.deeds = [lambda: far.say(BOARD.bare_reply)] * 2
+    far.answers = [BOARD.bare_reply] * 2
     with pytest.raises(BadReply, match="1 bytes of 9"):
         line.ask(PUSH, 0.2)
     with pytest.raises(Forgotten):
@@ -139,7 +139,7 @@ def test_torn_answer_is_bad_and_a_forgotten_setup_is_another_thing(far: Far, lin
 
 def test_slow_board_stays_bad(far: Far, line: HaplyLine) -> None:
     """But for an answer that waits already when this machine, after a stall, begins to look for one."""
-    far.rest = lambda: sleep(0.005) or far.say(answer(1))
+    far.rest, far.slow_s = answer(1), 0.005
     complaints = []
     for _ in range(8):
         try:
@@ -186,10 +186,7 @@ def test_an_arm_that_turns_faster_than_any_is_a_bad_reply(
 ) -> None:
     following = track()
     following.follow(UP, 10.0, 10.0)
-    if bad:
-        with pytest.raises(BadReply, match=f"arm 2 jumped by {turned:.2f} rad"):
-            following.follow((UP[0], UP[1] + turned), asked, answered)
-    else:
+    with pytest.raises(BadReply, match=f"arm 2 jumped by {turned:.2f} rad") if bad else nullcontext():
         following.follow((UP[0], UP[1] + turned), asked, answered)
     following.follow((UP[0], UP[1] + 0.001), asked + 0.2, answered + 0.2)  # the angles before count
 

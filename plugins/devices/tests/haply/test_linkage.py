@@ -43,15 +43,12 @@ def test_the_jacobian_is_the_derivative(name: str, share: Pair) -> None:
     bar, _, (first, second) = usable(name, share)
     jacobian = bar.jacobian((first, second))
     try:
-        (x1, y1), (x2, y2) = (
-            tuple((a - b) / (2.0 * STEP) for a, b in zip(bar.tip(more), bar.tip(less), strict=True))
-            for more, less in (
-                ((first + STEP, second), (first - STEP, second)),
-                ((first, second + STEP), (first, second - STEP)),
-            )
-        )
+        ahead, behind = ((bar.tip((first + way, second)), bar.tip((first, second + way))) for way in (STEP, -STEP))
     except Unreachable:
         assume(False)
+    (x1, y1), (x2, y2) = (
+        ((a[0] - b[0]) / (2.0 * STEP), (a[1] - b[1]) / (2.0 * STEP)) for a, b in zip(ahead, behind, strict=True)
+    )
     # The error of the difference grows with the third derivative, so with the nearness of a singular posture.
     near = max(1.0, max(map(abs, jacobian)) / bar.inner)
     assert tuple(jacobian) == pytest.approx((x1, x2, y1, y2), abs=1e-6 * near**3)
@@ -75,10 +72,8 @@ def test_postures_that_follow_from_the_published_numbers() -> None:
     half = 0.019 + 0.07 * 0.9781476007338057
     assert (x, y) == pytest.approx((0.019, 0.07 * 0.20791169081775934 + (0.09**2 - half**2) ** 0.5), abs=1e-12)
     assert VERSIONS["pantograph"].bar.tip(radians((180.0, 0.0))) == pytest.approx((0.01, (0.07**2 - 0.06**2) ** 0.5))
-    # Arms straight up, 20 mm apart.
-    assert VERSIONS["pantograph"].bar.tip(radians((90.0, 90.0))) == pytest.approx(
-        (0.01, 0.05 + (0.07**2 - 0.01**2) ** 0.5)
-    )
+    up = VERSIONS["pantograph"].bar.tip(radians((90.0, 90.0)))
+    assert up == pytest.approx((0.01, 0.05 + (0.07**2 - 0.01**2) ** 0.5)), "arms straight up, 20 mm apart"
 
 
 def test_what_cannot_be_is_said() -> None:

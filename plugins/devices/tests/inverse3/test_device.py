@@ -10,8 +10,8 @@ import pytest
 from tests.wait import until
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.master.devices.contract import DeviceFault
-from weberlink.testing.devices import armed
 from weberlink.testing.driving import drive, fault_of, refusal
+from weberlink.testing.wires import on_a_wire
 from weberlink_devices.inverse3.emulator import Inverse3Emulator, Inverse3EmulatorOptions
 from weberlink_devices.inverse3.http_requests import service_devices, service_version
 from weberlink_devices.inverse3.websocket_device import WebSocketDevice
@@ -37,13 +37,9 @@ def bench(
     """A device, its emulated service, and the wire. Patient: a machine that stalls is not what is tested."""
     emulator = kind(Inverse3EmulatorOptions.model_validate({"handle": STILL, **(service or {})}))
     emulator.handle.carry(emulator.handle.position)
-    with WebSocketDevice(emulator) as wire:
-        port = wire.address + options.pop("port", "")
-        device = armed("inverse3", **{"port": port, "reply_ms": 100.0, **options})
-        try:
-            yield device, emulator, wire
-        finally:
-            device.close()
+    wire, which = WebSocketDevice(emulator), options.pop("port", "")
+    with on_a_wire("inverse3", wire, lambda: wire.address + which, **{"reply_ms": 100.0, **options}) as found:
+        yield found.device, emulator, wire
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
-"""Both ends of our WebSocket, each against another implementation (aiohttp), and what may go wrong with it."""
+"""Both ends of our WebSocket, and what may go wrong with it."""
 
-import asyncio
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -9,7 +8,7 @@ from time import monotonic
 from typing import Any
 
 import pytest
-from aiohttp import WSMsgType, web
+from websockets.sync.server import ServerConnection, serve
 
 from tests.hardware.test_ports import Noting
 from tests.wait import PATIENCE, until
@@ -47,7 +46,7 @@ class Echo:
         self.left += 1
 
     def get(self, path: str) -> str | None:
-        return '{"version": 1}' if path == "/version" else None
+        return None
 
     def drops_connections(self) -> bool:
         drops, self.drops = self.drops, False
@@ -91,41 +90,27 @@ def test_guardian_is_told_of_each_force_and_of_each_rest() -> None:
     assert told == ["watches", ("after", len(text_frame("zero"))), ("before", size), ("after", size), "stopped"]
 
 
-def test_port_talks_to_a_server_of_aiohttp() -> None:
-    """Which compresses where the client offers it."""
+def test_a_server_that_compresses_pings_and_closes() -> None:
     long = "x" * 100_000
 
-    async def echo(request: web.Request) -> web.WebSocketResponse:
-        line = web.WebSocketResponse()
-        await line.prepare(request)
-        await line.ping()
-        await line.send_str("hello")
-        async for message in line:
-            if message.type is WSMsgType.TEXT and message.data == "bye":
-                break
-            await line.send_str(message.data.upper())
-        await line.close()
-        return line
+    def echo(line: ServerConnection) -> None:
+        line.ping()
+        line.send("hello")
+        while (text := str(line.recv())) != "bye":
+            line.send(text.upper())
 
-    def talk(address: str) -> None:
-        with port_to(address) as port:
+    with serve(echo, "127.0.0.1", 0) as server:
+        thread = Thread(target=server.serve_forever)
+        thread.start()
+        with port_to(f"ws://127.0.0.1:{server.socket.getsockname()[1]}") as port:
             port.send(long, rest=True)
             assert heard(port, 2) == [b"hello", long.upper().encode()]
             port.send("bye", rest=True)
             for use in (lambda: port.receive(monotonic() + PATIENCE), lambda: port.send("more", rest=True)):
                 with pytest.raises(HardwareFault, match="closed the connection"):
                     use()
-
-    async def serve() -> None:
-        application = web.Application()
-        application.router.add_get("/", echo)
-        runner = web.AppRunner(application)
-        await runner.setup()
-        await web.TCPSite(runner, "127.0.0.1", 0).start()
-        await asyncio.to_thread(talk, f"ws://127.0.0.1:{runner.addresses[0][1]}")
-        await runner.cleanup()
-
-    asyncio.run(serve())
+        server.shutdown()
+        thread.join()
 
 
 def test_closed_connections_are_faults_and_a_port_stays_the_same() -> None:

@@ -2,8 +2,9 @@
 
 import errno
 import os
+from collections import namedtuple
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import evdev
 import pytest
@@ -19,12 +20,7 @@ ABS_X, ABS_Y, ABS_Z, ABS_RX, ABS_RY, ABS_RZ = range(6)
 EV_ABS, EV_KEY, EV_SYN, EV_FF = codes.EV_ABS, codes.EV_KEY, codes.EV_SYN, codes.EV_FF
 
 
-class Range(NamedTuple):
-    value: int
-    min: int
-    max: int
-
-
+Range = namedtuple("Range", "value min max")
 STICK, TRIGGER = Range(0, -32768, 32767), Range(0, 0, 255)
 AXES = {**dict.fromkeys((ABS_X, ABS_Y, ABS_RX, ABS_RY), STICK), ABS_Z: TRIGGER, ABS_RZ: TRIGGER}
 

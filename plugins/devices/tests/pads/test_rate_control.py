@@ -15,10 +15,10 @@ from weberlink_devices.rate_control import (
     LIVE_S,
     LONGEST_STEP,
     Deflection,
-    RateControl,
     RateDevice,
     RateOptions,
     beyond_dead_zone,
+    moved,
 )
 
 TICK = 0.001
@@ -27,11 +27,11 @@ share = st.floats(-1.0, 1.0)
 
 def pressed(depth: float, *, height: float = 0.002, delay: int = 1, seconds: float = 3.0) -> list[float]:
     """Forces [N] of a wall of 800 N/m at z = 0, ticks later, on a control that is deflected downwards by `depth`."""
-    control, waiting, forces = RateControl(RateOptions(home_m=(0.0, 0.0, height))), deque([0.0] * delay), []
+    at, waiting, forces = (0.0, 0.0, height), deque([0.0] * delay), list[float]()
     for _ in range(round(seconds / TICK)):
         force = waiting.popleft()
-        z = control.advance((0.0, 0.0, -depth), (0.0, 0.0, force), TICK)[2]
-        waiting.append(max(0.0, -800.0 * z))
+        at = moved(at, (0.0, 0.0, -depth), (0.0, 0.0, force), TICK, RateOptions())
+        waiting.append(max(0.0, -800.0 * at[2]))
         forces.append(force)
     return forces
 
@@ -55,11 +55,9 @@ def test_force_settles_below_the_stated_delay() -> None:
 
 @given(deflection=st.tuples(share, share, share), force=st.tuples(*[st.floats(-1e6, 1e6)] * 3))
 def test_speed_and_workspace_are_never_exceeded(deflection: Vector, force: Vector) -> None:
-    options = RateOptions()
-    control = RateControl(options)
+    options, after = RateOptions(), RateOptions().home_m
     for _ in range(50):
-        before = control.position
-        after = control.advance(deflection, force, 0.02)
+        before, after = after, moved(after, deflection, force, 0.02, options)
         assert hypot(*(b - a for a, b in zip(before, after, strict=True))) <= options.speed_m_s * 0.02 * (1 + 1e-9)
         assert max(map(abs, after)) <= options.workspace_m
 

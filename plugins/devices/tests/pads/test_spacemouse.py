@@ -18,11 +18,10 @@ class Port:
     def __init__(self) -> None:
         self.now = 0.0
         self.waiting: list[bytes] = []
-        self.written: list[tuple[int, bytes]] = []
-        self.closed = 0
+        self.done: list[object] = []
 
     def write(self, report: bytes, number: int = 0) -> None:
-        self.written.append((number, report))
+        self.done.append((number, report))
         raise HardwareFault("refused")  # some have no light
 
     def read_all(self, until: float) -> list[bytes]:
@@ -30,11 +29,11 @@ class Port:
         return waiting
 
     def close(self) -> None:
-        self.closed += 1
+        self.done.append("closed")
 
     def opened(self, **options: Any) -> PuckExchange:
-        plugged = [PluggedDevice("hid:1")]
-        exchange = PuckExchange(SpaceMouseOptions(**options), lambda: plugged, lambda path: self, lambda: self.now)
+        there = [PluggedDevice("hid:1")]
+        exchange = PuckExchange(SpaceMouseOptions(**options), lambda: there, lambda path: self, lambda: self.now)
         assert exchange.open() == Deflection()
         return exchange
 
@@ -71,7 +70,7 @@ def test_silence_releases_the_puck_but_not_the_buttons() -> None:
     assert exchange.exchange(ZERO) == Deflection(buttons=1)
     exchange.close()
     exchange.close()
-    assert (port.written, port.closed) == ([(4, b"\x01"), (4, b"\x00")], 1), "its light"
+    assert port.done == [(4, b"\x01"), (4, b"\x00"), "closed"], "its light"
 
 
 @pytest.mark.parametrize("product", ["spacenavigator", "wireless"])

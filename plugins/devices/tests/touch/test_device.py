@@ -9,6 +9,7 @@ from itertools import pairwise
 from math import inf, nan
 from pathlib import Path
 from time import monotonic, sleep
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -149,29 +150,19 @@ def test_lasting_force_error_ends_the_session(board: Board) -> None:
         until(lambda: board.displayed == 0.0, "the force", pause=TICK)
 
 
-class Library:
+class Library(SimpleNamespace):
     """In place of the maker's, and what it is told before a frame ends; a broken one raises while a frame is open."""
 
     def __init__(self, *, broken: bool) -> None:
-        self.force: list[float] = []
-        self.ended = 0
-        self.broken = broken
+        def get(name: int, values: Any) -> None:
+            if broken:
+                raise ArithmeticError("lost")
 
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self, f"_{name}") if name in ("hdGetDoublev", "hdSetDoublev", "hdEndFrame") else self._other
-
-    def _other(self, *_: object) -> Any:
-        return HdError(0, 0)
-
-    def _hdGetDoublev(self, name: int, values: Any) -> None:  # noqa: N802 - the library's name
-        if self.broken:
-            raise ArithmeticError("lost")
-
-    def _hdSetDoublev(self, name: int, values: Any) -> None:  # noqa: N802
-        self.force = list(values)
-
-    def _hdEndFrame(self, handle: int) -> None:  # noqa: N802
-        self.ended += 1
+        super().__init__(force=[], ended=0, hdGetDoublev=get)
+        self.hdBeginFrame = self.hdCheckCalibration = self.hdGetIntegerv = lambda *_: 0
+        self.hdGetError = lambda: HdError(0, 0)
+        self.hdSetDoublev = lambda _, values: setattr(self, "force", list(values))
+        self.hdEndFrame = lambda _: setattr(self, "ended", self.ended + 1)
 
 
 def test_a_loop_that_stood_still_starts_from_zero_with_a_command_as_fresh_as_any() -> None:

@@ -1,7 +1,7 @@
 """`bridge foxglove`: a server for Foxglove with the topics of `bridge ros2`, every tick, the events and parameters."""
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from importlib.resources import files
 from threading import Event
@@ -62,13 +62,7 @@ class ServeError(RuntimeError):
 
 
 class FoxgloveTopic:
-    """A `weberlink_ros2.topics.Publisher` for Foxglove.
-
-    Args:
-        name: of the topic.
-        schema: name and text of its messages, as ROS writes them.
-        context: of the server.
-    """
+    """A `weberlink_ros2.topics.Publisher` for Foxglove; `schema` is name and text of the messages, as ROS has them."""
 
     def __init__(self, name: str, schema: tuple[str, str], context: Context) -> None:
         ros = Schema(name=schema[0], encoding=SCHEMA_ENCODING, data=schema[1].encode())
@@ -82,24 +76,17 @@ class FoxgloveTopic:
 
 
 class FoxgloveServer(ServerListener):
-    """A `weberlink_ros2.topics.TopicNode`; the calls of a `ServerListener` come from threads of the server.
-
-    Args:
-        parameters: what clients may read, and perhaps set.
-        tell: called with lines for the user.
-    """
+    """A `weberlink_ros2.topics.TopicNode`; the calls of a `ServerListener` come from threads of the server."""
 
     def __init__(self, parameters: LiveParameters, tell: follow.Tell) -> None:
         self.context = Context()  # the channels close with it
-        self.newcomers: deque[int] = deque()
-        """Clients that have begun to read the log."""
+        self.newcomers: deque[int] = deque()  # clients that have begun to read the log
         self._parameters, self._tell, self._served = parameters, tell, Event()
-        self._server: WebSocketServer
-        """There when `_served` is set; a client may call before."""
+        self._server: WebSocketServer  # there when `_served` is set; a client may call before
 
-    def serve(self, listen: str, port: int, start: Callable[..., WebSocketServer] = foxglove.start_server) -> None:
+    def serve(self, listen: str, port: int) -> None:
         """Begin to serve the topics that are there. Raises RuntimeError if the address or port cannot be served."""
-        self._server = start(
+        self._server = foxglove.start_server(
             name="WeberLink", host=listen, port=port, capabilities=[Capability.Parameters], server_listener=self,
             context=self.context, message_backlog_size=BACKLOG,
         )  # fmt: skip
@@ -162,16 +149,13 @@ class FoxgloveServer(ServerListener):
 
 
 class FoxgloveBridge(TopicBridge):
-    """Publishes by a server for Foxglove.
+    """Publishes by a server for Foxglove; raises ServeError if it cannot serve.
 
     Args:
         listen: address to serve.
         port: 0 for any that is free.
         allow_changes: whether clients may set parameters.
         tell: called with lines for the user.
-
-    Raises:
-        RuntimeError: the address or the port cannot be served.
     """
 
     def __init__(self, listen: str, port: int, *, allow_changes: bool, tell: follow.Tell) -> None:
@@ -189,7 +173,10 @@ class FoxgloveBridge(TopicBridge):
         known = {topic: of for side in SIDES for arm in (False, True) for topic, of in topics(side, arm=arm).items()}
         for topic, type_name in {**known, SCENE: MARKERS, BODIES: MARKERS}.items():
             self._publish(topic, type_name)
-        self.server.serve(listen, port)
+        try:
+            self.server.serve(listen, port)
+        except RuntimeError as error:
+            raise ServeError(f"--listen {listen}, --port {port}: cannot be served ({error})") from None
 
     def begin(self, session: str, source: RingSource) -> None:
         own = RingSource(source.ring)  # a ring has as many readers as want it
@@ -261,22 +248,9 @@ class FoxgloveBridge(TopicBridge):
 
 
 def run(session: str | None, listen: str, port: int, *, allow_changes: bool) -> None:
-    """Show sessions until a signal, from the main thread.
-
-    Args:
-        session: name of the session to follow; None for the newest.
-        listen: address to serve.
-        port: 0 for any that is free.
-        allow_changes: whether clients may set parameters.
-
-    Raises:
-        ServeError: the address or the port cannot be served.
-    """
+    """Show sessions until a signal, from the main thread: the one of this name, or the newest; see `FoxgloveBridge`."""
     tell = partial(follow.tell, "foxglove")
-    try:
-        bridge = FoxgloveBridge(listen, port, allow_changes=allow_changes, tell=tell)
-    except RuntimeError as error:
-        raise ServeError(f"--listen {listen}, --port {port}: cannot be served ({error})") from None
+    bridge = FoxgloveBridge(listen, port, allow_changes=allow_changes, tell=tell)
     host = f"[{listen}]" if ":" in listen else listen
     may = "may set parameters" if allow_changes else "only look"
     layout = files("weberlink_foxglove.configs") / LAYOUT

@@ -3,7 +3,6 @@
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from pathlib import Path
 from typing import Any
 
 from foxglove import Parameter
@@ -24,14 +23,7 @@ Values = dict[str, Any]
 
 
 class LiveParameters:
-    """What is in force in the followed session, and requests to change it.
-
-    Clients call from threads of the server.
-
-    Args:
-        allow: whether clients may change something.
-        tell: called with lines for the user.
-    """
+    """What is in force in the followed session, and requests to change it, which may come from any thread."""
 
     def __init__(self, *, allow: bool, tell: Callable[[str], None]) -> None:
         self._allow = allow
@@ -41,8 +33,7 @@ class LiveParameters:
         self._asked: Future[Values] | None = None
         self._ask_at = 0.0
         self._told: Values = {}
-        self.wanted: set[str] = set()
-        """Names of those of whose changes a client wants to be told."""
+        self.wanted: set[str] = set()  # names of those of whose changes a client wants to be told
 
     def follow(self, session: WatchedSession) -> None:
         """From now on, parameters are those of this session."""
@@ -53,11 +44,15 @@ class LiveParameters:
         self._asker.shutdown(wait=False, cancel_futures=True)
 
     def in_force(self) -> Values:
-        """Settings and emulated link in force, or agreed; empty without a session. Blocks until a daemon answers."""
+        """Settings and emulated link in force, or agreed; empty without an answer. Blocks until a daemon answers."""
         session = next(iter(self._sessions.values()), None)
         if session is None or session.ended:
             return {}
-        return _asked_of(session.ring)
+        try:
+            answer = ask(session.ring, {})
+        except LiveChangeError:
+            return {}
+        return {**(answer.get("settings") or {}), **(answer.get("pending") or {}), **(answer.get("link") or {})}
 
     def change(self, values: Mapping[str, Any]) -> Answer:
         """Ask the daemons to make a change, as the live page does; blocks until they answer."""
@@ -79,15 +74,6 @@ class LiveParameters:
             self._ask_at = now + LOOK_S
             self._asked = self._asker.submit(self.in_force)
         return {}
-
-
-def _asked_of(ring: Path) -> Values:
-    """What a daemon says is in force; empty if it does not answer."""
-    try:
-        answer = ask(ring, {})
-    except LiveChangeError:
-        return {}
-    return {**(answer.get("settings") or {}), **(answer.get("pending") or {}), **(answer.get("link") or {})}
 
 
 def as_parameters(values: Mapping[str, Any], names: Sequence[str] = ()) -> list[Parameter]:

@@ -1,8 +1,7 @@
 """An MCAP file that grows by whole chunks, and how MCAP frames messages.
 
-The writer of the mcap library keeps unwritten data and cannot go on after a failed write. Here a failed append cuts the
-file back to what it was, and the index lists only what is there. A chunk of messages of one size is one numpy array, so
-neither writing nor reading one costs a Python step per message.
+The writer of the mcap library keeps unwritten data and cannot go on after a failed write: here a failed append cuts the
+file back to what it was. A chunk of messages of one size is one array, without a Python step for each message.
 """
 
 import os
@@ -34,8 +33,9 @@ from mcap.records import (
     Statistics,
     SummaryOffset,
 )
+from numpy.typing import NDArray
 
-from weberlink.telemetry.message import ENCAPSULATION, Rows
+from weberlink.telemetry.message import ENCAPSULATION, MESSAGE_ENCODING, SCHEMA_ENCODING, Rows
 
 MAGIC = b"\x89MCAP0\r\n"
 """Begins a file and ends a complete one."""
@@ -48,18 +48,21 @@ HEAD = FRAME.size + MESSAGE.size + len(ENCAPSULATION)
 @cache
 def rows_of(body: int) -> np.dtype[np.void]:
     """The frame of a message whose record has `body` bytes, the record itself as raw bytes."""
-    return np.dtype(
-        [
-            ("opcode", "u1"),
-            ("length", "<u8"),
-            ("channel", "<u2"),
-            ("sequence", "<u4"),
-            ("log_time", "<u8"),
-            ("publish_time", "<u8"),
-            ("encapsulation", f"V{len(ENCAPSULATION)}"),
-            ("body", f"V{body}"),
-        ]
-    )
+    kinds = {"opcode": "u1", "length": "<u8", "channel": "<u2", "sequence": "<u4", "log_time": "<u8"}
+    kinds |= {"publish_time": "<u8", "encapsulation": f"V{len(ENCAPSULATION)}", "body": f"V{body}"}
+    return np.dtype([*kinds.items()])
+
+
+def framed(channel: int, first: int, times_ns: NDArray[np.uint64] | int, bodies: Rows) -> Rows:
+    """Records as the messages of a channel, `first` the sequence number of the first."""
+    layout = rows_of(bodies.dtype.itemsize)
+    rows = np.empty(len(bodies), layout)
+    rows["opcode"], rows["length"] = Opcode.MESSAGE, layout.itemsize - FRAME.size
+    rows["channel"], rows["sequence"] = channel, np.arange(first, first + len(bodies)) % 2**32
+    rows["log_time"] = rows["publish_time"] = times_ns
+    rows["encapsulation"] = np.void(ENCAPSULATION)
+    rows["body"] = np.ascontiguousarray(bodies).view(layout["body"])
+    return rows
 
 
 def frames(data: bytes) -> Iterator[tuple[int, bytes]]:
@@ -84,22 +87,16 @@ def uniform(data: bytes) -> Rows | None:
         return None
     # One row after the other is where the first says, so that this holds of all or of none.
     rows: Rows = np.frombuffer(data, rows_of(size - HEAD))
-    same = (rows["opcode"] == Opcode.MESSAGE).all() and (rows["length"] == length).all()
-    return rows if same else None
+    return rows if (rows["opcode"] == Opcode.MESSAGE).all() and (rows["length"] == length).all() else None
 
 
 PROFILE, LIBRARY = "ros2", "weberlink"
 FACTS, END = "weberlink", "end"
 """Names of the records of metadata at the start and at the end of a recording."""
 
-_CREATE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
-
 
 class McapFile:
-    """One new file, not to be shared; made by `create`.
-
-    Every method that appends raises OSError with the file as it was before.
-    """
+    """One new file, made by `create`. Every method that appends raises OSError with the file as it was before."""
 
     def __init__(self, fd: int) -> None:
         self._fd = fd
@@ -116,13 +113,8 @@ class McapFile:
 
     @classmethod
     def create(cls, path: Path, first: Metadata) -> Self:
-        """Begin a file with a record of metadata.
-
-        Raises:
-            FileExistsError: the path is taken.
-            OSError: it cannot be made or written; then it is not there.
-        """
-        file = cls(os.open(path, _CREATE, 0o666))
+        """Begin a file; OSError if it is there, or cannot be made, and then it is not there."""
+        file = cls(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666))
         try:
             file._append(MAGIC + _bytes(Header(PROFILE, LIBRARY)))
             file.add_metadata(first)
@@ -137,40 +129,28 @@ class McapFile:
         self._append(data)
         self._metadata.append(MetadataIndex(self.size - len(data), len(data), metadata.name))
 
-    def add_schema(self, name: str, encoding: str, text: str) -> int:
-        """Returns the number of the schema."""
-        schema = Schema(id=len(self._schemas) + 1, data=text.encode(), encoding=encoding, name=name)
+    def add_schema(self, name: str, text: str) -> int:
+        schema = Schema(id=len(self._schemas) + 1, data=text.encode(), encoding=SCHEMA_ENCODING, name=name)
         self._append(_bytes(schema))
         self._schemas.append(schema)
         return schema.id
 
-    def add_channel(self, topic: str, encoding: str, schema: int, metadata: Mapping[str, str]) -> int:
-        """Returns the number of the channel."""
+    def add_channel(self, topic: str, schema: int, metadata: Mapping[str, str]) -> int:
+        number = len(self._channels) + 1
         channel = Channel(
-            id=len(self._channels) + 1,
-            topic=topic,
-            message_encoding=encoding,
-            metadata=dict(metadata),
-            schema_id=schema,
+            id=number, topic=topic, message_encoding=MESSAGE_ENCODING, metadata=dict(metadata), schema_id=schema
         )
         self._append(_bytes(channel))
         self._channels.append(channel)
         return channel.id
 
     def add_chunk(self, rows: Rows) -> None:
-        """Append framed messages, at least one, as of `rows_of`."""
+        """Append framed messages, at least one."""
         data = rows.tobytes()
         packed = self._compress(data)
-        chunk = Chunk(
-            compression="zstd",
-            data=packed,
-            message_start_time=int(rows["log_time"].min()),
-            message_end_time=int(rows["log_time"].max()),
-            uncompressed_crc=zlib.crc32(data),
-            uncompressed_size=len(data),
-        )
+        begin, end = int(rows["log_time"].min()), int(rows["log_time"].max())
         builder = RecordBuilder()
-        chunk.write(builder)
+        Chunk("zstd", packed, end, begin, zlib.crc32(data), len(data)).write(builder)
         length = builder.count
         places, counts = {}, {}
         for index in _message_indexes(rows):
@@ -178,13 +158,13 @@ class McapFile:
             counts[index.channel_id] = len(index.records)
             index.write(builder)
         entry = ChunkIndex(
-            message_start_time=chunk.message_start_time,
-            message_end_time=chunk.message_end_time,
+            message_start_time=begin,
+            message_end_time=end,
             chunk_start_offset=self.size,
             chunk_length=length,
             message_index_offsets=places,
             message_index_length=builder.count - length,
-            compression=chunk.compression,
+            compression="zstd",
             compressed_size=len(packed),
             uncompressed_size=len(data),
         )
@@ -203,11 +183,10 @@ class McapFile:
         self._append(body + summary + MAGIC)
 
     def sync(self) -> None:
-        """Wait until the disk has it all."""
         os.fsync(self._fd)
 
     def close(self) -> None:
-        """Give the file back, finished or not. May be repeated."""
+        """May be repeated, and before the file is finished."""
         if self._fd >= 0:
             os.close(self._fd)
             self._fd = -1

@@ -65,21 +65,17 @@ class _Signal(NamedTuple):
     window: str
     side: str
     quantity: str
-    fields: tuple[str, ...]
+    cartesian: tuple[str, ...]
+    arm: str
 
 
 # `observation` and `action` are what policies read. What the operator's hand does and feels is neither.
-_CARTESIAN = (
-    _Signal("observation.state", "observation.motion_window", "slave", "position", ("output", "rotation_output")),
-    _Signal("action", "leader.motion_window", "master", "position", ("raw", "rotation_raw")),
-    _Signal(None, "observation.force_window", "slave", "force", ("raw", "rotation_raw")),
-    _Signal(None, "leader.force_window", "master", "force", ("output", "rotation_output")),
-)
-_ARM = (
-    _Signal("observation.state", "observation.motion_window", "slave", "position", ("joint_position",)),
-    _Signal("action", "leader.motion_window", "master", "position", ("joint_raw",)),
-    _Signal(None, "observation.force_window", "slave", "force", ("joint_raw",)),
-    _Signal(None, "leader.force_window", "master", "force", ("joint_output",)),
+_RAW, _OUTPUT = ("raw", "rotation_raw"), ("output", "rotation_output")
+_SIGNALS = (
+    _Signal("observation.state", "observation.motion_window", "slave", "position", _OUTPUT, "joint_position"),
+    _Signal("action", "leader.motion_window", "master", "position", _RAW, "joint_raw"),
+    _Signal(None, "observation.force_window", "slave", "force", _RAW, "joint_raw"),
+    _Signal(None, "leader.force_window", "master", "force", _OUTPUT, "joint_output"),
 )
 _CARTESIAN_NAMES = {
     "position": tuple(f"{axis}.pos" for axis in (*AXES, *(f"rotation_{axis}" for axis in AXES))),
@@ -107,9 +103,9 @@ def frames_of(session: RecordedSession, fps: int, gripper_rad: tuple[float, floa
     """
     if len(session.sides) < 2:
         (side,) = session.sides
-        other = "slave" if side == "master" else "master"
-        raise NoFramesError(f"holds the {side}'s side alone; give the {other}'s recording of the same session too")
-    per_frame = samples_per_frame(session.rate_hz, fps)
+        raise NoFramesError(f"holds the {side}'s side alone; give the recording of the other side of the session too")
+    # As many ticks as the longest frame has, so that consecutive windows leave none out.
+    per_frame = ceil(session.rate_hz / fps - 1e-9)
     leads = list(_common([_leads(records) for records in session.sides.values()]))
     frame_times = [times for lead in leads if len(times := _frame_times(session, lead, per_frame, fps)) >= LEAST_FRAMES]
     if not frame_times:
@@ -132,11 +128,6 @@ def frames_of(session: RecordedSession, fps: int, gripper_rad: tuple[float, floa
         span_s=max(float(records["at"][-1]) for records in session.sides.values()) - first,
         held=sum(_missing(records, each) for each in frame_times for records in session.sides.values()),
     )
-
-
-def samples_per_frame(rate_hz: float, fps: int) -> int:
-    """Length of a window: as many ticks as the longest frame has, so that consecutive windows leave none out."""
-    return ceil(rate_hz / fps - 1e-9)
 
 
 def _leads(records: Records) -> list[tuple[float, float]]:
@@ -179,30 +170,29 @@ def _windows(records: Records, times: NDArray[np.float64], per_frame: int, rate_
     takes the record before.
     """
     at = records["at"]
-    newest = _held(at, times, rate_hz)
-    back = np.arange(per_frame - 1, -1, -1) / rate_hz
-    return _held(at, at[newest][:, None] - back, rate_hz)
 
+    def held(when: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Places of the last records at these times; half a tick later counts as the same time."""
+        return np.maximum(np.searchsorted(at, when + 0.5 / rate_hz, side="right") - 1, 0)
 
-def _held(at: NDArray[np.float64], times: NDArray[np.float64], rate_hz: float) -> NDArray[np.intp]:
-    """Places of the last records at these times; half a tick later counts as the same time."""
-    return np.maximum(np.searchsorted(at, times + 0.5 / rate_hz, side="right") - 1, 0)
+    return held(at[held(times)][:, None] - np.arange(per_frame - 1, -1, -1) / rate_hz)
 
 
 def _features(
     session: RecordedSession, windows: dict[str, Any], gripper_rad: tuple[float, float] | None
 ) -> Iterator[Feature]:
     arm = session.arm
-    for signal in _CARTESIAN if arm is None else _ARM:
+    for signal in _SIGNALS:
         records, places = session.sides[signal.side], windows[signal.side]
-        fields = signal.fields if arm is not None or session.torque_bank is not None else signal.fields[:1]
-        values = np.concatenate([records[name] for name in fields], axis=1, dtype=np.float64)
         if arm is None:
+            fields = signal.cartesian if session.torque_bank is not None else signal.cartesian[:1]
+            values = np.concatenate([records[name] for name in fields], axis=1, dtype=np.float64)
             names = _CARTESIAN_NAMES[signal.quantity][: values.shape[1]]
-        elif signal.quantity == "position":
-            names, values = _angles(arm, values[:, arm.places], gripper_rad)
         else:
-            names, values = tuple(f"{name}.torque" for name in arm.axes), values[:, arm.places]
+            values = records[signal.arm][:, arm.places].astype(np.float64)
+            names = tuple(f"{name}.torque" for name in arm.axes)
+            if signal.quantity == "position":
+                names, values = _angles(arm, values, gripper_rad)
         values = values.astype(np.float32)
         if signal.newest is not None:
             yield Feature(signal.newest, names, values[places[:, -1]])

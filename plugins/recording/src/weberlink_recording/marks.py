@@ -50,11 +50,7 @@ def pack_mark(mark: Mark) -> bytes:
 
 
 def read_mark(message: bytes) -> Mark:
-    """Read a message with its encapsulation header.
-
-    Raises:
-        ValueError: it is none of this schema, or not plain little-endian CDR.
-    """
+    """Read a message with its encapsulation header; raises ValueError if it is none, or not plain CDR."""
     if message[:2] != ENCAPSULATION[:2]:
         raise ValueError("a mark that is not plain little-endian CDR")
     body = message[len(ENCAPSULATION) :]

@@ -4,8 +4,8 @@ import os
 import struct
 import zlib
 from collections import defaultdict
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from io import BufferedReader, BytesIO
 from pathlib import Path
@@ -44,49 +44,38 @@ _LAYOUTS: dict[str, tuple[str, int]] = {
 
 
 def dtype_of(schema_text: str) -> np.dtype[np.void]:
-    """The layout of the body of a message, each value on its own boundary as CDR has it.
-
-    Args:
-        schema_text: a message definition of numbers and vectors, of any release.
+    """The layout of the body of a message of numbers and vectors, each value on its own boundary as CDR has it.
 
     Raises:
-        ValueError: it has a field of another type, one name twice, or none at all.
+        ValueError: the definition has a field of another type, one name twice, or none at all.
     """
-    names: list[str] = []
-    formats: list[tuple[str, tuple[int, ...]]] = []
-    offsets: list[int] = []
+    found: dict[str, tuple[tuple[str, tuple[int, ...]], int]] = {}
     end = 0
     for kind, name in _fields(schema_text):
         if kind not in _LAYOUTS:
             raise ValueError(f"field {name} is of type {kind}, expected one of {', '.join(_LAYOUTS)}")
-        if name in names:
+        if name in found:
             raise ValueError(f"field {name} is defined twice")
         code, axes = _LAYOUTS[kind]
         size = np.dtype(code).itemsize
         offset = -(-end // size) * size
-        names.append(name)
-        formats.append((code, () if axes == 1 else (axes,)))
-        offsets.append(offset)
+        found[name] = ((code, () if axes == 1 else (axes,)), offset)
         end = offset + axes * size
-    if not names:
+    if not found:
         raise ValueError("no field is defined")
-    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": end})
+    formats, offsets = zip(*found.values(), strict=True)
+    return np.dtype({"names": [*found], "formats": formats, "offsets": offsets, "itemsize": end})
 
 
-def _fields(schema_text: str) -> list[tuple[str, str]]:
+def _fields(schema_text: str) -> Iterator[tuple[str, str]]:
     """Type and name of each field of the first definition; a constant is none."""
-    fields = []
-    for line in schema_text.splitlines():
-        if line.startswith("==="):
-            break
+    for line in schema_text.partition("===")[0].splitlines():
         definition = line.partition("#")[0].strip()
-        if not definition or "=" in definition:
-            continue
-        kind, _, rest = definition.partition(" ")
-        if not rest:
-            raise ValueError(f"{definition!r} is no field")
-        fields.append((kind, rest.split()[0]))
-    return fields
+        if definition and "=" not in definition:
+            kind, _, rest = definition.partition(" ")
+            if not rest:
+                raise ValueError(f"{definition!r} is no field")
+            yield kind, rest.split()[0]
 
 
 COMPRESSIONS = ("", "lz4", "zstd")
@@ -104,23 +93,22 @@ class ForeignError(ValueError):
     """The file is in order, and no recording that can be read."""
 
 
-# What the library and the decompressors raise over bytes that have changed.
 _DAMAGE = (McapError, ValueError, EOFError, struct.error, RuntimeError, MemoryError, OverflowError, zstandard.ZstdError)
+"""What the library and the decompressors raise over bytes that have changed."""
 
 
 class Content:
     """Takes frames in the order of the file.
 
-    Raises:
-        DamagedError: the frame cannot be read, and nothing of it was taken.
-        ForeignError: what it says is not of a recording.
+    Raises DamagedError for a frame that cannot be read, of which nothing was taken, and ForeignError for one that is
+    not of a recording.
     """
 
     def __init__(self) -> None:
         self.metadata: dict[str, dict[str, str]] = {}
         self.origins: dict[str, Origin] = {}
         self.marks: list[Mark] = []
-        self.foreign: list[str] = []
+        self.foreign: dict[str, None] = {}
         """Topics that are none of a recording, with the name of their schema."""
         self._schemas: dict[int, Schema] = {}
         self._sides: dict[int, tuple[str, np.dtype[np.void]]] = {}
@@ -161,11 +149,9 @@ class Content:
             raise ForeignError(f"is compressed by {chunk.compression!r}, expected lz4, zstd or nothing")
         if chunk.uncompressed_size > LARGEST_CHUNK:
             raise DamagedError(f"a chunk of {chunk.uncompressed_size} bytes")
-        try:
+        with _damaged("a chunk that does not unpack"):
             stream, size = get_chunk_data_stream(chunk, validate_crc=True)
             data = stream.read(size)
-        except _DAMAGE as error:
-            raise DamagedError(f"a chunk that does not unpack: {error}") from None
         rows = uniform(data)
         if rows is None:
             self._take_frames(data)
@@ -192,24 +178,21 @@ class Content:
         if channel.id in self._sides:
             return  # repeated, as each chunk and the index may
         schema = self._schemas.get(channel.schema_id)
-        if channel.topic == MARK_TOPIC and schema is not None and schema.name == MARK_SCHEMA:
-            self._mark_channels.add(channel.id)
-            return
+        name = "no schema" if schema is None else schema.name
         side = SIDES.get(channel.topic)
-        if side is None:
-            name = "no schema" if schema is None else schema.name
-            if (known := f"{channel.topic} ({name})") not in self.foreign:
-                self.foreign.append(known)
-            return
-        try:
-            layout = _layout(channel, schema)
-            origin = Origin.from_metadata(side, channel.metadata)
-        except ValueError as error:
-            raise ForeignError(f"{channel.topic}: {error}") from None
-        if self._layouts.setdefault(side, layout) != layout:
-            raise ForeignError(f"{channel.topic}: is there twice, with different fields")
-        self.origins.setdefault(side, origin)
-        self._sides[channel.id] = (side, layout)
+        if (channel.topic, name) == (MARK_TOPIC, MARK_SCHEMA):
+            self._mark_channels.add(channel.id)
+        elif side is None:
+            self.foreign.setdefault(f"{channel.topic} ({name})")
+        else:
+            try:
+                layout = _layout(channel, schema)
+                self.origins.setdefault(side, Origin.from_metadata(side, channel.metadata))
+            except ValueError as error:
+                raise ForeignError(f"{channel.topic}: {error}") from None
+            if self._layouts.setdefault(side, layout) != layout:
+                raise ForeignError(f"{channel.topic}: is there twice, with different fields")
+            self._sides[channel.id] = (side, layout)
 
     def _take_messages(self, messages: list[bytes]) -> None:
         """Messages of any channels and sizes."""
@@ -250,21 +233,17 @@ class Content:
             self._parts[side].append(np.ascontiguousarray(own["body"]).view(layout))
 
     def _take_mark(self, message: bytes) -> None:
-        try:
+        with _damaged("a mark"):
             self.marks.append(read_mark(message[MESSAGE.size :]))
-        except ValueError as error:
-            raise DamagedError(str(error)) from None
 
 
 def _layout(channel: Channel, schema: Schema | None) -> np.dtype[np.void]:
     """Raises ValueError if the messages of the channel cannot be read."""
     if schema is None:
         raise ValueError("has no schema")
-    if (channel.message_encoding, schema.encoding) != (MESSAGE_ENCODING, SCHEMA_ENCODING):
-        raise ValueError(
-            f"is encoded as {channel.message_encoding!r} with a schema as {schema.encoding!r}, expected "
-            f"{MESSAGE_ENCODING!r} and {SCHEMA_ENCODING!r}"
-        )
+    own, expected = (channel.message_encoding, schema.encoding), (MESSAGE_ENCODING, SCHEMA_ENCODING)
+    if own != expected:
+        raise ValueError(f"is encoded as {own[0]!r} with a schema as {own[1]!r}, expected {' and '.join(expected)}")
     layout = dtype_of(schema.data.decode())
     fields: Mapping[str, tuple[Any, ...]] = layout.fields or {}
     lacks = [name for name, kind in NEEDED.items() if name not in fields or fields[name][0] != kind]
@@ -274,10 +253,16 @@ def _layout(channel: Channel, schema: Schema | None) -> np.dtype[np.void]:
 
 
 def _parsed(read: Callable[[ReadDataStream], Parsed], body: bytes) -> Parsed:
-    try:
+    with _damaged("a frame that cannot be read"):
         return read(ReadDataStream(BytesIO(body)))
+
+
+@contextmanager
+def _damaged(what: str) -> Iterator[None]:
+    try:
+        yield
     except _DAMAGE as error:
-        raise DamagedError(f"a frame that cannot be read: {error}") from None
+        raise DamagedError(f"{what}: {error}") from None
 
 
 CUT_OFF = "cut off"
@@ -324,7 +309,10 @@ def read_recording(path: str | Path) -> Recording:
         if path.exists() and not path.is_file() and not path.is_dir():
             raise RecordingError(f"{path}: is no regular file; expected a recording")  # a pipe may never end
         with path.open("rb") as file:
-            _check_magic(path, file)
+            begin = file.read(len(MAGIC))
+            if begin != MAGIC:
+                is_what = f"is no MCAP file, it begins with {begin!r}" if begin else "is empty"
+                raise RecordingError(f"{path}: {is_what}; expected a recording, an MCAP file")
             fault = _take_all(file, content)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}; expected a recording") from None
@@ -347,14 +335,6 @@ def read_recording(path: str | Path) -> Recording:
     )
 
 
-def _check_magic(path: Path, file: BufferedReader) -> None:
-    begin = file.read(len(MAGIC))
-    if not begin:
-        raise RecordingError(f"{path}: is empty; expected a recording, an MCAP file")
-    if begin != MAGIC:
-        raise RecordingError(f"{path}: is no MCAP file, it begins with {begin!r}; expected a recording")
-
-
 def _take_all(file: BufferedReader, content: Content) -> str:
     """Read frame by frame; returns what ended it before the end of the file, or nothing."""
     size = os.fstat(file.fileno()).st_size
@@ -370,25 +350,18 @@ def _take_all(file: BufferedReader, content: Content) -> str:
         body = file.read(length)
         if opcode == Opcode.FOOTER:
             return "" if file.read(len(MAGIC)) == MAGIC else CUT_OFF
+        if opcode == Opcode.DATA_END and int.from_bytes(body, "little") not in (0, crc):  # 0 stands for none
+            return "damaged: the checksum of the file is another"
         try:
-            if opcode == Opcode.DATA_END:
-                _check_data(body, crc)
             content.take(opcode, body)
         except DamagedError as error:
             return f"damaged: {error}"
         crc = zlib.crc32(body, zlib.crc32(head, crc))
 
 
-def _check_data(body: bytes, crc: int) -> None:
-    """Compare the checksum of all before the index; 0 stands for none."""
-    expected = int.from_bytes(body, "little")
-    if expected not in (0, crc):
-        raise DamagedError("the checksum of the file is another")
-
-
 def _without_a_side(content: Content, fault: str) -> str:
     if content.foreign:
-        shown = ", ".join(content.foreign[:SHOWN_TOPICS])
+        shown = ", ".join([*content.foreign][:SHOWN_TOPICS])
         more = len(content.foreign) - SHOWN_TOPICS
         return f"holds {shown}{f' and {more} more' if more > 0 else ''}"
     if fault == CUT_OFF:

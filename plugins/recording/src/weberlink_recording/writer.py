@@ -5,69 +5,47 @@ What was flushed stays readable whatever happens next: at any moment the file is
 
 import errno
 from collections import Counter
-from collections.abc import Mapping
-from contextlib import suppress
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 import numpy as np
-from mcap.opcode import Opcode
 from mcap.records import Metadata
 
-from weberlink.telemetry.message import (
-    ENCAPSULATION,
-    MESSAGE_ENCODING,
-    QOS,
-    SCHEMA_ENCODING,
-    SCHEMA_NAME,
-    SCHEMA_TEXT,
-    Origin,
-    Rows,
-)
+from weberlink.telemetry.message import QOS, SCHEMA_NAME, SCHEMA_TEXT, Origin, Rows
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.recorders import COMPLETE
-from weberlink_recording.container import END, FACTS, FRAME, McapFile, rows_of
+from weberlink_recording.container import END, FACTS, McapFile, framed
 from weberlink_recording.marks import MARK_DEFINITION, MARK_SCHEMA, MARK_TOPIC, Mark, pack_mark
-
-__all__ = ["Origin", "RecordingExistsError", "RecordingWriter"]
 
 CHUNK_RECORDS = 4096
 """A chunk is written when it holds so many records, or earlier by `flush`."""
-
-_ROW = rows_of(DTYPE.itemsize)
-_SEQUENCES = 2**32
 
 
 class RecordingExistsError(FileExistsError):
     """The file exists already."""
 
 
-@dataclass
-class _Side:
-    origin: Origin
-    channel: int
-    taken: int = 0
-
-
 class RecordingWriter:
     """One new recording; made by `create`.
 
-    After a failed write every call raises the same OSError. The file is then cut back to its last whole chunk and, if
-    possible, finished in order.
+    After a failed write every call but `close` raises the same OSError. The file is then cut back to its last whole
+    chunk and, if possible, finished in order.
     """
 
     def __init__(self, path: Path, file: McapFile) -> None:
         self.path = path
         self._file = file
-        self._sides: dict[str, _Side] = {}
+        self._sides: dict[str, tuple[Origin, int]] = {}
+        """With the channel of each."""
+        self._taken: Counter[str] = Counter()
         self._lost: Counter[str] = Counter()
         self._schema: int | None = None
         self._marks: int | None = None
         """Channel of the marks; None before the first."""
         self._pending: list[Rows] = []
-        self._waiting = 0
         self._error: OSError | None = None
         self._closed = False
 
@@ -93,12 +71,12 @@ class RecordingWriter:
     @property
     def records(self) -> dict[str, int]:
         """How many records of each side are in the file."""
-        return {name: self._file.messages[side.channel] for name, side in self._sides.items()}
+        return {side: self._file.messages[channel] for side, (_, channel) in self._sides.items()}
 
     @property
     def lost(self) -> dict[str, int]:
         """How many records of each side are known to be missing."""
-        return {name: self._lost[name] for name in self._sides}
+        return {side: self._lost[side] for side in self._sides}
 
     @property
     def marks(self) -> int:
@@ -111,24 +89,14 @@ class RecordingWriter:
         return self._file.size
 
     def add_side(self, origin: Origin) -> None:
-        """Announce a side before its first record.
-
-        Raises:
-            ValueError: it is there already, or is none.
-            OSError: as of the class.
-        """
-        self._check()
+        """Announce a side before its first record; raises ValueError for one that is there already, or is none."""
         if origin.side in self._sides:
             raise ValueError(f"{origin.side} is recorded already")
         topic = origin.topic
-        try:
+        with self._writing():
             if self._schema is None:
-                self._schema = self._file.add_schema(SCHEMA_NAME, SCHEMA_ENCODING, SCHEMA_TEXT)
-            channel = self._file.add_channel(topic, MESSAGE_ENCODING, self._schema, origin.to_metadata())
-        except OSError as error:
-            self._give_up(error)
-            raise
-        self._sides[origin.side] = _Side(origin, channel)
+                self._schema = self._file.add_schema(SCHEMA_NAME, SCHEMA_TEXT)
+            self._sides[origin.side] = origin, self._file.add_channel(topic, self._schema, origin.to_metadata())
 
     def write(self, side: str, records: Rows) -> None:
         """Take the next records of a side; they are in the file after `flush`, or when a chunk is full.
@@ -139,7 +107,6 @@ class RecordingWriter:
 
         Raises:
             ValueError: of another type, or of a side that was not added.
-            OSError: as of the class.
         """
         self._check()
         if side not in self._sides:
@@ -148,68 +115,40 @@ class RecordingWriter:
             raise ValueError("records have other fields than those of this release")
         if not len(records):
             return
-        self._pending.append(_framed(records, self._sides[side]))
-        self._waiting += len(records)
-        if self._waiting >= CHUNK_RECORDS:
+        origin, channel = self._sides[side]
+        self._pending.append(framed(channel, self._taken[side], origin.log_times_ns(records["at"]), records))
+        self._taken[side] += len(records)
+        if sum(map(len, self._pending)) >= CHUNK_RECORDS:
             self.flush()
 
     def mark(self, mark: Mark) -> None:
-        """Write a mark.
-
-        Raises:
-            OSError: as of the class.
-        """
-        self._check()
-        body = pack_mark(mark)
-        row = np.zeros(1, rows_of(len(body)))
-        try:
+        """Write a mark."""
+        with self._writing():
             if self._marks is None:
-                schema = self._file.add_schema(MARK_SCHEMA, SCHEMA_ENCODING, MARK_DEFINITION)
-                self._marks = self._file.add_channel(MARK_TOPIC, MESSAGE_ENCODING, schema, QOS)
-            _frame(row, self._marks, self.marks)
-            row["log_time"] = row["publish_time"] = mark.wall_ns
-            row["body"] = np.void(body)
-            self._file.add_chunk(row)
-        except OSError as error:
-            self._give_up(error)
-            raise
+                schema = self._file.add_schema(MARK_SCHEMA, MARK_DEFINITION)
+                self._marks = self._file.add_channel(MARK_TOPIC, schema, QOS)
+            body = pack_mark(mark)
+            self._file.add_chunk(framed(self._marks, self.marks, mark.wall_ns, np.array([body], f"V{len(body)}")))
 
     def flush(self) -> None:
-        """Hand all records so far to the kernel, so that the death of this process costs none of them.
-
-        Raises:
-            OSError: as of the class; the records that were not yet in the file are gone.
-        """
-        self._check()
-        if not self._pending:
-            return
-        rows = np.concatenate(self._pending)
-        self._pending.clear()
-        self._waiting = 0
-        try:
-            self._file.add_chunk(rows[np.argsort(rows["log_time"], kind="stable")])
-        except OSError as error:
-            self._give_up(error)
-            raise
+        """Hand all records so far to the kernel, so that the death of this process costs none of them."""
+        with self._writing():
+            if self._pending:
+                rows = np.concatenate(self._pending)
+                self._pending.clear()
+                self._file.add_chunk(rows[np.argsort(rows["log_time"], kind="stable")])
 
     def note_lost(self, side: str, count: int) -> None:
         """Count records that came too late to be written."""
         self._lost[side] += count
 
     def close(self, outcome: str = COMPLETE) -> None:
-        """Write what is left, how it ended, and the index. Does nothing after an error or another `close`.
-
-        Raises:
-            OSError: as of the class.
-        """
+        """Write what is left, how it ended, and the index. Does nothing after an error or another `close`."""
         if self._closed:
             return
         self.flush()
-        try:
+        with self._writing():
             self._file.finish(self._end(outcome))
-        except OSError as error:
-            self._give_up(error)
-            raise
         try:
             self._file.sync()
         finally:
@@ -231,17 +170,24 @@ class RecordingWriter:
         if self._closed:
             raise ValueError(f"{self.path} is closed")
 
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        self._check()
+        try:
+            yield
+        except OSError as error:
+            self._give_up(error)
+            raise
+
     def _give_up(self, error: OSError) -> None:
         """Finish what can be finished: with the index if there is room, else without."""
         self._error = error
         self._pending.clear()
         end = self._end(error.strerror or str(error))
         for indexed in (True, False):
-            try:
+            with suppress(OSError):
                 self._file.finish(end, indexed=indexed)
                 break
-            except OSError:
-                continue
         self._release()
 
     def _end(self, outcome: str) -> Metadata:
@@ -252,23 +198,3 @@ class RecordingWriter:
     def _release(self) -> None:
         self._closed = True
         self._file.close()
-
-
-def _framed(records: Rows, side: _Side) -> Rows:
-    """The records as messages of a chunk."""
-    count = len(records)
-    rows = np.empty(count, _ROW)
-    _frame(rows, side.channel, side.taken)
-    rows["log_time"] = rows["publish_time"] = side.origin.log_times_ns(records["at"])
-    rows["body"] = np.ascontiguousarray(records).view(_ROW["body"])
-    side.taken += count
-    return rows
-
-
-def _frame(rows: Rows, channel: int, taken: int) -> None:
-    """Fill in what is before the times and the body of messages."""
-    rows["opcode"] = Opcode.MESSAGE
-    rows["length"] = rows.dtype.itemsize - FRAME.size
-    rows["channel"] = channel
-    rows["sequence"] = np.arange(taken, taken + len(rows)) % _SEQUENCES
-    rows["encapsulation"] = np.void(ENCAPSULATION)

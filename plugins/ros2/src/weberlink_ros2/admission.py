@@ -21,45 +21,26 @@ SECOND_NS = 1_000_000_000
 
 
 class Subscription(NamedTuple):
-    """What to listen to.
+    """What to listen to."""
 
-    Args:
-        topic: of geometry_msgs/msg/PoseStamped.
-        domain: of ROS.
-        connect: endpoint of the Zenoh router; None for that of this host.
-        frame_id: of the poses; None for any.
-        origin: becomes (0, 0, 0) [m], in that frame.
-        silence: time after which a publisher has let go [s].
-        turns: whether the orientation counts.
-    """
-
-    topic: str
-    domain: int
-    connect: str | None
-    frame_id: str | None
-    origin: Vector
-    silence: float
-    turns: bool
+    topic: str  # of geometry_msgs/msg/PoseStamped
+    domain: int  # of ROS
+    connect: str | None  # endpoint of the Zenoh router; None for that of this host
+    frame_id: str | None  # of the poses; None for any
+    origin: Vector  # becomes (0, 0, 0) [m], in that frame
+    silence: float  # time after which a publisher has let go [s]
+    turns: bool  # whether the orientation counts
 
 
 class Pose(NamedTuple):
-    """A received message.
+    """A received message."""
 
-    Args:
-        stamp_ns: of its header; 0 if the publisher gives none.
-        frame_id: of its header.
-        position: [m].
-        orientation: quaternion (w, x, y, z).
-        source: identity of the publisher.
-        sent_ns: when it was published, on the clock of the publisher.
-    """
-
-    stamp_ns: int
+    stamp_ns: int  # of its header; 0 if the publisher gives none
     frame_id: str
-    position: Vector
-    orientation: tuple[float, float, float, float]
-    source: bytes
-    sent_ns: int
+    position: Vector  # [m]
+    orientation: tuple[float, float, float, float]  # (w, x, y, z)
+    source: bytes  # identity of the publisher
+    sent_ns: int  # on the clock of the publisher
 
 
 class Admission:
@@ -69,9 +50,6 @@ class Admission:
     publisher leads, the stamps of its headers must rise, if it gives any. A pose is late if it took longer than the
     fastest one of its publisher by more than `silence`: clocks of two hosts may differ, but a queue that holds poses
     back shows.
-
-    Args:
-        subscription: the frame, the origin and the silence.
     """
 
     def __init__(self, subscription: Subscription) -> None:
@@ -79,16 +57,13 @@ class Admission:
         self._leader = b""
         self._taken_at: float | None = None
         self._stamp_ns = 0
-        self._clocks: dict[bytes, tuple[float, float]] = {}
-        """Shortest delay of each publisher [s], and when its last pose came."""
+        self._clocks: dict[bytes, tuple[float, float]] = {}  # by publisher: shortest delay, last pose [s]
         self._refused: tuple[float, str] | None = None
 
     def take(self, pose: Pose, now: float) -> tuple[Vector, Vector] | None:
         """Position [m] and rotation vector [rad] to lead to; None if the pose does not lead.
 
-        Args:
-            pose: as received.
-            now: time of arrival [s], of a clock that is never set.
+        `now` is its time of arrival [s], of a clock that is never set.
         """
         if self.is_silent(now):
             self._begin(pose, now)
@@ -108,9 +83,7 @@ class Admission:
 
     def refusal(self, now: float) -> str | None:
         """Why a pose was refused within the last second; None if none was."""
-        if self._refused is None or now - self._refused[0] > SHOWN_S:
-            return None
-        return self._refused[1]
+        return None if self._refused is None or now - self._refused[0] > SHOWN_S else self._refused[1]
 
     def _begin(self, pose: Pose, now: float) -> None:
         if self._taken_at is not None and pose.source == self._leader and now - self._taken_at < SHOWN_S:

@@ -1,5 +1,7 @@
 """`bridge ros2`: publishes a running session as ROS 2 topics over Zenoh, for nodes with rmw_zenoh."""
 
+from functools import partial
+
 from weberlink.system.configuration import ConfigurationError
 from weberlink_ros2 import follow
 from weberlink_ros2.diagnostics import Level, Status
@@ -34,23 +36,13 @@ class Ros2Bridge(TopicBridge):
 
 
 def run(session: str | None, domain: int, connect: str | None, qos: Qos, rate_hz: float | None) -> None:
-    """Publish running sessions until a signal.
-
-    Args:
-        session: name of the session to follow; None for the newest.
-        domain: of ROS.
-        connect: endpoint of the Zenoh router; None for that of this host, or of the file of the environment.
-        qos: of the topics.
-        rate_hz: of the messages of each topic; None for every tick.
+    """Publish running sessions until a signal: the one of this name, or the newest; see `Node` and `TopicBridge`.
 
     Raises:
         ConfigurationError: no such domain or endpoint.
         NodeError: no Zenoh session can be opened, or it has failed.
     """
-
-    def tell(text: str) -> None:
-        follow.tell(NAME, text)
-
+    tell = partial(follow.tell, NAME)
     try:
         node = Node(NODE, domain, connect)
     except ValueError as error:

@@ -1,21 +1,48 @@
 """The `ros2` driver: a modelled hand that follows the poses of a ROS 2 topic."""
 
-from typing import ClassVar, Protocol
+from typing import Annotated, ClassVar, Protocol
 
+from pydantic import AfterValidator, Field
+
+from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.contract import DeviceFault, DeviceReading
-from weberlink.master.devices.pointer import PointerDevice
+from weberlink.master.devices.pointer import PointerDevice, PointerOptions
 from weberlink.master.devices.pointer_link import TargetSource
-from weberlink_ros2.options import Ros2Options
+from weberlink_ros2.admission import Subscription
+from weberlink_ros2.names import LARGEST_DOMAIN, check_endpoint, check_topic
 from weberlink_ros2.process import ListenerProcess
 
 
+class Ros2Options(PointerOptions):
+    """Options of `ros2`: which topic leads the hand; the others are those of `pointer`."""
+
+    topic: Annotated[str, AfterValidator(check_topic)] = Field(
+        default="/weberlink/target", description="of geometry_msgs/msg/PoseStamped, with its namespace"
+    )
+    domain: int = Field(default=0, ge=0, le=LARGEST_DOMAIN, description="as ROS_DOMAIN_ID of the publisher")
+    connect: Annotated[str, AfterValidator(check_endpoint)] | None = Field(
+        default=None,
+        description="endpoint of the Zenoh router, such as tcp/192.168.1.5:7447; that of this host if not given",
+    )
+    frame_id: str | None = Field(
+        default="weberlink", description="frame that the poses must be in; null takes them in any frame"
+    )
+    origin_m: Vector = Field(
+        default=ZERO, description="becomes (0, 0, 0), the middle of the workspace; in the frame of the poses"
+    )
+
+    @property
+    def subscription(self) -> Subscription:
+        """What the listener has to know of them."""
+        silence, turns = self.silence_ms * 1e-3, self.wrist is not None
+        return Subscription(self.topic, self.domain, self.connect, self.frame_id, self.origin_m, silence, turns)
+
+
 class PoseSource(TargetSource, Protocol):
-    """Targets from a process that may end."""
+    """Targets from a process that may end; the texts are those of `ListenerProcess`."""
 
     trouble: str | None
-    """Why no pose leads, or why some do not; None if all is well."""
     failure: str | None
-    """Why there will be no more; None while there may be."""
 
 
 class Ros2Device(PointerDevice):

@@ -31,15 +31,7 @@ _LEVELS = {INFO: Level.OK, WARN: Level.WARN, ALARM: Level.ERROR}
 
 
 class Status(NamedTuple):
-    """The condition of one part.
-
-    Args:
-        level: how good it is.
-        name: of the part.
-        message: the condition in words.
-        hardware: name of the host or user that runs the part.
-        values: figures by name, as text.
-    """
+    """The condition of one part; `hardware` is the host or user that runs it, `values` are figures by name."""
 
     level: Level
     name: str
@@ -60,8 +52,7 @@ class SideCondition:
         self._source = source
         self._asked_at = self._heard_at = now
         self._last: Any = None
-        self._before: Any = None
-        """The newest record when it was last asked."""
+        self._before: Any = None  # the newest record when it was last asked
         self._latest_us = self._longest_us = 0.0
 
     def take(self, records: Records, now: float) -> None:
@@ -72,24 +63,24 @@ class SideCondition:
 
     def status(self, now: float) -> Status:
         """Its condition, also once it has ended; figures per second are those since the last call."""
-        if self._source.drained:
-            return self._ended()
-        described = self._source.description or {}
-        silence_s = now - self._heard_at
-        told = Words(INFO, "has written no record yet") if self._last is None else _condition(self._source, self._last)
-        level = _LEVELS[told.level]
-        if silence_s > STALE_S:
-            level, told = Level.STALE, Words(ALARM, f"stands still: no record for {silence_s:.1f} s")
-        values = {} if self._last is None else self._values(described, max(now - self._asked_at, 1e-3))
+        source, silence_s, values = self._source, now - self._heard_at, dict[str, str]()
+        described = source.description or {}
+        if source.drained and source.in_order:
+            level, text = Level.STALE, "ended"
+        elif source.drained:
+            level, text = Level.ERROR, "ended without closing its telemetry: it was killed or has crashed"
+        elif silence_s > STALE_S:
+            level, text = Level.STALE, f"stands still: no record for {silence_s:.1f} s"
+        elif self._last is None:
+            level, text = Level.OK, "has written no record yet"
+        else:
+            told = _condition(source, self._last)
+            level, text = _LEVELS[told.level], told.text
+        if self._last is not None and not source.drained:
+            values = self._values(described, max(now - self._asked_at, 1e-3))
         self._asked_at, self._before = now, self._last
         self._latest_us = self._longest_us = 0.0
-        return Status(level, f"weberlink: {self._source.side}", told.text, str(described.get("name", "")), values)
-
-    def _ended(self) -> Status:
-        name = str((self._source.description or {}).get("name", ""))
-        text = "ended" if self._source.in_order else "ended without closing its telemetry: it was killed or has crashed"
-        level = Level.STALE if self._source.in_order else Level.ERROR
-        return Status(level, f"weberlink: {self._source.side}", text, name, {})
+        return Status(level, f"weberlink: {source.side}", text, str(described.get("name", "")), values)
 
     def _values(self, described: Mapping[str, Any], interval_s: float) -> dict[str, str]:
         last = self._last
@@ -114,10 +105,9 @@ class SideCondition:
         }
         if self._before is not None:
             figures = {"ticks [1/s]": per_second("tick")} | figures
-        names = {
-            "state": _name(State, int(last["state"])),
-            "predictor": _place(bank, int(last["selected"])),
-        }
+        selected = int(last["selected"])
+        predictor = bank[selected] if selected < len(bank) else str(selected)
+        names = {"state": _name(State, int(last["state"])), "predictor": predictor}
         return names | {name: f"{value:.6g}" if isfinite(value) else "unknown" for name, value in figures.items()}
 
 
@@ -136,7 +126,3 @@ def _name(kind: type[Enum], number: int) -> str:
         return kind(number).name.lower()
     except ValueError:
         return str(number)
-
-
-def _place(names: list[str], place: int) -> str:
-    return names[place] if place < len(names) else str(place)

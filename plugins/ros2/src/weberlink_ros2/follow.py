@@ -7,7 +7,7 @@ from pathlib import Path
 from signal import SIGHUP, SIGINT, SIGTERM, signal
 from threading import Event
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from weberlink.watching.rings import RingOpener, RingSource, find_rings
 
@@ -24,82 +24,66 @@ Tell = Callable[[str], None]
 class SessionFollower:
     """Follows one session at a time: the named one, else the newest that runs; when it has ended, the next one.
 
-    Args:
-        bridge: takes the records.
-        only: name of the session to follow; None for the newest.
-        tell: called with lines for the user.
-        where: folder of the rings; None for those of this user.
+    `tell` is called with lines for the user; `where` is the folder of the rings, None for those of this user.
     """
 
     def __init__(self, bridge: "TopicBridge", only: str | None, tell: Tell, where: Path | None = None) -> None:
         self._bridge, self._only, self._tell, self._where = bridge, only, tell, where
         self._opener = RingOpener(tell)
         self._find_at = 0.0
-        self.session: str | None = None
-        """Name of the session that is followed; None while there is none."""
-        self.sources: dict[str, RingSource] = {}
-        """Its sides on this host that run."""
-        self._before: dict[str, int] = {}
-        """By side, the records that were overwritten before it was found."""
+        self.session: str | None = None  # that is followed
+        self._sources: dict[str, RingSource] = {}  # its sides on this host that run
+        self._before: dict[str, int] = {}  # by side, the records that were overwritten before it was found
 
     def look(self, now: float) -> None:
         """One round: find sides, and hand on what they have written since the last one."""
         if now >= self._find_at:
             self._find_at = now + FIND_S
             self._find()
-        for side, source in list(self.sources.items()):
+        for side, source in list(self._sources.items()):
             records = source.read()
             before = self._before.setdefault(side, source.lost)
             if len(records):
                 self._bridge.put(source, records)
             if source.drained:
                 self._bridge.end(source)
-                self._tell(f"session {self.session}: {side} is over" + _lost(source.lost - before))
+                lost = source.lost - before
+                words = f"; {lost} records were overwritten before they were read" if lost else ""
+                self._tell(f"session {self.session}: {side} is over{words}")
                 source.close()
-                del self.sources[side], self._before[side]
-        if not self.sources:
+                del self._sources[side], self._before[side]
+        if not self._sources:
             self.session = None
         self._bridge.look(now)
 
     def close(self) -> None:
         """Stop reading; the bridge remains open."""
-        for source in self.sources.values():
+        for source in self._sources.values():
             source.close()
-        self.sources.clear()
+        self._sources.clear()
 
     def _find(self) -> None:
         rings = find_rings(self._where)
         wanted = [self.session] if self.session is not None else [self._only] if self._only is not None else list(rings)
         for name in reversed(wanted):
             for side, ring in rings.get(name, {}).items():
-                if side not in self.sources and (source := self._opener.open(ring)) is not None:
-                    self.session, self.sources[side] = name, source
+                if side not in self._sources and (source := self._opener.open(ring)) is not None:
+                    self.session, self._sources[side] = name, source
                     self._bridge.begin(name, source)
                     self._tell(f"session {name}: {side} at {source.rate_hz:g} Hz")
             if self.session is not None:
                 return
 
 
-def _lost(count: int) -> str:
-    return f"; {count} records were overwritten before they were read" if count else ""
-
-
 def run(bridge: "TopicBridge", only: str | None, period_s: float, tell: Tell) -> None:
-    """Follow sessions until a signal, from the main thread; then close the bridge.
+    """Follow sessions as `SessionFollower` until a signal, from the main thread; then close the bridge.
 
     Args:
-        bridge: takes the records.
-        only: name of the session to follow; None for the newest.
         period_s: between two looks at the rings [s].
-        tell: called with lines for the user.
     """
     over = Event()
-
-    def end(_number: int, _frame: Any) -> None:
-        over.set()
-
     for number in (SIGINT, SIGTERM, SIGHUP):
-        signal(number, end)
+        signal(number, lambda _number, _frame: over.set())
     os.nice(NICENESS)  # the daemons of the same host come first
     follower = SessionFollower(bridge, only, tell)
     try:
@@ -117,5 +101,4 @@ def run(bridge: "TopicBridge", only: str | None, period_s: float, tell: Tell) ->
 
 def tell(name: str, text: str) -> None:
     """Print a line for the user of the bridge with this name."""
-    sys.stderr.write(f"weberlink bridge {name}: {text}\n")
-    sys.stderr.flush()
+    print(f"weberlink bridge {name}: {text}", file=sys.stderr, flush=True)  # noqa: T201

@@ -29,12 +29,7 @@ QUIET_S = 1.0
 
 
 class Listener:
-    """Hands on the poses of a topic as targets.
-
-    Args:
-        subscription: what to listen to.
-        wire: to the daemon.
-    """
+    """Hands on the poses of a topic as targets, by a wire to the daemon."""
 
     def __init__(self, subscription: Subscription, wire: socket.socket) -> None:
         self._wanted, self._wire = subscription, wire

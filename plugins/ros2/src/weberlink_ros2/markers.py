@@ -19,13 +19,10 @@ SOLID, FLOOR, HAND, ROBOT = (0.55, 0.51, 0.44), (0.23, 0.28, 0.34), (0.35, 0.65,
 HOLLOW = 0.3
 """Opacity of what one is inside of, of what is carved out, and of what it is carved out of."""
 LEAST_REACH_M = 0.055
-THIN_M = 5e-4
-"""Thickness of a drawn plane."""
-MOST_CELLS = 40
-"""Most cells of a drawn height field in a row or column."""
+THIN_M = 5e-4  # of a drawn plane
+MOST_CELLS = 40  # of a drawn height field in a row or column
 LEAST_FORCE_N = 0.02
-M_PER_N = 0.007
-"""Length of an arrow in a view of `LEAST_REACH_M`."""
+M_PER_N = 0.007  # length of an arrow in a view of `LEAST_REACH_M`
 
 Shape = Mapping[str, Any]
 
@@ -33,11 +30,7 @@ Shape = Mapping[str, Any]
 def scene_markers(scene: Sequence[Shape], tool: Sequence[Vector]) -> bytes:
     """Body of a MarkerArray with all solids as `weberlink.watching.hello.drawn` lists them, and the robot's tool.
 
-    Without a time, so that they hold until others take their place.
-
-    Args:
-        scene: shapes.
-        tool: points of the robot's tool in its frame [m]; none for a robot that is a point.
+    Without a time, so that they hold until others take their place. The points of the tool are in its frame [m].
     """
     reach = reach_of(scene)
     markers = [marker for shape in scene for marker in _solid(shape, reach)]
@@ -52,10 +45,7 @@ def scene_markers(scene: Sequence[Shape], tool: Sequence[Vector]) -> bytes:
 def body_markers(newest: Mapping[str, Any], reach: float, at_ns: int) -> bytes:
     """Body of a MarkerArray with hand and robot as balls, and the force that each feels as an arrow.
 
-    Args:
-        newest: the newest record by side.
-        reach: of the view, see `reach_of` [m].
-        at_ns: time on the wall clock [ns since 1970].
+    `newest` has the newest record by side; `reach` is that of the view [m].
     """
     size, markers = reach / LEAST_REACH_M, list[Any]()
     for side, record in newest.items():

@@ -5,6 +5,7 @@ Source: docs/design.md and the functions qos_to_keyexpr and AttachmentData of ht
 
 import re
 from dataclasses import dataclass
+from functools import partial
 from struct import Struct, error
 from typing import Final, NamedTuple
 
@@ -32,12 +33,7 @@ _TYPE = re.compile(r"([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)")
 
 @dataclass(frozen=True)
 class Qos:
-    """Quality of service as other nodes read it; volatile, the last `depth` messages are kept.
-
-    Args:
-        reliable: reliable, else best effort.
-        depth: of the queue, at least 1.
-    """
+    """Quality of service as other nodes read it; volatile, the last `depth` messages are kept."""
 
     reliable: bool = True
     depth: int = 10
@@ -51,17 +47,11 @@ _DEFAULT_DEPTH: Final = 42
 
 
 class Topic(NamedTuple):
-    """A topic and its type.
+    """A topic and its type."""
 
-    Args:
-        name: with its namespace, for example "/weberlink/hand".
-        type_name: for example "geometry_msgs/msg/PoseStamped".
-        type_hash: of its definition, "RIHS01_" and 64 hexadecimal digits.
-    """
-
-    name: str
-    type_name: str
-    type_hash: str
+    name: str  # with its namespace, for example "/weberlink/hand"
+    type_name: str  # for example "geometry_msgs/msg/PoseStamped"
+    type_hash: str  # of its definition, "RIHS01_" and 64 hexadecimal digits
 
     def key(self, domain: int) -> str:
         """Under which its messages are put."""
@@ -89,30 +79,17 @@ class NodeName(NamedTuple):
         return f"{_TOKENS}/{self.domain}/{self.session}/0/0/{_NODE}/{_NO_NAME}/{_NO_NAME}/{self.name}"
 
     def endpoint_token(self, number: int, kind: str, topic: Topic, qos: Qos) -> str:
-        """Announces a publisher or subscription of the node.
-
-        Args:
-            number: of the endpoint, unique within the session, at least 1.
-            kind: PUBLISHER or SUBSCRIPTION.
-            topic: what it publishes or subscribes to.
-            qos: its quality of service.
-        """
+        """Announces a publisher or subscription, the `kind`; its number is unique within the session, from 1."""
         node = f"{_TOKENS}/{self.domain}/{self.session}/0/{number}/{kind}/{_NO_NAME}/{_NO_NAME}/{self.name}"
         return "/".join((node, topic.name.replace("/", "%"), _dds(topic.type_name), topic.type_hash, qos.text()))
 
 
 class Attachment(NamedTuple):
-    """What a publisher attaches to each message.
+    """What a publisher attaches to each message."""
 
-    Args:
-        sequence: 1 for the first message.
-        stamp_ns: when it was published, on the wall clock [ns since 1970].
-        source: identity of the publisher, 16 bytes.
-    """
-
-    sequence: int
-    stamp_ns: int
-    source: bytes
+    sequence: int  # 1 for the first message
+    stamp_ns: int  # when it was published, on the wall clock [ns since 1970]
+    source: bytes  # identity of the publisher, 16 bytes
 
     def to_bytes(self) -> bytes:
         return _ATTACHMENT.pack(self.sequence, self.stamp_ns, _IDENTITY_BYTES, self.source)
@@ -136,25 +113,16 @@ def check_domain(domain: int) -> int:
     return domain
 
 
-def check_endpoint(endpoint: str) -> str:
-    """Raises ValueError if it is not an address of Zenoh with a port."""
-    if not _ENDPOINT.fullmatch(endpoint):
-        raise ValueError(f"a Zenoh endpoint is like tcp/192.168.1.5:7447, got {endpoint!r}")
-    return endpoint
+def _check(pattern: re.Pattern[str], rule: str, text: str) -> str:
+    """The text; raises ValueError with the rule if ROS, or Zenoh, does not allow it."""
+    if not pattern.fullmatch(text):
+        raise ValueError(f"{rule}, got {text!r}")
+    return text
 
 
-def check_node_name(name: str) -> str:
-    """Raises ValueError if ROS does not allow the name."""
-    if not _NODE_NAME.fullmatch(name):
-        raise ValueError(f"the name of a ROS node has letters, digits and underscores only, got {name!r}")
-    return name
-
-
-def check_topic(name: str) -> str:
-    """Raises ValueError if ROS does not allow the name."""
-    if not _TOPIC.fullmatch(name):
-        raise ValueError(f"the name of a ROS topic is like /weberlink/target, got {name!r}")
-    return name
+check_endpoint = partial(_check, _ENDPOINT, "a Zenoh endpoint is like tcp/192.168.1.5:7447")
+check_node_name = partial(_check, _NODE_NAME, "the name of a ROS node has letters, digits and underscores only")
+check_topic = partial(_check, _TOPIC, "the name of a ROS topic is like /weberlink/target")
 
 
 def publishers_of(domain: int, name: str) -> str:

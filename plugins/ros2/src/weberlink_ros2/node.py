@@ -9,8 +9,7 @@ import json
 import os
 from collections.abc import Callable
 from hashlib import blake2b
-from types import TracebackType
-from typing import Any, Final
+from typing import Final, Self
 
 import zenoh
 
@@ -70,12 +69,7 @@ class Node:
         self._tokens = [self._session.liveliness().declare_token(self._name.token())]
 
     def publisher(self, topic: str, type_name: str, qos: Qos | None = None) -> "Publisher":
-        """Announce a topic.
-
-        Args:
-            topic: name with namespace, such as "/weberlink/hand".
-            type_name: such as "geometry_msgs/msg/PoseStamped".
-            qos: quality of service; None for reliable with a depth of 10.
+        """Announce a topic, such as "/weberlink/hand" of "geometry_msgs/msg/PoseStamped".
 
         Raises:
             ValueError: a name that ROS does not allow, or a type that it does not have.
@@ -125,12 +119,10 @@ class Node:
         if not self._session.is_closed():
             self._session.close()  # type: ignore[no-untyped-call]
 
-    def __enter__(self) -> "Node":
+    def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _announce(self, kind: str, name: str, type_name: str, qos: Qos) -> tuple[str, str]:
@@ -156,15 +148,7 @@ class Publisher:
         """Number of messages published."""
 
     def put_body(self, cdr: bytes, stamp_ns: int) -> None:
-        """Publish a message.
-
-        Args:
-            cdr: its body, little endian, without the encapsulation header.
-            stamp_ns: time of publication on the wall clock [ns since 1970].
-
-        Raises:
-            NodeError: the node was closed.
-        """
+        """Publish the body of a message, little endian, at a time [ns since 1970]; NodeError if the node was closed."""
         self.sequence += 1
         attachment = Attachment(self.sequence, stamp_ns, self._source)
         try:
@@ -181,7 +165,7 @@ def _open(connect: str | None) -> tuple[zenoh.Session, bool]:
         if file:
             config = zenoh.Config.from_file(file)
             if connect is not None:
-                _insert(config, {"connect/endpoints": [connect]})
+                config.insert_json5("connect/endpoints", json.dumps([connect]))
             return zenoh.open(config), False
         if router.startswith(_LOOPBACK):
             try:
@@ -197,22 +181,11 @@ def _open(connect: str | None) -> tuple[zenoh.Session, bool]:
 def _config(mode: str, listen: list[str], connect: list[str]) -> zenoh.Config:
     """As DEFAULT_RMW_ZENOH_SESSION_CONFIG.json5 and DEFAULT_RMW_ZENOH_ROUTER_CONFIG.json5, on loopback."""
     config = zenoh.Config()
-    _insert(
-        config,
-        {
-            "mode": mode,
-            "listen/endpoints": listen,
-            "connect/endpoints": connect,
-            "scouting/multicast/enabled": False,
-            "scouting/gossip/enabled": True,
-        },
-    )
-    return config
-
-
-def _insert(config: zenoh.Config, values: dict[str, Any]) -> None:
-    for path, value in values.items():
+    values = {"mode": mode, "listen/endpoints": listen, "connect/endpoints": connect}
+    scouting = {"scouting/multicast/enabled": False, "scouting/gossip/enabled": True}
+    for path, value in (values | scouting).items():
         config.insert_json5(path, json.dumps(value))
+    return config
 
 
 def _first_line(error: Exception) -> str:

@@ -31,9 +31,6 @@ END_S = 3.0
 class ListenerProcess:
     """A `weberlink.master.devices.pointer_link.TargetSource` that starts a listener.
 
-    Args:
-        subscription: what to listen to.
-
     Attributes:
         trouble: why no pose leads, or why some do not; None if all is well.
         failure: why the listener has ended; None while it runs.

@@ -35,25 +35,15 @@ LARGEST_STEP_S = 0.1
 
 @dataclass
 class _Side:
-    """A side that is published.
-
-    Args:
-        source: of the side.
-        condition: for its diagnostics.
-        stride: of so many ticks one is published.
-        arm: the axes of a session in joint space.
-        wall_offset_s: from the clock of the records to the wall clock [s].
-        since: older records are left out, on the clock of the records [s].
-        before: ticks that were overwritten before the side was found; None until its first records.
-    """
+    """A side that is published."""
 
     source: RingSource
     condition: SideCondition
-    stride: int
-    arm: ArmLayout | None
-    wall_offset_s: float
-    since: float
-    before: int | None = None
+    stride: int  # of so many ticks one is published
+    arm: ArmLayout | None  # the axes of a session in joint space
+    wall_offset_s: float  # from the clock of the records to the wall clock
+    since: float  # older records are left out, on the clock of the records [s]
+    before: int | None = None  # ticks that were overwritten before the side was found; None until its first records
 
     @property
     def lost(self) -> int:
@@ -76,13 +66,11 @@ def wall_offset_s() -> float:
 
 
 class Publisher(Protocol):
-    """Of one topic."""
+    """Of one topic; `sequence` is the number of messages published, which are given without encapsulation header."""
 
     sequence: int
-    """Number of messages published."""
 
-    def put_body(self, cdr: bytes, stamp_ns: int) -> None:
-        """Publish a message, given without its encapsulation header."""
+    def put_body(self, cdr: bytes, stamp_ns: int) -> None: ...
 
 
 class TopicNode(Protocol):
@@ -120,11 +108,9 @@ class TopicBridge(ABC):
         self._ended: list[Status] = []
         self._session: str | None = None
         self._newest: dict[str, Any] = {}
-        self._scene: bytes | None = None
-        """The markers of the scene; None for arms, which have none."""
+        self._scene: bytes | None = None  # its markers; None for arms, which have none
         self._reach, self._show_at = 0.0, 0.0
-        self._lost = 0
-        """Ticks of sides that have ended, which were overwritten before they were read."""
+        self._lost = 0  # ticks of sides that have ended, which were overwritten before they were read
 
     def begin(self, session: str, source: RingSource) -> None:
         """A side of a session begins; `source.description` is its configuration, see `weberlink.system.description`."""
@@ -218,13 +204,7 @@ def _array(statuses: list[Status], now_ns: int) -> Any:
     made = types().types
     header = made["std_msgs/msg/Header"](made["builtin_interfaces/msg/Time"](now_ns // 10**9, now_ns % 10**9), "")
     told = [
-        made[STATUS](
-            int(status.level),
-            status.name,
-            status.message,
-            status.hardware,
-            [made[PAIR](name, value) for name, value in status.values.items()],
-        )
-        for status in statuses
+        made[STATUS](int(level), *texts, [made[PAIR](*pair) for pair in values.items()])
+        for level, *texts, values in statuses
     ]
     return made[ARRAY](header, told)

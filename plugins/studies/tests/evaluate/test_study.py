@@ -11,7 +11,7 @@ from weberlink.geometry.vector import Vector
 from weberlink.master.trace import Trace
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import UpdateLayout
-from weberlink.system.scoring.perception import Threshold
+from weberlink.system.scoring.felt import Threshold
 from weberlink_studies.evaluate.replay import signal_of
 from weberlink_studies.evaluate.study import (
     evaluate,

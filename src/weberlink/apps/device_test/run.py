@@ -10,6 +10,7 @@ from weberlink.apps.device_test.dialog import DeviceTestError, Dialog, StoppedBy
 from weberlink.apps.device_test.master import try_master
 from weberlink.apps.device_test.robot import try_robot
 from weberlink.apps.devices import ARMS, SECTIONS, SIDES
+from weberlink.installation import absence
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.slave.robots.contract import RobotFault
 from weberlink.system.composition.link import construct
@@ -42,6 +43,9 @@ def run(name: str, dialog: Dialog, file: Path | None = None, overrides: Sequence
         )
     side = next((side for side, each in SIDES.items() if name in each), None)
     if side is None:
+        absent = {each: guest for table in (*SIDES.values(), *ARMS.values()) for each, guest in table.absent().items()}
+        if name in absent:
+            raise ConfigurationError(absence(f"driver {name!r}", absent[name]))
         known = ", ".join(name for each in SIDES.values() for name in sorted(each))
         raise ConfigurationError(f"{name}: there is no such driver; there are {known}")
     section = SECTIONS[side]

@@ -91,7 +91,7 @@ CHECKS = (
     Check("software", "Python", software.python, read=lambda machine, _: machine.python()),
     Check("software", "build", software.compiled, read=lambda machine, _: machine.is_compiled()),
     Check("software", "uvloop", software.uvloop),
-    Check("software", "extras", software.extras),
+    Check("software", "guests", software.guests),
 )
 
 

@@ -19,7 +19,7 @@ import uvloop
 from weberlink.apps.doctor.link_figures import LinkTrial
 from weberlink.apps.doctor.trial import run_child
 from weberlink.protocol import PeerClosed, PeerSilent, Refused, Role, State
-from weberlink.protocol.aio.hand_over import address_of
+from weberlink.protocol.aio.paths import peer_address
 from weberlink.protocol.aio.udp import UdpShell
 from weberlink.protocol.probing import Heard, ProbingEndpoint
 from weberlink.realtime.process import prepare
@@ -149,7 +149,7 @@ def build_probe(configuration: Configuration, epoch: float, finder: PathFinder |
         epoch,
         forward,
         backward,
-        address_of(expects) if configuration.finds_path else split_address(link.slave),
+        peer_address(expects) if configuration.finds_path else split_address(link.slave),
         Identity(name, expects, take_over=False, stamp=lambda _now: time_ns()),
         ProbingEndpoint,
     )
@@ -179,16 +179,16 @@ def trial(file: str, overrides: Sequence[str], seconds: float) -> LinkTrial:
         finder = finder_of(configuration, MASTER)
         endpoint = build_probe(configuration, epoch, finder)
         # The process that finds paths starts before the rights are taken, so that it gets none.
-        with finding(configuration, finder, take_over=False) as end:
+        with finding(configuration, finder, take_over=False) as paths:
             grant = prepare(system.realtime.priority, lock_memory=False, cpu=None).priority
-            measurement = Measurement(endpoint, monotonic(), seconds, ANSWER_S if end is None else PATH_S)
+            measurement = Measurement(endpoint, monotonic(), seconds, PATH_S if configuration.finds_path else ANSWER_S)
             emulated = emulated_link(MASTER, system, epoch)
             shell = UdpShell(
                 endpoint,
                 now=monotonic,
                 link=None if emulated is None else emulated.link,
                 dscp=system.link.dscp,
-                finder=end,
+                paths=paths,
                 on_no_path=lambda why: measurement.finish(monotonic(), why),
             )
             with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:

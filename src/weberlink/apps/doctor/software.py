@@ -1,15 +1,13 @@
 """Software and devices: Python, uvloop, extras, drivers and what is plugged in."""
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
-from importlib.metadata import requires
 from typing import Any
 
 from weberlink.apps.devices import BROKEN, NO_EXTRA, NOTHING, READY, UNSEEN, DriverStatus
 from weberlink.apps.doctor.machine import Machine
 from weberlink.apps.doctor.needs import Needs
 from weberlink.apps.doctor.report import Finding, advice, ok, problem
-from weberlink.installation import pip_install
+from weberlink.installation import all_guests, pip_install
 
 
 def python(build: Mapping[str, Any], _needs: Needs) -> Finding:
@@ -33,24 +31,13 @@ def uvloop(machine: Machine, _needs: Needs) -> Finding:
     return ok(f"uvloop {number}") if number else problem("uvloop is not installed", f"{pip_install()} uvloop")
 
 
-def extras(machine: Machine, _needs: Needs) -> Finding:
-    """Which optional extras are installed; loading a file that needs one reports it."""
-    packages = optional()
-    missing = [extra for extra in sorted(packages) if None in map(machine.version, packages[extra])]
+def guests(machine: Machine, _needs: Needs) -> Finding:
+    """Which guests are installed; what needs another one names it."""
+    known = all_guests()
+    missing = [name for name in sorted(known) if machine.version(f"weberlink-{name}") is None]
     if missing:
-        return ok(f"optional extras not installed: {', '.join(missing)}")
-    return ok(f"all {len(packages)} optional extras are installed")
-
-
-def optional() -> dict[str, list[str]]:
-    """The extras for users and their packages."""
-    found: dict[str, list[str]] = {}
-    for line in requires("weberlink") or []:
-        name = re.match(r"[\w.-]+", line)
-        extra = re.search(r"""extra\s*==\s*["']([\w-]+)["']""", line)
-        if name and extra and extra[1] != "dev":
-            found.setdefault(extra[1], []).append(name[0])
-    return found
+        return ok(f"guests not installed: {', '.join(missing)}")
+    return ok(f"all {len(known)} guests are installed")
 
 
 def devices(drivers: Sequence[DriverStatus], needs: Needs) -> Iterator[Finding]:

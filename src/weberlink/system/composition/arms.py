@@ -5,7 +5,7 @@ from typing import Any
 
 from weberlink.arms.contract import ArmSpec
 from weberlink.codec.bundle import BundleChannel, BundleDecoder, BundleEncoder
-from weberlink.codec.quantizer import INT16_MAX
+from weberlink.codec.sample import INT16_MAX
 from weberlink.geometry.joints import Joints
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
 from weberlink.system.composition.joint_channels import joint_streams

@@ -4,15 +4,15 @@ from collections.abc import Mapping
 from typing import Any
 
 from weberlink.codec import Channel, force_channel, position_channel
+from weberlink.codec.channel import Smoothing
 from weberlink.codec.deadband import Deadband, DeadbandSetup
 from weberlink.codec.deadband.contract import Measures
 from weberlink.codec.predictors import FitLimits
 from weberlink.codec.rate import UpdateRate
-from weberlink.codec.smoothing import Smoothing
-from weberlink.control.contract import LEAST_CONTACT
+from weberlink.control.contract import LEAST_CONTACT, AccountParameters
 from weberlink.control.table import SCHEMES
 from weberlink.system.configuration import System
-from weberlink.system.configuration.model import ForceCodecSettings
+from weberlink.system.configuration.model import ControlSettings, ForceCodecSettings, MappingSettings
 
 
 def force_deadband(system: System, weber: float) -> Deadband:
@@ -178,3 +178,22 @@ def banks(system: System) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
         return (system.codec.joints.torque.predictor,), None
     _, (force, *rotation) = streams(system)
     return force.bank, rotation[0].bank if rotation else None
+
+
+def account(control: ControlSettings, mapping: MappingSettings | None, *, turns: bool = False) -> AccountParameters:
+    """What bounds the energy out of the hand, in the robot's frame, where lengths and forces are scaled, but no angles.
+
+    Args:
+        control: of both sides.
+        mapping: of the hand's frame to the robot's; None where they are one.
+        turns: whether it is that of a torque.
+    """
+    force_scale = 1.0 if mapping is None else mapping.force_scale
+    scale = 1.0 if mapping is None or turns else mapping.scale
+    energy = scale / force_scale
+    return AccountParameters(
+        allowance=energy * control.allowance_j,
+        refill=energy * control.refill_w,
+        damping=control.damping_n_s_m / (scale * force_scale),
+        rise=control.rise_n_s / force_scale,
+    )

@@ -2,7 +2,7 @@
 
 from weberlink.arms.contract import ArmSpec, FollowerArm
 from weberlink.codec.bundle import BundleDecoder, BundleEncoder
-from weberlink.codec.quantizer import INT16_MAX
+from weberlink.codec.sample import INT16_MAX
 from weberlink.control.tuning import LiveSettings
 from weberlink.geometry.joints import Joints
 from weberlink.protocol import Role

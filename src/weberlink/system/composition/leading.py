@@ -6,7 +6,6 @@ from weberlink.arms.contract import ArmSpec, LeaderArm
 from weberlink.codec.bundle import BundleDecoder
 from weberlink.control.axes import LEVER, build_axes
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
-from weberlink.control.tuning import LiveSettings
 from weberlink.geometry.joints import Joints
 from weberlink.master.leader_port import LeaderPort, PressedAxes
 from weberlink.master.safety import ContactLimiter, ForceGate
@@ -15,7 +14,6 @@ from weberlink.protocol.events import Address
 from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
 from weberlink.protocol.security import Security
 from weberlink.realtime.stall import Watchdog
-from weberlink.system.composition.account import account
 from weberlink.system.composition.arms import (
     check_angles,
     check_arm_axes,
@@ -26,7 +24,7 @@ from weberlink.system.composition.arms import (
     outgoing,
     within,
 )
-from weberlink.system.composition.channels import longest_round_trip, playout_ticks, signal_delay
+from weberlink.system.composition.channels import account, longest_round_trip, playout_ticks, signal_delay
 from weberlink.system.composition.joint_channels import joint_streams
 from weberlink.system.composition.link import (
     ANONYMOUS,
@@ -71,7 +69,6 @@ def build_leading(
     endpoint = build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity)
     silence, engage = system.link.silence_ms * 1e-3, system.master.engage
     joints = len(joint_names(system))
-    decoders = [BundleDecoder(channel) for channel in backward]
     port = LeaderPort(
         arm=leader,
         control=control,
@@ -90,14 +87,11 @@ def build_leading(
         delay=signal_delay(system),
     )
 
-    def retune(settings: LiveSettings, peer_tick: float) -> None:
-        decoders[0].retune(settings.weber, peer_tick)
-
-    tuning = tuning_of(system, retune, leads=True)
+    tuning = tuning_of(system, lambda settings, tick: None, leads=True)  # noqa: ARG005 - decoders of joints need not know
     return Side(
         port=port,
         outgoing=outgoing(("joint_angle", "gripper_angle"), forward, (port.joints, port.gripper)),
-        incoming=incoming(("joint_torque", "gripper_torque"), decoders),
+        incoming=incoming(("joint_torque", "gripper_torque"), [BundleDecoder(channel) for channel in backward]),
         tuning=tuning,
         endpoint=endpoint,
         tick_period=system.tick_period,

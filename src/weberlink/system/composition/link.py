@@ -15,8 +15,7 @@ from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
 from weberlink.protocol.security import Security
 from weberlink.registry import check_contract, fault_of
-from weberlink.system.composition.account import account
-from weberlink.system.composition.channels import force_deadband, longest_round_trip, signal_delay
+from weberlink.system.composition.channels import account, force_deadband, longest_round_trip, signal_delay
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, System
 from weberlink.system.configuration.model import DirectionFaults
 from weberlink.system.finders import finder_of

@@ -4,7 +4,7 @@ from math import inf
 from typing import TYPE_CHECKING
 
 from weberlink.codec import Channel, Decoder, Encoder
-from weberlink.codec.quantizer import INT16_MAX
+from weberlink.codec.sample import INT16_MAX
 from weberlink.control.contract import AxesMaster
 from weberlink.control.sent import SentCommands
 from weberlink.control.table import build_master_control
@@ -18,8 +18,8 @@ from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
 from weberlink.protocol.security import Security
 from weberlink.realtime.stall import Watchdog
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
-from weberlink.system.composition.account import account
 from weberlink.system.composition.channels import (
+    account,
     least_contact,
     longest_round_trip,
     playout_ticks,

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from weberlink.codec import Decoder, Encoder
-from weberlink.codec.quantizer import INT16_MAX
+from weberlink.codec.sample import INT16_MAX
 from weberlink.control.table import build_slave_control
 from weberlink.protocol import Role
 from weberlink.protocol.liveness import HORIZON_SHARE

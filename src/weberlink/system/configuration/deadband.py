@@ -10,6 +10,10 @@ from weberlink.codec.deadband import DEADBANDS, ISOTROPIC, Deadband
 from weberlink.slave.scenes.settings import validated
 
 
+class Settings(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
 class ShapeSettings(BaseModel):
     """The name of a deadband; its options are the fields of a subclass."""
 

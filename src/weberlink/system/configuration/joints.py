@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self, TypeVar
 from pydantic import Field, model_validator
 
 from weberlink.geometry.joints import MOST_JOINTS, Joints
-from weberlink.system.configuration.settings import Settings
+from weberlink.system.configuration.deadband import Settings
 
 JointName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$")]
 JointPredictor = Literal["zoh", "linear"]

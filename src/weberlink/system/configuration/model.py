@@ -30,7 +30,7 @@ from weberlink.protocol.handshake import check_name
 from weberlink.protocol.round_trip import LONGEST as LONGEST_ROUND_TRIP
 from weberlink.protocol.session import LONGEST_SILENCE
 from weberlink.slave.scenes.settings import SceneSettings
-from weberlink.system.configuration.deadband import ISOTROPIC_SETTINGS, DeadbandSettings
+from weberlink.system.configuration.deadband import ISOTROPIC_SETTINGS, DeadbandSettings, Settings
 from weberlink.system.configuration.errors import one_of
 from weberlink.system.configuration.joints import (
     FollowerLimits,
@@ -38,7 +38,6 @@ from weberlink.system.configuration.joints import (
     JointCodecSettings,
     LeaderLimits,
 )
-from weberlink.system.configuration.settings import Settings
 from weberlink.update import MAX_SELECTOR
 
 
@@ -154,7 +153,8 @@ class PredictedSettings(Settings):
 
     @model_validator(mode="after")
     def _fitting(self) -> Self:
-        estimated = self.predictor == HYBRID and [name for name in self.bank if PREDICTORS[name].estimated]
+        others = [name for name in self.bank if name not in HYBRID_BANK] if self.predictor == HYBRID else []
+        estimated = [name for name in others if PREDICTORS[name].estimated]
         if estimated:
             raise ValueError(f"bank: {', '.join(estimated)} in a bank needs predictor: {ADAPTIVE}, not {HYBRID}")
         return self

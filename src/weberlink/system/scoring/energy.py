@@ -1,18 +1,121 @@
-"""Energy at the two ports of a session, from telemetry; energy from the operator to the robot is positive.
+"""Energy at the two ports of a session, from telemetry, and its bound; energy to the robot is positive.
 
 The device of the operator holds its force from tick k to the next while it moves from x_k to x_k+1, so the work of the
 operator in that tick is exactly -output_k . (x_k+1 - x_k). At the robot, force and position change together, hence the
 trapezoid -(f_k + f_k+1) / 2 . (p_k+1 - p_k) of the measured force over the commanded position. With six degrees of
 freedom, torque does work over rotation in the same two ways.
+
+The bound follows from records and the configuration alone: it does not ask the account. In a time t the hand gets at
+most, more than it gave,
+
+    allowance (for each session) + refill t + damping (integral of v^2 dt) + credit + the work of one tick         [J]
+
+(`weberlink.control.account`). With six degrees of freedom the torque has an account too, and the bounds add.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.system.scoring.bound import EnergyBound
+from weberlink.control.contract import AccountParameters
+from weberlink.protocol.states import State
+from weberlink.system.composition.channels import account
+from weberlink.system.configuration.model import ControlSettings, MappingSettings
+
+
+class EnergyBound:
+    """What may come out at the port of the operator, and the largest share of it that did.
+
+    Before the first record, and between two where records were lost, the hand may have put in what is not seen: there,
+    what the account says to hold counts as allowed.
+
+    Args:
+        accounts: of the force and, with six degrees of freedom, of the torque (`accounts_in`).
+
+    Attributes:
+        share: the largest one so far, 0 or more; above 1 the bound was broken.
+        allowed: energy allowed until now [J]; it grows with time and motion.
+    """
+
+    def __init__(self, accounts: Sequence[AccountParameters]) -> None:
+        self._accounts = accounts
+        self._granted: float | None = None
+        self._largest = np.zeros((len(accounts), 1))
+        self.share = self.allowed = 0.0
+
+    def add(
+        self,
+        records: NDArray[Any],
+        ways: Sequence[NDArray[Any]],
+        works: NDArray[np.float64],
+        lost: NDArray[np.bool_],
+        given: NDArray[np.float64],
+    ) -> None:
+        """Take the next steps.
+
+        Args:
+            records: of the master, shape (n + 1,): the first is the last one of the call before.
+            ways: of each account, from each record to the next [m | rad], shape (n, axes).
+            works: of the hand over each step, by account [J], shape (accounts, n).
+            lost: whether records are missing between two, shape (n,).
+            given: by the hand up to each record but the first [J], shape (n,).
+        """
+        energy, credit = (np.asarray(records[name], dtype=np.float64) for name in ("energy", "credit"))
+        linked = np.isin(records["state"], (State.ENGAGED.value, State.SILENT.value))
+        allowance = sum(each.allowance for each in self._accounts)
+        if self._granted is None:
+            self._granted = max(allowance, float(energy[0])) if linked[0] else 0.0
+        if not len(given):
+            return
+        elapsed = np.diff(records["at"])
+        gained = np.where(np.diff(credit) < 0.0, credit[1:], np.diff(credit))  # a new session counts from 0
+        gained += allowance * (linked[1:] & ~linked[:-1]) + np.where(lost, np.maximum(np.diff(energy), 0.0), 0.0)
+        per_second = np.divide(1.0, elapsed, out=np.zeros_like(elapsed), where=(elapsed > 0.0) & ~lost)
+        for each, way in zip(self._accounts, ways, strict=True):
+            squares = np.square(way, dtype=np.float64).sum(axis=1)
+            gained += each.refill * elapsed + each.damping * squares * per_second
+        granted = self._granted + np.cumsum(gained)
+        self._granted = float(granted[-1])
+        largest = np.maximum.accumulate(np.hstack([self._largest, -works]), axis=1)[:, 1:]
+        self._largest = largest[:, -1:]
+        allowed = granted + largest.sum(axis=0)
+        shares = np.divide(-given, allowed, out=np.zeros_like(given), where=(given < 0.0) & (allowed > 0.0))
+        self.share = max(self.share, float(shares.max()))
+        self.allowed = float(allowed[-1])
+
+
+def accounts_in(dump: Mapping[str, Any]) -> tuple[AccountParameters, ...]:
+    """The accounts in the dump of a `System`, as descriptions and recordings hold it, in the robot's frame: that of the
+    force and, with six degrees of freedom, that of the torque; or that of all axes of an arm.
+
+    `damping` is that of angles [N m s] for torques. None of a scheme that keeps no account, or keeps one of its own.
+
+    Raises:
+        ValueError: it says something else of an account than this release does.
+    """
+    try:
+        if dump.get("control", {}).get("scheme") != "bounded":
+            return ()
+        control, mapped, codec = ControlSettings(**dump["control"]), dump["master"]["mapping"], dump["codec"]
+        mapping = None if mapped is None else MappingSettings(**mapped)
+        force, torque = (account(control, mapping, turns=turns) for turns in (False, True))
+        if codec["joints"] is None and codec["rotation"] is None:
+            return (force,)
+        from weberlink.control.axes import HANDLE, LEVER  # noqa: PLC0415 - for what turns alone
+
+        if codec["joints"] is not None:
+            return (_of_angles(force, LEVER),)
+        return (force, _of_angles(torque, HANDLE))
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"no settings of an account ({error!r})") from None
+
+
+def _of_angles(of_hand: AccountParameters, lever: float) -> AccountParameters:
+    return replace(of_hand, damping=of_hand.damping * lever**2)
+
 
 Records = NDArray[Any]
 """Structured array of telemetry records."""

@@ -14,8 +14,6 @@ from weberlink.codec.deadband.contract import Measures
 from weberlink.control.contract import AccountParameters
 from weberlink.system.composition.channels import banks, measures_of
 from weberlink.system.configuration import System
-from weberlink.system.scoring.alignment import AlignedError
-from weberlink.system.scoring.bound import EnergyBound, accounts_in
 from weberlink.system.scoring.channel import (
     ChannelScore,
     UpdatesOnTheirWay,
@@ -27,11 +25,10 @@ from weberlink.system.scoring.channel import (
     tally,
     turns,
 )
-from weberlink.system.scoring.connection import ConnectionScore
 from weberlink.system.scoring.distribution import Distribution
-from weberlink.system.scoring.energy import LinkEnergy, PortWork, Records, Series
-from weberlink.system.scoring.perception import JumpsOfRecords, QualityStatistics
-from weberlink.system.scoring.ways import WaysScore
+from weberlink.system.scoring.energy import EnergyBound, LinkEnergy, PortWork, Records, Series, accounts_in
+from weberlink.system.scoring.felt import AlignedError, JumpsOfRecords, QualityStatistics
+from weberlink.system.scoring.link import ConnectionScore, WaysScore
 from weberlink.telemetry.fault import Fault
 
 if TYPE_CHECKING:
@@ -115,7 +112,7 @@ class SessionScore:
     `widened_max` the largest deadband then.
 
     The measures in JND are of the force that the operator felt, for a person of the default threshold
-    (`weberlink.system.scoring.perception`). Jumps need the records of the master only.
+    (`weberlink.system.scoring.felt`). Jumps need the records of the master only.
 
     `aligned_rms` of the felt channel is the least RMS of its error against what the robot measured a lag before, and
     `aligned_lag_s` that lag: positive where the robot measured it before it was felt. It is of the axis of an arm whose
@@ -125,7 +122,7 @@ class SessionScore:
     beyond what had been put in, at any time: 0 for a passive environment. `energy.dissipated_j` is the energy that had
     gone in and not come out at the end. Both are of the port of the operator. `energy.bound_share` is the largest share
     of what the accounts allowed to come out there by then that did, above 1 if they did not hold, and `energy.bound_j`
-    what they allowed then (`weberlink.system.scoring.bound`); None without accounts. `energy.link_generated_j` is the
+    what they allowed then (`weberlink.system.scoring.energy`); None without accounts. `energy.link_generated_j` is the
     energy that the link between the ports generated, while errors count too (`weberlink.system.scoring.energy`).
 
     `violation_floor` is the share of the ticks of the felt error that no codec can keep within the deadband, because an
@@ -142,7 +139,7 @@ class SessionScore:
         measures: how the deadband of the force measures an error; None for the distance.
         arm: the axes of a session in joint space; None for a session in Cartesian space. Its channels are
             `joint_torque`, `joint_angle` and, with a gripper, `gripper_torque` and `gripper_angle`.
-        accounts: of the energy out of the hand (`weberlink.system.scoring.bound.accounts_in`); empty for none.
+        accounts: of the energy out of the hand (`weberlink.system.scoring.energy.accounts_in`); empty for none.
     """
 
     def __init__(

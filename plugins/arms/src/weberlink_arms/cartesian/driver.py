@@ -1,6 +1,5 @@
 """The robot `dynamixel`: an OpenMANIPULATOR-X under Cartesian impedance, with its bus in a thread."""
 
-from math import ceil
 from time import monotonic, sleep
 from typing import ClassVar, Final
 
@@ -15,15 +14,13 @@ from weberlink.slave.robots.computed import saturated
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 from weberlink.slave.scenes.scene import Scene
 from weberlink_arms.cartesian.exchange import ArmExchange, ArmSample
-from weberlink_arms.cartesian.external_force import ForceLowPass
 from weberlink_arms.cartesian.options import DynamixelOptions, OnClose, worst_force_error
 from weberlink_arms.dynamixel import registers
 from weberlink_arms.dynamixel.bus import USB, latency_advice
 from weberlink_arms.dynamixel.motors import watchdog_units
+from weberlink_arms.servo.filter import LowPass
 
 NAME: Final = "dynamixel"
-LOST_S: Final = 0.15
-"""Time without a good answer after which the arm counts as lost [s]."""
 STALE_S: Final = 0.1
 REACHED_M: Final = 0.015
 REST_STEP_S: Final = 0.01
@@ -50,9 +47,8 @@ class DynamixelRobot:
         if scene is not None:
             raise ValueError(f"scene: {NAME} is a real robot and touches what is in front of it; leave the scene out")
         self._options = options
-        lag = 1.0 / options.rate_hz + options.reading_s
-        self._interpolation = Interpolation(lag)
-        self.spec = self._spec(lag)
+        self._interpolation = Interpolation(options.lag_s)
+        self.spec = self._spec()
         self._exchange = ArmExchange(options, self._connect, self._interpolation)
         self._worker = Worker[Vector | None, ArmSample](
             self._exchange,
@@ -60,16 +56,16 @@ class DynamixelRobot:
             period=1.0 / options.rate_hz,
             on_command=False,
             stale=STALE_S,
-            bad_replies=max(3, ceil(LOST_S / (options.margin_s + options.reading_s))),
+            bad_replies=options.bad_replies,
             reconnect=options.reconnect_s,
         )
         self._open = False
         self._reading: tuple[float, RobotReading] | None = None
 
-    def _spec(self, lag: float) -> RobotSpec:
+    def _spec(self) -> RobotSpec:
         options = self._options
         error = worst_force_error(options)
-        cutoff = ForceLowPass(options.force_cutoff_hz)
+        cutoff = LowPass(options.force_cutoff_hz)
         note = (
             "the force is estimated from motor currents, at rest within "
             f"{error[0]:.1f} N and {error[1]:.0%}, and lags {cutoff.lag * 1e3:.1f} ms more than the position"
@@ -83,7 +79,7 @@ class DynamixelRobot:
             workspace_m=options.workspace_m,
             rate_hz=options.rate_hz,
             force_sensing=True,
-            lag_s=lag,
+            lag_s=options.lag_s,
             force_error=error,
             watchdog_s=registers.WATCHDOG_UNIT_S * watchdog_units(options.watchdog_s),
             note=note if advice is None else f"{note}; {advice}",

@@ -9,10 +9,10 @@ not observable. The inertia of the links is not subtracted: it is felt, as that 
 """
 
 from itertools import product
-from math import expm1, hypot, pi, sqrt
+from math import hypot, sqrt
 from typing import Final, NamedTuple
 
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import Vector
 from weberlink_arms.cartesian.arm import COULOMB_N_M, VISCOUS_N_M_S, ArmPose, Joints
 
 _FEELS_LEAST_M: Final = 0.02
@@ -98,33 +98,3 @@ def _only(joint: int, torque: float) -> Joints:
     torques[joint] = torque
     a, b, c, d = torques
     return (a, b, c, d)
-
-
-class ForceLowPass:
-    """First-order low-pass of a force, with a cutoff [Hz] or 0 for none.
-
-    It lags by 1 / (2 pi cutoff) [s] at frequencies well below the cutoff.
-    """
-
-    def __init__(self, cutoff: float) -> None:
-        self._rate = 2.0 * pi * cutoff
-        self._force = ZERO
-        self._at: float | None = None
-
-    @property
-    def lag(self) -> float:
-        return 1.0 / self._rate if self._rate > 0.0 else 0.0
-
-    def restart(self) -> None:
-        """Take the next force as it is."""
-        self._at = None
-
-    def next(self, force: Vector, at: float) -> Vector:
-        """The filtered force at the time of this one [s]."""
-        share = 1.0
-        if self._rate > 0.0 and self._at is not None:
-            share = -expm1(-self._rate * max(0.0, at - self._at))
-        (x, y, z), (a, b, c) = self._force, force
-        self._force = (x + share * (a - x), y + share * (b - y), z + share * (c - z))
-        self._at = at
-        return self._force

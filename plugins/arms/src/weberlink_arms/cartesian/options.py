@@ -3,10 +3,10 @@
 from enum import StrEnum
 from functools import lru_cache
 from itertools import product
-from math import ceil, floor, hypot, radians
-from typing import Annotated, Final, Self
+from math import ceil, hypot, radians
+from typing import Annotated, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from weberlink.geometry.vector import Vector, add, scale
 from weberlink_arms.cartesian.arm import (
@@ -21,45 +21,29 @@ from weberlink_arms.cartesian.arm import (
 )
 from weberlink_arms.cartesian.external_force import JointFriction, force_error
 from weberlink_arms.cartesian.impedance import SLOWEST_HZ, ImpedanceGains, fastest_damping, stiffest
-from weberlink_arms.dynamixel.bus import BITS_PER_BYTE, STATUS_OVERHEAD
-from weberlink_arms.dynamixel.packet import HIGHEST_ID
-from weberlink_arms.dynamixel.registers import BAUD_RATES, PRESENT_SIZE
-
-READ_REQUEST: Final = 18
-WRITE_REQUEST: Final = 26
-"""Bytes on the wire for four motors: sync read of what they measure, sync write of their goal currents."""
+from weberlink_arms.dynamixel.options import MotorBusOptions
+from weberlink_arms.dynamixel.registers import GOAL_CURRENT
 
 FrictionValue = Annotated[float, Field(ge=0.0, le=1.0)]
 JointValues = tuple[FrictionValue, FrictionValue, FrictionValue, FrictionValue]
 
 
 class OnClose(StrEnum):
-    """How the arm is left; `hold` is the default, since without torque the arm drops."""
+    """How the arm is left; `hold` is the default, since without torque it drops."""
 
     HOLD = "hold"
     LIMP = "limp"
     REST = "rest"
 
 
-class DynamixelOptions(BaseModel):
+class DynamixelOptions(MotorBusOptions):
     """Options of `dynamixel`. Frame: origin in the middle of the foot, x forward, y left, z up."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    SLOWEST_HZ = SLOWEST_HZ
+    GOAL_SIZE = GOAL_CURRENT.size
 
-    port: str | None = Field(default=None, description="of the adapter; the only one plugged in if not given")
-    baud: int = Field(default=1_000_000, description="rate of the bus [bit/s]; motors are delivered with 57600")
     ids: tuple[int, int, int, int] = Field(default=(11, 12, 13, 14), description="of the motors of joints 1 to 4")
     rate_hz: float = Field(default=250.0, ge=SLOWEST_HZ, le=1000.0, description="of the bus")
-    latency_ms: float = Field(
-        default=1.0, ge=0.0, le=16.0, description="time for which the adapter collects answers; part of the stated lag"
-    )
-    timeout_ms: float = Field(
-        default=10.0, ge=2.0, le=100.0, description="longest delay of an answer beyond its time on the wire"
-    )
-    bus_watchdog_ms: float = Field(
-        default=80.0, ge=20.0, le=2540.0, description="time without any instruction after which the motors go limp"
-    )
-    reconnect_s: float = Field(default=0.0, ge=0.0, le=60.0, description="time to search for an arm that is gone")
     on_close: OnClose = Field(
         default=OnClose.HOLD,
         description="hold: the motors hold the arm, with at most max_current_ma; limp: it drops; rest: it goes home, "
@@ -96,13 +80,8 @@ class DynamixelOptions(BaseModel):
     force_cutoff_hz: float = Field(default=50.0, ge=0.0, le=1e4, description="of the low-pass on the force; 0 for none")
 
     @property
-    def margin_s(self) -> float:
-        """Longest time of an answer beyond its time on the wire [s]."""
-        return 1e-3 * (self.timeout_ms + self.latency_ms)
-
-    @property
-    def watchdog_s(self) -> float:
-        return 1e-3 * self.bus_watchdog_ms
+    def bus_ids(self) -> tuple[int, ...]:
+        return self.ids
 
     @property
     def gains(self) -> ImpedanceGains:
@@ -121,35 +100,6 @@ class DynamixelOptions(BaseModel):
     @property
     def friction(self) -> JointFriction:
         return JointFriction(self.coulomb_n_m, self.viscous_n_m_s)
-
-    @property
-    def reading_s(self) -> float:
-        """From the request to the last answer [s]."""
-        return (
-            BITS_PER_BYTE / self.baud * (READ_REQUEST + 4 * (STATUS_OVERHEAD + PRESENT_SIZE)) + 1e-3 * self.latency_ms
-        )
-
-    @model_validator(mode="after")
-    def check_bus(self) -> Self:
-        if self.baud not in BAUD_RATES:
-            raise ValueError(f"baud: expected one of {', '.join(map(str, BAUD_RATES))}, got {self.baud}")
-        if len(set(self.ids)) != 4 or not all(0 <= id_ <= HIGHEST_ID for id_ in self.ids):
-            raise ValueError(f"ids: expected four different ones from 0 to {HIGHEST_ID}, got {self.ids}")
-        busy = self.reading_s + BITS_PER_BYTE / self.baud * WRITE_REQUEST
-        if busy * SLOWEST_HZ > 1.0:
-            raise ValueError(
-                f"baud: expected more: at {self.baud} bit/s and latency_ms {self.latency_ms:g} a cycle takes "
-                f"{busy * 1e3:.1f} ms, and the arm needs {SLOWEST_HZ:.0f} Hz; write 3 (1 Mbit/s) to "
-                "register 8 of the motors"
-            )
-        if busy * self.rate_hz > 1.0:
-            raise ValueError(
-                f"rate_hz: expected {floor(1.0 / busy)} or less: at {self.baud} bit/s and latency_ms "
-                f"{self.latency_ms:g} a cycle takes {busy * 1e3:.1f} ms"
-            )
-        if self.bus_watchdog_ms < 2.0 * self.timeout_ms:
-            raise ValueError(f"bus_watchdog_ms: expected at least twice timeout_ms, {2.0 * self.timeout_ms:g}")
-        return self
 
     @model_validator(mode="after")
     def check_gains(self) -> Self:

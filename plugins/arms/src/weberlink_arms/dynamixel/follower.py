@@ -5,44 +5,34 @@ limits how hard they push. An XL430 has no such mode and is in extended position
 its own; it tells a load, from which a torque can be guessed only.
 """
 
-from collections.abc import Callable, Sequence
-from enum import StrEnum
 from typing import Annotated, ClassVar, Final
 
 from pydantic import Field, model_validator
 
 from weberlink.arms.contract import ArmSpec
-from weberlink.arms.threaded_arm import ThreadedArm
 from weberlink.geometry.joints import Joints
-from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_ports
-from weberlink.hardware.serial_port import SerialPort
-from weberlink.registry import Tier
-from weberlink_arms.cartesian import arm as open_manipulator
-from weberlink_arms.dynamixel.arm_exchange import Gravity, PositionExchange, model_gravity, no_gravity
-from weberlink_arms.dynamixel.bus import ARM_USB, MotorPort, latency_advice
-from weberlink_arms.dynamixel.layouts import KOCH_FOLLOWER, OPEN_MANIPULATOR_X, ArmLayout
+from weberlink_arms.cartesian.arm import COULOMB_N_M, VISCOUS_N_M_S
+from weberlink_arms.dynamixel.bus import ARM_USB, latency_advice
+from weberlink_arms.dynamixel.exchange import PositionExchange
+from weberlink_arms.dynamixel.layouts import KOCH_FOLLOWER, OPEN_MANIPULATOR_X
 from weberlink_arms.dynamixel.motor_models import LOAD_FULL
 from weberlink_arms.dynamixel.motors import watchdog_units
 from weberlink_arms.dynamixel.options import DynamixelArmOptions
 from weberlink_arms.dynamixel.registers import GOAL_POSITION, WATCHDOG_UNIT_S
+from weberlink_arms.servo.arm import ServoFollower, spec_of
+from weberlink_arms.servo.gravity import gravity_of
+from weberlink_arms.servo.layout import ArmLayout
+from weberlink_arms.servo.on_close import OnClose
 
-STALE_S: Final = 0.1
-"""A goal no longer counts this long after its command; the arm holds the last one [s]."""
 ELBOW_GAIN: Final = 1500
 """Position gain that LeRobot gives the elbow of a Koch follower, whose own one is too soft for the weight behind it."""
-
-
-class OnClose(StrEnum):
-    """How the arm is left; `hold` is the default, since without torque it drops."""
-
-    HOLD = "hold"
-    LIMP = "limp"
 
 
 class DynamixelFollowerOptions(DynamixelArmOptions):
     """Options of a follower. Lists have one entry for each axis, the gripper last."""
 
     GOAL_SIZE: ClassVar[int] = GOAL_POSITION.size
+    LISTS = (*DynamixelArmOptions.LISTS, "p_gain", "dead_zone_nm")
     COULOMB: ClassVar[Joints | None] = None
     VISCOUS: ClassVar[Joints | None] = None
     """Friction [N m], [N m s] where that of the motors is not the best known."""
@@ -82,6 +72,12 @@ class DynamixelFollowerOptions(DynamixelArmOptions):
         return (None,) * len(self.LAYOUT.ids) if self.p_gain is None else self.p_gain
 
     @property
+    def stiffness(self) -> Joints:
+        """Of the position control [N m/rad]."""
+        axes = zip(self.ratios, self.LAYOUT.motors, self.gains, strict=True)
+        return tuple(ratio * model.stiffness(gain) for ratio, model, gain in axes)
+
+    @property
     def most(self) -> Joints:
         """Largest torques measured [N m]."""
         return tuple(
@@ -109,11 +105,8 @@ class DynamixelFollowerOptions(DynamixelArmOptions):
 
     @model_validator(mode="after")
     def check_follower(self) -> "DynamixelFollowerOptions":
-        count = len(self.LAYOUT.ids)
-        for name, most in (("p_gain", 16_383), ("dead_zone_nm", 10.0)):
-            values = getattr(self, name)
-            if values is not None and (len(values) != count or not all(0 <= each <= most for each in values)):
-                raise ValueError(f"{name}: expected {count} values from 0 to {most:g}, got {values}")
+        if self.p_gain is not None and not all(0 <= each <= 16_383 for each in self.p_gain):
+            raise ValueError(f"p_gain: expected values from 0 to 16383, got {self.p_gain}")
         return self
 
 
@@ -131,40 +124,22 @@ class OpenManipulatorXOptions(DynamixelFollowerOptions):
     """Options of `open_manipulator_x`. Lists: joint1 to joint4, gripper."""
 
     LAYOUT: ClassVar[ArmLayout] = OPEN_MANIPULATOR_X
-    COULOMB: ClassVar[Joints | None] = (*open_manipulator.COULOMB_N_M, 0.045)
-    VISCOUS: ClassVar[Joints | None] = (*open_manipulator.VISCOUS_N_M_S, 0.0)
+    COULOMB: ClassVar[Joints | None] = (*COULOMB_N_M, 0.045)
+    VISCOUS: ClassVar[Joints | None] = (*VISCOUS_N_M_S, 0.0)
 
     max_current_ma: float = Field(default=1000.0, ge=650.0, le=3200.0, description="largest goal current of a motor")
     gravity: bool = Field(default=True, description="subtract the weight of the arm from the torques")
 
 
-class DynamixelFollower(ThreadedArm[Joints | None]):
+class DynamixelFollower(ServoFollower):
     """A follower on a bus of Dynamixel motors. Their bus watchdogs stop them when this process stops."""
 
-    TIER: ClassVar[Tier] = "emulated only"
-    USB: ClassVar[tuple[UsbId, ...]] = ARM_USB
+    USB = ARM_USB
 
-    @classmethod
-    def plugged(cls) -> list[PluggedDevice]:
-        """Adapters that may lead to an arm."""
-        return serial_ports(cls.USB)
-
-    def __init__(self, options: DynamixelFollowerOptions, gravity: Gravity) -> None:
-        def connect() -> SerialPort:
-            path = options.port or only(self.plugged(), options.LAYOUT.name, "slave.robot.port").path
-            return SerialPort(path, options.baud)
-
-        super().__init__(
-            _spec(options),
-            position_exchange(options, connect, gravity),
-            rest=None,
-            stale=STALE_S,
-            bad_replies=options.bad_replies,
-            reconnect=options.reconnect_s,
-        )
-
-    def follow(self, angles: Joints, now: float) -> None:
-        self._command(angles, angles, now)
+    def __init__(self, options: DynamixelFollowerOptions, tick_period: float) -> None:
+        gravity = gravity_of(options.LAYOUT.name, options.gravity)
+        exchange = PositionExchange(options, self.port(options), gravity)
+        super().__init__(options, _spec(options), exchange, tick_period)
 
 
 class KochFollower(DynamixelFollower):
@@ -172,41 +147,11 @@ class KochFollower(DynamixelFollower):
 
     Options = KochFollowerOptions
 
-    def __init__(self, options: KochFollowerOptions, tick_period: float) -> None:  # noqa: ARG002
-        super().__init__(options, model_gravity(options.LAYOUT.name) if options.gravity else no_gravity)
-
 
 class OpenManipulatorX(DynamixelFollower):
     """An OpenMANIPULATOR-X with its gripper: five XM430-W350."""
 
     Options = OpenManipulatorXOptions
-
-    def __init__(self, options: OpenManipulatorXOptions, tick_period: float) -> None:  # noqa: ARG002
-        super().__init__(options, model_gravity(options.LAYOUT.name) if options.gravity else no_gravity)
-
-
-def position_exchange(
-    options: DynamixelFollowerOptions, connect: Callable[[], MotorPort], gravity: Gravity
-) -> PositionExchange:
-    """The exchange of a follower with these options."""
-    exchange = PositionExchange(
-        options,
-        connect,
-        1e-3 * options.max_current_ma,
-        gravity,
-        dead_zone=options.dead_zone,
-        coulomb=options.coulomb,
-        viscous=options.viscous,
-        speed=options.speed_rad_s,
-        cutoff=options.torque_cutoff_hz,
-        gains=options.gains,
-    )
-    exchange.hold_on_close = options.on_close is OnClose.HOLD
-    return exchange
-
-
-def _stiffness(options: DynamixelFollowerOptions, gains: Sequence[int | None]) -> Joints:
-    return tuple(model.stiffness(gain) for model, gain in zip(options.LAYOUT.motors, gains, strict=True))
 
 
 def _spec(options: DynamixelFollowerOptions) -> ArmSpec:
@@ -217,17 +162,11 @@ def _spec(options: DynamixelFollowerOptions) -> ArmSpec:
     if blind:
         parts.append(f"{' and '.join(blind)} measure no current, only a load: take their torques as a hint")
     advice = latency_advice(options.port) if options.port is not None else None
-    return ArmSpec(
-        name=layout.name,
-        joints=layout.joints,
-        gripper=True,
-        lower=options.lower,
-        upper=options.upper,
+    return spec_of(
+        options,
         torque_nm=options.most,
-        stiffness_nm_rad=_stiffness(options, options.gains),
-        rate_hz=options.rate_hz,
+        stiffness_nm_rad=options.stiffness,
         calibrated=options.torque_ratio is not None,
-        lag_s=options.lag_s,
         torque_error_nm=max(error),
         watchdog_s=WATCHDOG_UNIT_S * watchdog_units(options.watchdog_s),
         note="; ".join(parts if advice is None else [*parts, advice]),

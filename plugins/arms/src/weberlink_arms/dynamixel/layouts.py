@@ -8,46 +8,10 @@ open_manipulator_x_position.ros2_control.xacro, where the motor of the gripper g
 """
 
 from math import pi
-from typing import Final, NamedTuple
+from typing import Final
 
-from weberlink.geometry.joints import Joints
-from weberlink_arms.dynamixel.motor_models import XL330_M077, XL330_M288, XL430_W250, XM430_W350, MotorModel
-
-GRIPPER: Final = "gripper"
-LEROBOT_JOINTS: Final = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
-
-
-class ArmLayout(NamedTuple):
-    """An arm. All tuples have one entry for each axis, the gripper last.
-
-    Args:
-        name: Of driver and model.
-        title: For messages.
-        joints: Names without the gripper.
-        ids: Of the motors on the bus.
-        motors: Models of the motors.
-        lower, upper: Range [rad].
-        weight_nm: Largest torque of the arm's own weight [N m]; a bound without a model.
-        sign: Direction of the angles against the counting of the motors.
-        offset_rad: Angle where the motor counts 2048 [rad].
-    """
-
-    name: str
-    title: str
-    joints: tuple[str, ...]
-    ids: tuple[int, ...]
-    motors: tuple[MotorModel, ...]
-    lower: Joints
-    upper: Joints
-    weight_nm: Joints
-    sign: tuple[int, ...]
-    offset_rad: Joints
-
-    @property
-    def axes(self) -> tuple[str, ...]:
-        """Names of all axes."""
-        return (*self.joints, GRIPPER)
-
+from weberlink_arms.dynamixel.motor_models import XL330_M077, XL330_M288, XL430_W250, XM430_W350
+from weberlink_arms.servo.layout import LEROBOT_JOINTS, ArmLayout
 
 KOCH_LEADER: Final = ArmLayout(
     name="koch_leader",

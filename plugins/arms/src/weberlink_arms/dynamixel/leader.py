@@ -9,21 +9,18 @@ from typing import ClassVar, Final
 from pydantic import Field
 
 from weberlink.arms.contract import ArmSpec
-from weberlink.arms.threaded_arm import ThreadedArm
 from weberlink.geometry.joints import Joints
-from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_ports
-from weberlink.hardware.serial_port import SerialPort
-from weberlink.registry import Tier
-from weberlink_arms.dynamixel.arm_exchange import TorqueExchange, model_gravity, no_gravity
 from weberlink_arms.dynamixel.bus import ARM_USB, latency_advice
-from weberlink_arms.dynamixel.layouts import KOCH_LEADER, OMX_LEADER, ArmLayout
+from weberlink_arms.dynamixel.exchange import TorqueExchange
+from weberlink_arms.dynamixel.layouts import KOCH_LEADER, OMX_LEADER
 from weberlink_arms.dynamixel.motor_models import CurrentLaw, MotorModel
 from weberlink_arms.dynamixel.motors import watchdog_units
 from weberlink_arms.dynamixel.options import DynamixelArmOptions
 from weberlink_arms.dynamixel.registers import GOAL_CURRENT, WATCHDOG_UNIT_S
+from weberlink_arms.servo.arm import ServoLeader, spec_of
+from weberlink_arms.servo.gravity import gravity_of
+from weberlink_arms.servo.layout import ArmLayout
 
-STALE_S: Final = 0.02
-"""A torque ends this long, or three ticks, after the last command [s]."""
 HAND_N_M_S: Final = 0.023
 """Viscous friction of fingers on a handle: that of the grasp `pinch` of `weberlink.master.devices.hand_options`,
 2.3 N s/m, 0.1 m from the joint. The motors have less than a third of it."""
@@ -68,42 +65,15 @@ class OmxLeaderOptions(DynamixelLeaderOptions):
     LAYOUT: ClassVar[ArmLayout] = OMX_LEADER
 
 
-class DynamixelLeader(ThreadedArm[Joints]):
+class DynamixelLeader(ServoLeader):
     """A leader on a bus of Dynamixel motors. Their bus watchdogs let go when this process stops."""
 
-    TIER: ClassVar[Tier] = "emulated only"
-    USB: ClassVar[tuple[UsbId, ...]] = ARM_USB
-
-    @classmethod
-    def plugged(cls) -> list[PluggedDevice]:
-        """Adapters that may lead to an arm."""
-        return serial_ports(cls.USB)
+    USB = ARM_USB
 
     def __init__(self, options: DynamixelLeaderOptions, tick_period: float) -> None:
-        self._most = options.most
-
-        def connect() -> SerialPort:
-            path = options.port or only(self.plugged(), options.LAYOUT.name, "master.device.port").path
-            return SerialPort(path, options.baud)
-
-        super().__init__(
-            _spec(options),
-            TorqueExchange(
-                options,
-                connect,
-                1e-3 * options.max_current_ma,
-                model_gravity(options.LAYOUT.name) if options.gravity else no_gravity,
-            ),
-            rest=(0.0,) * len(self._most),
-            stale=max(STALE_S, 3.0 * tick_period),
-            bad_replies=options.bad_replies,
-            reconnect=options.reconnect_s,
-            scale=_scaled,
-        )
-
-    def display(self, torques: Joints, now: float) -> None:
-        limited = tuple([min(max(torque, -most), most) for torque, most in zip(torques, self._most, strict=False)])
-        self._command(limited, torques, now)
+        gravity = gravity_of(options.LAYOUT.name, options.gravity)
+        exchange = TorqueExchange(options, self.port(options), gravity)
+        super().__init__(options, _spec(options), exchange, tick_period)
 
 
 class KochLeader(DynamixelLeader):
@@ -118,25 +88,14 @@ class OmxLeader(DynamixelLeader):
     Options = OmxLeaderOptions
 
 
-def _scaled(torques: Joints, share: float) -> Joints:
-    return tuple([share * each for each in torques])
-
-
 def _spec(options: DynamixelLeaderOptions) -> ArmSpec:
-    layout = options.LAYOUT
-    return ArmSpec(
-        name=layout.name,
-        joints=layout.joints,
-        gripper=True,
-        lower=options.lower,
-        upper=options.upper,
+    return spec_of(
+        options,
         torque_nm=options.most,
         stiffness_nm_rad=options.stiffest,
-        rate_hz=options.rate_hz,
         calibrated=options.torque_ratio is not None,
-        lag_s=options.lag_s,
         watchdog_s=WATCHDOG_UNIT_S * watchdog_units(options.watchdog_s),
-        note=_note(options, layout.motors[0]),
+        note=_note(options, options.LAYOUT.motors[0]),
     )
 
 

@@ -8,21 +8,14 @@ Layout (ROBOTIS e-Manual, "DYNAMIXEL Protocol 2.0"; little endian)::
 its parameters. Stuffing (an FD after FF FF FD between instruction and CRC) makes a header unique.
 """
 
-from collections.abc import Iterable
-from struct import Struct
-from typing import Final, NamedTuple
+from typing import Final
+
+from weberlink_arms.servo.packet import Framing, Packet, Status
 
 HEADER: Final = b"\xff\xff\xfd\x00"
-BROADCAST: Final = 0xFE
 HIGHEST_ID: Final = 252
-
-PING: Final = 0x01
-READ: Final = 0x02
-WRITE: Final = 0x03
-REBOOT: Final = 0x08
 STATUS: Final = 0x55
-SYNC_READ: Final = 0x82
-SYNC_WRITE: Final = 0x83
+"""Instruction of an answer."""
 
 ALERT: Final = 0x80
 """Bit of the error byte: see the hardware error register."""
@@ -47,28 +40,9 @@ ERRORS: Final = {
 LONGEST: Final = 1024
 """Bytes of the longest packet that a reader accepts."""
 
-OVERHEAD: Final = 10
-"""Bytes of an instruction without parameters; a status has one more."""
-
+_SHORTEST: Final = 10
 _UNSTUFFED: Final = HEADER[:3]
 _STUFFED: Final = _UNSTUFFED + b"\xfd"
-_WORDS: Final = Struct("<HH")
-
-
-class Packet(NamedTuple):
-    """An instruction."""
-
-    id: int
-    instruction: int
-    parameters: bytes = b""
-
-
-class StatusPacket(NamedTuple):
-    """A motor's answer; `error` is 0 for success."""
-
-    id: int
-    error: int
-    parameters: bytes = b""
 
 
 def _table() -> tuple[int, ...]:
@@ -92,45 +66,6 @@ def crc16(data: bytes | bytearray) -> int:
     return crc
 
 
-def encode_packet(packet: Packet) -> bytes:
-    return _framed(packet.id, bytes((packet.instruction,)) + packet.parameters)
-
-
-def encode_status(status: StatusPacket) -> bytes:
-    return _framed(status.id, bytes((STATUS, status.error)) + status.parameters)
-
-
-def _framed(id_: int, body: bytes) -> bytes:
-    if _UNSTUFFED in body:
-        body = body.replace(_UNSTUFFED, _STUFFED)
-    frame = HEADER + bytes((id_,)) + (len(body) + 2).to_bytes(2, "little") + body
-    return frame + crc16(frame).to_bytes(2, "little")
-
-
-def ping(id_: int) -> Packet:
-    return Packet(id_, PING)
-
-
-def read(id_: int, address: int, size: int) -> Packet:
-    return Packet(id_, READ, _WORDS.pack(address, size))
-
-
-def write(id_: int, address: int, data: bytes) -> Packet:
-    return Packet(id_, WRITE, address.to_bytes(2, "little") + data)
-
-
-def sync_read(address: int, size: int, ids: Iterable[int]) -> Packet:
-    """Read the same registers of several motors, which answer in this order."""
-    return Packet(BROADCAST, SYNC_READ, _WORDS.pack(address, size) + bytes(ids))
-
-
-def sync_write(address: int, size: int, values: Iterable[tuple[int, bytes]]) -> Packet:
-    """Write the same registers of several motors, `size` bytes each; they do not answer."""
-    return Packet(
-        BROADCAST, SYNC_WRITE, _WORDS.pack(address, size) + b"".join(bytes((id_,)) + data for id_, data in values)
-    )
-
-
 def error_text(error: int) -> str:
     """Meaning of the error byte, without its alert bit."""
     number = error & ~ALERT
@@ -145,14 +80,9 @@ class _FrameReader:
 
     def __init__(self) -> None:
         self._buffer = bytearray()
-        self.dropped_bytes = 0
-        """Bytes that belong to no good frame."""
-        self.bad_crc = 0
-        """Frames whose checksum was wrong."""
+        self.bad = 0
 
     def clear(self) -> None:
-        """Forget what has come of an unfinished frame."""
-        self.dropped_bytes += len(self._buffer)
         self._buffer.clear()
 
     def _frames(self, data: bytes) -> list[tuple[int, bytes]]:
@@ -171,18 +101,18 @@ class _FrameReader:
         if begin != 0:
             # Without a header, the last bytes may be the beginning of one.
             begun = next((length for length in (3, 2, 1) if buffer.endswith(HEADER[:length])), 0)
-            self._drop(begin if begin > 0 else len(buffer) - begun)
+            del buffer[: begin if begin > 0 else len(buffer) - begun]
             if begin < 0:
                 return False
         if len(buffer) < 7:
             return False
         end = 7 + (buffer[5] | buffer[6] << 8)
-        if not OVERHEAD <= end <= LONGEST:
-            self._drop(4)
+        if not _SHORTEST <= end <= LONGEST:
+            del buffer[:4]
             return True
         following = buffer.find(HEADER, 4, end + 3)  # the last byte may be the first of the next header
         if following >= 0:
-            self._drop(following)
+            del buffer[:following]
             return True
         if len(buffer) < end:
             return False
@@ -191,8 +121,8 @@ class _FrameReader:
     def _take(self, end: int, frames: list[tuple[int, bytes]]) -> bool:
         buffer = self._buffer
         if crc16(buffer[: end - 2]) != buffer[end - 2] | buffer[end - 1] << 8:
-            self.bad_crc += 1
-            self._drop(4)
+            self.bad += 1
+            del buffer[:4]
             return True
         body = bytes(buffer[7 : end - 2])
         if _STUFFED in body:
@@ -201,26 +131,42 @@ class _FrameReader:
         del buffer[:end]
         return True
 
-    def _drop(self, count: int) -> None:
-        self.dropped_bytes += count
-        del self._buffer[:count]
 
-
-class PacketReader(_FrameReader):
-    """Instructions in a stream, for a motor; status packets are skipped."""
+class _Requests(_FrameReader):
+    """For a motor; answers of others are skipped."""
 
     def feed(self, data: bytes) -> list[Packet]:
-        """The instructions that are now complete, oldest first."""
         return [Packet(id_, body[0], body[1:]) for id_, body in self._frames(data) if body[0] != STATUS]
 
 
-class StatusPacketReader(_FrameReader):
-    """Status packets in a stream, for the host; an echo of its own instructions is skipped."""
+class _Answers(_FrameReader):
+    """For the host; an echo of its own requests is skipped."""
 
-    def feed(self, data: bytes) -> list[StatusPacket]:
-        """The answers that are now complete, oldest first."""
+    def feed(self, data: bytes) -> list[Status]:
         return [
-            StatusPacket(id_, body[1], body[2:])
-            for id_, body in self._frames(data)
-            if body[0] == STATUS and len(body) > 1
+            Status(id_, body[1], body[2:]) for id_, body in self._frames(data) if body[0] == STATUS and len(body) > 1
         ]
+
+
+class _Framing(Framing):
+    OVERHEAD = _SHORTEST + 1
+    WIDTH = 2
+    REFUSAL = ~ALERT & 0xFF
+    MARKS = (120, range(11, 27))
+
+    def encode(self, packet: Packet | Status) -> bytes:
+        code = (STATUS, packet.error) if isinstance(packet, Status) else (packet.instruction,)
+        body = bytes(code) + packet.parameters
+        if _UNSTUFFED in body:
+            body = body.replace(_UNSTUFFED, _STUFFED)
+        frame = HEADER + bytes((packet.id,)) + (len(body) + 2).to_bytes(2, "little") + body
+        return frame + crc16(frame).to_bytes(2, "little")
+
+    def requests(self) -> _Requests:
+        return _Requests()
+
+    def answers(self) -> _Answers:
+        return _Answers()
+
+
+FRAMING: Final = _Framing()

@@ -26,6 +26,7 @@ from weberlink_arms.feetech.registers import (
     REGISTERS,
     V_PER_COUNT,
 )
+from weberlink_arms.servo.packet import PING, READ, SYNC_READ, WRITE, Packet, Status
 
 STALL_A: Final = 2.7
 FASTEST: Final = 3400
@@ -73,6 +74,7 @@ class EmulatedServo:
 
     def __init__(self, id_: int, least: int, largest: int, supply: float, stall: float, rated: float) -> None:
         self.memory = bytearray(END)
+        self.heard_at = 0.0
         self.supply = supply
         self._stall, self._rated = stall, rated
         self.angle = 0.0
@@ -150,7 +152,8 @@ class EmulatedServo:
         self._measure()
         return bytes(self.memory[address : address + size]).ljust(size, b"\0")
 
-    def write(self, address: int, data: bytes) -> None:
+    def write(self, address: int, data: bytes) -> int:
+        """Takes what can be written; never an error."""
         was_on = self.torque_on
         for at, byte in enumerate(data, start=address):
             name = _NAME_OF.get(at)
@@ -161,6 +164,7 @@ class EmulatedServo:
         if address <= 40 < address + len(data):
             self._enabled(was_on)
         self._steer()
+        return 0
 
     def _steer(self) -> None:
         """Update the order for the motor."""
@@ -187,16 +191,19 @@ class EmulatedServo:
             self._inner_goal = self.angle / RAD_PER_COUNT
         self.overloaded, self._overloaded_for = False, 0.0
 
-    def answer(self, request: packet.Frame) -> packet.Frame | None:
+    def hears(self, now: float) -> bool:  # noqa: ARG002 - always
+        return True
+
+    def answer(self, request: Packet, now: float) -> Status | None:  # noqa: ARG002
         """Carry out a request for this servo; None if it does not answer."""
         given = request.parameters
-        if request.code == packet.READ and len(given) == 2:
-            return packet.Frame(self.id, self.error, self.read(given[0], given[1]))
-        if request.code == packet.WRITE and len(given) >= 2:
+        if request.instruction in (READ, SYNC_READ) and len(given) == 2:
+            return Status(self.id, self.error, self.read(given[0], given[1]))
+        if request.instruction == WRITE and len(given) >= 2:
             level = self["response_level"]
             self.write(given[0], given[1:])
-            return packet.Frame(self.id, self.error) if level else None
-        return packet.Frame(self.id, self.error) if request.code == packet.PING else None
+            return Status(self.id, self.error) if level else None
+        return Status(self.id, self.error) if request.instruction == PING else None
 
     def torque(self, step: float) -> float:
         """Torque of the motor during the next step [s], at the present angle and speed [N m]."""

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from weberlink.geometry.vector import ZERO, Vector, add, dot, scale, subtract
 from weberlink.slave.scenes.settings import SceneSettings, build
@@ -21,9 +21,11 @@ from weberlink_arms.dynamixel.layouts import OPEN_MANIPULATOR_X
 from weberlink_arms.dynamixel.motor_models import XM430_W350
 from weberlink_arms.dynamixel.packet import HIGHEST_ID
 from weberlink_arms.dynamixel.registers import BAUD_RATES
-from weberlink_arms.emulators.dynamixel.arm import STEP, ArmEmulator
+from weberlink_arms.emulators.arm import EmulatedBusOptions
+from weberlink_arms.emulators.dynamixel.arm import DynamixelArmEmulator
 from weberlink_mujoco.arms.models import MODELS, compiled, mujoco, read
 
+STEP = DynamixelArmEmulator.STEP
 GRIPPER_N_M, GRIPPER_N_M_S = 0.02, 0.02
 """Dry and viscous friction of the gripper [N m], [N m s]; guesses."""
 FINGER_M_RAD = 0.015
@@ -32,15 +34,13 @@ EmulatedFriction = Annotated[float, Field(ge=0.0, le=100.0)]
 EmulatedJointFriction = tuple[EmulatedFriction, EmulatedFriction, EmulatedFriction, EmulatedFriction]
 
 
-class DynamixelEmulatorOptions(BaseModel):
+class DynamixelEmulatorOptions(EmulatedBusOptions):
     """Options of the emulated arm: by default as shipped, held by a person in the home pose until all torque is on."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    LAYOUT = OPEN_MANIPULATOR_X
+    HIGHEST_ID = HIGHEST_ID
+    BAUD_RATES = BAUD_RATES
 
-    ids: tuple[int, int, int, int, int] = Field(
-        default=(11, 12, 13, 14, 15), description="of joints 1 to 4 and of the gripper"
-    )
-    baud: int = Field(default=1_000_000, description="rate of the bus [bit/s]")
     start_rad: Joints = Field(default=(0.0, -1.05, 0.35, 0.70), description="joint angles when power comes on")
     held: bool = Field(
         default=True, description="a person holds the arm until torque is on in all four joints; otherwise it falls"
@@ -56,20 +56,6 @@ class DynamixelEmulatorOptions(BaseModel):
     )
     current_noise_ma: float = Field(default=3.0, ge=0.0, description="standard deviation of the measured current")
     seed: int = Field(default=0, description="of that noise")
-
-    @field_validator("ids")
-    @classmethod
-    def check_ids(cls, ids: tuple[int, ...]) -> tuple[int, ...]:
-        if len(set(ids)) != len(ids) or not all(0 <= id_ <= HIGHEST_ID for id_ in ids):
-            raise ValueError(f"expected five different ids from 0 to {HIGHEST_ID}")
-        return ids
-
-    @field_validator("baud")
-    @classmethod
-    def check_baud(cls, baud: int) -> int:
-        if baud not in BAUD_RATES:
-            raise ValueError(f"expected one of {', '.join(map(str, BAUD_RATES))}")
-        return baud
 
     @field_validator("start_rad")
     @classmethod
@@ -158,7 +144,7 @@ class Mechanism:
         return self._jacobian.T @ self.force
 
 
-class DynamixelEmulator(ArmEmulator):
+class DynamixelEmulator(DynamixelArmEmulator):
     """See `weberlink_arms.emulators.dynamixel.arm`."""
 
     Options = DynamixelEmulatorOptions
@@ -170,7 +156,7 @@ class DynamixelEmulator(ArmEmulator):
         self.held = options.held
         """Whether a person still holds the arm."""
         super().__init__(
-            OPEN_MANIPULATOR_X, options.ids, baud=options.baud, noise_a=1e-3 * options.current_noise_ma,
+            OPEN_MANIPULATOR_X, options.bus_ids, baud=options.baud, noise_a=1e-3 * options.current_noise_ma,
             seed=options.seed, constant=options.torque_constant_n_m_a / XM430_W350.constant,
         )  # fmt: skip
 
@@ -187,9 +173,17 @@ class DynamixelEmulator(ArmEmulator):
     def _performed(self) -> None:
         self.held = self.held and not all(servo.torque_on for servo in self.servos[:4])
 
-    def _move(self, torques: Sequence[float]) -> None:
-        self._mechanism.step(torques, self.held)
+    @property
+    def angles(self) -> list[float]:
+        return self._angles
+
+    @property
+    def velocities(self) -> list[float]:
+        return self._velocities
+
+    def _move(self, time: float) -> None:  # noqa: ARG002
+        self._mechanism.step(self.motor_nm, self.held)
         self._look()
 
     def _look(self) -> None:
-        self.angles, self.velocities = self._mechanism.angles, self._mechanism.velocities
+        self._angles, self._velocities = self._mechanism.angles, self._mechanism.velocities

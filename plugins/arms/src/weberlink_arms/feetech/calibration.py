@@ -14,10 +14,12 @@ from typing import Final, NamedTuple
 
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.serial_port import SerialPort
-from weberlink_arms.feetech import packet, registers
-from weberlink_arms.feetech.arm import NAMES, So101Options
-from weberlink_arms.feetech.exchange import So101Bus
+from weberlink_arms.feetech import registers
+from weberlink_arms.feetech.arm import SO101, So101Options
+from weberlink_arms.feetech.bus import FeetechBus
+from weberlink_arms.feetech.packet import FRAMING
 from weberlink_arms.feetech.registers import ORDER_ADDRESS, ORDER_SIZE, RAD_PER_COUNT, Present
+from weberlink_arms.feetech.servos import FeetechServos
 
 GRAVITY_M_S2: Final = 9.81
 SWAY_RAD: Final = 0.15
@@ -83,7 +85,7 @@ class Scales:
     """An arm that weighs with one of its axes; all servos hold their places.
 
     Args:
-        arm: With its bus.
+        servos: Found, on their bus.
         axis: Number of the axis, from 0.
         settle: Time to come to a place and to rest there [s].
         clock: Monotonic [s].
@@ -92,19 +94,19 @@ class Scales:
 
     def __init__(
         self,
-        arm: So101Bus,
+        servos: FeetechServos,
         axis: int,
         settle: float = SETTLE_S,
         clock: Callable[[], float] = monotonic,
         pause: Callable[[float], None] = sleep,
     ) -> None:
-        self._arm = arm
+        self._servos = servos
         self._axis = axis
         self._settle = settle
         self._clock = clock
         self._pause = pause
-        arm.servos.prepare(P_GAIN)
-        self._level = [each.position for each in arm.first()]
+        servos.prepare(P_GAIN)
+        self._level = [each.position for each in self._first()]
         self._hold(self._level)
 
     def weigh(self, torque: float) -> Weighing:
@@ -118,7 +120,7 @@ class Scales:
         load = _mean([each.load for each in both])
         if abs(load) > MOST_LOAD:
             raise HardwareFault(
-                f"{NAMES[self._axis]}: a load of {abs(load) / 10:.0f} % is too much; take a lighter weight"
+                f"{SO101.axes[self._axis]}: a load of {abs(load) / 10:.0f} % is too much; take a lighter weight"
             )
         sense = 1.0 if load >= 0.0 else -1.0
         return Weighing(
@@ -131,7 +133,7 @@ class Scales:
 
     def release(self) -> None:
         """Take the torque off; the arm drops."""
-        self._arm.release()
+        self._servos.release()
 
     def _come_from(self, side: float) -> list[Present]:
         away = list(self._level)
@@ -140,17 +142,20 @@ class Scales:
         self._wait(self._settle)
         self._hold(self._level)
         self._wait(self._settle)
-        return [self._arm.first()[self._axis] for _ in range(READINGS)]
+        return [self._first()[self._axis] for _ in range(READINGS)]
 
     def _hold(self, goals: Sequence[int]) -> None:
-        ids = self._arm.bus.ids
+        ids = self._servos.bus.ids
         orders = [(id_, registers.order(True, goal, FULL_TORQUE)) for id_, goal in zip(ids, goals, strict=True)]
-        self._arm.bus.send(packet.sync_write(ORDER_ADDRESS, ORDER_SIZE, orders))
+        self._servos.bus.send(FRAMING.sync_write(ORDER_ADDRESS, ORDER_SIZE, orders))
+
+    def _first(self) -> list[Present]:
+        return self._servos.bus.insist(self._servos.bus.exchange)
 
     def _wait(self, time: float) -> None:
         until = self._clock() + time
         while self._clock() < until:
-            self._arm.first()  # an error of a servo ends the weighing
+            self._first()  # an error of a servo ends the weighing
             self._pause(0.02)
 
 
@@ -166,39 +171,41 @@ def main(
     """Ask for one weight after the other, and print the options; returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m weberlink_arms.feetech.calibration", description=__doc__)
     parser.add_argument("--port", required=True, help="of the board")
-    parser.add_argument("--joint", required=True, choices=NAMES)
+    parser.add_argument("--joint", required=True, choices=SO101.axes)
     parser.add_argument("--lever-m", required=True, type=float, help="from the axis to the weight, level")
     parser.add_argument("--masses-kg", required=True, type=float, nargs="+", help="at least three; 0 for none")
     given = parser.parse_args(arguments)
     options = So101Options(port=given.port)
     try:
-        arm = So101Bus(options, SerialPort(given.port, options.baud))
+        port = SerialPort(given.port, options.baud)
     except HardwareFault as fault:
         say(str(fault))
         return 1
+    servos = FeetechServos(FeetechBus(port, options.baud, options.bus_ids, SO101.axes, options.margin_s))
     try:
-        _dialog(arm, given, ask, say)
+        servos.find()
+        _dialog(servos, given, ask, say)
     except (HardwareFault, ValueError) as fault:
         say(str(fault))
         return 1
     finally:
-        arm.release()
-        arm.close()
+        servos.release()
+        port.close()
     return 0
 
 
 def _dialog(
-    arm: So101Bus, given: argparse.Namespace, ask: Callable[[str], object], say: Callable[[str], object]
+    servos: FeetechServos, given: argparse.Namespace, ask: Callable[[str], object], say: Callable[[str], object]
 ) -> None:
     ask(f"Hold the arm with the lever of {given.joint} level, and press Enter: all servos hold their places then.")
-    scales = Scales(arm, NAMES.index(given.joint))
+    scales = Scales(servos, SO101.axes.index(given.joint))
     weighings = []
     for mass in given.masses_kg:
         ask(f"Hang {mass:g} kg at {given.lever_m:g} m, keep off (it sways by 9 degrees), and press Enter.")
         weighings.append(scales.weigh(mass * GRAVITY_M_S2 * given.lever_m))
         say(f"  load {weighings[-1].load / 10:.1f} %, current {abs(weighings[-1].current):.3f} A")
     scale = fit(weighings)
-    say(f"{given.joint}: entry {NAMES.index(given.joint) + 1} of each option")
+    say(f"{given.joint}: entry {SO101.axes.index(given.joint) + 1} of each option")
     say(f"torque_per_load_nm: {scale.per_load:.6f}   # within {scale.error:.3f} N m of every weight")
     say(f"torque_per_amp_nm: {scale.per_amp:.4f}")
     say(f"friction_nm: {scale.friction:.3f}")

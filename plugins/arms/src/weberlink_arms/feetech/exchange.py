@@ -1,60 +1,47 @@
 """What one cycle on the bus of an SO-101 does, for a leader as for a follower."""
 
-from collections.abc import Callable
-from contextlib import suppress
-from time import monotonic, sleep
-
 from weberlink.hardware.fault import HardwareFault
-from weberlink.hardware.pace import check_pace
-from weberlink_arms.feetech.arm import NAMES, AngleScale, So101Options, angle_scale, check_place
-from weberlink_arms.feetech.bus import ServoBus, ServoPort
-from weberlink_arms.feetech.registers import Present
-from weberlink_arms.feetech.servos import Servos, torque_off
+from weberlink_arms.feetech.bus import FeetechBus
+from weberlink_arms.feetech.registers import COUNTS_PER_TURN, Present
+from weberlink_arms.feetech.servos import FeetechServos
+from weberlink_arms.servo.bus import ServoPort
+from weberlink_arms.servo.exchange import Command, Sample, ServoExchange
+from weberlink_arms.servo.options import AngleScale
 
 
-class So101Bus:
-    """The open bus of an arm.
+class FeetechExchange(ServoExchange[Command, Sample]):
+    """Of an SO-101."""
 
-    Args:
-        options: Of the arm.
-        port: Open; closed with this.
-        clock: Monotonic [s].
-        pause: Sleeps [s].
+    ZERO_ADVICE = "calibrate the arm with lerobot-calibrate, or check ids, sign and offset_rad"
 
-    Raises:
-        HardwareFault: the arm cannot be used; the port is left open.
-    """
+    def _made(self, port: ServoPort) -> FeetechServos:
+        options = self._options
+        return FeetechServos(
+            FeetechBus(
+                port, options.baud, options.bus_ids, options.LAYOUT.axes, options.margin_s, self._clock, self._pause
+            )
+        )
 
-    def __init__(
-        self,
-        options: So101Options,
-        port: ServoPort,
-        clock: Callable[[], float] = monotonic,
-        pause: Callable[[float], None] = sleep,
-    ) -> None:
-        self._options = options
-        self._port = port
-        self._clock = clock
-        self.bus = ServoBus(port, options.baud, options.ids, NAMES, options.margin_s, clock, pause)
-        self.servos = Servos(self.bus, options.baud)
-        self.servos.find()
-        self.scale: AngleScale = angle_scale(options, self.servos.ranges())
-        check_place(NAMES, self.scale.angles(self.first()), options.lower_rad, options.upper_rad)
+    def _scaled(self, servos: FeetechServos) -> AngleScale:
+        """With the closed gripper of the option or of LeRobot's calibration, which its range holds."""
+        options, scale = self._options, self._options.scale
+        closed = options.gripper_closed
+        if closed is None:
+            low, high = servos.ranges()[-1]
+            if (low, high) == (0, COUNTS_PER_TURN - 1):
+                raise HardwareFault(
+                    "gripper: its range is not calibrated; calibrate the arm with lerobot-calibrate, or give "
+                    "gripper_closed"
+                )
+            closed = low if options.signs[-1] > 0 else high
+        return AngleScale(scale.signs, (*scale.zeros[:-1], closed))
 
-    def first(self) -> list[Present]:
-        """Measurements of all, tried again after a bad answer; raises as the bus does."""
-        return self.servos.insist(self.bus.exchange)
+    def _measured(self) -> list[Present]:
+        measured: list[Present] = self._servos.bus.exchange()
+        return measured
 
-    def check_pace(self) -> None:
-        """Raise HardwareFault if the rate cannot be held."""
-        advice = "set rate_hz lower, or use another USB port or host"
-        check_pace(self.first, self._options.rate_hz, self._clock, self._port.path, lambda: advice)
+    def _prepare(self) -> None:
+        self._servos.prepare(self._options.p_gain)
 
-    def release(self) -> None:
-        """Take the torque off, and set the servos back to their own gain and limit; never raises."""
-        with suppress(HardwareFault):
-            self.bus.send(torque_off(self._options.ids))
-        self.servos.restore()
-
-    def close(self) -> None:
-        self._port.close()
+    def _advice(self) -> str:
+        return "set rate_hz lower, or use another USB port or host"

@@ -9,18 +9,13 @@ The checksum is the complement of the sum from the id to the last parameter. Not
 that lost the place may take parameters for a header until a checksum is wrong.
 """
 
-from collections.abc import Iterable
-from typing import Final, NamedTuple
+from collections.abc import Callable
+from typing import Final, Generic, TypeVar
+
+from weberlink_arms.servo.packet import Framing, Packet, Status
 
 HEADER: Final = b"\xff\xff"
-BROADCAST: Final = 0xFE
 HIGHEST_ID: Final = 253
-
-PING: Final = 0x01
-READ: Final = 0x02
-WRITE: Final = 0x03
-SYNC_READ: Final = 0x82
-SYNC_WRITE: Final = 0x83
 
 VOLTAGE_ERROR: Final = 1
 ANGLE_ERROR: Final = 2
@@ -28,18 +23,8 @@ HEAT_ERROR: Final = 4
 CURRENT_ERROR: Final = 8
 OVERLOAD_ERROR: Final = 32
 
-OVERHEAD: Final = 6
-"""Bytes of a frame without parameters."""
 LONGEST_LENGTH: Final = 250
 """Largest length byte that a reader accepts, that of Feetech's SDK."""
-
-
-class Frame(NamedTuple):
-    """A request or an answer."""
-
-    id: int
-    code: int
-    parameters: bytes = b""
 
 
 def checksum(data: bytes | bytearray) -> int:
@@ -47,65 +32,59 @@ def checksum(data: bytes | bytearray) -> int:
     return ~sum(data) & 0xFF
 
 
-def encode(frame: Frame) -> bytes:
-    body = bytes((frame.id, len(frame.parameters) + 2, frame.code)) + frame.parameters
-    return HEADER + body + bytes((checksum(body),))
+Heard = TypeVar("Heard", Packet, Status)
 
 
-def ping(id_: int) -> bytes:
-    return encode(Frame(id_, PING))
+class _Reader(Generic[Heard]):
+    """Nothing in a frame tells requests from answers."""
 
-
-def read(id_: int, address: int, size: int) -> bytes:
-    return encode(Frame(id_, READ, bytes((address, size))))
-
-
-def write(id_: int, address: int, data: bytes) -> bytes:
-    return encode(Frame(id_, WRITE, bytes((address,)) + data))
-
-
-def sync_read(address: int, size: int, ids: Iterable[int]) -> bytes:
-    """Read the same registers of several servos, which answer in this order."""
-    return encode(Frame(BROADCAST, SYNC_READ, bytes((address, size, *ids))))
-
-
-def sync_write(address: int, size: int, values: Iterable[tuple[int, bytes]]) -> bytes:
-    """Write the same registers of several servos, `size` bytes each; they do not answer."""
-    return encode(
-        Frame(BROADCAST, SYNC_WRITE, bytes((address, size)) + b"".join(bytes((id_,)) + data for id_, data in values))
-    )
-
-
-class FrameReader:
-    """Cuts a stream into frames; never raises, and never holds more than the longest frame."""
-
-    def __init__(self) -> None:
+    def __init__(self, kind: Callable[[int, int, bytes], Heard]) -> None:
+        self._kind: Callable[[int, int, bytes], Heard] = kind
         self._waiting = bytearray()
-        self.bad_checksums = 0
-        """Frames with a wrong checksum since the start."""
+        self.bad = 0
 
     def clear(self) -> None:
         self._waiting.clear()
 
-    def feed(self, data: bytes) -> list[Frame]:
-        """The frames that are complete with these bytes."""
+    def feed(self, data: bytes) -> list[Heard]:
         waiting = self._waiting
         waiting += data
-        frames: list[Frame] = []
+        frames: list[Heard] = []
         while (begin := waiting.find(HEADER)) >= 0:
             del waiting[:begin]
             if len(waiting) < 4:
                 return frames
             size = waiting[3] + 4
-            if waiting[2] > BROADCAST or not 2 <= waiting[3] <= LONGEST_LENGTH:
+            if waiting[2] > HIGHEST_ID + 1 or not 2 <= waiting[3] <= LONGEST_LENGTH:
                 del waiting[:1]
             elif len(waiting) < size:
                 return frames
             elif checksum(waiting[2 : size - 1]) != waiting[size - 1]:
-                self.bad_checksums += 1
+                self.bad += 1
                 del waiting[:1]
             else:
-                frames.append(Frame(waiting[2], waiting[4], bytes(waiting[5 : size - 1])))
+                frames.append(self._kind(waiting[2], waiting[4], bytes(waiting[5 : size - 1])))
                 del waiting[:size]
         del waiting[: len(waiting) - waiting.endswith(b"\xff")]  # it may be half a header
         return frames
+
+
+class _Framing(Framing):
+    OVERHEAD = 6
+    WIDTH = 1
+    REFUSAL = 0
+    MARKS = (56, range(3, 15))
+
+    def encode(self, packet: Packet | Status) -> bytes:
+        id_, code, parameters = packet
+        body = bytes((id_, len(parameters) + 2, code)) + parameters
+        return HEADER + body + bytes((checksum(body),))
+
+    def requests(self) -> _Reader[Packet]:
+        return _Reader(Packet)
+
+    def answers(self) -> _Reader[Status]:
+        return _Reader(Status)
+
+
+FRAMING: Final = _Framing()

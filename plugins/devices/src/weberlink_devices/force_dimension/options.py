@@ -15,23 +15,14 @@ ModelName = Literal[
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """What is published of a model.
+    """What is published of a model."""
 
-    Args:
-        types: what `dhdGetSystemType` returns for it: one number, or those for the right and the left hand.
-        force_n: largest force [N].
-        reach_m: half an edge of the cube that holds all positions of the handle [m].
-        torque_n_m: largest torque of the wrist [N m]; 0 for a passive wrist or none.
-        orientation: whether it has a wrist with sensors.
-        buttons: how many bits of `dhdGetButtonMask` are its buttons; most models have fewer.
-    """
-
-    types: tuple[int, ...]
-    force_n: float
-    reach_m: float
-    torque_n_m: float = 0.0
-    orientation: bool = False
-    buttons: int = 8
+    types: tuple[int, ...]  # what `dhdGetSystemType` returns: one number, or those for the right and the left hand
+    force_n: float  # largest force
+    reach_m: float  # half an edge of the cube that holds all positions of the handle
+    torque_n_m: float = 0.0  # largest torque of the wrist; 0 for a passive wrist or none
+    orientation: bool = False  # whether it has a wrist with sensors
+    buttons: int = 8  # how many bits of `dhdGetButtonMask` are its buttons; most models have fewer
 
 
 MODELS: Mapping[ModelName, Model] = {

@@ -61,20 +61,14 @@ class BoardEncoder(NamedTuple):
 
 @dataclass(frozen=True)
 class HaplyBoard:
-    """A board with motors and encoders 1 and 2 on it.
-
-    Args:
-        motors: 1 and 2.
-        encoders: 1 and 2.
-        home_deg: angles of the encoders when it is set up [deg].
-        whole_counts: whether its answers are counts of the encoders times 360 over the counts per turn and nothing in
-            between, as both firmwares have it. A reply with lost or torn bytes seldom passes this check.
-    """
+    """A board with motors and encoders 1 and 2 on it."""
 
     motors: tuple[BoardMotor, BoardMotor]
     encoders: tuple[BoardEncoder, BoardEncoder]
-    home_deg: Pair
+    home_deg: Pair  # angles of the encoders when it is set up
     whole_counts: bool = True
+    """Whether its answers are counts of the encoders times 360 over the counts per turn and nothing in between, as both
+    firmwares have it. A reply with lost or torn bytes seldom passes this check."""
 
     @cached_property
     def id(self) -> int:

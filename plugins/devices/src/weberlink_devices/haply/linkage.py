@@ -162,20 +162,14 @@ board (1.5 of July 2017), the M3 and the M0 (1.5 and 0.3 of December 2018).
 
 @dataclass(frozen=True, slots=True)
 class HaplyVersion:
-    """A published version of the device.
-
-    Args:
-        bar: the linkage.
-        board: what hangs on which port, and the angles of the arms at the starting place.
-        center: middle of the workspace, in the frame of the linkage [m].
-        reach: half the workspace, along x and y [m]: until the linkage is stretched out, and toward the motors as far
-            as the starting place.
-    """
+    """A published version of the device."""
 
     bar: PlanarFiveBar
-    board: HaplyBoard
-    center: Pair
+    board: HaplyBoard  # what hangs on which port, and the angles of the arms at the starting place
+    center: Pair  # middle of the workspace, in the frame of the linkage [m]
     reach: Pair
+    """Half the workspace, along x and y [m]: until the linkage is stretched out, and toward the motors as far as the
+    starting place."""
 
 
 VERSIONS = {

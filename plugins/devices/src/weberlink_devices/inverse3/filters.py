@@ -12,19 +12,13 @@ from weberlink_devices.inverse3.protocol import mapping_in, read_number, read_ve
 
 @dataclass(frozen=True, slots=True)
 class ServiceSettings:
-    """What the service does to positions and forces on their way, as the full state of a device says.
-
-    Args:
-        gate: gain of the force gate, which attenuates forces that the service takes for an oscillation; None: unknown.
-        damping: viscous resistance that the service adds; None if unknown.
-        basis: permutation of the axes.
-        scale: of positions, per axis.
-    """
+    """What the service does to positions and forces on their way, as the full state of a device says."""
 
     gate: float | None = None
-    damping: float | None = None
-    basis: str = "XYZ"
-    scale: Vector = (1.0, 1.0, 1.0)
+    """Gain of the force gate, which attenuates forces that the service takes for an oscillation; None: unknown."""
+    damping: float | None = None  # viscous resistance that the service adds; None if unknown
+    basis: str = "XYZ"  # permutation of the axes
+    scale: Vector = (1.0, 1.0, 1.0)  # of positions, per axis
 
     def check(self) -> None:
         """Raise HardwareFault for settings that turn or stretch the axes behind the back of the sign check."""

@@ -115,19 +115,12 @@ def decode(data: bytes) -> dict[str, Any]:
 
 
 class ServiceState(NamedTuple):
-    """What one message says of the device and its grip, in our axes.
+    """What one message says of the device and its grip, in our axes."""
 
-    Args:
-        position: of the cursor [m].
-        displayed: force that the service displays by its own account [N]; None if it does not say.
-        orientation: of the grip; None without one.
-        buttons: of the grip, a bit each.
-    """
-
-    position: Vector
-    displayed: Vector | None
-    orientation: Quaternion | None
-    buttons: int
+    position: Vector  # of the cursor [m]
+    displayed: Vector | None  # force that the service displays by its own account [N]; None if it does not say
+    orientation: Quaternion | None  # of the grip; None without one
+    buttons: int  # of the grip, a bit each
 
 
 def state_of(message: dict[str, Any], device_id: str, grip: Grip) -> ServiceState:

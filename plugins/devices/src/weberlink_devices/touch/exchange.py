@@ -31,38 +31,23 @@ class Phase(IntEnum):
 
 
 class ServoState(NamedTuple):
-    """One frame of the servo loop.
+    """One frame of the servo loop; vectors are in the frame of the library."""
 
-    Args:
-        frames: number of the frame.
-        at: when it began [s, CLOCK_MONOTONIC].
-        position: of the handle, in the frame of the library [mm].
-        axes: x, y and z axis of the handle in the frame of the library, one after another.
-        force: that the frame put on the hand [N], in the frame of the library.
-        buttons: bit i while button i is pressed.
-        error: of the frame; 0 for none.
-        internal: the number that the device gave for the error.
-    """
-
-    frames: int
-    at: float
-    position: Vector
-    axes: tuple[Vector, Vector, Vector]
-    force: Vector
-    buttons: int
-    error: int
-    internal: int
+    frames: int  # number of the frame
+    at: float  # when it began [s, CLOCK_MONOTONIC]
+    position: Vector  # of the handle [mm]
+    axes: tuple[Vector, Vector, Vector]  # x, y and z axis of the handle
+    force: Vector  # that the frame put on the hand [N]
+    buttons: int  # bit i while button i is pressed
+    error: int  # of the frame; 0 for none
+    internal: int  # the number that the device gave for the error
 
 
 BEFORE_FIRST = ServoState(0, 0.0, ZERO, (ZERO, ZERO, ZERO), ZERO, 0, 0, 0)
 
 
 class ServoMemory:
-    """The slots, for either end.
-
-    Args:
-        memory: of `MEMORY_SIZE` bytes.
-    """
+    """The slots in `MEMORY_SIZE` bytes, for either end."""
 
     def __init__(self, memory: mmap | bytearray) -> None:
         self._memory = memory

@@ -41,25 +41,15 @@ RESTING_S = 0.02
 
 @dataclass(frozen=True)
 class ServoOrder(Order):
-    """Order of the process.
+    """Order of the process."""
 
-    Args:
-        library: path or name of libHD.so.
-        name: of the device, as the maker's set-up program calls it; None for the default one.
-        force: whether the motors are switched on.
-        stale_s: age beyond which a commanded force no longer counts [s].
-        ramp_s: how long the force takes to come up after an interruption [s].
-        calibration_s: longest wait for the calibration [s].
-        memory: descriptor of the shared memory.
-    """
-
-    library: str
-    name: str | None
-    force: bool
-    stale_s: float
-    ramp_s: float
-    calibration_s: float
-    memory: int = -1
+    library: str  # path or name of libHD.so
+    name: str | None  # of the device, as the maker's set-up program calls it; None for the default one
+    force: bool  # whether the motors are switched on
+    stale_s: float  # age beyond which a commanded force no longer counts
+    ramp_s: float  # how long the force takes to come up after an interruption
+    calibration_s: float  # longest wait for the calibration
+    memory: int = -1  # descriptor of the shared memory
 
 
 class ServoLoop:

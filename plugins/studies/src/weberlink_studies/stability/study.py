@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rich.console import Group, RenderableType
 
-from weberlink.system.composition.account import account
+from weberlink.system.composition.channels import account
 from weberlink.system.configuration import Configuration, ConfigurationError, load
 from weberlink_studies.baselines import BASELINES
 from weberlink_studies.frame import Row, Study

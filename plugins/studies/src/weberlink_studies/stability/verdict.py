@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 from weberlink.control.contract import AccountParameters
 from weberlink.protocol.states import State
-from weberlink.system.scoring.bound import EnergyBound
 from weberlink.system.scoring.channel import in_session
-from weberlink.system.scoring.energy import LinkEnergy, PortWork, Records
+from weberlink.system.scoring.energy import EnergyBound, LinkEnergy, PortWork, Records
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import FINITE
 from weberlink_studies.frame import Row

@@ -1,31 +1,32 @@
-"""An emulated arm on a bus of Dynamixel motors, whatever its mechanics: servos, time, watchdogs and faults.
+"""Emulated arms on a bus of Dynamixel motors: their currents, watchdogs and faults; Koch and OMX."""
 
-Mechanics advance on a fixed grid of steps, and instructions and watchdogs take effect when they are due, independent of
-when `advance` is called. Temperature, backlash and cables are not modelled.
-"""
-
-from abc import ABC, abstractmethod
-from collections import deque
-from collections.abc import Mapping, Sequence
-from math import inf
+from abc import abstractmethod
+from collections.abc import Sequence
 from random import Random
-from typing import ClassVar
+from typing import ClassVar, Final, Literal
 
-from weberlink.hardware.emulator import WireFaults
-from weberlink_arms.dynamixel.layouts import ArmLayout
+from pydantic import Field
+
+from weberlink_arms.dynamixel.layouts import KOCH_FOLLOWER, KOCH_LEADER, OMX_LEADER
 from weberlink_arms.dynamixel.motor_models import CurrentLaw
-from weberlink_arms.emulators.dynamixel.bus import ServoBus
+from weberlink_arms.dynamixel.packet import FRAMING, HIGHEST_ID
+from weberlink_arms.dynamixel.registers import BAUD_RATES
+from weberlink_arms.emulators.arm import ArmEmulator, Joint, JointArmOptions
 from weberlink_arms.emulators.dynamixel.servo import Measured, Servo, amperes
+from weberlink_arms.servo.layout import ArmLayout
+from weberlink_mujoco.arms.models import load
 
-STEP = 0.0005
-"""Of integration [s]."""
-GAP_STEPS = round(1.0 / STEP)
-"""Most steps per call; the rest of a longer silence is skipped."""
-OVERLOAD = 1 << 5
+OVERLOAD: Final = 1 << 5
+LINK_KG_M2: Final = 0.001
+"""Inertia of what an axis carries; a guess between those of the joints of the Koch's model."""
+STOP_N_M_RAD: Final = 20.0
+STOP_N_M_S: Final = 0.1
+HAND_N_M_S: Final = 0.023
+"""As in `weberlink_arms.dynamixel.leader`: fingers 0.1 m from the joint."""
 
 
-class ArmEmulator(ABC):
-    """Sans-I/O: bytes and `now` go in, messages come out. See `weberlink.hardware.emulator`.
+class DynamixelArmEmulator(ArmEmulator):
+    """An arm whose motors have currents; a subclass moves it.
 
     Args:
         layout: The arm.
@@ -37,8 +38,8 @@ class ArmEmulator(ABC):
         constant: True torque constants over those of the data sheets.
     """
 
-    transport: ClassVar[str] = "serial"
-    OWN_FAULTS: ClassVar[Mapping[str, str]] = {
+    STEP = 0.0005
+    OWN_FAULTS: ClassVar = {
         "overload": "a joint raises its alarm and goes limp; 1 is the first joint, the gripper is the last number",
         "low_voltage": "the supply of every motor falls below its limit; any value",
         "trip_watchdog": "the bus watchdog of every motor with its torque on trips; any value",
@@ -47,6 +48,7 @@ class ArmEmulator(ABC):
         "restart": "power cycle, which also ends `dead`; any value",
         "wrong_model": "every motor reports this model number, 1060 is an XL430-W250; 0: its own",
     }
+    NUMBERED: ClassVar = {"overload": 1, "stuck_encoder": 0, "dead": 0}
 
     def __init__(
         self,
@@ -59,92 +61,45 @@ class ArmEmulator(ABC):
         law: CurrentLaw | None = None,
         constant: float = 1.0,
     ) -> None:
-        self.faults = WireFaults()
+        self._layout, self._models, self._constant = layout, layout.motors, constant
         self._random = Random(seed)  # noqa: S311 - noise of a sensor
         self._noise = noise_a
-        self._layout, self._models, self._constant = layout, layout.motors, constant
-        self.motor_nm = [0.0] * len(ids)
-        """Torques of the motors on the axes [N m]."""
         self.currents = [0.0] * len(ids)
         """Present currents of the motors [A]."""
         self.largest_current = 0.0
         """Of any motor since the start [A]."""
         self._stuck: dict[int, float] = {}
-        self._injected: deque[tuple[str, float]] = deque()
         self.servos = tuple(self._servo(index, id_, baud, law) for index, id_ in enumerate(ids))
         """In the order of the joints."""
-        self.bus = ServoBus(self.servos, baud)
-        self._steps: int | None = None
+        super().__init__(FRAMING, self.servos, baud)
 
-    angles: list[float]
-    """Of all axes, the gripper's 0 where it is closed [rad]; a subclass sets it, also before `__init__`."""
-    velocities: list[float]
-    """[rad/s]"""
+    @property
+    @abstractmethod
+    def angles(self) -> Sequence[float]:
+        """Of all axes, the gripper's 0 where it is closed [rad]."""
+
+    @property
+    @abstractmethod
+    def velocities(self) -> Sequence[float]:
+        """[rad/s]"""
 
     @abstractmethod
-    def _move(self, torques: Sequence[float]) -> None:
-        """Advance the mechanics by `STEP` under torques of the motors on the axes [N m]."""
-
-    def _place(self, index: int) -> tuple[float, float]:
-        """Angle [rad] and velocity [rad/s] of a motor."""
-        sign, offset = self._layout.sign[index], self._layout.offset_rad[index]
-        return sign * (self.angles[index] - offset), sign * self.velocities[index]
-
-    def _performed(self) -> None:  # noqa: B027 - most arms have nothing to do
-        """Called after every instruction."""
+    def _move(self, time: float) -> None:
+        """Advance the mechanics by `STEP` under `motor_nm`."""
 
     @property
     def watchdog_trips(self) -> int:
         """Of all servos since the start."""
         return sum(servo.watchdog_trips for servo in self.servos)
 
-    def receive(self, data: bytes, now: float) -> None:
-        self.advance(now)
-        self.bus.receive(data, now)
+    def _deadline(self) -> float:
+        return min([servo.deadline for servo in self.servos])
 
-    def advance(self, now: float) -> None:
-        if self._steps is None:
-            self._steps = int(now / STEP)
-        while self._injected:
-            self._suffer(*self._injected.popleft(), now)
-        while True:
-            request, deadline = self.bus.next_request, self._deadline()
-            due = min(request, deadline)
-            if due > now:
-                break
-            self._move_to(due)
-            if request <= deadline:
-                self.bus.perform(due)
-                self._performed()
-            else:
-                for servo in self.servos:
-                    servo.watch(due)
-        self._move_to(now)
+    def _watch(self, now: float) -> None:
+        for servo in self.servos:
+            servo.watch(now)
 
-    def replies(self, now: float) -> list[bytes]:
-        return self.bus.leaving(now)
-
-    def next_timer(self) -> float | None:
-        soonest = min(self.bus.next_request, self.bus.next_reply, self._deadline())
-        return soonest if soonest < inf else None
-
-    def inject(self, name: str, value: float) -> None:
-        """Cause one of its own faults at the next `advance`; callable from any thread.
-
-        Raises:
-            ValueError: unknown fault or value.
-        """
-        if name not in self.OWN_FAULTS:
-            raise ValueError(f"no fault is called {name!r}; there are {', '.join(self.OWN_FAULTS)}")
-        least = {"overload": 1, "stuck_encoder": 0, "dead": 0}.get(name)
-        count = len(self.servos)
-        if least is not None and value not in range(least, count + 1):
-            raise ValueError(f"{name}: expected a joint from {least} to {count}, got {value:g}")
-        if name == "wrong_model" and not 0 <= value <= 0xFFFF:
-            raise ValueError(f"{name}: expected a model number, got {value:g}")
-        self._injected.append((name, value))
-
-    def _suffer(self, name: str, value: float, now: float) -> None:
+    def _apply(self, name: str, value: float, now: float) -> None:
         index = int(value) - 1
         match name:
             case "overload":
@@ -154,9 +109,9 @@ class ArmEmulator(ABC):
             case "dead":
                 self.bus.dead = set() if index < 0 else {self.servos[index].id}
             case _:
-                self._suffer_all(name, value, now)
+                self._apply_to_all(name, value, now)
 
-    def _suffer_all(self, name: str, value: float, now: float) -> None:
+    def _apply_to_all(self, name: str, value: float, now: float) -> None:
         if name == "restart":
             self.bus.restart()
         for servo in self.servos:
@@ -170,34 +125,25 @@ class ArmEmulator(ABC):
                 case _:
                     servo.reboot(now)
 
-    def _deadline(self) -> float:
-        """When a bus watchdog would trip next."""
-        return min([servo.deadline for servo in self.servos])
-
     def _servo(self, index: int, id_: int, baud: int, law: CurrentLaw | None) -> Servo:
         model = self._models[index]
         # A motor that measures no current has a load only.
         law = model.law if law is None or not model.controls_current else law
         return Servo(id_, lambda: self._measured(index), baud=baud, model=model, law=law)
 
+    def _place(self, index: int) -> tuple[float, float]:
+        """Angle [rad] and velocity [rad/s] of a motor."""
+        sign, offset = self._layout.sign[index], self._layout.offset_rad[index]
+        return sign * (self.angles[index] - offset), sign * self.velocities[index]
+
     def _measured(self, index: int) -> Measured:
         """Sensor values of a servo, with noise."""
         current = self.currents[index] + self._random.gauss(0.0, self._noise)
         if index in self._stuck:
             return Measured(self._stuck[index], 0.0, current)
-        angle, velocity = self._place(index)
-        return Measured(angle, velocity, current)
+        return Measured(*self._place(index), current)
 
-    def _move_to(self, now: float) -> None:
-        """Advance the mechanics to a time, on the grid of steps."""
-        assert self._steps is not None
-        end = int(now / STEP)
-        begin = max(self._steps, end - GAP_STEPS)
-        self._steps = max(end, self._steps)
-        for _ in range(begin, end):
-            self._step()
-
-    def _step(self) -> None:
+    def _step(self, time: float) -> None:
         currents = []
         for index, (servo, model) in enumerate(zip(self.servos, self._models, strict=True)):
             angle, velocity = self._place(index)
@@ -208,4 +154,113 @@ class ArmEmulator(ABC):
             sign * self._constant * model.constant * current
             for sign, model, current in zip(self._layout.sign, self._models, currents, strict=True)
         ]
-        self._move(self.motor_nm)
+        self._move(time)
+
+
+class DynamixelJointsOptions(JointArmOptions):
+    """Options of an arm whose joints do not act on each other."""
+
+    HIGHEST_ID = HIGHEST_ID
+    BAUD_RATES = BAUD_RATES
+
+    gravity: bool = Field(default=False, description="the arm has the weight of its model")
+    current_law: Literal["motor", "supply"] | None = Field(
+        default=None, description="what the current registers mean; that of each motor if not given"
+    )
+    constant_ratio: float = Field(default=1.0, gt=0.1, lt=10.0, description="of the true torque constant to the stated")
+    current_noise_ma: float = Field(
+        default=3.0, ge=0.0, le=1000.0, description="standard deviation of the measured current of a motor"
+    )
+    seed: int = Field(default=0, description="of that noise")
+
+
+class KochLeaderEmulatorOptions(DynamixelJointsOptions):
+    """Options of the emulated Koch leader. Lists: shoulder_pan, ..., wrist_roll, gripper."""
+
+    LAYOUT: ClassVar[ArmLayout] = KOCH_LEADER
+
+    hand_n_m_rad: float = Field(default=1.0, ge=0.0, le=50.0, description="stiffness of the hand on each axis")
+    hand_rad: tuple[float, ...] = Field(
+        default=(0.4, 0.3, 0.4, 0.4, 0.4, 0.4), description="amplitudes of the hand's motion about the start"
+    )
+
+
+class OmxLeaderEmulatorOptions(KochLeaderEmulatorOptions):
+    """Options of the emulated OMX leader. Lists: shoulder_pan, ..., wrist_roll, gripper."""
+
+    LAYOUT: ClassVar[ArmLayout] = OMX_LEADER
+
+
+class KochFollowerEmulatorOptions(DynamixelJointsOptions):
+    """Options of the emulated Koch follower. Lists: shoulder_pan, ..., wrist_roll, gripper."""
+
+    LAYOUT: ClassVar[ArmLayout] = KOCH_FOLLOWER
+
+
+class DynamixelJoints(DynamixelArmEmulator):
+    """An arm whose joints do not act on each other."""
+
+    Options: ClassVar[type[DynamixelJointsOptions]]
+
+    def __init__(self, options: DynamixelJointsOptions | None = None) -> None:
+        options = self.Options() if options is None else options
+        layout = options.LAYOUT
+        self.joints = [
+            Joint(
+                angle, model.rotor_kg_m2 + LINK_KG_M2, model.coulomb_n_m, model.viscous_n_m_s,
+                layout.lower[axis], layout.upper[axis], STOP_N_M_RAD, STOP_N_M_S,
+                [wall for wall in options.walls if wall.joint == layout.axes[axis]],
+                options.hand_n_m_rad, HAND_N_M_S, options.hand_rad[axis], options.hand_s[axis],
+            )
+            for axis, (angle, model) in enumerate(zip(options.start, layout.motors, strict=True))
+        ]  # fmt: skip
+        self._gravity = load(layout.name).gravity if options.gravity else None
+        super().__init__(
+            layout,
+            options.bus_ids,
+            baud=options.baud,
+            noise_a=1e-3 * options.current_noise_ma,
+            seed=options.seed,
+            law=None if options.current_law is None else CurrentLaw(options.current_law),
+            constant=options.constant_ratio,
+        )
+
+    @property
+    def angles(self) -> list[float]:
+        return [joint.angle for joint in self.joints]
+
+    @property
+    def velocities(self) -> list[float]:
+        return [joint.velocity for joint in self.joints]
+
+    @property
+    def outside_nm(self) -> list[float]:
+        """Torques of hand and walls on the axes [N m]."""
+        return [joint.outside for joint in self.joints]
+
+    def _place(self, index: int) -> tuple[float, float]:
+        joint, sign = self.joints[index], self._layout.sign[index]
+        return sign * (joint.angle - self._layout.offset_rad[index]), sign * joint.velocity
+
+    def _move(self, time: float) -> None:
+        weights = self._gravity(tuple(self.angles)) if self._gravity is not None else [0.0] * len(self.joints)
+        for joint, torque, weight in zip(self.joints, self.motor_nm, weights, strict=True):
+            joint.turn(torque - weight, time + self.STEP, self.STEP)
+
+
+class KochLeaderEmulator(DynamixelJoints):
+    """A Koch v1.1 leader in a person's hand."""
+
+    Options = KochLeaderEmulatorOptions
+
+
+class OmxLeaderEmulator(DynamixelJoints):
+    """An OMX leader in a person's hand."""
+
+    Options = OmxLeaderEmulatorOptions
+
+
+class KochFollowerEmulator(DynamixelJoints):
+    """A Koch v1.1 follower."""
+
+    Options = KochFollowerEmulatorOptions

@@ -15,18 +15,7 @@ from struct import Struct
 from typing import NamedTuple
 
 from weberlink_arms.dynamixel.motor_models import FULL_DUTY, XM430_W350, CurrentLaw, MotorModel
-from weberlink_arms.dynamixel.packet import (
-    ALERT,
-    DATA_LENGTH_ERROR,
-    INSTRUCTION_ERROR,
-    PING,
-    READ,
-    REBOOT,
-    SYNC_READ,
-    WRITE,
-    Packet,
-    StatusPacket,
-)
+from weberlink_arms.dynamixel.packet import ALERT, DATA_LENGTH_ERROR, INSTRUCTION_ERROR
 from weberlink_arms.dynamixel.registers import (
     ANY_16,
     BAUD_RATES,
@@ -43,6 +32,7 @@ from weberlink_arms.dynamixel.registers import (
     WATCHDOG_UNIT_S,
 )
 from weberlink_arms.emulators.dynamixel.register_table import RegisterTable
+from weberlink_arms.servo.packet import PING, READ, REBOOT, SYNC_READ, WRITE, Packet, Status
 
 OFFSET_MOST = 1024
 """Largest homing offset that has an effect in position control."""
@@ -170,7 +160,7 @@ class Servo:
         """False while it reboots."""
         return now >= self._deaf_until
 
-    def answer(self, packet: Packet, now: float) -> StatusPacket | None:
+    def answer(self, packet: Packet, now: float) -> Status | None:
         """Carry out an instruction for this servo; None if it does not answer."""
         if packet.instruction == REBOOT:
             status = self.status(REBOOT, 0)
@@ -178,19 +168,19 @@ class Servo:
             return status
         if packet.instruction == PING:
             return self.status(PING, 0, bytes(self.registers.memory[0:2] + self.registers.memory[6:7]))
-        if packet.instruction == READ:
+        if packet.instruction in READING:
             if len(packet.parameters) != 4:
                 return self.status(READ, DATA_LENGTH_ERROR)
             return self.status(READ, *self.read(word(packet.parameters, 0), word(packet.parameters, 2)))
         return self.status(packet.instruction, self._written(packet))
 
-    def status(self, instruction: int, error: int, data: bytes = b"") -> StatusPacket | None:
+    def status(self, instruction: int, error: int, data: bytes = b"") -> Status | None:
         """The answer to an instruction; None if the status return level suppresses it."""
         level = self.registers["status_return_level"]
         if instruction != PING and level < (1 if instruction in READING else 2):
             return None
         alert = ALERT if self.registers["hardware_error_status"] else 0
-        return StatusPacket(self.id, error | alert, data)
+        return Status(self.id, error | alert, data)
 
     def read(self, address: int, size: int) -> tuple[int, bytes]:
         """Error number, and the bytes if it is 0."""

@@ -1,0 +1,1 @@
+"""What arms with servos on a bus share, whatever the protocol on its wire."""

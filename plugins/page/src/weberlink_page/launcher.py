@@ -1,0 +1,288 @@
+"""The session that the page starts: `weberlink loopback` in a child process, one at a time.
+
+A scene is a set of overrides of one file. Another scene is another session: the settings that a visitor made (Weber
+factor, predictor, delay, loss) are applied to it again once it runs.
+"""
+
+import asyncio
+import json
+import os
+from asyncio.subprocess import DEVNULL, PIPE, Process
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from signal import SIGINT, SIGKILL, Signals
+from time import monotonic
+from typing import Any
+
+from weberlink.child_process import python
+from weberlink.system.order import COMPLETED, FAILED, NOTE
+from weberlink.watching.control import Answer, refusal
+from weberlink_page.messages import Rooms
+from weberlink_page.scenes import SceneChoice
+
+STOP_LIMIT_S = 20.0
+"""Time from the request to stop to a kill; the launcher gives its daemons 15 s."""
+SHORTEST_S = 1.0
+"""Length of a session that starts when the time is almost over [s]."""
+# The program, which ends with this process however this process ends.
+_PROGRAM = (
+    "import sys; from signal import SIGTERM; from weberlink.realtime.process import die_with_parent; "
+    "die_with_parent(SIGTERM, int(sys.argv.pop(1))); from weberlink.cli import main; main()"
+)
+
+
+@dataclass(frozen=True)
+class TryOrder:
+    """What sessions to run.
+
+    Args:
+        file: configuration.
+        overrides: of every session, as of `--set`.
+        scenes: by name; empty if the file has one scene only.
+        scene: the first one.
+        duration_s: how long sessions may run in all; None until it is interrupted.
+    """
+
+    file: str
+    overrides: tuple[str, ...] = ()
+    scenes: Mapping[str, SceneChoice] = field(default_factory=dict)
+    scene: str | None = None
+    duration_s: float | None = None
+
+
+@dataclass(frozen=True)
+class SessionResult:
+    """How a session ended.
+
+    Args:
+        status: exit status.
+        report: as of `weberlink loopback --json -`; None if it did not begin.
+        complaint: the last line on standard error if it failed.
+    """
+
+    status: int
+    report: dict[str, Any] | None
+    complaint: str
+
+
+@dataclass(eq=False)
+class _Child:
+    """A session in a process group of its own."""
+
+    process: Process
+    scene: str | None
+    is_asked_to_end: bool = False
+    is_replaced: bool = False
+
+    @property
+    def name(self) -> str:
+        """Of its session."""
+        return str(self.process.pid)
+
+    def send(self, number: Signals) -> None:
+        self.is_asked_to_end = True
+        with suppress(ProcessLookupError):
+            self.process.send_signal(number)
+
+    async def finish(self, advise: Callable[[str], None]) -> tuple[SessionResult, list[str]]:
+        """Wait for the end; `advise` receives each line of advice as it comes. Returns the other lines, too."""
+        assert self.process.stdout is not None
+        output, notes, ended = await asyncio.gather(
+            self.process.stdout.read(), self._notes(advise), self.process.wait()
+        )
+        report = None
+        with suppress(ValueError):
+            report = json.loads(output)
+        status = FAILED if ended < 0 else ended
+        complaint = notes.pop() if notes and status != COMPLETED else f"the session ended with status {ended}"
+        return SessionResult(status, report, complaint), notes
+
+    async def _notes(self, advise: Callable[[str], None]) -> list[str]:
+        assert self.process.stderr is not None
+        notes = []
+        async for line in self.process.stderr:
+            note = line.decode(errors="replace").rstrip("\n").removeprefix("weberlink: ")
+            if note.startswith(NOTE):
+                advise(note)
+            else:
+                notes.append(note)
+        return notes
+
+
+class SessionLauncher:
+    """Starts, stops and restarts the session of `weberlink try`.
+
+    Args:
+        order: what to run.
+        tell: called with lines for the user.
+        announce: called with a `launcher` message at every change.
+        inherit: called with the names of the former session and of the new one, to apply the settings of the former.
+        program: command that runs `weberlink`.
+
+    Attributes:
+        started: names of all its sessions.
+        last: how the last session that ended did.
+        message: the newest `launcher` message.
+    """
+
+    def __init__(
+        self,
+        order: TryOrder,
+        tell: Callable[[str], None],
+        announce: Callable[[dict[str, Any]], None],
+        inherit: Callable[[str, str], Awaitable[None]],
+        program: Sequence[str] = (*python("-c", _PROGRAM, str(os.getpid())),),
+    ) -> None:
+        self._order, self._tell, self._announce, self._inherit = order, tell, announce, inherit
+        self._program = program
+        self._turn = asyncio.Lock()
+        self._child: _Child | None = None
+        self._watching: asyncio.Task[None] | None = None
+        self._tasks: set[asyncio.Task[Any]] = set()
+        self._deadline: float | None = None
+        self._is_closing = False
+        self._advised: set[str] = set()
+        self._over = asyncio.Event()
+        self.started: list[str] = []
+        self.last: SessionResult | None = None
+        self.message: dict[str, Any] = {"type": "launcher", "state": "idle", "scene": order.scene, "why": None}
+
+    @property
+    def rooms(self) -> Rooms:
+        """What a page may start."""
+        scenes = [{"name": name, "title": scene.title} for name, scene in self._order.scenes.items()]
+        return {"start": True, "scenes": scenes, "scene": self.message["scene"]}  # type: ignore[typeddict-item]
+
+    @property
+    def is_starting(self) -> bool:
+        """Whether a session was started that was not found yet."""
+        return self.message["state"] == "starting" and self._child is not None
+
+    def request_stop(self) -> Answer:
+        """End the session that is starting."""
+        if self._child is not None and not self._child.is_asked_to_end:
+            self._child.send(SIGINT)
+        return {"accepted": True}
+
+    def request_start(self, scene: str | None) -> Answer:
+        """Begin to start a session, in place of the present one; the result comes as `launcher` messages."""
+        chosen = scene if scene is not None else self.message["scene"]
+        if chosen is not None and chosen not in self._order.scenes:
+            return refusal(f"no such scene; there are {', '.join(self._order.scenes) or 'none to choose'}")
+        if self._is_closing:
+            return refusal("the program ends")
+        if self._turn.locked():
+            return refusal("another start is under way")
+        self._task(self.start(chosen))
+        return {"accepted": True}
+
+    async def start(self, scene: str | None) -> None:
+        """Start a session, after the present one has ended."""
+        async with self._turn:
+            former = self.started[-1] if self.started else None
+            if self._child is not None:
+                self._child.is_replaced = True
+            self._become("starting", scene)
+            await self._end()
+            if self._is_closing:
+                return
+            child = self._child = await self._launch(scene)
+            self.started.append(child.name)
+            self._watching = self._task(self._watch(child))
+            if former is not None:
+                self._task(self._inherit(former, child.name))
+
+    def note_running(self, name: str) -> None:
+        """Note that a session was found."""
+        if self._child is not None and name == self._child.name and self.message["state"] == "starting":
+            self._become("running", self._child.scene)
+
+    def expect_end(self, name: str | None) -> None:
+        """Note that a session, or every one if there is no name, was asked to end; its end does not end the program."""
+        child = self._child
+        if child is not None and name in (None, child.name):
+            child.is_asked_to_end = True
+
+    async def run(self, interrupted: asyncio.Event) -> None:
+        """Start the first session; end the last one when it is over or interrupted, and wait for its report.
+
+        It is over by itself if its first session does not begin, when a session of limited length has ended, and
+        when its time has passed without one.
+        """
+        await self.start(self._order.scene)
+        waits = [asyncio.ensure_future(event.wait()) for event in (interrupted, self._over)]
+        await asyncio.wait(waits, timeout=self._order.duration_s, return_when=asyncio.FIRST_COMPLETED)
+        while not (interrupted.is_set() or self._over.is_set()) and self._child is not None:
+            await asyncio.wait(waits, timeout=SHORTEST_S, return_when=asyncio.FIRST_COMPLETED)
+        for wait in waits:
+            wait.cancel()
+        self._is_closing = True
+        async with self._turn:  # a start may be under way
+            await self._end()
+        for task in self._tasks:
+            task.cancel()
+
+    def signal(self, number: Signals) -> None:
+        """Pass a signal on to the session; the first one ends it in order, and nothing is started any more."""
+        self._is_closing = True
+        if self._child is not None:
+            self._child.send(number)
+
+    async def _end(self) -> None:
+        child, watching = self._child, self._watching
+        if child is None or watching is None:
+            return
+        if not child.is_asked_to_end:  # a second signal would not wait for an orderly end
+            child.send(SIGINT)
+        done, _ = await asyncio.wait([watching], timeout=STOP_LIMIT_S)
+        if not done:
+            child.send(SIGKILL)
+            await asyncio.wait([watching])
+
+    async def _launch(self, scene: str | None) -> _Child:
+        order = self._order
+        overrides = (*order.overrides, *(() if scene is None else order.scenes[scene].overrides))
+        arguments = [order.file, "--json", "-", *(part for each in overrides for part in ("--set", each))]
+        if order.duration_s is not None:  # from the first start on
+            self._deadline = self._deadline or monotonic() + order.duration_s
+            arguments += ["--duration", f"{max(SHORTEST_S, self._deadline - monotonic()):.3f}"]
+        process = await asyncio.create_subprocess_exec(
+            *self._program, "loopback", *arguments, stdin=DEVNULL, stdout=PIPE, stderr=PIPE,
+            start_new_session=True,  # Ctrl-C reaches this process only, which ends the session in order
+        )  # fmt: skip
+        return _Child(process, scene)
+
+    async def _watch(self, child: _Child) -> None:
+        """Until a session ends."""
+        result, notes = await child.finish(self._advise)
+        is_first, self.last, self._child = self.last is None, result, None
+        for note in notes:
+            self._tell(note)
+        if child.is_replaced:
+            return
+        outcome = None if result.report is None else str(result.report.get("outcome"))
+        has_failed = result.status != COMPLETED and not child.is_asked_to_end
+        why = outcome or result.complaint if has_failed else outcome
+        self._become("failed" if has_failed else "idle", child.scene, why)
+        has_not_begun = is_first and result.report is None
+        if not child.is_asked_to_end and (has_not_begun or self._order.duration_s is not None):
+            self._over.set()
+        elif has_failed:
+            self._tell(f"the session failed: {why}; start another one from the page")
+
+    def _advise(self, note: str) -> None:
+        """Tell a line of advice, which every session may give, once."""
+        if note not in self._advised:
+            self._advised.add(note)
+            self._tell(note)
+
+    def _become(self, state: str, scene: str | None, why: str | None = None) -> None:
+        self.message = {"type": "launcher", "state": state, "scene": scene, "why": why}
+        self._announce(self.message)
+
+    def _task(self, work: Any) -> "asyncio.Task[Any]":
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task

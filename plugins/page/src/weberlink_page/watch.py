@@ -1,0 +1,315 @@
+"""Finds sessions, reads their records, queues messages for all pages, and takes their requests."""
+
+import asyncio
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from time import monotonic
+from typing import Any, Protocol
+
+from weberlink.watching.control import Answer, SessionControl, ask_daemon, refusal
+from weberlink.watching.events import events_message
+from weberlink.watching.rings import RingOpener, RowSource, find_rings
+from weberlink.watching.session import WatchedSession
+from weberlink_page import driving
+from weberlink_page.launcher import SessionLauncher
+from weberlink_page.messages import Rooms
+from weberlink_page.requests import Requests
+from weberlink_page.viewer import Topic, Viewer, put_all
+
+LOOK_S = 0.05
+"""Period of reading the rings while a page is open."""
+LOOK_DRIVEN_S = 1.0 / 60.0
+"""Period while a page drives, which is to see its handle move."""
+LOOK_ALONE_S = 0.25
+"""Period without a page; the rings hold ten seconds."""
+FIND_S = 0.25
+FIGURES_S = 0.5
+ASK_TIMES = 5
+ASK_AGAIN_S = 1.0
+ENDED_KEPT = 4
+"""Ended sessions that can still be viewed."""
+
+
+class Attachment(Protocol):
+    """A part of the monitor with messages of its own, beside requests that it answers."""
+
+    def look(self, now: float) -> None:
+        """Called at each look at the sessions."""
+
+    def hello(self, session: WatchedSession, viewer: Viewer) -> dict[str, Any]:
+        """What it adds to the greeting of a session for a page."""
+
+    def introduced(self, session: WatchedSession, viewer: Viewer) -> None:
+        """Called when a page is shown another session, after the greeting."""
+
+
+class SessionWatcher:
+    """All sessions and all pages.
+
+    Args:
+        where: folder of the rings; None for those of this user.
+        only: name of the session to follow; None for all.
+        tell: called with lines for the user.
+
+    Attributes:
+        requests: what pages may ask for; other parts of the monitor add theirs.
+        launcher: of the session that pages may start; None where they may not.
+    """
+
+    def __init__(self, where: Path | None, only: str | None, tell: Callable[[str], None]) -> None:
+        self.sessions: dict[str, WatchedSession] = {}
+        """The newest last."""
+        self.viewers: list[Viewer] = []
+        self._where = where
+        self._only = only
+        self._tell = tell
+        self._opener = RingOpener(tell)
+        self._find_at = self._figures_at = 0.0
+        self._attached: list[Attachment] = []
+        self._asked_at: dict[str, int] = {}
+        """The count of changes in the records when the daemons of a session were last asked for their settings."""
+        self._told_events: dict[str, int] = {}
+        self._asking: set[asyncio.Task[None]] = set()
+        self._stops = ThreadPoolExecutor(2, "emergency")  # not those of requests that wait for a daemon
+        self.requests = Requests()
+        self.control = SessionControl(self.sessions, self._greet_all, tell)
+        self.driving = driving.Driving(self.sessions, self.viewers_of, driving.connect)
+        self.launcher: SessionLauncher | None = None
+        self.requests.handlers |= {
+            "change": self._change,
+            "drive": self.driving.drive,
+            "session": self._session,
+            "emergency": self._emergency,
+        }
+
+    def attach(self, part: Attachment) -> None:
+        """Add a part."""
+        self._attached.append(part)
+
+    @property
+    def newest(self) -> WatchedSession | None:
+        """The session to show by default: running before ended, then the one that began last."""
+        ranked = sorted(self.sessions.values(), key=lambda session: not session.ended)
+        return ranked[-1] if ranked else None
+
+    async def run(self) -> None:
+        """Run until cancelled."""
+        due = monotonic()
+        try:
+            while True:
+                self.look(monotonic())
+                period = LOOK_DRIVEN_S if self.driving.is_any else LOOK_S if self.viewers else LOOK_ALONE_S
+                due = max(monotonic(), due + period)
+                await asyncio.sleep(due - monotonic())
+        finally:
+            self._stops.shutdown(wait=False, cancel_futures=True)
+            for task in self._asking:
+                task.cancel()
+            for session in self.sessions.values():
+                session.close()
+
+    def look(self, now: float) -> None:
+        """One look at everything."""
+        if now >= self._find_at:
+            self._find_at = now + FIND_S
+            self._find()
+        is_figures_time = now >= self._figures_at
+        if is_figures_time:
+            self._figures_at = now + FIGURES_S
+        for part in self._attached:
+            part.look(now)
+        for session in list(self.sessions.values()):
+            if not session.ended:
+                self._follow(session, is_figures_time=is_figures_time)
+            self._tell_events(session)
+        self.driving.look(now)
+        self._assign()
+        self._forget()
+
+    def join(self, viewer: Viewer) -> None:
+        """Add a page, and greet it if there is a session to see."""
+        self.viewers.append(viewer)
+        self._assign()
+        if viewer.watching is None:
+            viewer.greet({"type": "hello", "session": None} | self._own_part(viewer))
+        if self.launcher is not None:
+            viewer.put("launcher", self.launcher.message)
+
+    def leave(self, viewer: Viewer) -> None:
+        if viewer in self.viewers:
+            self.viewers.remove(viewer)
+        self.driving.leave(viewer)
+
+    def tell_all(self, topic: Topic, document: dict[str, Any]) -> None:
+        """Tell every page."""
+        put_all(self.viewers, topic, document)
+
+    def overview(self) -> list[dict[str, Any]]:
+        """All sessions, the newest first."""
+        newest = self.newest
+        return [
+            {
+                "session": session.name,
+                "sides": list(session.sources),
+                "live": not session.ended,
+                "newest": session is newest,
+                "rate_hz": session.rate_hz,
+                "file": session.description.get("file"),
+            }
+            for session in reversed(self.sessions.values())
+        ]
+
+    async def _change(self, viewer: Viewer, request: dict[str, Any]) -> Answer:
+        """Change settings of the session that a page shows."""
+        return await self.control.change(viewer.watching, request)
+
+    async def _session(self, viewer: Viewer, request: dict[str, Any]) -> Answer:
+        """Start or stop a session."""
+        launcher = self.launcher
+        if request["do"] == "start":
+            if launcher is None:
+                return refusal("this monitor starts no sessions; weberlink try does")
+            return launcher.request_start(request.get("scene"))
+        if launcher is not None:
+            if launcher.is_starting:
+                return launcher.request_stop()
+            launcher.expect_end(viewer.watching)
+        return await self.control.stop(viewer.watching, "stopped from the page")
+
+    async def _emergency(self, viewer: Viewer, _request: dict[str, Any]) -> Answer:
+        return await asyncio.get_running_loop().run_in_executor(self._stops, self.emergency, viewer.watching)
+
+    def emergency(self, name: str | None) -> Answer:
+        """Force to zero at once, at both ends of a session; of all sessions of this host if none of that name runs.
+
+        Blocks, and may be called from any thread, see `SessionControl.emergency`.
+        """
+        if self.launcher is not None:
+            for session in self.control.halted_by(name):
+                self.launcher.expect_end(session.name)
+        return self.control.emergency(name)
+
+    def put(self, session: WatchedSession) -> None:
+        """Add a session, or replace an earlier one of that name."""
+        self._drop(session.name)
+        self.sessions[session.name] = session
+        if self.launcher is not None:
+            self.launcher.note_running(session.name)
+        for viewer in self.viewers_of(session.name):
+            self._introduce(viewer, session)
+
+    def admit(self, name: str, source: RowSource) -> None:
+        """Add a side to its session, or begin a session with it."""
+        session = self.sessions.get(name)
+        if session is None or source.side in session.sources:
+            self.put(WatchedSession(name, source))
+        else:
+            session.admit(source)
+            self._greet_all(session)
+            self.driving.announce(name)
+
+    def _find(self) -> None:
+        for name, rings in find_rings(self._where).items():
+            # With a launcher, the sessions that it has started.
+            if self._only in (None, name) if self.launcher is None else name in self.launcher.started:
+                for ring in rings.values():
+                    source = self._opener.open(ring)
+                    if source is not None:
+                        self.admit(name, source)
+                        self._tell(f"session {name}: {source.side} at {source.rate_hz:g} Hz")
+
+    def _follow(self, session: WatchedSession, *, is_figures_time: bool) -> None:
+        viewers = self.viewers_of(session.name)
+        for message in session.look(show=bool(viewers)):
+            put_all(viewers, "rows", message)
+        self._keep_settings(session)
+        if session.ended:
+            self._tell(f"session {session.name}: over")
+            self.driving.announce(session.name)
+        self._tell_events(session)
+        if viewers and (is_figures_time or session.ended):
+            put_all(viewers, "final" if session.ended else "figures", session.figures())
+
+    def _tell_events(self, session: WatchedSession) -> None:
+        events = session.log.since(self._told_events.get(session.name, 0))
+        self._told_events[session.name] = session.log.count
+        if events:
+            put_all(self.viewers_of(session.name), "events", events_message(session.name, events))
+
+    def _assign(self) -> None:
+        """Assign each page its session: the one it asked for, or the newest."""
+        newest = self.newest
+        for viewer in self.viewers:
+            session = self.sessions.get(viewer.pinned or "", newest)
+            if session is not None and viewer.watching != session.name:
+                self._introduce(viewer, session)
+
+    def _greeting(self, viewer: Viewer, session: WatchedSession) -> dict[str, Any]:
+        hello = session.hello()
+        hello["readonly"] = hello["readonly"] or not viewer.may_change
+        hello["link"] = self.control.links.get(session.name, hello["link"])
+        hello |= self._own_part(viewer)
+        for part in self._attached:
+            hello |= part.hello(session, viewer)
+        return hello
+
+    def _greet_all(self, session: WatchedSession) -> None:
+        for viewer in self.viewers_of(session.name):
+            viewer.put("again", self._greeting(viewer, session))
+
+    def _own_part(self, viewer: Viewer) -> dict[str, Any]:
+        """The part of a greeting that depends on the page."""
+        nothing: Rooms = {"start": False, "scenes": [], "scene": None}
+        rooms = nothing if self.launcher is None else self.launcher.rooms
+        return {"token": self.requests.token if viewer.may_change else None, "rooms": rooms}
+
+    def _introduce(self, viewer: Viewer, session: WatchedSession) -> None:
+        """Switch a page to a session and send its last seconds."""
+        viewer.watching = session.name
+        self.driving.leave(viewer)
+        viewer.greet(self._greeting(viewer, session))
+        self.driving.tell(viewer)
+        for message in session.backlog():
+            viewer.put("rows", message)
+        if session.log.events:
+            viewer.put("events", events_message(session.name, list(session.log.events)))
+        viewer.put("final" if session.ended else "figures", session.figures())
+        for part in self._attached:
+            part.introduced(session, viewer)
+
+    def viewers_of(self, name: str) -> list[Viewer]:
+        """The pages that are shown this session."""
+        return [viewer for viewer in self.viewers if viewer.watching == name]
+
+    def _forget(self) -> None:
+        watched = {viewer.watching for viewer in self.viewers}
+        over = [session for session in self.sessions.values() if session.ended and session.name not in watched]
+        for session in over[:-ENDED_KEPT]:
+            self._drop(session.name)
+
+    def _drop(self, name: str) -> None:
+        session = self.sessions.pop(name, None)
+        if session is not None:
+            session.close()
+            self.control.forget(name)
+            for noted in (self._asked_at, self._told_events):
+                noted.pop(name, None)
+
+    def _keep_settings(self, session: WatchedSession) -> None:
+        """Ask a daemon for its settings at the beginning, and when its records report a change."""
+        count = session.settings_count
+        if count is None or count == self._asked_at.get(session.name):
+            return
+        self._asked_at[session.name] = count
+        task = asyncio.get_running_loop().create_task(self._ask_settings(session))
+        self._asking.add(task)
+        task.add_done_callback(self._asking.discard)
+
+    async def _ask_settings(self, session: WatchedSession) -> None:
+        for _ in range(ASK_TIMES):
+            answer = await asyncio.to_thread(ask_daemon, session.ring, {})
+            self.control.take(session, answer)
+            if "settings" in answer or session.ended:
+                return
+            await asyncio.sleep(ASK_AGAIN_S)

@@ -1,0 +1,117 @@
+"""The monitor's web server with sessions that a test scripts: what pages are told, and what they ask."""
+
+import asyncio
+import json
+import threading
+from collections.abc import Callable, Coroutine
+from types import SimpleNamespace
+from typing import Any, Self
+
+from aiohttp import web
+
+from weberlink_page import access
+from weberlink_page.viewer import Viewer
+from weberlink_page.web import Handler, Site
+
+Message = dict[str, Any]
+
+
+class ScriptedServer:
+    """Serves the page on a loopback port in a thread; stands in for `SessionWatcher`.
+
+    `greeting` are the messages to a page that connects; `answer` replies to its requests.
+    """
+
+    def __init__(self) -> None:
+        self.greeting: list[Message] = []
+        self.sessions: list[Message] = []
+        self.answer: Callable[[Message], Message | None] = lambda _: None
+        self.asked: list[Message] = []
+        self.posted: list[tuple[str, str | None]] = []
+        """Paths of the requests by POST with their queries, and their tokens."""
+        self.followed: list[str | None] = []
+        self.viewers: list[Viewer] = []
+        self.port = 0
+        self._runner: web.AppRunner | None = None
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+    @property
+    def address(self) -> str:
+        return f"http://127.0.0.1:{self.port}/"
+
+    def start(self) -> None:
+        """Serve, on the same port as before if there was one."""
+
+        async def start() -> None:
+            site = Site(self, access.names("127.0.0.1"), lambda: (b"", "text/plain"))  # type: ignore[arg-type]
+            application = site.application()
+            application.middlewares.append(self._answered)
+            self._runner = web.AppRunner(application, access_log=None, handle_signals=False, shutdown_timeout=1.0)
+            await self._runner.setup()
+            await web.TCPSite(self._runner, "127.0.0.1", self.port, reuse_address=True).start()
+            self.port = int(self._runner.addresses[0][1])
+
+        self._wait(start())
+
+    def stop(self) -> None:
+        if self._runner is not None:
+            self._wait(self._runner.cleanup())
+            self._runner = None
+
+    def say(self, *messages: Message) -> None:
+        """To every page."""
+
+        async def say() -> None:
+            for viewer in self.viewers:
+                self._put(viewer, messages)
+
+        self._wait(say())
+
+    def join(self, viewer: Viewer) -> None:
+        self.followed.append(viewer.pinned)
+        self._put(viewer, self.greeting)
+        self.viewers.append(viewer)
+
+    def leave(self, viewer: Viewer) -> None:
+        self.viewers.remove(viewer)
+
+    def overview(self) -> list[Message]:
+        return self.sessions
+
+    @property
+    def requests(self) -> SimpleNamespace:
+        return SimpleNamespace(
+            read=lambda _, text: json.loads(text), answer=self._take, proves=lambda _: False, token=""
+        )
+
+    async def _take(self, viewer: Viewer, document: Any) -> Message:
+        self.asked.append(document)
+        return self.answer(document) or {"type": "nothing"}
+
+    def _put(self, viewer: Viewer, messages: Any) -> None:
+        for message in messages:
+            viewer.put("rows", message)
+
+    def _wait(self, work: Coroutine[Any, Any, None]) -> None:
+        asyncio.run_coroutine_threadsafe(work, self._loop).result(30.0)
+
+    @web.middleware
+    async def _answered(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        """Answer what the page asks by HTTP."""
+        if request.method == "POST":
+            self.posted.append((request.path_qs, request.headers.get("X-WeberLink-Token")))
+            answer = self.answer({"type": request.path})
+            return web.json_response(answer, status=200 if answer and answer["accepted"] else 403)
+        return await handler(request)

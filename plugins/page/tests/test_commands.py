@@ -1,0 +1,54 @@
+"""The commands of the page: arguments that are refused, scenes, the unit, and what they import."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.program import weberlink
+from tests.system.systems import configuration
+from tests.test_operation import assert_accepted_and_little_exposed, assert_starts_a_command
+from weberlink.system.simulate import simulate
+from weberlink_page.scenes import SCENES
+
+UNIT = Path(__file__).parents[1] / "configs" / "weberlink-monitor.service"
+OTHERS = ("aioice", "foxglove", "mcap", "pylibfranka", "rosbags", "segno", "twisted", "websockets", "wormhole", "zenoh")
+WRONG = {
+    "monitor --port 70000": ("--port", 2),
+    "try --scene moon": ("--scene moon", 2),
+    "try --listen 192.0.2.1 --public": ("--listen 192.0.2.1", 1),
+    **{
+        f"{command} --listen {address}": (f"--listen {address}", 2)
+        for command in ("try", "monitor")
+        for address in ("0.0.0.0", "::", "192.0.2.1")
+    },
+}
+
+
+@pytest.mark.parametrize("line", WRONG)
+def test_a_wrong_argument_is_one_line_that_names_it(line: str) -> None:
+    ended, (field, status) = weberlink(*line.split()), WRONG[line]
+    assert (ended.status, ended.output, ended.errors.count("\n")) == (status, "", 1), ended
+    assert field in ended.errors
+
+
+def test_they_import_nothing_of_other_guests() -> None:
+    told = "import sys, weberlink.cli, weberlink_page.program; print(*sys.modules)"
+    there = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True).stdout.split()
+    assert "aiohttp" in there
+    assert not [name for name in there if name in OTHERS or (name.startswith("weberlink_") and "page" not in name)]
+
+
+def test_the_unit_starts_the_monitor_and_is_little_exposed(tmp_path: Path) -> None:
+    assert_starts_a_command(UNIT)
+    assert_accepted_and_little_exposed(UNIT, tmp_path)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_every_scene_to_try_is_felt(name: str) -> None:
+    summary, trace = simulate(configuration(*SCENES[name].overrides, file="try.yaml"), 2.5)
+    assert (summary["outcome"], summary["faults"]) == ("completed", {"master": {}, "slave": {}})
+    assert summary["force"]["packets"] > 2
+    assert 0.5 < np.linalg.norm(trace.trace.force_n, axis=1).max() < 10.0

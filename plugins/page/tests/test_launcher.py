@@ -1,0 +1,135 @@
+"""The session that a page starts, with a small program in the place of `weberlink loopback`."""
+
+import asyncio
+import json
+import sys
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from signal import SIGINT, Signals
+from typing import Any
+
+from tests.wait import PATIENCE
+from weberlink_page.launcher import SessionLauncher, TryOrder
+from weberlink_page.scenes import SceneChoice
+
+SCENES = {"dome": SceneChoice("A dome", ()), "box": SceneChoice("A box", ("slave.scene=box",))}
+# Notes its arguments, and runs until it is told to end, or as long as --duration says.
+PROGRAM = """
+import json, os, signal, sys, time
+if "wrong=1" in sys.argv:
+    sys.exit("weberlink: wrong: no such key")
+caught = []
+signal.signal(signal.SIGINT, lambda number, _: caught.append(number))
+with open(sys.argv[1], "a") as notes:
+    notes.write(json.dumps([os.getpid(), os.getsid(0), sys.argv[2:]]) + "\\n")
+limit = float(sys.argv[sys.argv.index("--duration") + 1]) if "--duration" in sys.argv else 60.0
+until = time.monotonic() + limit
+while not caught and time.monotonic() < until:
+    time.sleep(0.01)
+json.dump({"outcome": "interrupted" if caught else "completed", "ticks": 7}, sys.stdout)
+sys.exit(1 if "failing=1" in sys.argv else 0)
+"""
+
+
+class Told:
+    """A launcher, and what it says."""
+
+    def __init__(self, notes: Path, order: TryOrder) -> None:
+        self.notes = notes
+        self.lines: list[str] = []
+        self.messages: list[dict[str, Any]] = []
+        self.inherited: list[tuple[str, str]] = []
+        program = (sys.executable, "-S", "-c", PROGRAM, str(notes))
+        self.launcher = SessionLauncher(order, self.lines.append, self.messages.append, self._inherit, program)
+
+    async def _inherit(self, former: str | None, name: str) -> None:
+        self.inherited.append((former, name))
+
+    @property
+    def started(self) -> list[tuple[int, int, list[str]]]:
+        """Process, session of processes, and arguments of each program that has begun."""
+        return [json.loads(line) for line in self.notes.read_text().splitlines()] if self.notes.exists() else []
+
+    async def until_begun(self, number: int) -> int:
+        """Wait until that many have begun; returns the process id of the last."""
+        while min(len(self.started), len(self.launcher.started)) < number:
+            await asyncio.sleep(0.01)
+        self.launcher.note_running(str(self.started[-1][0]))
+        return self.started[-1][0]
+
+    @property
+    def ended(self) -> tuple[int, dict[str, Any] | None]:
+        """Status and report of the last session."""
+        assert self.launcher.last is not None
+        return self.launcher.last.status, self.launcher.last.report
+
+
+def order(*overrides: str, duration_s: float | None = None) -> TryOrder:
+    return TryOrder("try.yaml", overrides, SCENES, "dome", duration_s)
+
+
+def conduct(folder: Path, order: TryOrder, act: Callable[[Told], Awaitable[Signals | None]]) -> Told:
+    """Run a visit; `act` may return a signal that interrupts it."""
+
+    async def run() -> Told:
+        told, interrupted = Told(folder / "notes", order), asyncio.Event()
+        async with asyncio.timeout(PATIENCE):
+            visit = asyncio.get_running_loop().create_task(told.launcher.run(interrupted))
+            number = await act(told)
+            if number is not None:
+                told.launcher.signal(number)
+                interrupted.set()
+            await visit
+        return told
+
+    return asyncio.run(run())
+
+
+async def nothing(_told: Told) -> None: ...
+
+
+def test_interrupted_visit_ends_with_the_report(tmp_path: Path) -> None:
+    async def interrupt(told: Told) -> Signals:
+        await told.until_begun(1)
+        return SIGINT
+
+    told = conduct(tmp_path, order("a=1"), interrupt)
+    ((pid, group, arguments),) = told.started
+    assert arguments == ["loopback", "try.yaml", "--json", "-", "--set", "a=1"]
+    assert pid == group, "Ctrl-C does not reach it"
+    assert told.ended == (0, {"outcome": "interrupted", "ticks": 7})
+    assert [message["state"] for message in told.messages] == ["starting", "running", "idle"]
+
+
+def test_another_scene_is_another_session_and_one_is_started_at_a_time(tmp_path: Path) -> None:
+    async def change(told: Told) -> Signals:
+        await told.until_begun(1)
+        assert not told.launcher.request_start("sea")["accepted"]
+        assert told.launcher.request_start("box") == {"accepted": True}
+        await asyncio.sleep(0)
+        assert not told.launcher.request_start("box")["accepted"], "under way"
+        await told.until_begun(2)
+        assert told.launcher.rooms["scene"] == "box"
+        told.launcher.signal(SIGINT)
+        assert not told.launcher.request_start("box")["accepted"], "it ends"
+        return SIGINT
+
+    told = conduct(tmp_path, order(), change)
+    (first, _, _), (second, _, arguments) = told.started
+    assert arguments[-2:] == ["--set", "slave.scene=box"]
+    assert told.inherited == [(str(first), str(second))]
+    assert [(message["state"], message["scene"]) for message in told.messages[2:]] == [
+        *(("starting", "box"), ("running", "box"), ("idle", "box"))
+    ]
+
+
+def test_first_session_that_does_not_begin_ends_the_visit(tmp_path: Path) -> None:
+    told = conduct(tmp_path, order("wrong=1"), nothing)
+    message = {"type": "launcher", "state": "failed", "scene": "dome", "why": "wrong: no such key"}
+    assert (told.launcher.message, told.ended) == (message, (1, None))
+
+
+def test_limited_visit_ends_with_its_session(tmp_path: Path) -> None:
+    told = conduct(tmp_path, order("failing=1", duration_s=0.2), nothing)
+    assert told.started[0][2][-2:] == ["--duration", "1.000"], "the shortest"
+    assert told.ended == (1, {"outcome": "completed", "ticks": 7})

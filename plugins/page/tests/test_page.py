@@ -1,0 +1,320 @@
+"""What only a browser shows of the page, with scripted messages: layout, drawing, input, and the emergency stop.
+
+The scripts that need no document have their own tests in `page`.
+"""
+
+from collections.abc import Iterator
+from math import hypot, nan
+from time import sleep
+from typing import Any
+
+import numpy as np
+import pytest
+
+from plugins.page.tests import axe
+from plugins.page.tests import synthetic_session as session
+from plugins.page.tests.browser import Browser, browser
+from plugins.page.tests.scripted_server import Message, ScriptedServer
+
+TOKEN = "t0ken"
+DESK, PHONE = (1400, 900), (390, 844)
+AWAY = np.array([0.85, 2.1, 0.0]) / hypot(0.85, 2.1)
+"""Depth in the view, as it is seen at first."""
+ESCAPE, ENTER, STOP, RIGHT = "\ue00c", "\ue007", "\ue032", "\ue014"
+OUTSIDE = """
+return [...document.querySelectorAll('button, input, select, canvas, td, dd')].filter(e => e.offsetParent).filter(e => {
+    const b = e.getBoundingClientRect(); return b.left < 0 || b.right > innerWidth;
+  }).map(e => e.outerHTML)
+"""
+BOX = (
+    "const b = document.getElementById(arguments[0]).getBoundingClientRect(); return [b.left, b.top, b.right, b.bottom]"
+)
+WHEEL = "new WheelEvent('wheel', {deltaY: -300, bubbles: true})"
+PANELS = "return [...document.querySelectorAll('#charts > .panel')].filter(e => e.offsetParent).map(e => e.id.slice(6))"
+FIGURES = "return [...document.querySelectorAll('[data-figure]')].map(e => [e.dataset.figure, e.dataset.value])"
+REPORT: Message = {
+    "duration_s": 6.0,
+    "ticks": {
+        "master": {"count": 6012, "missed": 3, "lateness_us": {"p50": 57.2, "p99": 178.4}, "work_us": {"p50": 43.1}},
+        "slave": {"count": 6001, "missed": 0, "lateness_us": {"p50": 54.9, "p99": None}, "work_us": {"p50": 37.0}},
+    },
+    "force": {"samples": 6001, "packets": 24, "packets_per_s": 4.01234, "reduction": 0.996, "error_p99_deadbands": 1.1},
+    "position": {"packets_per_s": 38.5, "reduction": 0.9615, "error_rms": 0.000122, "violation_fraction": None},
+    "link": {"rtt_us": {"p50": 320.5, "p99": 690.0}, "lost": 0},
+}
+ALARM: Message = {"name": "unconnected", "level": "failed", "text": "unconnected for 6.9 s"}
+EVENT: Message = {"at": 1.0, "wall": 1.7e9, "level": "alarm", "side": "master", "text": "the link is silent"}
+RECORDING: Message = {"type": "recording", "state": "on", "path": "a.mcap", "bytes": 4.1e6, "seconds": 12.3, "marks": 2}
+FREE: Message = {"type": "handle", "state": "free", "why": None}
+SIDES = ("master", "slave")
+ROWS = [*(session.samples(side, 0.0, 6.0) for side in SIDES), session.felt(0.0, 6.0)]
+
+
+@pytest.fixture(scope="module")
+def flat(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """A browser without WebGL, of which a processor would draw every frame."""
+    with browser(tmp_path_factory.mktemp("flat"), webgl=False) as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def deep(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """One with WebGL."""
+    with browser(tmp_path_factory.mktemp("deep")) as one:
+        yield one
+
+
+@pytest.fixture
+def page(request: pytest.FixtureRequest) -> Browser:
+    found: Browser = request.getfixturevalue(getattr(request, "param", "flat"))
+    return found
+
+
+in_depth = pytest.mark.parametrize("page", ["deep"], indirect=True)
+
+
+@pytest.fixture(scope="module")
+def served() -> Iterator[ScriptedServer]:
+    with ScriptedServer() as one:
+        yield one
+
+
+@pytest.fixture
+def server(page: Browser, served: ScriptedServer) -> Iterator[ScriptedServer]:
+    page.size(*DESK)
+    page.scheme("dark")
+    served.sessions = []
+    served.answer = lambda asked: {"type": "answer", "accepted": True, "to": asked["type"]}
+    yield served
+    chain(page).reset_actions()  # a test that failed may still hold the handle
+    page.driver.get("about:blank")
+    page.wait(lambda: not served.viewers, "the page to leave")
+    served.asked.clear()
+    served.posted.clear()
+
+
+def hello(**other: Any) -> Message:
+    """The greeting of a monitor that may do everything."""
+    scenes = [{"name": "dome", "title": "Dome"}, {"name": "box", "title": "Box"}]
+    told = {
+        "token": TOKEN,
+        "names": {"file": "try.yaml"},
+        "rooms": {"start": True, "scenes": scenes, "scene": "dome"},
+        "records": True,
+        "drivable": True,
+        "workspace_m": 0.08,
+        "link": {"delay_ms": 0, "jitter_ms": 0, "loss": 0.0},
+    }
+    return session.hello(**told | other)
+
+
+def visit(page: Browser, server: ScriptedServer, *messages: Message) -> None:
+    """Open the page, which is told these when it connects."""
+    server.greeting = list(messages)
+    page.open(server.address)
+    page.wait(lambda: page.data("scene") in ("webgl", "missing"), "the 3-D view, or that there is none")
+    page.wait(lambda: page.picked("session") == messages[0]["session"], "the greeting to be shown")
+
+
+def chain(page: Browser) -> Any:
+    """Actions of a person at the page."""
+    from selenium.webdriver import ActionChains  # noqa: PLC0415 - an optional library
+
+    return ActionChains(page.driver, duration=20)
+
+
+def asked(server: ScriptedServer, kind: str) -> list[Message]:
+    """The requests of a type without their token, which each of them had."""
+    assert {each.get("token") for each in server.asked} <= {TOKEN}
+    return [
+        {k: v for k, v in each.items() if k not in ("type", "token")} for each in server.asked if each["type"] == kind
+    ]
+
+
+KINDS = {
+    "3": (hello(), ROWS, "force felt position packets delay ticks energy timeline"),
+    "6": (
+        session.hello_of_six(),
+        [session.samples(side, 0.0, 6.0, is_turned=True) for side in SIDES],
+        "force torque felt position orientation packets delay ticks timeline",
+    ),
+    "arm": (
+        session.hello(axes=session.ARM, scene=[], predictors=["zoh"], changes=["weber"]),
+        [session.arm(side, 0.0, 6.0) for side in SIDES],
+        "joint-torque felt joint-angle joint-packets delay ticks energy timeline",
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("page", "kind", "size", "scheme"),
+    [
+        ("deep", "3", DESK, "dark"),
+        ("flat", "3", PHONE, "light"),
+        ("deep", "6", (1000, 830), "dark"),
+        ("flat", "arm", PHONE, "dark"),
+    ],
+    indirect=["page"],
+)
+def test_every_kind_of_session_is_drawn_at_every_size_and_axe_finds_nothing(
+    page: Browser, server: ScriptedServer, kind: str, size: tuple[int, int], scheme: str
+) -> None:
+    greeting, told, panels = KINDS[kind]
+    page.size(*size)
+    page.scheme(scheme)
+    others = (session.figures(REPORT, alarms=[ALARM]), {"type": "events", "events": [EVENT]}, RECORDING, FREE)
+    visit(page, server, greeting, *told, *others)
+    page.wait(lambda: page.number("duration") == pytest.approx(6.0, abs=0.1), "the rows")
+    assert page.run(PANELS) == panels.split()
+    for name in panels.split():
+        page.run("document.getElementById(arguments[0]).scrollIntoView({block: 'center'})", f"panel-{name}")
+        if name != "felt" or told[-1]["type"] == "felt":
+            page.wait(lambda name=name: page.pixels(f"#panel-{name} canvas") > 5, f"the chart {name}")
+    assert page.run(OUTSIDE) == []
+    page.run("scrollTo(0, 100000)")
+    for name in ("emergency", "tile-state"):
+        left, top, right, bottom = page.run(BOX, name)
+        assert 0 <= left < right <= size[0] and 0 <= top < bottom <= size[1], "in sight, wherever the page is scrolled"
+    if kind == "3":
+        assert axe.findings(page) == []
+    assert page.console() == []
+    assert page.hosts() == {f"127.0.0.1:{server.port}"}
+
+
+TOLD = [
+    (session.figures(REPORT, alarms=[ALARM]), "alarms", ALARM["text"]),
+    ({"type": "events", "events": [EVENT]}, "events-count", "1"),
+    (RECORDING, "recording", "12.3 s, 4.1 MB, 2 marks"),
+    (session.figures(REPORT, ended=True, faults={"master": {"silence": 2}}), "state", "ended"),
+]
+"""Messages, the element that shows each, and a text in it."""
+
+
+def test_what_is_told_is_shown_and_figures_are_those_of_the_report(page: Browser, server: ScriptedServer) -> None:
+    visit(page, server, hello(), *ROWS)
+    for message, element, text in TOLD:
+        server.say(message)
+        page.wait(lambda element=element, text=text: text in page.text(element), text)
+    shown = page.run(FIGURES)
+    assert len(shown) > 25
+    for path, exact in shown:
+        value: Any = REPORT | {"felt": REPORT["force"]}
+        for key in path.split("."):
+            value = (value or {}).get(key)
+        assert float(exact or "nan") == pytest.approx(nan if value is None else value, nan_ok=True), path
+    assert (page.number("duration"), page.number("faults"), page.number("felt-deadbands-now")) == (6.0, 2, 1.1)
+
+
+def test_emergency_is_sent_both_ways_by_finger_and_by_keyboard_whatever_has_the_focus(
+    page: Browser, server: ScriptedServer
+) -> None:
+    visit(page, server, hello(), *ROWS)
+
+    def until_asked(count: int) -> None:
+        page.wait(lambda: len(server.posted) >= count <= len(asked(server, "emergency")), "both requests")
+
+    left, top, *_ = page.run(BOX, "emergency")
+    at = {"x": left + 20, "y": top + 20, "button": "left", "clickCount": 1}
+    page.driver.execute_cdp_cmd("Input.dispatchMouseEvent", at | {"type": "mousePressed"})
+    until_asked(1)
+    presses = [*((name, STOP) for name in ("record-text", "weber", "room-scene")), ("emergency", ENTER)]
+    for count, (focused, key) in enumerate(presses, 2):
+        page.driver.find_element("id", focused).send_keys(key)
+        until_asked(count)
+        page.wait(lambda: page.data("emergency") == "stopped", "the stop")
+    chain(page).key_down("\ue009").send_keys(STOP).key_up("\ue009").send_keys(ESCAPE).perform()
+    page.click("#pause")
+    assert server.posted == [("/api/emergency?session=1234", TOKEN)] * 5, "with another key it is not the stop"
+    page.driver.execute_cdp_cmd("Input.dispatchMouseEvent", at | {"type": "mouseReleased"})
+
+
+def test_emergency_that_fails_says_so_and_what_to_do(page: Browser, server: ScriptedServer) -> None:
+    server.answer = lambda asked: {"type": "answer", "accepted": False, "to": asked["type"], "why": "wrong token"}
+    visit(page, server, hello(), *ROWS)
+    page.click("#emergency")
+    page.wait(lambda: page.data("emergency") == "failed", "the refusal")
+    assert page.text("notice").startswith("NOT stopped: wrong token") and "Ctrl-C" in page.text("notice")
+    server.say(session.figures(REPORT, ended=True))
+    page.wait(lambda: page.data("emergency") == "stopped", "the end of the session")
+    server.stop()
+    page.wait(lambda: page.data("state") == "lost", "the loss")
+    page.click("#emergency")
+    page.wait(lambda: "the monitor does not answer" in page.text("notice"), "the failure")
+    server.start()
+    page.wait(lambda: page.data("state") != "lost", "the page to connect again")
+
+
+@in_depth
+def test_pointer_and_keys_drive(page: Browser, server: ScriptedServer) -> None:
+    rest = session.samples("master", 0.0, 0.2)
+    count = len(rest["t"])
+    rest["columns"] |= {"position": [[0.0] * count] * 3, "output": [[0.0] * count] * 3}
+    visit(page, server, hello(), rest, FREE)
+    page.wait(lambda: page.data("handle-state") == "free", "the handle")
+    drives = lambda: asked(server, "drive")  # noqa: E731
+    scene = page.driver.find_element("id", "scene")
+    chain(page).move_to_element(scene).click_and_hold().perform()
+    page.wait(lambda: page.data("handle-state") == "held", "the hold")
+    assert drives()[0] == {"target": [0.0, 0.0, 0.0], "held": True}
+    chain(page).move_by_offset(40, -30).perform()
+    page.wait(lambda: hypot(*drives()[-1]["target"]) > 0.005, "the target to move")
+    sleep(0.1)
+    moved = np.array(drives()[-1]["target"])
+    assert abs(moved @ AWAY) < 1e-5 and moved[2] > 0, "on the vertical plane"
+    page.run(f"document.querySelector('#scene canvas').dispatchEvent({WHEEL})")
+    page.wait(lambda: np.array(drives()[-1]["target"]) @ AWAY == pytest.approx(0.012, abs=1e-5), "the depth")
+    server.asked.clear()
+    page.run("const end = performance.now() + 1500; while (performance.now() < end);")
+    assert 4 < len(drives()) < 35, "a busy page repeats the target, but not for long"
+    chain(page).release().perform()
+    page.wait(lambda: not drives()[-1]["held"], "the release")
+    chain(page).key_down(RIGHT).perform()
+    page.wait(lambda: drives()[-1]["held"] and drives()[-1]["target"][0] > 0.002, "the keys")
+    chain(page).send_keys(ESCAPE).perform()
+    page.wait(lambda: not drives()[-1]["held"], "Escape to let go")
+    chain(page).key_up(RIGHT).perform()
+    count = len(drives())
+    # Beside the handle a drag turns the view.
+    chain(page).move_to_element_with_offset(scene, 150, 90).click_and_hold().move_by_offset(9, 0).release().perform()
+    assert (len(drives()), page.console()) == (count, [])
+    scene.send_keys(STOP)
+    page.wait(lambda: len(server.posted) == len(asked(server, "emergency")) == 1, "the emergency stop")
+    server.say(FREE | {"state": "taken", "why": "another visitor drives"})
+    page.wait(lambda: "another visitor drives" in page.text("handle-state"), "who drives")
+
+
+def test_controls_ask_and_show_the_answer(page: Browser, server: ScriptedServer) -> None:
+    server.answer = lambda asked: {"type": "answer", "to": asked["type"], "accepted": True, "tick": 2166}
+    server.sessions = [{"session": name, "file": "try.yaml", "live": True} for name in ("1234", "5678")]
+    visit(page, server, hello(), *ROWS)
+    page.wait(lambda: page.run("return !document.getElementById('weber').disabled"), "the controls")
+    for name, value in (("weber", "0.2"), ("predictor", "plane"), ("delay_ms", "20")):
+        page.choose(name, value)
+        page.wait(lambda name=name: name in asked(server, "change")[-1:][0] if asked(server, "change") else False, name)
+        page.wait(lambda: page.data("answer") == "accepted" and "2166" in page.text("answer"), "the answer")
+    page.choose("room-scene", "box")
+    page.driver.find_element("id", "record-text").send_keys("a wall")
+    page.click("#record-switch")
+    server.say(RECORDING)
+    page.driver.find_element("id", "panel-scene").click()
+    chain(page).send_keys("m").perform()
+    for selector in ("#record-switch", "#start", "#stop"):
+        page.click(selector)
+    page.wait(lambda: len(server.asked) >= 8, "all requests")
+    assert asked(server, "change") == [{"weber": 0.2}, {"predictor": "plane"}, {"delay_ms": 20}]
+    assert asked(server, "session") == [{"do": "start", "scene": "box"}, {"do": "stop"}]
+    assert asked(server, "record") == [{"do": "start", "name": "a wall"}, {"do": "mark", "text": ""}, {"do": "stop"}]
+    page.choose("session", "5678")
+    page.wait(lambda: server.followed[-1] == "5678", "the other session")
+
+
+def test_page_works_without_webgl_and_without_a_session(page: Browser, server: ScriptedServer) -> None:
+    server.greeting = []
+    page.open(server.address)
+    page.wait(lambda: "weberlink try" in page.text("start-help"), "the help")
+    server.greeting = [hello(), *ROWS]  # for a page that has just lost its connection
+    server.say(*server.greeting)
+    page.wait(lambda: page.data("state") == "engaged", "the session")
+    assert page.data("scene") == "missing" and "WebGL" in page.text("scene")
+    page.wait(lambda: page.pixels("#panel-force canvas") > 5, "the charts")
+    assert page.console() == []
