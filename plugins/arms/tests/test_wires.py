@@ -92,6 +92,24 @@ def test_a_wrong_checksum_is_counted_and_the_next_frame_heard(wire: Wire, last: 
 
 
 @every_wire
+@given(st.binary(max_size=200) | tricky)
+def test_no_noise_keeps_a_frame_from_being_heard(wire: Wire, noise: bytes) -> None:
+    """After as many zeros as the longest frame has bytes."""
+    reader, frame = wire.reader(), wire.frame(3, 1, b"ok")
+    reader.feed(noise)
+    assert reader.feed(bytes(1100) + wire.encode(frame))[-1] == frame
+
+
+@every_wire
+def test_what_waits_is_forgotten(wire: Wire) -> None:
+    reader, whole = wire.reader(), wire.encode(wire.frame(3, 1, b"ok"))
+    reader.feed(whole[:-1])
+    reader.clear()
+    assert reader.feed(whole[-1:]) == []
+    assert reader.feed(whole) == [wire.frame(3, 1, b"ok")]
+
+
+@every_wire
 @pytest.mark.parametrize(("end", "beyond"), [(0, -1), (0, 0), (1, 0), (1, 1)])
 def test_only_a_length_that_can_be_is_waited_for(wire: Wire, end: int, beyond: int) -> None:
     """A frame with another length is passed over at once."""
