@@ -2,14 +2,14 @@
 
 Each candidate of each predictor in the bank runs its own deadband loop, a shadow encoder. Its record is the number of
 its sends with exponential forgetting. The time constant is long, because a few sends do not tell similar candidates
-apart. The receiver needs none of this: choice and parameters travel in
-the update.
+apart. The receiver needs none of this: choice and parameters travel in the update.
 
-The rule without forgetting, `doubt` and the term `PRESENT` is to follow the leader. If the best of N candidates would
-send m times, then the sends charged to the leaders (those of ticks in which the leader would send) are at most
-N (m + 1): each adds one to the count of a leader, and while the smallest count is c each candidate errs at most once as
-a leader with that count. An adversary reaches the bound (Cesa-Bianchi and Lugosi, Prediction, Learning, and Games,
-2006). Forgetting is for a best candidate that changes (Littlestone and Warmuth, The weighted majority algorithm, 1994).
+The rule without forgetting, `doubt` and the weight of the present error is to follow the leader. If the best of N
+candidates would send m times, then the sends charged to the leaders (those of ticks in which the leader would send) are
+at most N (m + 1): each adds one to the count of a leader, and while the smallest count is c each candidate errs at most
+once as a leader with that count. An adversary reaches the bound (Cesa-Bianchi and Lugosi, Prediction, Learning, and
+Games, 2006). Forgetting is for a best candidate that changes (Littlestone and Warmuth, The weighted majority algorithm,
+1994).
 The bound is not one of the sends of a session: after a send the model in use is not that of the shadow. Measured, the
 sends of most synthetic signals are 0.4 to 1.1 times the best of the paper's four (tests/codec/test_selection.py).
 """
@@ -19,7 +19,7 @@ from math import exp
 
 from weberlink.codec.channel import Channel
 from weberlink.codec.deadband import Deadband
-from weberlink.codec.predictors.contract import NOTHING, Ahead, Candidate, EncodeContext, History, Signal
+from weberlink.codec.predictors.estimation import NOTHING, Ahead, Candidate, EncodeContext, History, Signal
 from weberlink.codec.predictors.model import Hold, Model
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, norm
@@ -27,34 +27,25 @@ from weberlink.update import MAX_GAP
 
 MEMORY_S = 3.0
 """Time constant of the record [s]."""
-HOPELESS_S = 0.003
+MIN_LIFETIME_S = 0.003
 """A candidate whose model lasted no longer is suspended [s]: it costs run time and saves no update."""
 REST_S = 0.016
-"""Length of a suspension [s]; meanwhile one send per `HOPELESS_S` is added to the record."""
-PRESENT = 12.0
-"""Weight of the present error in the choice: an error of one deadband or more is as many sends. With look-ahead
-the known signal says more."""
+"""Length of a suspension [s]; meanwhile one send per `MIN_LIFETIME_S` is added to the record."""
+PRESENT_ERROR_WEIGHT = 12.0
+"""In the choice without look-ahead: an error of one deadband or more is as many sends."""
 LEAST_FORCE_STEPS = 10.0
 """Smallest force that counts as contact, in wire steps; twice the deadband at rest if that is more."""
 
 
 class Shadow:
-    """One candidate and its deadband loop.
-
-    Attributes:
-        selector: index in the bank of the candidate's predictor.
-        candidate: makes the models.
-        doubt: factor on the record when candidates are compared.
-        error: error of the prediction at the newest sample, before any send, in the unit of the values. While the
-            candidate is suspended, that at its last send.
-    """
+    """One candidate and its deadband loop; `error` is that of its prediction at the newest sample that it followed."""
 
     def __init__(
         self, selector: int, candidate: Candidate, rest: Vector | None, doubt: float = 1.0, period: float = 1e-3
     ) -> None:
         self.selector = selector
         self._memory = MEMORY_S / period
-        self._hopeless = HOPELESS_S / period
+        self._min_lifetime = MIN_LIFETIME_S / period
         self._rest = round(REST_S / period)
         self.candidate = candidate
         self.doubt = doubt
@@ -93,9 +84,9 @@ class Shadow:
         self._remembered = self._model.memory
         self._newest = sample
         sends = 1.0
-        if lasted <= self._hopeless:
+        if lasted <= self._min_lifetime:
             self._wakes = tick + self._rest
-            sends += REST_S / HOPELESS_S
+            sends += REST_S / MIN_LIFETIME_S
         self._forget(tick)
         self._sends += sends
 
@@ -178,7 +169,14 @@ class AdaptiveChoice:
         """
         context = EncodeContext(newest, earlier, bound, self._history, ahead)
         allowed = [shadow for shadow in self._shadows if shadow.selector in selectors]
-        allowed.sort(key=lambda shadow: self._cost(shadow, newest.tick, bound))
+        # With look-ahead the known signal says more than the present error.
+        weight = 0.0 if self._channel.lookahead else PRESENT_ERROR_WEIGHT
+        allowed.sort(
+            key=lambda shadow: (
+                shadow.doubt * shadow.record(newest.tick)
+                + weight * (min(1.0, shadow.error / bound) if bound > 0.0 else 1.0)
+            )
+        )
         renders = self._channel.every_position and norm(newest.value) > self._signal.least_contact
         best: tuple[int, Model | None] = (allowed[0].selector, None)
         highest = (False, -1)
@@ -200,9 +198,3 @@ class AdaptiveChoice:
         actual, place, memory = self._history.values[-1], self._history.places[-1], model.memory
         first = model.first(newest) if memory is None else model.advance(newest.tick, place, memory)[0]
         return self._deadband.error(first, actual)
-
-    def _cost(self, shadow: Shadow, tick: int, bound: float) -> float:
-        record = shadow.doubt * shadow.record(tick)
-        if self._channel.lookahead:
-            return record
-        return record + PRESENT * (min(1.0, shadow.error / bound) if bound > 0.0 else 1.0)

@@ -153,7 +153,7 @@ class BundleDecoder:
         for decoder, own in zip(self._decoders, self._slices, strict=True):
             if isinstance(update.payload, PreviousSample):
                 payload = PreviousSample(update.payload.gap, update.payload.levels[own])
-            part = update._replace(newest=update.newest[own], payload=payload)
+            part = Update(update.tick, update.selector, update.newest[own], payload)
             read.append((decoder, part, decoder.read(part)))
         for decoder, part, decoded in read:
             decoder.take(part, decoded)

@@ -18,13 +18,17 @@ from weberlink.codec.predictors import (
 from weberlink.codec.rate import UpdateRate
 from weberlink.codec.sample import Quantizer, Sample, SampleGrid
 from weberlink.compiled import mypyc_attr
-from weberlink.geometry.vector import ZERO, Vector, is_finite, norm, scale
+from weberlink.geometry.vector import ZERO, Vector, is_finite, within
 from weberlink.update import MAX_SELECTOR, UpdateForm
 
 
 @dataclass(frozen=True, slots=True)
 class Smoothing:
-    """Length and size of the ramp.
+    """The ramp of smooth updates, which replaces part of the jump that an update makes, within the deadband.
+
+    When an update arrives, the displayed value jumps by the error of the old model, at least one just noticeable
+    difference. Smoothing holds part of the jump back and removes it in equal steps. The encoder's mirror does the same,
+    so the law of the encoder still holds. The held part lags by the length of the ramp at most; the rest does not lag.
 
     Args:
         ticks: length of the ramp, >= 1.
@@ -44,14 +48,8 @@ class Smoothing:
             raise ValueError(f"share must be 0 to 0.9, not {self.share!r}")
 
     def kept(self, jump: Vector, bound: float) -> Vector:
-        """The part of a jump that is held back: the same direction, at most `share` of the deadband.
-
-        Args:
-            jump: from the new sample to the value displayed before [N].
-            bound: the deadband at the new sample [N].
-        """
-        longest, length = self.share * bound, norm(jump)
-        return jump if length <= longest else scale(jump, longest / length)
+        """The part of a jump from the new sample to the value before that is held back."""
+        return within(jump, self.share * bound)
 
     def remaining(self, since: float) -> float:
         """The share of the held part, 0 to 1, that is left `since` ticks after the sample."""
@@ -187,14 +185,9 @@ def force_channel(
         axes: the axes that are sent.
         force_step: wire step [N], > 0.
         position_step: wire step [m], > 0.
-        fit_limits: the range in which a fitted contact is accepted.
         saturates: False lifts the int16 range, for studies without a wire.
         deadband: a deadband of another shape; `weber`, `floor` and `reference` are not read then.
-        smoothing: the ramp over which an update changes the force; None for a step.
-        rate: largest rate of updates; None for no limit.
-        every_position: whether every update carries the position, whatever its predictor reads.
-        tick_period: time between ticks [s], > 0.
-        lookahead: number of ticks that the encoder looks ahead.
+        fit_limits, smoothing, rate, every_position, tick_period, lookahead: as of `Channel`.
 
     Raises:
         ValueError: as `Channel`, or for a number out of range.

@@ -71,7 +71,7 @@ class Decoder:
         return UNFITTED if self.model is None else self.model.record()
 
     def retune(self, deadband: Deadband, since: float = -inf) -> None:
-        """Size ramps by another deadband, because the encoder was retuned; without smoothing this changes nothing.
+        """Size ramps by another deadband, that of the encoder; without smoothing this changes nothing.
 
         Args:
             deadband: of the encoder.
@@ -89,11 +89,7 @@ class Decoder:
             self.take(update, self.read(update))
 
     def read(self, update: Update) -> Decoded:
-        """What an update says; changes nothing.
-
-        Raises:
-            ValueError: as `apply`.
-        """
+        """What an update says; changes nothing and raises as `apply`."""
         channel, grid = self._channel, self._grid
         if not 0 <= update.selector < len(self._predictors):
             raise ValueError(f"update selects predictor {update.selector} of a bank of {len(self._predictors)}")
@@ -108,7 +104,11 @@ class Decoder:
     def take(self, update: Update, decoded: Decoded) -> None:
         """Replace the state by that of an update that was read."""
         newest, model, first = decoded
-        before = self._shown(newest.tick, newest.position) if self._channel.smoothing is not None else None
+        before = None
+        if self._channel.smoothing is not None:
+            if self._noted is not None and self._noted[0] == newest.tick:
+                self._memory = self._noted[1]  # a mirror was asked in this tick already: that change is undone
+            before = self._value(newest.tick, newest.position)
         self.model, self.newest, self.selected, self._applied = model, newest, update.selector, update
         self.first = first
         self._memory, self._noted = model.memory, None
@@ -128,14 +128,7 @@ class Decoder:
         return self._value(tick - self._late, position)
 
     def stated(self, tick: float, position: Vector) -> Vector:
-        """What the model states for another place or tick than those that `value` follows, without its memory.
-
-        Args:
-            tick, position: as of `value`.
-
-        Returns:
-            Force [N] or position [m]; zero before the first update.
-        """
+        """As `value`, for another place or tick, and without the memory; zero before the first update."""
         newest, model, channel = self.newest, self.model, self._channel
         if newest is None or model is None:
             return ZERO
@@ -151,24 +144,11 @@ class Decoder:
         elif self._memory is None:
             value = channel.displayable(model.at(tick, channel.place(position)), newest)
         else:
-            value = self._advance(tick, channel.place(position))
+            if self._noted is None or self._noted[0] != tick:
+                self._noted = tick, self._memory
+            predicted, self._memory = model.advance(tick, channel.place(position), self._memory)
+            value = channel.displayable(predicted, newest)
         return value if self._ramp is None else self._smoothed(value, tick)
-
-    def _advance(self, tick: float, place: Vector) -> Vector:
-        """The value of a model with a memory."""
-        newest, model = self.newest, self.model
-        assert newest is not None
-        assert model is not None
-        if self._noted is None or self._noted[0] != tick:
-            self._noted = tick, self._memory
-        value, self._memory = model.advance(tick, place, self._memory)
-        return self._channel.displayable(value, newest)
-
-    def _shown(self, tick: float, position: Vector) -> Vector | None:
-        """The value before an update. A mirror was asked in this tick already; that change of memory is undone."""
-        if self._noted is not None and self._noted[0] == tick:
-            self._memory = self._noted[1]
-        return self._value(tick, position)
 
     def _ramp_from(self, before: Vector) -> Vector | None:
         """The ramp starts within a share of the deadband around the sample, even if the model starts elsewhere."""

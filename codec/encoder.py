@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from weberlink.codec.channel import Channel
 from weberlink.codec.deadband import Deadband
 from weberlink.codec.decoder import Decoder
-from weberlink.codec.predictors.contract import NOTHING, Ahead
+from weberlink.codec.predictors.contract import FittedPredictor
+from weberlink.codec.predictors.estimation import NOTHING, Ahead
 from weberlink.codec.rate import TokenBucket
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
@@ -19,17 +20,7 @@ if TYPE_CHECKING:
 
 
 class Taken(NamedTuple):
-    """A measured sample that waits for its decision.
-
-    Args:
-        tick: the sender's tick number.
-        value: as measured.
-        actual: the same within the range of the wire.
-        position: commanded position at which a force was measured [m].
-        most: largest error that may stay unsent.
-        bound: the deadband if the sample were displayed and sent as measured; 0 without look-ahead, where nobody reads
-            it.
-    """
+    """A measured sample that waits for its decision; `bound` is its deadband if it were displayed and sent."""
 
     tick: int
     value: Vector
@@ -40,12 +31,9 @@ class Taken(NamedTuple):
 
 
 class Window:
-    """The samples that are known and not yet decided on.
+    """The samples that are known and not yet decided on: the decision on one waits for the next `length` ticks.
 
     A tick without a sample gets no decision, and neither does a sample whose time passed while nothing was encoded.
-
-    Args:
-        length: L [ticks], >= 0.
     """
 
     def __init__(self, length: int) -> None:
@@ -89,18 +77,16 @@ class Encoder:
 
     With several predictors in the bank this is the paper's hybrid: at a send it chooses the predictor whose value
     *before* the update is closest (after it, all of them pass through the sample) and uses it until the next send. An
-    adaptive channel chooses by the records of the predictors instead (`weberlink.codec.adaptive`).
+    adaptive channel chooses by the records of the predictors instead (`weberlink.codec.adaptive`). A bounded rate of
+    updates widens the deadband of a busy signal (`weberlink.codec.rate`).
 
-    If the channel bounds the rate of updates, a busy signal widens the deadband (`weberlink.codec.rate`).
-
-    With look-ahead the sample of L ticks ago is coded in a tick (`weberlink.codec.encoder`), and the law holds for
-    the signal delayed by L: the mirror is evaluated at the tick and at the commanded position of the coded sample.
+    With look-ahead the sample of L ticks ago is coded in a tick, and the law holds for the signal delayed by L: the
+    mirror is evaluated at the tick and at the commanded position of the coded sample.
 
     Attributes:
         mirror: the state of the other end if no update was lost.
         coded: the last coded sample as measured; before the first, what the other end starts from.
-        bound: the deadband of the last coded sample, in the unit of the values, as widened; at least its error, if
-            that was not sent for want of tokens.
+        bound: its deadband in the unit of the values, widened by the rate limit; its error if no token was left.
         widened: whether the rate of updates widened it.
         predicted: the value at the other end for that sample, before any update; None if it had none.
         rejected: number of samples that were not finite, and so were not coded.
@@ -109,6 +95,7 @@ class Encoder:
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
         self._predictors = channel.predictors
+        self._fitted = [each for each in channel.predictors if isinstance(each, FittedPredictor)]
         self._grid = channel.grid
         self._sizes = [sum(form.newest) for form in channel.forms]
         self.mirror = Decoder(channel)
@@ -309,7 +296,7 @@ class Encoder:
         newest, previous, selectors = self._newest, self._previous, self._selectors
         if newest is None or len(selectors) == 1:
             return selectors[0]
-        channel, predictors = self._channel, self._predictors
+        channel, predictors = self._channel, self._fitted  # all of the bank: `Channel` sees to it
         place, limits = channel.place(position), channel.fit_limits
         if ahead.values:
             new = [predictors[selector].model(sample, earlier, limits) for selector in selectors]

@@ -21,11 +21,7 @@ def pack(values: Sequence[int], widths: Sequence[int]) -> bytes:
 
 
 def unpack(data: bytes, widths: Sequence[int]) -> list[int]:
-    """The fields of any bytes; each is within its width, and those beyond the end are 0.
-
-    Raises:
-        ValueError: for more bytes than the fields have.
-    """
+    """The fields of any bytes, each within its width and 0 beyond the end; raises ValueError for more bytes."""
     unused = -sum(widths) % 8
     size = (sum(widths) + unused) // 8
     if len(data) > size:
@@ -42,12 +38,7 @@ def unpack(data: bytes, widths: Sequence[int]) -> list[int]:
 class Block(NamedTuple):
     """A block floating-point format: `size` numbers with a common exponent, set by the largest of them.
 
-    The levels of zeros are 0.
-
-    Args:
-        unit: value of the last bit at exponent 0, > 0.
-        width: bits of a number, including the sign, >= 2.
-        size: count of numbers, >= 1.
+    `unit` is the value of the last bit at exponent 0; `width` are the bits of a number, with its sign (>= 2).
     """
 
     unit: float
@@ -78,16 +69,11 @@ class Block(NamedTuple):
 
 
 class Float(NamedTuple):
-    """A small floating-point format; its relative error is at most 2**-(digits + 1).
+    """A small floating-point format: 2**`octaves` doublings of the magnitude `low`, with `digits` bits of fraction.
 
-    The only exception is the smallest positive signed number, which is encoded as the next one. No logarithm is used,
-    because its rounding depends on the library: two hosts decode the same number.
-
-    Args:
-        low: smallest magnitude, > 0.
-        octaves: bits of the exponent; the range is 2**octaves doublings of `low`.
-        digits: bits of the fraction.
-        signed: True: there is a sign bit, and a magnitude below `low` becomes 0. False: it becomes `low`.
+    The relative error is at most 2**-(digits + 1), except of the smallest positive signed number, which is encoded as
+    the next one. Signed, a magnitude below `low` becomes 0, otherwise `low`. No logarithm is used, because its rounding
+    depends on the library: two hosts decode the same number.
     """
 
     low: float
@@ -126,13 +112,7 @@ class Float(NamedTuple):
 
 
 class Uniform(NamedTuple):
-    """Numbers in equal steps.
-
-    Args:
-        low: the number of level 0.
-        step: distance between two levels, > 0.
-        width: bits of a level.
-    """
+    """Numbers in equal steps: level 0 is `low`, and `width` are the bits of a level."""
 
     low: float
     step: float

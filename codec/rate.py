@@ -46,23 +46,16 @@ class UpdateRate:
 
     @classmethod
     def limited_to(cls, per_s: float, tick_period: float) -> Self:
-        """The rate of so many updates per second, at a time between ticks [s].
-
-        Raises:
-            ValueError: for a number that is not positive.
-        """
+        """The rate of so many updates per second (> 0), at a time between ticks [s]."""
         return cls(per_s * tick_period, max(BURST_S * per_s, LEAST_BURST))
 
 
 class TokenBucket:
-    """The tokens of one encoder.
+    """The tokens of one encoder; `tokens` updates may be sent now, fewer than 0 after forced ones.
 
     Args:
         rate: at which they come back.
         at_rest: deadband at rest, in the unit of the values, > 0.
-
-    Attributes:
-        tokens: number of updates that may be sent now; below 0 after forced ones.
     """
 
     def __init__(self, rate: UpdateRate, at_rest: float) -> None:

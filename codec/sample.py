@@ -28,7 +28,7 @@ class Quantizer:
             largest_level: saturation, symmetric; with infinity, `LARGEST` is the only limit.
 
         Raises:
-            ValueError: for a step that is not positive and finite, or for axes that are not a subset of "xyz".
+            ValueError: for a step or axes that are not so.
         """
         if not (step > 0.0 and isfinite(step)):
             raise ValueError(f"quantizer step must be positive and finite, not {step!r}")
@@ -122,13 +122,7 @@ class Sample(NamedTuple):
 
 
 class SampleGrid(NamedTuple):
-    """The grids of one channel in value, position and time.
-
-    Args:
-        value: grid of the coded value.
-        position: grid of the position that travels with it; None if the value is the position.
-        period: time between ticks [s].
-    """
+    """The grids of value and position (None if that is the value), and the time between ticks [s]."""
 
     value: Quantizer
     position: Quantizer | None = None

@@ -82,11 +82,7 @@ class ConeDeadband(Deadband):
 
 
 def chord_of(direction: float) -> float:
-    """Distance between two unit vectors at an angle [rad].
-
-    Raises:
-        ValueError: if the angle is not above 0 and at most pi.
-    """
+    """Distance between two unit vectors at an angle [rad], above 0 and at most pi; otherwise ValueError."""
     if not 0.0 < direction <= pi:
         raise ValueError(f"direction must be above 0 and at most pi [rad], not {direction!r}")
     return 2.0 * sin(0.5 * direction)

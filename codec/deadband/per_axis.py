@@ -55,13 +55,7 @@ class PerAxisDeadband(Deadband):
         return self.excess(displayed, actual, 1.0)
 
     def excess(self, displayed: Vector, actual: Vector, share: float) -> float:
-        """The error in multiples of a deadband that is `share` times as wide; no axis is finer than the resolution.
-
-        Args:
-            displayed: the decoder's value without an update.
-            actual: the measured value.
-            share: > 0, or >= 0 with a resolution.
-        """
+        """The largest error in multiples of a deadband `share` (>= 0) times as wide, none finer than the resolution."""
         weber, resolution, floors = self.weber, self.resolution, self.floors
         largest = 0.0
         for index in (0, 1, 2):

@@ -8,21 +8,14 @@ To add one, write a file in this folder and a line here, or an entry point of th
 
 from typing import Any
 
-from weberlink.codec.predictors.contract import Predictor
+from weberlink.codec.predictors.contract import EstimatedPredictor, FittedPredictor, Predictor
 from weberlink.codec.predictors.model import ContactSurface, FitLimits, Model
-from weberlink.registry import Registry, check_overrides
+from weberlink.registry import Registry
 
 
 def _check(name: str, entry: Any) -> None:
-    if not isinstance(entry, Predictor) or entry.name != name:
+    if not isinstance(entry, FittedPredictor | EstimatedPredictor) or entry.name != name:
         raise ValueError(f"predictor {name!r}: its entry point must name a Predictor object called {name!r}")
-    kind = type(entry)
-    if not entry.estimated:
-        check_overrides(f"predictor {name}", kind, Predictor, "fit")
-        return
-    check_overrides(f"predictor {name}", kind, Predictor, "candidates")
-    if kind.packed is Predictor.packed:
-        check_overrides(f"predictor {name}", kind, Predictor, "widths", "levels", "build")
 
 
 _HERE = "weberlink.codec.predictors"
@@ -61,7 +54,9 @@ __all__ = [
     "HYBRID_BANK",
     "PREDICTORS",
     "ContactSurface",
+    "EstimatedPredictor",
     "FitLimits",
+    "FittedPredictor",
     "Model",
     "Predictor",
 ]

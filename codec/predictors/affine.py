@@ -10,11 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from weberlink.codec.parameters import Block
-from weberlink.codec.predictors.contract import Candidate, EncodeContext, Predictor, Signal
+from weberlink.codec.parameters import Block, pack, unpack
+from weberlink.codec.predictors.contract import EstimatedPredictor
+from weberlink.codec.predictors.estimation import Candidate, EncodeContext, Signal
 from weberlink.codec.predictors.model import FitLimits, Model
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale, subtract
+from weberlink.update import ModelParameters
 
 WINDOW_S = 0.014
 """Length of the regression window [s]."""
@@ -113,28 +115,25 @@ class LocalAffine:
         return Affine(newest.value, newest.position, newest.tick, rows, slope)
 
 
-class AffinePredictor(Predictor):
+class AffinePredictor(EstimatedPredictor):
     name: ClassVar[str] = "affine"
     geometric: ClassVar[bool] = True
-    estimated: ClassVar[bool] = True
     looks_ahead: ClassVar[bool] = True
     doubt: ClassVar[float] = 1.1
 
     def candidates(self, signal: Signal) -> Sequence[Candidate]:
         return [LocalAffine(signal)]
 
-    def widths(self, grid: SampleGrid) -> tuple[int, ...]:
-        stiffness, slope = _blocks(grid)
-        return stiffness.widths + slope.widths
-
-    def levels(self, model: Affine, newest: Sample, grid: SampleGrid) -> list[int]:  # noqa: ARG002
+    def packed(self, model: Affine, newest: Sample, grid: SampleGrid) -> ModelParameters:  # noqa: ARG002
         stiffness, slope = _blocks(grid)
         components = grid.value.components
         elements = [element for axis in grid.value.used for element in components(model.stiffness[axis])]
-        return stiffness.levels(elements) + slope.levels(components(model.slope))
+        levels = stiffness.levels(elements) + slope.levels(components(model.slope))
+        return ModelParameters(pack(levels, stiffness.widths + slope.widths))
 
-    def build(self, fields: Sequence[int], newest: Sample, grid: SampleGrid, limits: FitLimits) -> Affine | None:
+    def unpacked(self, data: bytes, newest: Sample, grid: SampleGrid, limits: FitLimits) -> Affine | None:
         stiffness, slope = _blocks(grid)
+        fields = unpack(data, stiffness.widths + slope.widths)
         first = len(stiffness.widths)
         size, vector = grid.value.size, grid.value.vector
         elements = stiffness.numbers(fields[:first])

@@ -35,8 +35,7 @@ class Chords:
     Args:
         values: the known samples, tick by tick, the first one that of tick 0; at least two.
         bounds: the deadband of each, >= 0.
-        tail: displacements that are expected after the last known sample.
-        horizons: the ticks after it at which they are expected, increasing.
+        tail: displacements that are expected after the last known sample, `horizons` ticks after it.
     """
 
     def __init__(

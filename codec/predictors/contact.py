@@ -17,8 +17,8 @@ of n.q over a time T: they are -4 sin^2(w T / 2) times the deviation of n.q from
 
 from math import asin, exp, sqrt
 
-from weberlink.codec.predictors.contract import History, Signal
-from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale, subtract, unit
+from weberlink.codec.predictors.estimation import History, Signal
+from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
 
 STEP_S = 0.010
 """Time over which displacements and changes of force are taken [s]."""
@@ -121,16 +121,11 @@ class FrequencyEstimator:
 
 
 class ContactEstimator:
-    """Estimates the surface in contact, tick by tick, and remembers it for the next contact.
+    """Estimates the surface in contact by three hypotheses, tick by tick, and remembers it for the next contact.
 
-    Attributes:
-        age: ticks since the contact began, or since a gap in the samples; 0 without contact.
-        normal: unit normal of a surface with friction.
-        friction: coefficient of friction, or a lower bound of it while the probe sticks.
-        frictionless: compliance of a surface at rest without friction; `curvature` is its curvature.
-        frictional: compliance of a surface at rest with friction; `frictional_curvature` is its curvature.
-        moving: compliance of a surface that moves; `frequency` is that of its motion.
-        threshold: a larger force counts as contact [N].
+    `age` counts the ticks since the contact or a gap in the samples, 0 without contact. While the probe sticks,
+    `friction` is a lower bound of the coefficient. `curvature` and `frictional_curvature` go with `frictionless` and
+    `frictional`, `frequency` with `moving`.
     """
 
     def __init__(self, signal: Signal) -> None:
@@ -151,9 +146,6 @@ class ContactEstimator:
         forget = exp(-every / MEMORY_CURVATURE_S)
         self.curvature, self.frictional_curvature = CurvatureEstimator(forget), CurvatureEstimator(forget)
         self.frequency = FrequencyEstimator(exp(-every / MEMORY_FREQUENCY_S), self._second)
-        self._slow_way = self._slow_force = 0.0
-        self._directions: list[Vector] = []
-        self._normals: list[Vector] = []
 
     def follow(self, history: History) -> None:
         """Take in the newest sample."""
@@ -168,7 +160,8 @@ class ContactEstimator:
             if dot(direction, self.normal) < SAME_SURFACE:
                 self.normal = direction
             self._slow_way = self._slow_force = 0.0
-            self._directions, self._normals = [], []
+            self._directions: list[Vector] = []
+            self._normals: list[Vector] = []
         self.age += 1
         self._directions.append(direction)
         if self.age > self._step:
@@ -228,9 +221,9 @@ class ContactEstimator:
         way, change = subtract(places[-1], places[-1 - self._turn]), subtract(values[-1], values[-1 - self._turn])
         directions, normals = self._directions, self._normals
         turn = subtract(directions[-1], directions[-1 - self._turn])
-        self.curvature.add(turn, _way(way, change, self.frictionless.compliance))
+        self.curvature.add(turn, add(way, scale(change, self.frictionless.compliance)))
         turn = subtract(normals[-1], normals[-1 - self._turn])
-        self.frictional_curvature.add(turn, _way(way, change, self.frictional.compliance))
+        self.frictional_curvature.add(turn, add(way, scale(change, self.frictional.compliance)))
         if self.age > 3 * self._third:
             middle = directions[-1 - 3 * self._third // 2]
             apart = self._third
@@ -245,12 +238,6 @@ class ContactEstimator:
             self.frequency.add(q[1], q[0] - 2.0 * q[1] + q[2])
         if len(directions) > 4 * self._second:
             del directions[: 2 * self._second], normals[: 2 * self._second]
-
-
-def _way(way: Vector, change: Vector, compliance: float) -> Vector:
-    """Displacement of the contact point q, by that of the probe and the change of force."""
-    moved = scale(change, compliance)
-    return (way[0] + moved[0], way[1] + moved[1], way[2] + moved[2])
 
 
 def _third(vectors: list[Vector], along: Vector, apart: int) -> float:

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.codec.predictors.contract import History, Signal
+from weberlink.codec.predictors.estimation import History, Signal
 from weberlink.codec.predictors.path import HORIZONS, STEP_S
 from weberlink.geometry.vector import ZERO, Vector, add, dot, subtract
 
@@ -54,29 +54,14 @@ Displacements = list[list[list[float]]]
 
 
 class Learned(NamedTuple):
-    """What is expected to follow a sample.
-
-    Args:
-        displacements: one for each horizon, in the unit of the values.
-        stiffness: K_1 and K_2; 0 for the estimate without motion.
-    """
+    """What is expected to follow a sample: a displacement for each horizon, and K_1 and K_2."""
 
     displacements: list[Vector]
     stiffness: tuple[float, float] = (0.0, 0.0)
 
 
 class Noted:
-    """A sample that is compared with what follows it.
-
-    Attributes:
-        value: of the sample.
-        place: its position [m].
-        direction: of the value, a unit vector; 0 for a value of 0.
-        weight: 1 / squared deadband.
-        state: of the signal.
-        expected: for each of the two estimates, the displacement at each horizon.
-        stiffness: K_1 and K_2 of the second estimate.
-    """
+    """A sample that is compared with what follows it; `expected` are displacements by estimate, horizon and axis."""
 
     __slots__ = ("direction", "expected", "place", "state", "stiffness", "value", "weight")
 
@@ -104,9 +89,6 @@ class PathLearner:
 
     The work of a step is spread over its ticks: its largest part in one tick is one solution, of 6 systems of 10
     unknowns. Sums and weights are changed in the tick that needs them, so a gap between two ticks leaves them whole.
-
-    Args:
-        signal: what is known of the signal.
     """
 
     def __init__(self, signal: Signal) -> None:

@@ -5,12 +5,12 @@ Without updates it extrapolates without end; the silence limit and the force lim
 
 from typing import ClassVar
 
-from weberlink.codec.predictors.contract import Predictor
+from weberlink.codec.predictors.contract import FittedPredictor
 from weberlink.codec.predictors.model import FitLimits, Line
 from weberlink.codec.sample import Sample
 
 
-class Linear(Predictor):
+class Linear(FittedPredictor):
     name: ClassVar[str] = "linear"
 
     def fit(self, newest: Sample, previous: Sample | None, limits: FitLimits) -> Line | None:  # noqa: ARG002

@@ -26,8 +26,10 @@ class ModelKind(IntEnum):
 class ModelRecord(NamedTuple):
     """A model as telemetry records it; NaN if it describes no surface.
 
+    A `SurfacePatch` counts as the plane or sphere that it is at its newest sample.
+
     Args:
-        kind: a `SurfacePatch` counts as the plane or sphere that it is at its newest sample.
+        kind: of the model.
         surface: unit normal of a plane, or centre of a sphere [m].
         size: d of a plane [m], or radius of a sphere [m], negative if concave.
         stiffness: of the contact [N/m].

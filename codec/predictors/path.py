@@ -17,7 +17,8 @@ from math import frexp, ldexp
 from typing import Any, ClassVar
 
 from weberlink.codec.parameters import Float, pack, unpack
-from weberlink.codec.predictors.contract import Candidate, EncodeContext, Predictor, Signal
+from weberlink.codec.predictors.contract import EstimatedPredictor
+from weberlink.codec.predictors.estimation import Candidate, EncodeContext, Signal
 from weberlink.codec.predictors.model import FitLimits, Model
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, add, distance, subtract
@@ -150,9 +151,8 @@ class LearnedCandidate:
         return path
 
 
-class PathPredictor(Predictor):
+class PathPredictor(EstimatedPredictor):
     name: ClassVar[str] = "path"
-    estimated: ClassVar[bool] = True
     looks_ahead: ClassVar[bool] = True
 
     def candidates(self, signal: Signal) -> Sequence[Candidate]:

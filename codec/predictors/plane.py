@@ -10,7 +10,7 @@ measures what they would send.
 from dataclasses import dataclass
 from typing import ClassVar
 
-from weberlink.codec.predictors.contract import Predictor, same_contact
+from weberlink.codec.predictors.contract import FittedPredictor, same_contact
 from weberlink.codec.predictors.model import FitLimits, Model, ModelKind, ModelRecord
 from weberlink.codec.sample import Sample
 from weberlink.compiled import mypyc_attr
@@ -42,7 +42,7 @@ class Plane(Model):
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class PlanePredictor(Predictor):
+class PlanePredictor(FittedPredictor):
     name: ClassVar[str] = "plane"
     geometric: ClassVar[bool] = True
     describes_contact: ClassVar[bool] = True

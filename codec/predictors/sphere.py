@@ -12,7 +12,7 @@ One fit finds both kinds of wall. The study `paper` measures what convex walls a
 from dataclasses import dataclass
 from typing import ClassVar
 
-from weberlink.codec.predictors.contract import Predictor, same_contact
+from weberlink.codec.predictors.contract import FittedPredictor, same_contact
 from weberlink.codec.predictors.model import FitLimits, Model, ModelKind, ModelRecord
 from weberlink.codec.sample import Sample
 from weberlink.compiled import mypyc_attr
@@ -49,7 +49,7 @@ class Sphere(Model):
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class SpherePredictor(Predictor):
+class SpherePredictor(FittedPredictor):
     name: ClassVar[str] = "sphere"
     geometric: ClassVar[bool] = True
     describes_contact: ClassVar[bool] = True
@@ -84,11 +84,7 @@ class SpherePredictor(Predictor):
 
 
 def _solve(a: Vector, b: Vector, y: Vector, least_sine: float) -> tuple[float, float] | None:
-    """Least-squares r, c of a r + b c = y; None if the columns are (nearly) parallel or one is (nearly) 0.
-
-    The length of `a` is the angle between the two forces. On a flat wall it is a rounding error, and the radius would
-    be one too.
-    """
+    """Least-squares r, c of a r + b c = y; None if the columns are (nearly) parallel or one is (nearly) 0."""
     a_norm, b_norm = norm(a), norm(b)
     if not (a_norm > least_sine and b_norm > 0.0):
         return None

@@ -15,13 +15,15 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Any, ClassVar
 
-from weberlink.codec.parameters import Float, Uniform
+from weberlink.codec.parameters import Float, Uniform, pack, unpack
 from weberlink.codec.predictors.contact import ContactEstimator
-from weberlink.codec.predictors.contract import Candidate, EncodeContext, History, Predictor, Signal
+from weberlink.codec.predictors.contract import EstimatedPredictor
+from weberlink.codec.predictors.estimation import Candidate, EncodeContext, History, Signal
 from weberlink.codec.predictors.model import FitLimits, Model, ModelKind, ModelRecord
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.sine import cosine, sine
 from weberlink.geometry.vector import ZERO, Vector, dot, is_finite, norm, scale, subtract, unit
+from weberlink.update import ModelParameters
 
 LEAST_CURVATURE = 0.5
 """A smaller curvature is set to 0, which costs less run time [1/m]."""
@@ -221,26 +223,23 @@ _LAYOUTS = {
 """By the number of axes that are sent."""
 
 
-class SurfacePredictor(Predictor):
+class SurfacePredictor(EstimatedPredictor):
     name: ClassVar[str] = "surface"
     geometric: ClassVar[bool] = True
     describes_contact: ClassVar[bool] = True
-    estimated: ClassVar[bool] = True
 
     def candidates(self, signal: Signal) -> Sequence[Candidate]:
         return [hypothesis(signal) for hypothesis in (FrictionlessHypothesis, FrictionalHypothesis, MovingHypothesis)]
 
-    def widths(self, grid: SampleGrid) -> tuple[int, ...]:
-        normal, others = _LAYOUTS[grid.value.size]
-        return (normal.width,) * grid.value.size + tuple(field.width for field in others.values())
-
-    def levels(self, model: SurfacePatch, newest: Sample, grid: SampleGrid) -> list[int]:  # noqa: ARG002
+    def packed(self, model: SurfacePatch, newest: Sample, grid: SampleGrid) -> ModelParameters:  # noqa: ARG002
         normal, others = _LAYOUTS[grid.value.size]
         levels = [normal.level(each) for each in grid.value.components(model.normal)]
-        return levels + [field.level(getattr(model, name)) for name, field in others.items()]
+        levels += [field.level(getattr(model, name)) for name, field in others.items()]
+        return ModelParameters(pack(levels, widths_of(grid)))
 
-    def build(self, fields: Sequence[int], newest: Sample, grid: SampleGrid, limits: FitLimits) -> SurfacePatch | None:
+    def unpacked(self, data: bytes, newest: Sample, grid: SampleGrid, limits: FitLimits) -> SurfacePatch | None:
         (each, others), size = _LAYOUTS[grid.value.size], grid.value.size
+        fields = unpack(data, widths_of(grid))
         x, y, z = grid.value.vector([each.number(field) for field in fields[:size]])
         length = sqrt(x * x + y * y + z * z)
         if not length > 0.0:
@@ -248,6 +247,12 @@ class SurfacePredictor(Predictor):
         numbers = {name: others[name].number(level) for name, level in zip(others, fields[size:], strict=True)}
         normal = (x / length, y / length, z / length)
         return patch(newest, normal, 1.0 / numbers.pop("stiffness"), numbers.pop("curvature", 0.0), limits, **numbers)
+
+
+def widths_of(grid: SampleGrid) -> tuple[int, ...]:
+    """Bits of each field of a surface's parameters."""
+    normal, others = _LAYOUTS[grid.value.size]
+    return (normal.width,) * grid.value.size + tuple([field.width for field in others.values()])
 
 
 SURFACE = SurfacePredictor()

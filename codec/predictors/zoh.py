@@ -2,12 +2,12 @@
 
 from typing import ClassVar
 
-from weberlink.codec.predictors.contract import Predictor
+from weberlink.codec.predictors.contract import FittedPredictor
 from weberlink.codec.predictors.model import FitLimits, Hold
 from weberlink.codec.sample import Sample
 
 
-class ZeroOrderHold(Predictor):
+class ZeroOrderHold(FittedPredictor):
     name: ClassVar[str] = "zoh"
 
     def fit(self, newest: Sample, previous: Sample | None, limits: FitLimits) -> Hold:  # noqa: ARG002

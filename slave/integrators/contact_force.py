@@ -39,12 +39,9 @@ def contact_force(touches: Sequence[Touch], velocity: Vector) -> Vector:
 def stored_energy(touches: Sequence[Touch], push: float) -> float:
     """Energy in the springs of contact [J]: k push^2 / 2, and that of sticking friction along the surface.
 
-    Where stiffnesses differ, k is their mean with the weights depth_i^2: for contacts at right angles that is the sum
-    of k_i depth_i^2 / 2. At other angles different stiffnesses have no potential, and this is what stands for it.
-
-    Args:
-        touches: The contacts.
-        push: Distance between body and proxy [m].
+    `push` [m] is from body to proxy. Where stiffnesses differ, k is their mean with the weights depth_i^2: for contacts
+    at right angles that is the sum of k_i depth_i^2 / 2. At other angles different stiffnesses have no potential, and
+    this is what stands for it.
     """
     if not touches:
         return 0.0
@@ -89,17 +86,13 @@ def by_normals(touches: Sequence[Touch], products: Sequence[float]) -> Sequence[
 
 
 class ContactResistance:
-    """The 3 x 3 matrix inertia - h df/dv - h^2 df/dx for the contacts `touches` of a body at `velocity`.
+    """The 3 x 3 matrix inertia - h df/dv - h^2 df/dx of contacts; inertia is m + h c + h^2 k of the body [kg].
 
     The matrix is never written out. With the dual vectors g_i of the normals n_i (g_i . n_j = 1 if i = j, else 0) that
     of springs and dampers is sum (h^2 k_i + h b_i) n_i g_i, whose inverse follows by components along the n_i; across
     all normals only the grip of friction acts. The share of one contact's grip along another's normal is overestimated
-    as 1: Newton's method then takes a few steps more, but does not overshoot.
-
-    Args:
-        inertia: m + h c + h^2 k of the body and its control [kg].
-        step: h [s].
-        trial: Treat every contact with friction as sticking, since sliding is a result of the step.
+    as 1: Newton's method then takes a few steps more, but does not overshoot. A `trial` treats every contact with
+    friction as sticking, since sliding is a result of the step.
     """
 
     __slots__ = ("_across", "_along", "_grip", "_touches")

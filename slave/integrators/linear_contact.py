@@ -41,12 +41,7 @@ class Face(NamedTuple):
 
 
 class Faces:
-    """All faces of the planes n_i x + o_i = 0, each computed on first use.
-
-    Args:
-        normals: Unit vectors out of the solids.
-        offsets: Gap of each plane at the origin [m].
-    """
+    """All faces of the planes n_i x + o_i = 0, the n_i unit vectors out of the solids, each computed on first use."""
 
     __slots__ = ("_known", "_normals", "_offsets")
 

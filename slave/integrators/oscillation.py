@@ -54,18 +54,11 @@ class Oscillation:
         return faded + slow * b, b, -self.squared * b, exp(-fast * time) - slow * b
 
     def first_fall(self, value: float, rate: float, rest: float, horizon: float) -> float | None:
-        """Time at which the coordinate first reaches zero from above, or is at or below it and falls [s].
+        """When the coordinate first reaches zero from above, or is at or below it and falls [s]; None beyond `horizon`.
 
-        Successive swings never grow, so the first minimum is the lowest: only the motion up to it is searched, and a
-        grazed zero is found by that minimum.
-
-        Args:
-            value, rate, rest: y, dy/dt and the resting point now.
-            horizon: How far to look [s].
-
-        Returns:
-            Time to rounding, 0 <= t <= horizon; None if it does not happen. A coordinate that starts below zero and
-            rises is left alone until it falls again.
+        The time is exact to rounding. Successive swings never grow, so the first minimum is the lowest: only the motion
+        up to it is searched, and a grazed zero is found by that minimum. A coordinate that starts below zero and rises
+        is left alone until it falls again.
         """
         offset = value - rest
         if rest > 0.0 and self.squared * (rest * rest - offset * offset) > rate * rate:

@@ -206,17 +206,11 @@ class StickSlip:
         return Piece(x, v, time, Phase(anchor, None, loose) if out is None else FREE)
 
     def _slip(self, limit: float, depth: Vector, spring: "Spring", horizon: float, stopped: bool) -> float | None:
-        """When the tangential spring leaves the cone [s], searched up to `horizon`.
+        """When the tangential spring leaves the cone [s], whose slope is `limit`.
 
         limit depth - e . spring is no less than limit depth - |spring|, and equal where e is the direction of the
         spring: the zero for the direction at a time outside of the cone is earlier than that time, and a sequence of
-        such zeros falls to the slip.
-
-        Args:
-            limit: Slope of the cone.
-            depth, spring: Value, rate and resting point of either.
-            horizon: [s]
-            stopped: Whether the anchor is on the cone and comes closer from here.
+        such zeros falls to the slip. If `stopped`, the anchor is on the cone and comes closer from here.
         """
         held = self._held
         a, b, _, _ = held.transition(horizon)

@@ -9,7 +9,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from weberlink.codec import Channel, Decoder, Encoder, force_channel, position_channel
     from weberlink.codec.deadband import DEADBANDS, Deadband
-    from weberlink.codec.predictors import PREDICTORS, Predictor
+    from weberlink.codec.predictors import PREDICTORS, EstimatedPredictor, FittedPredictor, Predictor
     from weberlink.codec.replay import CodedTick, code
     from weberlink.master.trace import Trace, read_trace
     from weberlink.protocol import Endpoint, Role, UpdateLost, UpdateReceived
@@ -33,6 +33,8 @@ __all__ = [
     "Decoder",
     "Encoder",
     "Endpoint",
+    "EstimatedPredictor",
+    "FittedPredictor",
     "ModelParameters",
     "Predictor",
     "PresharedKey",
@@ -55,7 +57,7 @@ __all__ = [
 _PLACES = {
     "weberlink.codec": "Channel Decoder Encoder force_channel position_channel",
     "weberlink.codec.deadband": "DEADBANDS Deadband",
-    "weberlink.codec.predictors": "PREDICTORS Predictor",
+    "weberlink.codec.predictors": "PREDICTORS EstimatedPredictor FittedPredictor Predictor",
     "weberlink.codec.replay": "CodedTick code",
     "weberlink.master.trace": "Trace read_trace",
     "weberlink.protocol": "Endpoint Role UpdateLost UpdateReceived",

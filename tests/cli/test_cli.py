@@ -24,8 +24,6 @@ BETWEEN_HOSTS = ("lan.yaml",)
 """Those that another program leads."""
 MEMBERS = [f"{name} {member}" for name, group in COMMANDS.items() for member in getattr(group, "commands", ())]
 TAKE_A_FILE = ("check", "simulate", "master --duration 0", "slave --duration 0", "loopback --duration 0")
-HEADER = "t,px,py,pz,fx,fy,fz"
-AT_0, AT_1, AT_2 = "0.000,0,0,0,0,0,0", "0.001,0,0,0,0,0,1", "0.002,0,0,0,0,0,1"
 
 
 def run(line: str, *further: object) -> Ended:
@@ -53,7 +51,6 @@ def test_every_command_explains_itself(command: str) -> None:
     assert (ended.status, ended.output[:7], ended.errors) == (0, "Usage: ", "")
 
 
-EVALUATE = "study evaluate configs/traces/operator.npz"
 LOOPBACK, FIG6, ARM = "configs/loopback.yaml", "configs/fig6.yaml", "configs/phantom.yaml"
 WRONG = {
     # The command or the option is not there.
@@ -81,7 +78,6 @@ WRONG = {
     f"simulate {LOOPBACK} --json /sys/out.json": "--json: /sys",
     f"simulate {LOOPBACK} --trace .": "--trace",
     f"simulate {FIG6} --duration 0 --trace -": "--trace",
-    f"{EVALUATE} --plots -": "--plots",
     "keygen -": "out",
     "configs --out a.yaml": "--out",
     "configs deley": "delay",
@@ -133,19 +129,6 @@ def test_a_host_that_does_not_permit_it_is_one_line(
     [
         ("check", "yaml", b"\xff\xfe\x00", "text"),
         ("check", "yaml", b"", "empty"),
-        *(
-            ("study evaluate", "csv", "\n".join(lines).encode(), field)
-            for lines, field in (
-                ([HEADER, AT_0, AT_2, AT_1], "row 4, column t"),
-                ([HEADER, AT_0, AT_1, "0.002,0,0,0,nan,0,1"], "row 4, column fx"),
-                ([HEADER], "rows"),
-            )
-        ),
-        *(
-            (command, "mcap", content, "")
-            for command in ("study evaluate",)
-            for content in (b"", b"\x89MCAP0\r\n", b"\x89PNG\r\n\x1a\n" + bytes(100))
-        ),
     ],
 )
 def test_a_file_of_another_kind_is_one_line_that_names_it(
@@ -193,23 +176,18 @@ def test_simulate_completes_every_shipped_file(name: str, key: str) -> None:
     assert summary["ticks"]["slave"]["count"] >= 300
 
 
-def test_a_trace_is_the_signal_to_the_last_digit_and_can_be_evaluated(tmp_path: Path) -> None:
+def test_a_trace_is_the_signal_to_the_last_digit(tmp_path: Path) -> None:
     path = tmp_path / "trace.csv"
     assert run("simulate configs/scene-plane.yaml --duration 1 --trace", path).status == 0
     read, made = read_trace(path), simulate(load(CONFIGS / "scene-plane.yaml"), 1.0)[1].trace
     for name in ("time_s", "position_m", "force_n"):
         assert getattr(read, name).tolist() == getattr(made, name).tolist()
     assert np.abs(made.force_n).max() > 0.1
-    (row,) = document(run("study evaluate --predictor zoh --workers 1 --json -", path).output)["rows"]
-    assert row["packets"] > 0
 
 
-@pytest.mark.parametrize(
-    "line", [f"{EVALUATE} --predictor zoh --workers 1 --json", f"simulate {FIG6} --duration 0 --json"]
-)
-def test_figures_that_cannot_be_written_are_not_lost(line: str) -> None:
-    ended = run(line, "/dev/full")  # which can be opened
+def test_figures_that_cannot_be_written_are_not_lost() -> None:
+    ended = run(f"simulate {FIG6} --duration 0 --json", "/dev/full")  # which can be opened
     text, _, said = ended.errors.rstrip("\n").rpartition("\n")
     assert ended.status == 1
-    assert {"rows", "outcome"} & set(json.loads(text))
+    assert "outcome" in json.loads(text)
     assert said.startswith("weberlink: /dev/full: cannot be written: ")

@@ -15,14 +15,8 @@ from weberlink.codec import Channel, Encoder, force_channel
 from weberlink.codec.adaptive import MEMORY_S, REST_S, AdaptiveChoice, Shadow
 from weberlink.codec.deadband import ForceDeadband
 from weberlink.codec.predictors import PREDICTORS, FitLimits, Model
-from weberlink.codec.predictors.contract import (
-    KEPT_S,
-    LONGEST_GAP_S,
-    EncodeContext,
-    FittedCandidate,
-    History,
-    Signal,
-)
+from weberlink.codec.predictors.contract import FittedCandidate
+from weberlink.codec.predictors.estimation import KEPT_S, LONGEST_GAP_S, EncodeContext, History, Signal
 from weberlink.codec.predictors.model import Hold, Line
 from weberlink.codec.replay import code
 from weberlink.codec.sample import Sample

@@ -13,7 +13,7 @@ from tests.codec.signals import Stream
 from tests.examples import examples
 from weberlink.codec import Decoder, Update, force_channel
 from weberlink.codec.predictors.affine import AFFINE, SLOWEST, SOFTEST, WIDEST, Affine, LocalAffine
-from weberlink.codec.predictors.contract import EncodeContext, History, Signal
+from weberlink.codec.predictors.estimation import EncodeContext, History, Signal
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, distance, dot, norm, scale, unit
 

@@ -13,7 +13,7 @@ from tests.codec.signals import GodObject, Stream, contact, stroke
 from weberlink.codec import force_channel
 from weberlink.codec.predictors import FitLimits
 from weberlink.codec.predictors.contact import ContactEstimator
-from weberlink.codec.predictors.contract import EncodeContext, History, Signal
+from weberlink.codec.predictors.estimation import EncodeContext, History, Signal
 from weberlink.codec.predictors.surface import (
     FrictionalHypothesis,
     FrictionlessHypothesis,

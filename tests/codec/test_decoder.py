@@ -7,7 +7,7 @@ import pytest
 from weberlink.codec import Decoder, Encoder, Update, force_channel, position_channel
 from weberlink.codec.parameters import pack
 from weberlink.codec.predictors.model import UNFITTED, Hold, ModelKind
-from weberlink.codec.predictors.surface import SURFACE, SurfacePatch
+from weberlink.codec.predictors.surface import SURFACE, SurfacePatch, widths_of
 from weberlink.geometry.vector import ZERO, is_finite
 from weberlink.update import ModelParameters, PreviousSample
 
@@ -90,7 +90,7 @@ def test_a_repeat_of_an_update_does_not_rewind_the_memory_of_friction() -> None:
 
 def test_parameters_without_a_normal_hold_the_sample() -> None:
     channel = force_channel(predictor="surface")
-    widths = SURFACE.widths(channel.grid)
+    widths = widths_of(channel.grid)
     nothing = pack([512, 512, 512, *[0] * (len(widths) - 3)], widths)
     decoder = Decoder(channel)
     decoder.apply(Update(5, 0, (0, 0, 1000, 0, 0, 0), ModelParameters(nothing)))

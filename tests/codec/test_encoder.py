@@ -11,12 +11,14 @@ from weberlink.codec.channel import Smoothing
 from weberlink.codec.deadband import Deadband, ForceDeadband
 from weberlink.codec.deadband.cone import ConeDeadband
 from weberlink.codec.deadband.level_crossing import LevelCrossingDeadband
-from weberlink.codec.predictors import PREDICTORS, FitLimits, Predictor
-from weberlink.codec.predictors.contract import Candidate, EncodeContext, Signal
+from weberlink.codec.parameters import pack, unpack
+from weberlink.codec.predictors import PREDICTORS, EstimatedPredictor, FitLimits, FittedPredictor
+from weberlink.codec.predictors.estimation import Candidate, EncodeContext, Signal
 from weberlink.codec.predictors.model import Line
 from weberlink.codec.replay import code
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, distance
+from weberlink.update import ModelParameters
 
 
 class AsideCandidate:
@@ -26,27 +28,23 @@ class AsideCandidate:
         return Line((x + beside, y, z), ZERO, context.newest.tick)
 
 
-class Aside(Predictor):
+class Aside(EstimatedPredictor):
     """Its line begins beside the sample, in every other tick outside the deadband."""
 
     name = "aside"
-    estimated = True
 
     def candidates(self, signal: Signal) -> Sequence[Candidate]:
         return [AsideCandidate()]
 
-    def widths(self, grid: SampleGrid) -> tuple[int, ...]:
-        return (16,)
+    def packed(self, model: Line, newest: Sample, grid: SampleGrid) -> ModelParameters:
+        return ModelParameters(pack([min(65_535, round((model.value[0] - newest.value[0]) / grid.value.step))], (16,)))
 
-    def levels(self, model: Line, newest: Sample, grid: SampleGrid) -> list[int]:
-        return [min(65_535, round((model.value[0] - newest.value[0]) / grid.value.step))]
-
-    def build(self, fields: Sequence[int], newest: Sample, grid: SampleGrid, limits: FitLimits) -> Line:
+    def unpacked(self, data: bytes, newest: Sample, grid: SampleGrid, limits: FitLimits) -> Line:
         x, y, z = newest.value
-        return Line((x + fields[0] * grid.value.step, y, z), ZERO, newest.tick)
+        return Line((x + unpack(data, (16,))[0] * grid.value.step, y, z), ZERO, newest.tick)
 
 
-class FittedAside(Predictor):
+class FittedAside(FittedPredictor):
     """Both ends would begin aside, though no parameter is sent."""
 
     name = "fitted_aside"

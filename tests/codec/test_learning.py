@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.codec.signals import NOISE, Stream
 from tests.examples import examples
 from weberlink.codec import Channel, force_channel, position_channel
-from weberlink.codec.predictors.contract import History, Signal
+from weberlink.codec.predictors.estimation import History, Signal
 from weberlink.codec.predictors.learning import Learned, PathLearner
 from weberlink.codec.predictors.path import HORIZONS, STEP_S
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale, subtract, unit

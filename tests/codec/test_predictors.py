@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.codec.law import FITTED
 from tests.examples import examples
-from weberlink.codec.predictors import PREDICTORS, FitLimits
+from weberlink.codec.predictors import PREDICTORS, FitLimits, FittedPredictor
 from weberlink.codec.predictors.model import Hold
 from weberlink.codec.predictors.plane import Plane
 from weberlink.codec.predictors.sphere import Sphere
@@ -17,6 +17,7 @@ from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
 
 LIMITS = FitLimits()
+FITS = {name: each for name, each in PREDICTORS.items() if isinstance(each, FittedPredictor)}
 coordinates = st.floats(-0.1, 0.1)
 vectors = st.tuples(coordinates, coordinates, coordinates)
 wild = st.floats(-1e300, 1e300) | st.sampled_from([0.0, 5e-324, 1e-300, 1e300, nan, inf])
@@ -42,7 +43,7 @@ def ball(position: Vector, centre: Vector, radius: float, stiffness: float) -> V
 def test_no_samples_make_a_fit_or_a_prediction_raise(
     name: str, newest: Vector, previous: Vector, p1: Vector, p2: Vector, gap: int
 ) -> None:
-    model = PREDICTORS[name].model(Sample(gap, newest, p1), Sample(0, previous, p2), LIMITS)
+    model = FITS[name].model(Sample(gap, newest, p1), Sample(0, previous, p2), LIMITS)
     model.at(gap + 1, p2)
 
 
@@ -57,13 +58,13 @@ def test_every_model_passes_through_its_newest_sample(
         Sample(gap, scale(forces[0], 50.0), positions[0]),
         Sample(0, scale(forces[1], 50.0), positions[1]),
     )
-    model = PREDICTORS[name].model(newest, previous, LIMITS)
+    model = FITS[name].model(newest, previous, LIMITS)
     allowed = LIMITS.misfit * norm(newest.value) if isinstance(model, Sphere) else 1e-9 + 1e-9 * 1e6 * 0.2
     assert distance(model.at(gap, newest.position), newest.value) <= allowed
 
 
 def test_linear_continues_a_ramp() -> None:
-    model = PREDICTORS["linear"].model(Sample(20, (0.0, 0.0, 2.0), ZERO), Sample(10, (0.0, 0.0, 1.0), ZERO), LIMITS)
+    model = FITS["linear"].model(Sample(20, (0.0, 0.0, 2.0), ZERO), Sample(10, (0.0, 0.0, 1.0), ZERO), LIMITS)
     assert model.at(25.5, ZERO) == pytest.approx((0.0, 0.0, 2.55))
 
 
@@ -83,7 +84,7 @@ def test_plane_recovers_a_wall_from_two_samples(
     surface = scale(n, -offset)
     along = subtract(slide, scale(n, dot(n, slide)))
     p1, p2 = subtract(surface, scale(n, depths[0])), add(subtract(surface, scale(n, depths[1])), along)
-    model = PREDICTORS["plane"].model(
+    model = FITS["plane"].model(
         Sample(1, wall(p1, n, offset, stiffness), p1), Sample(0, wall(p2, n, offset, stiffness), p2), LIMITS
     )
     assert isinstance(model, Plane)
@@ -116,13 +117,13 @@ def test_sphere_recovers_a_dome_and_a_cavity_from_two_samples(
     p2 = add(centre, scale(u2, radius + sign * depths[1]))
     signed = -radius if concave else radius
     samples = (Sample(1, ball(p1, centre, signed, stiffness), p1), Sample(0, ball(p2, centre, signed, stiffness), p2))
-    model = PREDICTORS["sphere"].model(*samples, LIMITS)
+    model = FITS["sphere"].model(*samples, LIMITS)
     assert isinstance(model, Sphere)
     assert model.radius == pytest.approx(signed, rel=1e-5)
     assert model.stiffness == pytest.approx(stiffness, rel=1e-5)
     assert distance(model.centre, centre) <= 1e-6
     for limits in (FitLimits(radius=(1e-3, 0.5 * radius)), FitLimits(stiffness=(1.0, 0.5 * stiffness))):
-        assert isinstance(PREDICTORS["sphere"].model(*samples, limits), Hold)
+        assert isinstance(FITS["sphere"].model(*samples, limits), Hold)
     if distance(probe, centre) > 1e-3:
         assert distance(model.at(2, probe), ball(probe, centre, signed, stiffness)) <= 1e-4 * stiffness * 0.2
 
@@ -162,7 +163,7 @@ def test_at_its_centre_a_sphere_gives_the_newest_force() -> None:
 def test_a_model_that_cannot_be_trusted_holds(
     name: str, newest: tuple[Vector, Vector], previous: tuple[Vector, Vector], why: str
 ) -> None:
-    model = PREDICTORS[name].model(Sample(1, *newest), Sample(0, *previous), LIMITS)
+    model = FITS[name].model(Sample(1, *newest), Sample(0, *previous), LIMITS)
     assert model == Hold(newest[0]), why
 
 

@@ -11,7 +11,9 @@ from weberlink.control.bounded import (
     BACK,
     FADING,
     FARTHEST,
+    FORGET,
     LATE,
+    LEAST_WAY,
     LEAVE,
     PRESS,
     SOFTEST,
@@ -144,6 +146,15 @@ def test_a_hand_feels_the_wall_where_it_is(hand: float, force: float, robot: flo
 )
 def test_what_friction_adds_is_felt_in_proportion_up_to_what_was_decoded(depth: float, felt: Vector) -> None:
     assert pressed().at(at(-depth), (0.2, 0.0, 0.8), at(-0.0016), 0.0) == pytest.approx(felt)
+
+
+@pytest.mark.parametrize("way", [0.5 * LEAST_WAY, LEAST_WAY, 4.0 * LEAST_WAY])
+def test_a_pair_of_samples_counts_by_the_square_of_its_way_up_to_the_least_way(way: float) -> None:
+    contact = FeltContact(SETTINGS)
+    for depth, force in ((0.0, 1.0), (0.001, 1.5), (0.001 + way, 1.5 + 1500.0 * way)):
+        contact.learn(None, at(force), at(-depth), at(-depth))
+    first, second = FORGET * LEAST_WAY**2, min(way, LEAST_WAY) ** 2
+    assert contact.stiffness == pytest.approx((first * 500.0 + second * 1500.0) / (first + second))
 
 
 @pytest.mark.parametrize("share", [0.49, 0.51, 1.0, 1.99, 2.01])

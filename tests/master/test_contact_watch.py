@@ -38,7 +38,7 @@ class Watched:
         self.tick = 0
         for depth in samples:
             self.receive(depth)
-        link: Any = SimpleNamespace(rtt=RTT, jitter=jitter)
+        link: Any = SimpleNamespace(clock=SimpleNamespace(rtt=RTT, jitter=jitter))
         self.watch = ContactWatch(
             ContactLimiter(10.0, 1.0, 1.0),
             self.decoder,

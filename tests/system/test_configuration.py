@@ -15,6 +15,7 @@ from weberlink.codec.deadband.cone import ConeDeadband
 from weberlink.codec.deadband.level_crossing import LevelCrossingDeadband
 from weberlink.codec.deadband.velocity import VelocityDeadband
 from weberlink.master.devices.operator import OperatorDevice
+from weberlink.slave.robots import ROBOTS
 from weberlink.system.composition.channels import channels
 from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import MASTER, SLAVE, ConfigurationError, load
@@ -245,7 +246,11 @@ def test_a_host_checks_the_driver_of_its_own_side_only(tmp_path: Path) -> None:
     ("side", "hardware"),
     [
         (MASTER, "master: {device: {driver: polhem_serial}}"),
-        (SLAVE, "slave: {robot: {driver: dynamixel, baud: 1000000}}"),
+        pytest.param(
+            SLAVE,
+            "slave: {robot: {driver: dynamixel, baud: 1000000}}",
+            marks=pytest.mark.skipif("dynamixel" not in ROBOTS, reason="the kernel has no robot of hardware"),
+        ),
     ],
 )
 def test_hardware_without_a_key_is_refused_at_its_own_end(tmp_path: Path, hardware: str, side: str) -> None:

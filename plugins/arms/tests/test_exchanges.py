@@ -229,32 +229,6 @@ def test_a_servo_that_fails_is_named(name: str, fault: str, value: float, says: 
 
 
 @every_family
-def test_a_bad_answer_is_followed_by_a_good_one(name: str) -> None:
-    bench = opened(name)
-    for fault, value in (("garble", 1), ("dead", 3)):
-        bench.inject(fault, value)
-        with pytest.raises(BadReply):
-            bench.exchange.exchange(bench.family.rest)
-        if fault == "dead":
-            bench.inject("dead", 0)
-        bench.wait(0.01)
-        bench.run(bench.family.rest, 0.05)
-        assert bench.sample.angles == pytest.approx(bench.angles, abs=5e-3)
-
-
-@every_family
-@pytest.mark.parametrize("beyond", [-0.0004, 0.0004])
-def test_an_answer_is_awaited_for_its_margin(name: str, beyond: float) -> None:
-    bench = opened(name, {"rate_hz": 50.0})
-    bench.port.latency = bench.options.margin_s + beyond
-    if beyond < 0.0:
-        bench.run(bench.family.rest, 0.05)
-        return
-    with pytest.raises(BadReply):
-        bench.run(bench.family.rest, 0.05)
-
-
-@every_family
 def test_late_answers_are_never_taken_as_fresh(name: str) -> None:
     """The arm moves all the time; what is measured is where it is, or nothing."""
     bench = opened(name, hand_rad=(0.4,) * 6) if name in LEADERS else opened(name)

@@ -87,7 +87,7 @@ class LockStepContract(ForceDeviceContract):
                 while monotonic() < began + LOST_S + 8.0:
                     for now in bench.hold(PUSH, 1):
                         newest = max(newest, bench.device.latest(now).at)
-            assert newest < began + 0.1, "an answer that was on its way"
+            assert newest < began + 0.25, "one that was on its way, or came while this machine stood still"
             until(lambda: bench.displayed == 0.0, "the end of the force", pause=0.0)
 
 

@@ -33,11 +33,7 @@ RETURN = 0.5
 
 
 class Account:
-    """The account of one display, of forces or of torques.
-
-    Attributes:
-        energy: E [J]; below 0 by the work of one tick at most.
-    """
+    """The account of one display; `energy` is E [J], below 0 by the work of one tick at most."""
 
     __slots__ = ("_allowance", "_damping", "_refill", "_reserve", "_rise", "_taken", "energy")
 

@@ -31,10 +31,8 @@ WRONG = 1e-3
 class FeltContact:
     """The contact at the hand.
 
-    Attributes:
-        stiffness: of the contact, or that of the robot's coupling if none is known [N/m].
-        softest: that of the decoded surface, as long as no sample has shown the stiffness [N/m]; otherwise infinite.
-        normal: of the wall; None without one.
+    `stiffness` [N/m] is that of the robot's coupling as long as none is known, and `softest` that of the decoded
+    surface as long as no sample has shown the stiffness, then infinite. `normal` is of the wall; None without one.
     """
 
     __slots__ = (
@@ -88,14 +86,7 @@ class FeltContact:
         self.normal = None
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector, robot: Vector) -> None:
-        """Take in an update.
-
-        Args:
-            surface: the contact model that it carries; None if it carries none.
-            force: force of its newest sample [N].
-            position: command at which that was measured [m].
-            robot: the command to which the newest news answers [m].
-        """
+        """Take in an update, as `MasterControl.learn`; `robot` is the command to which the newest news answers [m]."""
         size = norm(force)
         last, self._sample = self._sample, None if size < LEAST_CONTACT else (force, position)
         self._model, self._sampled, self._place = surface, force, None
@@ -127,14 +118,7 @@ class FeltContact:
             self.softest = inf
 
     def at(self, hand: Vector, force: Vector, robot: Vector, tick: float) -> Vector:
-        """The force of the contact at the hand [N].
-
-        Args:
-            hand: position of the hand [m].
-            force: decoded there [N].
-            robot: the command to which the newest news answers [m].
-            tick: present tick of the other side.
-        """
+        """The force of the contact at the hand [N]; `force` is decoded there, `tick` is of the other side."""
         n, model = self.normal, self._model
         if n is None:
             return force

@@ -6,12 +6,7 @@ from weberlink.geometry.vector import ZERO, Vector
 
 
 class SentCommands:
-    """The newest commands, one for each tick.
-
-    Args:
-        tick_period: [s].
-        longest: time that they reach back [s], >= 0.
-    """
+    """The newest commands, one for each tick, of the time `longest` [s] at least."""
 
     __slots__ = ("_commands", "_known", "_newest", "_tick_period")
 

@@ -42,12 +42,7 @@ class ChangeResult(NamedTuple):
 
 
 def lead(rtt: float | None, jitter: float) -> float:
-    """Time from a proposal to the tick of the change [s], beside `LEAD_TICKS`.
-
-    Args:
-        rtt: round trip [s]; None while unknown.
-        jitter: by how much few datagrams exceed their least delay [s].
-    """
+    """Time from a proposal to the tick of the change [s], beside `LEAD_TICKS`; the round trip is None while unknown."""
     return LEAD + ROUND_TRIPS * (UNMEASURED_RTT if rtt is None else rtt) + JITTERS * jitter
 
 

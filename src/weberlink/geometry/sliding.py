@@ -32,13 +32,7 @@ class Sliding:
         self._slid: Vector = ZERO
 
     def move(self, way: Vector, change: Vector, stiffness: float) -> None:
-        """Take in a step of a probe in contact.
-
-        Args:
-            way: of the probe [m].
-            change: of the force on it [N].
-            stiffness: of the contact [N/m], > 0; may be infinite.
-        """
+        """Take in a step [m] of a probe in contact, and the change of the force on it [N]."""
         compliance, slid = 1.0 / stiffness, self._slid
         x, y, z = way[0] + compliance * change[0], way[1] + compliance * change[1], way[2] + compliance * change[2]
         kept = max(0.0, 1.0 - hypot(x, y, z) / AVERAGED)

@@ -10,6 +10,7 @@ from tests.system.systems import ARMS, configuration
 from weberlink.control.axes import HANDLE, LEVER
 from weberlink.control.contract import AccountParameters
 from weberlink.protocol.states import State
+from weberlink.system.configuration import load
 from weberlink.system.scoring.energy import accounts_in
 from weberlink.system.scoring.session import Records, SessionScore
 
@@ -76,6 +77,7 @@ def test_accounts_are_those_of_the_configuration() -> None:
     assert of("control.scheme=none") == ()
     assert of("control.refill_w=0.5")[0].refill == 0.5
     assert of(file="rotation.yaml")[1].damping == pytest.approx(HANDLE**2)
-    assert [each.damping for each in of(file=str(ARMS))] == pytest.approx([LEVER**2])
+    of_arms = accounts_in(load(ARMS, sides=()).system.model_dump(mode="json"))
+    assert [each.damping for each in of_arms] == pytest.approx([LEVER**2])
     mapped = of("master.mapping={scale: 2, force_scale: 4}")[0]
     assert mapped == AccountParameters(allowance=0.01, refill=0.005, damping=0.125, rise=40.0)

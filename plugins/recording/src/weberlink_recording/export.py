@@ -23,7 +23,7 @@ from weberlink.system.report import session_report
 from weberlink.system.scoring.session import Records
 from weberlink.system.verdict import verdict
 from weberlink.telemetry.record import AXES, JOINTS
-from weberlink.telemetry.recorders import BEGUN
+from weberlink.telemetry.recorders import BEGUN, COMPLETE
 from weberlink_recording.lerobot_frames import NoFramesError, frames_of
 from weberlink_recording.reader import Recording, RecordingError, read_recording
 from weberlink_recording.ros_export import RATE_HZ, write_ros
@@ -91,7 +91,9 @@ def describe(paths: Sequence[Path]) -> RecordingDescription:
     first = min(float(records["at"][0]) for records in session.sides.values())
     marks = [{"at_s": round(mark.at - first, 3), "text": mark.text} for mark in session.marks]
     document = {"files": files, "marks": marks} | session.summary()
-    document["outcome"] = next((_ended(file) for file in files if not file["complete"]), "completed")
+    document["outcome"] = next(
+        (_ended(complete=False, outcome=str(file["outcome"])) for file in files if not file["complete"]), "completed"
+    )
     document["verdict"] = verdict(document).document()
     return RecordingDescription(document)
 
@@ -124,6 +126,7 @@ def export(paths: Sequence[Path], to: str, folder: Path | None, dataset: Dataset
         raise ExportError(f"{target}: cannot be written: {error.strerror or error}") from None
 
 
+Columns = dict[str, NDArray[Any]]
 Output = Callable[[Path], str]
 """Writes a file that is not there yet, and says what is in it."""
 
@@ -147,7 +150,7 @@ def _outputs(
         yield "trace.csv", _table(signal, _write_csv)
 
 
-def _table(columns: dict[str, NDArray[Any]], write: Callable[[dict[str, NDArray[Any]], Path], None]) -> Output:
+def _table(columns: Columns, write: Callable[[Columns, Path], None]) -> Output:
     def output(path: Path) -> str:
         write(columns, path)
         return f"{len(next(iter(columns.values())))} rows, {len(columns)} columns"
@@ -184,8 +187,11 @@ def _lerobot(recordings: Sequence[Recording], session: RecordedSession, dataset:
         frames = frames_of(session, dataset.fps, _gripper_range(recordings))
     except NoFramesError as error:
         raise ConfigurationError(f"{', '.join(str(each.path) for each in recordings)}: {error}") from None
-    cut = [f"{each.path} is {_ended({'complete': each.complete, 'outcome': each.outcome})}" for each in recordings]
-    notes = [note for note, each in zip(cut, recordings, strict=True) if not each.complete]
+    notes = [
+        f"{each.path} is {_ended(complete=each.complete, outcome=each.outcome)}"
+        for each in recordings
+        if not each.complete
+    ]
 
     def output(path: Path) -> str:
         return "; ".join([write_dataset(frames, dataset.task, _robot(recordings), path), *notes])
@@ -246,34 +252,27 @@ def _date(recording: Recording) -> str | None:
 
 def _file_line(file: dict[str, Any]) -> str:
     sides = ", ".join(f"{side} {count} records" for side, count in file["records"].items())
+    began = (
+        f"began {' '.join(filter(None, (file['began'], file['begun'])))}" if file["began"] else f"{file['clock']} time"
+    )
     lost = sum(file["lost"].values())
     parts = [
         f"{file['path']}: {sides}",
         f"{file['bytes'] / 1e6:.1f} MB",
-        _began(file),
-        _ended(file),
+        began,
+        _ended(complete=file["complete"], outcome=file["outcome"]),
     ]
     return ", ".join(parts + ([f"{lost} records lost"] if lost else []))
 
 
-def _began(file: dict[str, Any]) -> str:
-    if not file["began"]:
-        return f"{file['clock']} time"
-    return f"began {file['began']}" + (f" {file['begun']}" if file["begun"] else "")
+def _ended(*, complete: bool, outcome: str) -> str:
+    """The number of lost records is shown beside it."""
+    return "whole" if complete else "not whole" if outcome == COMPLETE else outcome
 
 
-def _ended(file: dict[str, Any]) -> str:
-    if file["complete"]:
-        return "whole"
-    if file["outcome"] == "complete":
-        return "not whole"  # the number of lost records is shown beside it
-    outcome: str = file["outcome"]
-    return outcome
-
-
-def _columns(records: Records) -> dict[str, NDArray[Any]]:
+def _columns(records: Records) -> Columns:
     """Flat columns; a vector becomes one for each of its axes, named by it."""
-    columns: dict[str, NDArray[Any]] = {}
+    columns: Columns = {}
     for name in records.dtype.names or ():
         values = records[name]
         if values.ndim == 1:
@@ -284,7 +283,7 @@ def _columns(records: Records) -> dict[str, NDArray[Any]]:
     return columns
 
 
-def _write_csv(columns: dict[str, NDArray[Any]], path: Path) -> None:
+def _write_csv(columns: Columns, path: Path) -> None:
     """Write numbers with enough digits to read the same ones back; unknown ones as `nan`."""
     with path.open("x", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
@@ -294,7 +293,7 @@ def _write_csv(columns: dict[str, NDArray[Any]], path: Path) -> None:
             writer.writerows(zip(*block, strict=True))
 
 
-def _write_parquet(columns: dict[str, NDArray[Any]], path: Path) -> None:
+def _write_parquet(columns: Columns, path: Path) -> None:
     import pyarrow  # noqa: PLC0415
     import pyarrow.parquet  # noqa: PLC0415
 

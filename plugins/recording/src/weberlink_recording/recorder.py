@@ -9,7 +9,7 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from signal import SIG_IGN, SIGHUP, SIGINT, SIGTERM, Signals
@@ -133,22 +133,19 @@ class CommandReader:
         self._rest = b""
         os.set_blocking(self._fd, False)
 
-    def read(self) -> list[dict[str, Any]]:
+    def read(self) -> Iterator[dict[str, Any]]:
         """The commands since the last call; none once the parent has closed its end."""
-        if self._fd is None:
-            return []
-        try:
-            data = os.read(self._fd, COMMANDS_AT_ONCE)
-        except BlockingIOError:
-            return []
-        if not data:
-            self._fd = None
+        data = b""
+        if self._fd is not None:
+            with suppress(BlockingIOError):
+                data = os.read(self._fd, COMMANDS_AT_ONCE)
+                self._fd = self._fd if data else None
         *lines, self._rest = (self._rest + data).split(b"\n")
-        commands = []
         for line in lines:
             with suppress(ValueError):
-                commands.append(json.loads(line))
-        return [command for command in commands if isinstance(command, dict)]
+                command = json.loads(line)
+                if isinstance(command, dict):
+                    yield command
 
 
 class RingRecorder:
@@ -204,7 +201,7 @@ class RingRecorder:
         for source in self._sources:
             if source.ring is None and source.open():
                 self._announce(source)
-        for command in () if self._commands is None else self._commands.read():
+        for command in self._commands.read() if self._commands is not None else ():
             self._obey(command)
         if self.writer is not None:
             for source in self._sources:
@@ -257,29 +254,20 @@ def main(text: str) -> int:
     try:
         outcome = recording.run()
     except (RingFormatError, OSError) as error:
-        outcome = _words(error)
+        # An OSError's own text begins with its number.
+        outcome = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     finally:
         recording.close(outcome)
     _tell(_summary(order, recording.writer, outcome, began))
     return COMPLETED if outcome == COMPLETE else FAILED
 
 
-def _words(error: Exception) -> str:
-    """An OSError's own text begins with its number."""
-    return error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-
-
 def _summary(order: RecordingOrder, writer: RecordingWriter | None, outcome: str, began: float) -> Mapping[str, Any]:
-    return {
-        "path": order.out,
-        "bytes": 0 if writer is None else writer.size,
-        "records": {} if writer is None else writer.records,
-        "lost": {} if writer is None else writer.lost,
-        "marks": 0 if writer is None else writer.marks,
-        "cpu_s": process_time(),
-        "elapsed_s": monotonic() - began,
-        "outcome": outcome,
-    }
+    counted: dict[str, Any] = {"bytes": 0, "records": {}, "lost": {}, "marks": 0}
+    if writer is not None:
+        counted = {name: getattr(writer, {"bytes": "size"}.get(name, name)) for name in counted}
+    times = {"cpu_s": process_time(), "elapsed_s": monotonic() - began}
+    return {"path": order.out, **counted, **times, "outcome": outcome}
 
 
 def _tell(summary: Mapping[str, Any]) -> None:

@@ -31,14 +31,9 @@ TORQUE_BANK = "torque_bank"
 """The fact with the predictors of the torque channel; absent with three degrees of freedom."""
 CONFIGURATION = "configuration"
 """The fact with the configuration, as YAML."""
-ADDED = {field.name: 0.0 for field in FIELDS if field.name.startswith(("joint_", "gripper_"))} | {
-    "jitter_us": np.nan,
-    "incoming_loss": np.nan,
-    "outgoing_loss": np.nan,
-    "peer_burst": 0.0,
-    "energy": 0.0,
-    "credit": 0.0,
-}
+ADDED = {field.name: 0.0 for field in FIELDS if field.name.startswith(("joint_", "gripper_"))}
+ADDED |= {"jitter_us": np.nan, "incoming_loss": np.nan, "outgoing_loss": np.nan}
+ADDED |= {"peer_burst": 0.0, "energy": 0.0, "credit": 0.0}
 """Fields that recordings of earlier releases lack, and what they hold then: those of arms 0, as in a Cartesian session,
 those of the link "unknown", those of the account 0, as without one."""
 PIECE_S = 1.0
@@ -95,7 +90,10 @@ class RecordedSession:
             begin = self._next(until)
         return score.summary() | {
             "ways": score.ways(),
-            "drops": {side: _drops(records) for side, records in self.sides.items()},
+            "drops": {
+                side: {"any": dropped} if (dropped := int(records["datagrams_dropped"][-1])) else {}
+                for side, records in self.sides.items()
+            },
         }
 
     def _next(self, at: float) -> float | None:
@@ -116,7 +114,7 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
             if not len(read):
                 continue
             records = _with_added_fields(read)
-            _check_fields(recording, side, records)
+            _check(recording, side, records)
             if side in found:
                 raise RecordingError(f"{recording.path}: holds the {side}'s side, and so does {found[side][0].path}")
             found[side] = (recording, _from_its_beginning(records) if BEGUN in recording.facts else records)
@@ -135,7 +133,8 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
     if len(found) == 2 and found[MASTER][0] is not found[SLAVE][0]:
         slave = _on_the_masters_clock(found[SLAVE], found[MASTER], rate)
         _check_overlap(found[MASTER][1], slave, found)
-        found[SLAVE] = (found[SLAVE][0], _beside(found[MASTER][1], slave))
+        master = found[MASTER][1]["at"]  # the slave may have been alone for days
+        found[SLAVE] = (found[SLAVE][0], _between(slave, master[0] - MARGIN_S, master[-1] + MARGIN_S))
     empty = np.empty(0, DTYPE)
     measures, arm, accounts = _configuration(reference)
     return RecordedSession(
@@ -169,14 +168,9 @@ def _marks(
     ]
 
 
-def _configuration(
-    recording: Recording,
-) -> tuple[Measures | None, ArmLayout | None, tuple[AccountParameters, ...]]:
-    """How the deadband of the recorded configuration measures, None for the distance, the axes of its arm, if any, and
-    its accounts of energy.
-
-    None of these without a configuration.
-    """
+def _configuration(recording: Recording) -> tuple[Measures | None, ArmLayout | None, tuple[AccountParameters, ...]]:
+    """How the deadband measures (None for the distance), the axes of an arm, and the accounts of energy; none of these
+    without a configuration."""
     if CONFIGURATION not in recording.facts:
         return None, None, ()
     try:
@@ -199,24 +193,18 @@ def _with_added_fields(records: Records) -> Records:
         return records
     kept = [(name, records.dtype[name]) for name in records.dtype.names or ()]
     filled = np.empty(len(records), np.dtype([*kept, *((name, DTYPE[name]) for name in lacks)]))
-    for name in lacks:
-        filled[name] = ADDED[name]
-    for name, _ in kept:
-        filled[name] = records[name]
+    for name in filled.dtype.names or ():
+        filled[name] = ADDED[name] if name in lacks else records[name]
     return filled
 
 
-def _check_fields(recording: Recording, side: str, records: Records) -> None:
+def _check(recording: Recording, side: str, records: Records) -> None:
     """Check that the records are complete and plausible."""
     lacks = sorted(set(DTYPE.names or ()) - set(records.dtype.names or ()))
     if lacks:
         raise RecordingError(
             f"{recording.path}: the {side}'s records lack {', '.join(lacks)}; made by another release, use that one"
         )
-    _check_numbers(recording, side, records)
-
-
-def _check_numbers(recording: Recording, side: str, records: Records) -> None:
     bank = recording.facts.get("bank", "").split()
     torque_bank = recording.facts.get(TORQUE_BANK, "zoh").split()
     origin = recording.origins[side]
@@ -305,11 +293,6 @@ def _from_its_beginning(records: Records) -> Records:
     return _counted_from(records, before[0])
 
 
-def _beside(master: Records, slave: Records) -> Records:
-    """The records near those of the master: the slave may have been alone for days."""
-    return _between(slave, master["at"][0] - MARGIN_S, master["at"][-1] + MARGIN_S)
-
-
 def _check_overlap(master: Records, slave: Records, found: dict[str, tuple[Recording, Records]]) -> None:
     common = min(master["at"][-1], slave["at"][-1]) - max(master["at"][0], slave["at"][0])
     if common < LEAST_OVERLAP_S:
@@ -320,11 +303,6 @@ def _check_overlap(master: Records, slave: Records, found: dict[str, tuple[Recor
 def _between(records: Records, first: float, last: float) -> Records:
     begin, end = np.searchsorted(records["at"], (first, last))
     return records[begin:end]
-
-
-def _drops(records: Records) -> dict[str, int]:
-    dropped = int(records["datagrams_dropped"][-1])
-    return {"any": dropped} if dropped else {}
 
 
 def time_axis(session: RecordedSession) -> dict[str, NDArray[np.float64]]:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.program import document, weberlink
 from tests.system.systems import CONFIGS
 from tests.wait import PATIENCE, until
 from weberlink_studies.evaluate.command import run
@@ -81,3 +82,42 @@ def test_ctrl_c_and_sigterm_keep_finished_rows(workers: int, number: signal.Sign
     assert 0 < len(report["rows"]) < 5 * len(MANY.split(","))
     assert errors.splitlines()[-1].startswith("weberlink: interrupted")
     assert all(", after " in line for line in errors.splitlines()[:-1]), "nothing of the processes complains"
+
+
+EVALUATE = ("study", "evaluate", "--predictor", "zoh", "--workers", "1")
+HEADER = "t,px,py,pz,fx,fy,fz"
+AT_0, AT_1, AT_2 = "0.000,0,0,0,0,0,0", "0.001,0,0,0,0,0,1", "0.002,0,0,0,0,0,1"
+
+
+@pytest.mark.parametrize(
+    ("suffix", "content", "field"),
+    [
+        ("csv", "\n".join([HEADER, AT_0, AT_2, AT_1]).encode(), "row 4, column t"),
+        ("csv", "\n".join([HEADER, AT_0, AT_1, "0.002,0,0,0,nan,0,1"]).encode(), "row 4, column fx"),
+        ("csv", HEADER.encode(), "rows"),
+        ("mcap", b"", ""),
+        ("mcap", b"\x89MCAP0\r\n", ""),
+        ("mcap", b"\x89PNG\r\n\x1a\n" + bytes(100), ""),
+    ],
+)
+def test_a_file_that_is_no_trace_is_one_line_that_names_it(
+    suffix: str, content: bytes, field: str, tmp_path: Path
+) -> None:
+    file = tmp_path / f"odd.{suffix}"
+    file.write_bytes(content)
+    ended = weberlink(*EVALUATE, file)
+    assert (ended.status, ended.output) == (2, "")
+    assert ended.errors.startswith(f"weberlink: {file}: ") and field in ended.errors
+    assert ended.errors.count("\n") == 1
+
+
+def test_a_simulated_trace_can_be_evaluated_and_figures_are_not_lost(tmp_path: Path) -> None:
+    path = tmp_path / "trace.csv"
+    assert weberlink("simulate", CONFIGS / "scene-plane.yaml", "--duration", 1, "--trace", path).status == 0
+    (row,) = document(weberlink(*EVALUATE, "--json", "-", path).output)["rows"]
+    assert row["packets"] > 0
+    assert "--plots" in weberlink(*EVALUATE, path, "--plots", "-").errors
+    full = weberlink(*EVALUATE, path, "--json", "/dev/full")  # which can be opened
+    text, _, said = full.errors.rstrip("\n").rpartition("\n")
+    assert (full.status, json.loads(text)["rows"][0]["packets"]) == (1, row["packets"])
+    assert said.startswith("weberlink: /dev/full: cannot be written: ")

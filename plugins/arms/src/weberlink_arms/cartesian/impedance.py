@@ -21,6 +21,7 @@ from weberlink_arms.cartesian.arm import (
     UPPER,
     ArmPose,
     Joints,
+    four,
 )
 
 
@@ -121,13 +122,7 @@ def _short(q: float, low: float, high: float) -> float:
 
 def currents(torques: Joints, torque_constant: float, most: float) -> Joints:
     """Motor currents [A] for joint torques [N m], each limited to +-`most`."""
-    a, b, c, d = torques
-    return (
-        min(max(a / torque_constant, -most), most),
-        min(max(b / torque_constant, -most), most),
-        min(max(c / torque_constant, -most), most),
-        min(max(d / torque_constant, -most), most),
-    )
+    return four([min(max(torque / torque_constant, -most), most) for torque in torques])
 
 
 class TipGoal:

@@ -11,6 +11,8 @@ on a motor that turns, nobody has published a measurement. An XL430 measures no 
 its duty in per mille of the largest one.
 """
 
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from math import copysign, pi, sqrt
@@ -46,52 +48,28 @@ class CurrentLaw(StrEnum):
     LOAD = "load"
 
 
+@dataclass(frozen=True, eq=False)
 class MotorModel:
-    """A model.
+    """A model."""
 
-    Args:
-        number: Model number (register 0).
-        name: As the vendor calls it.
-        volts: Of the figures below [V].
-        stall_n_m: Stall torque [N m].
-        stall_a: Stall current [A].
-        no_load_rad_s: Speed without load [rad/s].
-        law: What its current register measures.
-        a_per_count: Unit of the current registers [A]; 0 if there are none.
-        constant_error: Largest relative error of the torque constant, from all published figures.
-        coulomb_n_m: Dry friction of gears and motor [N m].
-        viscous_n_m_s: Viscous friction [N m s].
-        rotor_kg_m2: Inertia of the rotor, seen behind the gears [kg m^2].
-        p_divisor: Of the position gain: duty = gain / p_divisor * error [counts] / 885.
-        differs: Registers whose initial value and range are not those of an XM430-W350.
-        lacks: Names of registers that it does not have.
-    """
-
-    def __init__(
-        self,
-        number: int,
-        name: str,
-        *,
-        volts: float,
-        stall_n_m: float,
-        stall_a: float,
-        no_load_rad_s: float,
-        law: CurrentLaw,
-        a_per_count: float,
-        constant_error: float,
-        coulomb_n_m: float,
-        viscous_n_m_s: float,
-        rotor_kg_m2: float,
-        p_divisor: float = 128.0,
-        differs: dict[str, tuple[int, int, int]] | None = None,
-        lacks: frozenset[str] = frozenset(),
-    ) -> None:
-        self.number, self.name, self.volts = number, name, volts
-        self.stall_n_m, self.stall_a, self.no_load_rad_s = stall_n_m, stall_a, no_load_rad_s
-        self.law, self.a_per_count, self.constant_error = law, a_per_count, constant_error
-        self.coulomb_n_m, self.viscous_n_m_s, self.rotor_kg_m2 = coulomb_n_m, viscous_n_m_s, rotor_kg_m2
-        self.p_divisor = p_divisor
-        self._differs, self._lacks = differs or {}, lacks
+    number: int  # model number (register 0)
+    name: str  # as the vendor calls it
+    _: KW_ONLY
+    volts: float  # of the figures below [V]
+    stall_n_m: float
+    stall_a: float
+    no_load_rad_s: float  # speed without load
+    law: CurrentLaw  # what its current register measures
+    a_per_count: float  # unit of the current registers [A]; 0 if there are none
+    constant_error: float  # largest relative error of the torque constant, from all published figures
+    coulomb_n_m: float  # dry friction of gears and motor
+    viscous_n_m_s: float
+    rotor_kg_m2: float  # inertia of the rotor, seen behind the gears
+    p_divisor: float = 128.0  # of the position gain: duty = gain / p_divisor * error [counts] / 885
+    differs: Mapping[str, tuple[int, int, int]] = field(default_factory=dict)
+    """Registers whose initial value and range are not those of an XM430-W350."""
+    lacks: frozenset[str] = frozenset()
+    """Names of registers that it does not have."""
 
     @property
     def constant(self) -> float:
@@ -121,12 +99,12 @@ class MotorModel:
     @cached_property
     def registers(self) -> tuple[Register, ...]:
         """Its control table."""
-        return tuple(self._own(each) for each in REGISTERS if each.name not in self._lacks)
+        return tuple(self._own(each) for each in REGISTERS if each.name not in self.lacks)
 
     def _own(self, register: Register) -> Register:
         if register.name == "model_number":
             return register._replace(initial=self.number)
-        initial, low, high = self._differs.get(register.name, (register.initial, register.low, register.high))
+        initial, low, high = self.differs.get(register.name, (register.initial, register.low, register.high))
         return register._replace(initial=initial, low=low, high=high)
 
     def motor_current(self, counts: int, law: CurrentLaw) -> float:

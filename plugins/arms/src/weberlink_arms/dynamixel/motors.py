@@ -140,7 +140,6 @@ class Motors(Servos[MotorBus]):
         """Settings that both kinds of control need, and the bus watchdog."""
         if self.read(id_, registers.BUS_WATCHDOG) == registers.WATCHDOG_TRIPPED:
             self.write(id_, registers.BUS_WATCHDOG, 0)
-        self._set_eeprom(id_, registers.RETURN_DELAY_TIME, 0)
         self._set_eeprom(id_, registers.OPERATING_MODE, mode)
         self.write(id_, registers.BUS_WATCHDOG, self._watchdog)
 

@@ -41,8 +41,8 @@ class Wall(BaseModel):
         return min(beyond, 0.0) if self.below else max(beyond, 0.0)
 
 
-class JointArmOptions(BaseModel):
-    """Options of an emulated arm. Lists have one entry for each axis, the gripper last."""
+class EmulatedBusOptions(BaseModel):
+    """Options of an emulated bus."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
     LAYOUT: ClassVar[ArmLayout]
@@ -51,6 +51,24 @@ class JointArmOptions(BaseModel):
 
     ids: tuple[int, ...] | None = Field(default=None, description="of the servos; those of LeRobot if not given")
     baud: int = Field(default=1_000_000, description="rate of the bus [bit/s]")
+
+    @property
+    def bus_ids(self) -> tuple[int, ...]:
+        return self.ids or self.LAYOUT.ids
+
+    @model_validator(mode="after")
+    def check_bus(self) -> Self:
+        ids, count = self.bus_ids, len(self.LAYOUT.ids)
+        if len(ids) != count or len(set(ids)) != count or not all(0 <= id_ <= self.HIGHEST_ID for id_ in ids):
+            raise ValueError(f"ids: expected {count} different ones from 0 to {self.HIGHEST_ID}, got {ids}")
+        if self.baud not in self.BAUD_RATES:
+            raise ValueError(f"baud: expected one of {', '.join(map(str, self.BAUD_RATES))}, got {self.baud}")
+        return self
+
+
+class JointArmOptions(EmulatedBusOptions):
+    """Options of an emulated arm. Lists have one entry for each axis, the gripper last."""
+
     start_rad: tuple[float, ...] | None = Field(
         default=None, description="angles when power comes on; 0, and the gripper half open, if not given"
     )
@@ -64,10 +82,6 @@ class JointArmOptions(BaseModel):
     walls: tuple[Wall, ...] = Field(default=(), description="what the axes meet")
 
     @property
-    def bus_ids(self) -> tuple[int, ...]:
-        return self.ids or self.LAYOUT.ids
-
-    @property
     def start(self) -> Joints:
         """[rad]"""
         layout = self.LAYOUT
@@ -76,15 +90,10 @@ class JointArmOptions(BaseModel):
     @model_validator(mode="after")
     def check(self) -> Self:
         layout, count = self.LAYOUT, len(self.LAYOUT.ids)
-        for name in ("ids", "start_rad", "hand_rad", "hand_s"):
+        for name in ("start_rad", "hand_rad", "hand_s"):
             values = getattr(self, name)
             if values is not None and len(values) != count:
                 raise ValueError(f"{name}: expected {count} values ({', '.join(layout.axes)}), got {len(values)}")
-        ids = self.bus_ids
-        if len(set(ids)) != count or not all(0 <= id_ <= self.HIGHEST_ID for id_ in ids):
-            raise ValueError(f"ids: expected {count} different ones from 0 to {self.HIGHEST_ID}, got {ids}")
-        if self.baud not in self.BAUD_RATES:
-            raise ValueError(f"baud: expected one of {', '.join(map(str, self.BAUD_RATES))}, got {self.baud}")
         for name, low, angle, high in zip(layout.axes, layout.lower, self.start, layout.upper, strict=True):
             if not low <= angle <= high:
                 raise ValueError(f"start_rad: expected {low:.2f} to {high:.2f} rad for {name}, got {angle}")

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from weberlink.geometry.vector import ZERO, Vector, add, dot, scale, subtract
 from weberlink.slave.scenes.settings import SceneSettings, build
@@ -21,6 +21,7 @@ from weberlink_arms.dynamixel.layouts import OPEN_MANIPULATOR_X
 from weberlink_arms.dynamixel.motor_models import XM430_W350
 from weberlink_arms.dynamixel.packet import HIGHEST_ID
 from weberlink_arms.dynamixel.registers import BAUD_RATES
+from weberlink_arms.emulators.arm import EmulatedBusOptions
 from weberlink_arms.emulators.dynamixel.arm import DynamixelArmEmulator
 from weberlink_mujoco.arms.models import MODELS, compiled, mujoco, read
 
@@ -33,15 +34,13 @@ EmulatedFriction = Annotated[float, Field(ge=0.0, le=100.0)]
 EmulatedJointFriction = tuple[EmulatedFriction, EmulatedFriction, EmulatedFriction, EmulatedFriction]
 
 
-class DynamixelEmulatorOptions(BaseModel):
+class DynamixelEmulatorOptions(EmulatedBusOptions):
     """Options of the emulated arm: by default as shipped, held by a person in the home pose until all torque is on."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    LAYOUT = OPEN_MANIPULATOR_X
+    HIGHEST_ID = HIGHEST_ID
+    BAUD_RATES = BAUD_RATES
 
-    ids: tuple[int, int, int, int, int] = Field(
-        default=(11, 12, 13, 14, 15), description="of joints 1 to 4 and of the gripper"
-    )
-    baud: int = Field(default=1_000_000, description="rate of the bus [bit/s]")
     start_rad: Joints = Field(default=(0.0, -1.05, 0.35, 0.70), description="joint angles when power comes on")
     held: bool = Field(
         default=True, description="a person holds the arm until torque is on in all four joints; otherwise it falls"
@@ -57,20 +56,6 @@ class DynamixelEmulatorOptions(BaseModel):
     )
     current_noise_ma: float = Field(default=3.0, ge=0.0, description="standard deviation of the measured current")
     seed: int = Field(default=0, description="of that noise")
-
-    @field_validator("ids")
-    @classmethod
-    def check_ids(cls, ids: tuple[int, ...]) -> tuple[int, ...]:
-        if len(set(ids)) != len(ids) or not all(0 <= id_ <= HIGHEST_ID for id_ in ids):
-            raise ValueError(f"expected five different ids from 0 to {HIGHEST_ID}")
-        return ids
-
-    @field_validator("baud")
-    @classmethod
-    def check_baud(cls, baud: int) -> int:
-        if baud not in BAUD_RATES:
-            raise ValueError(f"expected one of {', '.join(map(str, BAUD_RATES))}")
-        return baud
 
     @field_validator("start_rad")
     @classmethod
@@ -171,7 +156,7 @@ class DynamixelEmulator(DynamixelArmEmulator):
         self.held = options.held
         """Whether a person still holds the arm."""
         super().__init__(
-            OPEN_MANIPULATOR_X, options.ids, baud=options.baud, noise_a=1e-3 * options.current_noise_ma,
+            OPEN_MANIPULATOR_X, options.bus_ids, baud=options.baud, noise_a=1e-3 * options.current_noise_ma,
             seed=options.seed, constant=options.torque_constant_n_m_a / XM430_W350.constant,
         )  # fmt: skip
 

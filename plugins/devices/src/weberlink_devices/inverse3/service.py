@@ -51,6 +51,8 @@ class ServiceExchange:
         self._writer = CommandWriter("", "vector")
         self._comparison = ForceComparison()
         self._owed = 0
+        self._recovers = False
+        """Whether the last answer was missing; the next one must be in time, however slow this host is."""
         self._id: str | None = None
         self.settings = ServiceSettings()
         """Those of the last connection."""
@@ -159,14 +161,18 @@ class ServiceExchange:
             self._owed += self.guardian.new_writes()  # the service answers each of its messages too
         while port.receive(0.0) is not None:  # late ones, and such that nobody owes
             self._owed = max(0, self._owed - 1)
+        asked, answer = monotonic(), b""
         port.send(text, rest=rest)
         self._owed += 1
-        until, answer = monotonic() + patience, b""
         while self._owed:
-            heard = port.receive(until)
+            heard = port.receive(asked + patience)
             if heard is None:
+                self._recovers = True
                 raise BadReply(f"no answer within {patience * 1e3:g} ms")
             self._owed, answer = self._owed - 1, heard
+        if self._recovers and (elapsed := monotonic() - asked) > patience:  # else a stalled host took its time
+            raise BadReply(f"answered after {elapsed * 1e3:.0f} ms instead of {patience * 1e3:g}")
+        self._recovers = False
         return state_of(decode(answer), self._id or "", self._options.grip)
 
     @staticmethod
