@@ -18,7 +18,7 @@ from weberlink.codec.predictors import (
 from weberlink.codec.rate import UpdateRate
 from weberlink.codec.sample import Quantizer, Sample, SampleGrid
 from weberlink.compiled import mypyc_attr
-from weberlink.geometry.vector import ZERO, Vector, is_finite, norm, scale
+from weberlink.geometry.vector import ZERO, Vector, is_finite, within
 from weberlink.update import MAX_SELECTOR, UpdateForm
 
 
@@ -49,8 +49,7 @@ class Smoothing:
 
     def kept(self, jump: Vector, bound: float) -> Vector:
         """The part of a jump from the new sample to the value before that is held back."""
-        longest, length = self.share * bound, norm(jump)
-        return jump if length <= longest else scale(jump, longest / length)
+        return within(jump, self.share * bound)
 
     def remaining(self, since: float) -> float:
         """The share of the held part, 0 to 1, that is left `since` ticks after the sample."""
@@ -186,14 +185,9 @@ def force_channel(
         axes: the axes that are sent.
         force_step: wire step [N], > 0.
         position_step: wire step [m], > 0.
-        fit_limits: the range in which a fitted contact is accepted.
         saturates: False lifts the int16 range, for studies without a wire.
         deadband: a deadband of another shape; `weber`, `floor` and `reference` are not read then.
-        smoothing: the ramp over which an update changes the force; None for a step.
-        rate: largest rate of updates; None for no limit.
-        every_position: whether every update carries the position, whatever its predictor reads.
-        tick_period: time between ticks [s], > 0.
-        lookahead: number of ticks that the encoder looks ahead.
+        fit_limits, smoothing, rate, every_position, tick_period, lookahead: as of `Channel`.
 
     Raises:
         ValueError: as `Channel`, or for a number out of range.

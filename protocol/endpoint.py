@@ -505,10 +505,10 @@ class Endpoint:
             self._dialer.stop()
             self._tell_encoding()
             self._tell(events.PeerReturned())
-        if isinstance(outcome, events.PathAsked):
-            self._post_to(session.send_path(now, outcome.token, is_answer=True), address)
-        elif isinstance(outcome, events.PathAnswered):
-            if path is not None:
+        if isinstance(outcome, events.PathProbe):
+            if not outcome.is_answer:
+                self._post_to(session.send_path(now, outcome.token, is_answer=True), address)
+            elif path is not None:
                 path.on_answer(outcome.token, now)
                 self.peer = path.address
         elif outcome is not None:

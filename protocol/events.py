@@ -120,16 +120,12 @@ class Refused(NamedTuple):
     message: str
 
 
-class PathAsked(NamedTuple):
-    """The peer asks whether this end is at the address that received the datagram; handled by the endpoint itself."""
+class PathProbe(NamedTuple):
+    """The peer asks whether this end is at the address that received the datagram, or answers such a question; handled
+    by the endpoint itself."""
 
     token: bytes
-
-
-class PathAnswered(NamedTuple):
-    """The peer has answered such a question; handled by the endpoint itself."""
-
-    token: bytes
+    is_answer: bool
 
 
 class ChangeProposed(NamedTuple):

@@ -10,7 +10,7 @@ directions, and the numbers of the peer's datagrams tell whether a question or i
 from typing import Any, NamedTuple
 
 from weberlink.protocol.endpoint import Endpoint
-from weberlink.protocol.events import Address, DropReason, PathAnswered
+from weberlink.protocol.events import Address, DropReason, PathProbe
 from weberlink.protocol.session import Outcome, Session
 from weberlink.protocol.wire import TOKEN_BYTES
 
@@ -56,6 +56,8 @@ class ProbingEndpoint(Endpoint):
         super()._on_authentic(session, outcome, address, now)
         if outcome is DropReason.REPLAYED:
             return
-        number = int.from_bytes(outcome.token, "big") if isinstance(outcome, PathAnswered) else len(self.asked)
-        question = number if number < len(self.asked) else None
+        question: int | None = None
+        if isinstance(outcome, PathProbe) and outcome.is_answer:
+            number = int.from_bytes(outcome.token, "big")
+            question = number if number < len(self.asked) else None
         self.heard.append(Heard(self.sessions - 1, session.sequence, now, question, session.clock.one_way))

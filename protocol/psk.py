@@ -10,6 +10,7 @@ This module and `weberlink.protocol.noise` load `cryptography`; they are importe
   salt for the direction and the full sequence number (8 bytes), which never repeats under a key.
 """
 
+from collections.abc import Mapping
 from hmac import digest
 from typing import ClassVar, Final
 
@@ -17,8 +18,9 @@ from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.ciphers.aead import AESCCM
 
 from weberlink.compiled import mypyc_attr
+from weberlink.protocol.handshake import identity_in, identity_of
 from weberlink.protocol.noise import OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Initiator, Responder, Secrets, SharedKey
-from weberlink.protocol.security import Protection
+from weberlink.protocol.security import Incoming, Outgoing, Protection
 from weberlink.protocol.wire import CLEAR_BYTES
 
 SECRET_BYTES: Final = 32
@@ -50,6 +52,28 @@ class PresharedKey:
 
     def hear(self, prologue: bytes, message: bytes) -> Responder | None:
         return Responder.read(self._key, prologue, message, _responder_keys)
+
+
+class Keyring:
+    """The `Security` of a responder that holds a key for each of several peers, by name.
+
+    The header of a HELLO names its sender by a hash, which chooses the key. The name in the sealed payload must have
+    that hash, so the key of one peer opens no session under the name of another.
+    """
+
+    tag_size: ClassVar[int] = PresharedKey.tag_size
+    overhead: ClassVar[int] = PresharedKey.overhead
+    private_size: ClassVar[int] = PresharedKey.private_size
+
+    def __init__(self, keys: Mapping[str, bytes]) -> None:
+        self._suites = {identity_of(name): PresharedKey(key) for name, key in keys.items()}
+
+    def call(self, prologue: bytes, private: bytes) -> Outgoing:  # noqa: ARG002 - of the contract
+        raise TypeError("a keyring is for the end that is called")
+
+    def hear(self, prologue: bytes, message: bytes) -> Incoming | None:
+        suite = self._suites.get(identity_in(prologue))
+        return None if suite is None else suite.hear(prologue, message)
 
 
 def _initiator_keys(secrets: Secrets) -> Protection:

@@ -19,8 +19,7 @@ from weberlink.protocol.events import (
     ChangeAnswered,
     ChangeProposed,
     DropReason,
-    PathAnswered,
-    PathAsked,
+    PathProbe,
     PeerClosed,
     Statistics,
     UpdateReceived,
@@ -60,7 +59,7 @@ _CHANGE_TICK_MASK: Final = (1 << wire.CHANGE_TICK_BITS) - 1
 _TICK_MASK: Final = (1 << wire.TICK_BITS) - 1
 
 OwnersOutcome = UpdateReceived | PeerClosed | ChangeProposed | ChangeAnswered
-Outcome = OwnersOutcome | PathAsked | PathAnswered | DropReason | None
+Outcome = OwnersOutcome | PathProbe | DropReason | None
 """What an authentic datagram says, or the reason to drop it; None if only the session needs it."""
 Opened = tuple[int, int, bytes]
 """An authentic datagram: full sequence number, first byte, and the rest after the clear part."""
@@ -277,7 +276,7 @@ class Session:
                 self.heartbeats.asked()
             return None
         if kind == wire.PATH:
-            return PathAnswered(content.data) if content.mark else PathAsked(content.data)
+            return PathProbe(content.data, content.mark)
         if age is None or not is_current:
             return DropReason.UNTIMED if age is None else DropReason.STALE
         if content.update is None:
@@ -368,7 +367,7 @@ class Session:
     def send_heartbeat(self, now: float, *, is_encoding: bool = False) -> bytes:
         """The datagram of a heartbeat, which may report our measurements and ask for an answer."""
         asks = self.heartbeats.asks(now)
-        report = self._report() if self.heartbeats.reports(now) or self._has_changed() else None
+        report = self._report(must=self.heartbeats.reports(now))
         envelope, sequence = self._envelope(now)
         self.heartbeats.pulsed(now, has_reported=report is not None, is_confirmed=self.is_confirmed)
         self._statistics.heartbeats += 1
@@ -384,8 +383,13 @@ class Session:
         )
         return self._seal(sequence, clear, now)
 
-    def _report(self) -> Report:
+    def _report(self, *, must: bool) -> Report | None:
+        """Our measurements; None where the link is as the newest report says, unless one must be sent."""
         minimum, latest, late = self.clock.report()
+        least, bound, loss = self._reported
+        is_same = abs(minimum - least) <= SLACK and abs(late - bound) <= max(SLACK, 0.5 * bound)
+        if not must and is_same and abs(self._loss.fraction - loss) <= LOSS_STEP:
+            return None
         self._reported = minimum, late, self._loss.fraction
         self._statistics.incoming_burst = self._loss.burst
         return Report(
@@ -395,16 +399,6 @@ class Session:
             round(min(self._loss.fraction, 1.0) * wire.LOSS_UNITS),
             round(self._statistics.incoming_burst * wire.BURST_UNITS),
             self._loss.lost & wire.LOST_MASK,
-        )
-
-    def _has_changed(self) -> bool:
-        """Whether the link is another one than the newest report says, so that the next heartbeat reports again."""
-        minimum, _, late = self.clock.report()
-        least, bound, loss = self._reported
-        return (
-            abs(minimum - least) > SLACK
-            or abs(late - bound) > max(SLACK, 0.5 * bound)
-            or abs(self._loss.fraction - loss) > LOSS_STEP
         )
 
     def send_bye(self, now: float, reason: str) -> bytes:

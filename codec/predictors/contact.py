@@ -18,7 +18,7 @@ of n.q over a time T: they are -4 sin^2(w T / 2) times the deviation of n.q from
 from math import asin, exp, sqrt
 
 from weberlink.codec.predictors.estimation import History, Signal
-from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale, subtract, unit
+from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
 
 STEP_S = 0.010
 """Time over which displacements and changes of force are taken [s]."""
@@ -221,9 +221,9 @@ class ContactEstimator:
         way, change = subtract(places[-1], places[-1 - self._turn]), subtract(values[-1], values[-1 - self._turn])
         directions, normals = self._directions, self._normals
         turn = subtract(directions[-1], directions[-1 - self._turn])
-        self.curvature.add(turn, _way(way, change, self.frictionless.compliance))
+        self.curvature.add(turn, add(way, scale(change, self.frictionless.compliance)))
         turn = subtract(normals[-1], normals[-1 - self._turn])
-        self.frictional_curvature.add(turn, _way(way, change, self.frictional.compliance))
+        self.frictional_curvature.add(turn, add(way, scale(change, self.frictional.compliance)))
         if self.age > 3 * self._third:
             middle = directions[-1 - 3 * self._third // 2]
             apart = self._third
@@ -238,12 +238,6 @@ class ContactEstimator:
             self.frequency.add(q[1], q[0] - 2.0 * q[1] + q[2])
         if len(directions) > 4 * self._second:
             del directions[: 2 * self._second], normals[: 2 * self._second]
-
-
-def _way(way: Vector, change: Vector, compliance: float) -> Vector:
-    """Displacement of the contact point q, by that of the probe and the change of force."""
-    moved = scale(change, compliance)
-    return (way[0] + moved[0], way[1] + moved[1], way[2] + moved[2])
 
 
 def _third(vectors: list[Vector], along: Vector, apart: int) -> float:

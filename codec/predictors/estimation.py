@@ -5,7 +5,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 from weberlink.codec.predictors.model import FitLimits, Model
 from weberlink.codec.sample import Sample, SampleGrid
-from weberlink.geometry.vector import Vector, add, scale, subtract
+from weberlink.geometry.vector import Vector, interpolate
 
 KEPT_S = 0.128
 """Time that a full history covers at least [s]."""
@@ -38,7 +38,7 @@ class History:
             return []
         values, places = self.values[-1], self.places[-1]
         shares = [step / gap for step in range(1, gap)]
-        filled = [(_between(values, value, share), _between(places, place, share)) for share in shares]
+        filled = [(interpolate(values, value, share), interpolate(places, place, share)) for share in shares]
         return [(self._tick + step, *each) for step, each in enumerate(filled, 1)]
 
     def add(self, tick: int, value: Vector, place: Vector, bound: float) -> None:
@@ -135,7 +135,3 @@ class Candidate(Protocol):
 
     def model(self, context: EncodeContext) -> Model | None:
         """Make the model to send, with finite parameters; None to hold the sample."""
-
-
-def _between(start: Vector, end: Vector, share: float) -> Vector:
-    return add(start, scale(subtract(end, start), share))

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 from math import pi, sin
 from typing import ClassVar
 
-from weberlink.geometry.vector import Vector, add, norm, subtract
+from weberlink.geometry.vector import Vector, add, interpolate, norm, subtract
 from weberlink.slave.scenes.contact import ObjectContact, SceneObject, Touch
 from weberlink.slave.scenes.derived import DisplacedShape
-from weberlink.slave.scenes.proxy import along, traced
+from weberlink.slave.scenes.proxy import traced
 from weberlink.slave.scenes.scene import FARTHEST, Scene, SceneState, Wave
 
 
@@ -132,4 +132,4 @@ def swept(proxy: Vector, shape: DisplacedShape, moved: Vector) -> Vector:
         return proxy
     start = add(proxy, moved)
     travelled = traced(shape, start, proxy, length)
-    return proxy if travelled is None else along(start, proxy, travelled / length)
+    return proxy if travelled is None else interpolate(start, proxy, travelled / length)

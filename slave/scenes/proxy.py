@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from itertools import combinations
 from math import inf
 
-from weberlink.geometry.vector import Vector, distance, dot, scale, subtract
+from weberlink.geometry.vector import Vector, distance, dot, interpolate, scale, subtract
 from weberlink.slave.scenes.shape import Shape
 
 Push = tuple[int, float]
@@ -214,7 +214,7 @@ class Proxy:
         if first is None:
             return None
         index, travelled = first
-        return index, along(start, end, travelled / length if length > 0.0 else 0.0)
+        return index, interpolate(start, end, travelled / length if length > 0.0 else 0.0)
 
 
 def extrapolated(last: ProxyStep, step: ProxyStep) -> Vector:
@@ -236,14 +236,6 @@ def extrapolated(last: ProxyStep, step: ProxyStep) -> Vector:
     return subtract(goal, scale(subtract(goal, reached), share))
 
 
-def along(start: Vector, end: Vector, share: float) -> Vector:
-    return (
-        start[0] + share * (end[0] - start[0]),
-        start[1] + share * (end[1] - start[1]),
-        start[2] + share * (end[2] - start[2]),
-    )
-
-
 def traced(shape: Shape, start: Vector, end: Vector, limit: float) -> float | None:
     """Length [m] of the path toward `end` that is free of `shape`; None if it is free up to `limit`.
 
@@ -252,7 +244,7 @@ def traced(shape: Shape, start: Vector, end: Vector, limit: float) -> float | No
     length = distance(start, end)
     travelled = 0.0
     for _ in range(TRACE_STEPS):
-        clearance = shape.clearance(along(start, end, travelled / length) if length > 0.0 else start)
+        clearance = shape.clearance(interpolate(start, end, travelled / length) if length > 0.0 else start)
         if clearance < TOUCHING:
             return travelled
         travelled += clearance

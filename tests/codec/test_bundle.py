@@ -7,7 +7,7 @@ from weberlink.codec.bundle import BundleChannel, BundleDecoder, BundleEncoder, 
 from weberlink.codec.rate import UpdateRate
 from weberlink.geometry.joints import widths
 from weberlink.protocol.wire import UpdateLayout
-from weberlink.update import Update
+from weberlink.update import PreviousSample, Update
 
 STEP = 1e-3
 
@@ -42,6 +42,9 @@ def test_the_wire_carries_only_axes_that_exist(axes: int) -> None:
     assert shortest <= UpdateLayout(channel.forms).length(update) <= longest
     decoder = BundleDecoder(channel)
     assert (decoder.value(5), decoder.newest, decoder.first) == (None, None, (0.0,) * axes)
+    for wrong in (Update(0, 0, (0,) * (axes + 1)), Update(0, 0, (0,) * axes, PreviousSample(1, (0,) * (axes + 1)))):
+        with pytest.raises(ValueError, match="levels"):
+            decoder.apply(wrong)
 
 
 def test_an_error_exactly_at_its_threshold_is_not_sent() -> None:

@@ -6,8 +6,7 @@ import pytest
 
 from tests.protocol.harness import Pair
 from weberlink.protocol import Connected, DropReason, Refused, State
-from weberlink.protocol.keyring import Keyring
-from weberlink.protocol.psk import PresharedKey
+from weberlink.protocol.psk import Keyring, PresharedKey
 
 KEYS = {name: Random(name).randbytes(32) for name in ("ann@desk", "bob@desk")}
 STRANGER = Random("eve@desk").randbytes(32)

@@ -66,3 +66,20 @@ def test_overtaken_datagram_does_not_say_that_the_encoder_runs() -> None:
     end.hear_encoder(4, 0.07, runs=True)
     assert end.encoder_heard_at == 0.07
     assert end.encodes_until == 0.07 + SILENCE
+
+
+def test_an_opening_session_drives_nothing_until_something_was_confirmed() -> None:
+    end = Liveness(0.0, 0.1, 0.0, 0.0)
+    end.agree(0.2, 0.0)
+    end.hear_encoder(1, 0.0, runs=True)
+    assert end.is_opening and not end.drives(0.05)
+    end.hear(0.05, floor(0.05 / (end.limit / UNITS)), 0, 0.05)  # the echo of what left now
+    assert not end.is_opening and end.drives(0.05)
+
+
+def test_age_counts_against_the_smaller_of_the_two_round_trips() -> None:
+    end = Liveness(0.0, 0.1, 0.0, 0.0)
+    end.agree(0.2, 0.0)
+    end.expect(0.1)
+    assert end.is_fresh(0.2, 0) and not end.is_fresh(0.201, 0)
+    assert end.is_fresh(0.15, 1) and not end.is_fresh(0.16, 1)

@@ -14,8 +14,7 @@ from tests.program import Program, document, weberlink
 from tests.test_child_process import executed
 from tests.wait import until
 from weberlink.protocol.aio.paths import PathFacts
-from weberlink.protocol.keyring import Keyring
-from weberlink.protocol.psk import PresharedKey
+from weberlink.protocol.psk import Keyring, PresharedKey
 from weberlink.system import description
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, load
 from weberlink.system.finders import finder_of, running

@@ -8,9 +8,8 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from tests.slave.scenes.solids import GROUND, SHAPES, STIFFNESS, elastic, scenes, wander
-from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, norm, scale, subtract
+from weberlink.geometry.vector import ZERO, Vector, distance, interpolate, is_finite, norm, scale, subtract
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
-from weberlink.slave.scenes.proxy import along
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import BoxShape, SphereShape
 
@@ -25,7 +24,7 @@ def walked(scene: Scene, start: Vector, end: Vector, steps: int) -> Vector:
     """The force at `end` after a straight walk."""
     force = ZERO
     for i in range(steps + 1):
-        force = scene.force(along(start, end, i / steps), TICK)
+        force = scene.force(interpolate(start, end, i / steps), TICK)
     return force
 
 

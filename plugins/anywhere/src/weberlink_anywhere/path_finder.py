@@ -6,8 +6,7 @@ from socket import socket
 from typing import Any
 
 from weberlink.protocol.aio.paths import MakePaths
-from weberlink.protocol.keyring import Keyring
-from weberlink.protocol.psk import PresharedKey
+from weberlink.protocol.psk import Keyring, PresharedKey
 from weberlink.protocol.security import Security
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError
 from weberlink_anywhere.options import AnywhereOptions

@@ -13,33 +13,9 @@ from weberlink.system.recorder import FINISH_LIMIT_S
 from weberlink.telemetry.message import TOPICS, Origin
 from weberlink.telemetry.recorders import BEGUN, DURING
 from weberlink_recording.marks import shortened
-from weberlink_recording.reader import Recording, read_recording
+from weberlink_recording.reader import read_recording
 from weberlink_recording.recorder import RecordingOrder
 from weberlink_recording.writer import RecordingWriter
-
-
-class McapFormat:
-    """MCAP files, whose messages ROS 2 tools know."""
-
-    @staticmethod
-    def start(
-        facts: Mapping[str, str], rings: Mapping[str, str], out: Path, *, since: float | None = None
-    ) -> "Recorder":
-        """Start the process that records a session."""
-        return Recorder(facts, rings, out, since=since)
-
-    @staticmethod
-    def create(path: Path, facts: Mapping[str, str], rate_hz: float) -> RecordingWriter:
-        """Begin a recording of both sides on a clock that starts at 0."""
-        writer = RecordingWriter.create(path, facts)
-        for side in TOPICS:
-            writer.add_side(Origin(side, rate_hz, 0.0, 0.0))
-        return writer
-
-    @staticmethod
-    def read(path: Path) -> Recording:
-        """Read a file as far as it is intact."""
-        return read_recording(path)
 
 
 class Recorder:
@@ -64,34 +40,41 @@ class Recorder:
 
     @property
     def running(self) -> bool:
-        """Whether the process runs; it ends early if it was killed or could not write."""
         return self._process.running
 
     def mark(self, text: str) -> str:
-        """Set a mark at this moment, without effect if the process has ended; returns its text in one line."""
         text = shortened(text)
         self._process.write_line(json.dumps({"mark": text, "at": monotonic()}))
         return text
 
     def stop(self) -> None:
-        """Tell it to finish the file; `running` then becomes false."""
         self._process.write_line(json.dumps({"finish": True}))
 
     def kill(self) -> None:
-        """End it at once, if it does not finish; what it has written stays readable."""
         self._process.kill()
 
     def finish(self) -> dict[str, Any]:
-        """Wait for a limited time until the file is complete; returns its summary. May be repeated."""
+        """May be repeated."""
         if self._summary is None:
-            self._summary = self._finish()
-        return self._summary
+            output = self._process.end(FINISH_LIMIT_S, SIGTERM)
+            try:
+                self._summary = json.loads(output)
+            except ValueError:
+                size = self.path.stat().st_size if self.path.exists() else 0
+                outcome = f"recorder {self._process.how_it_ended}"
+                self._summary = {"path": str(self.path), "bytes": size, "outcome": outcome}
+        return dict(self._summary or {})
 
-    def _finish(self) -> dict[str, Any]:
-        output = self._process.end(FINISH_LIMIT_S, SIGTERM)
-        try:
-            summary: dict[str, Any] = json.loads(output)
-        except ValueError:
-            size = self.path.stat().st_size if self.path.exists() else 0
-            summary = {"path": str(self.path), "bytes": size, "outcome": f"recorder {self._process.how_it_ended}"}
-        return summary
+
+class McapFormat:
+    """MCAP files, whose messages ROS 2 tools know; as of `weberlink.telemetry.recorders.RecordingFormat`."""
+
+    start = Recorder
+    read = staticmethod(read_recording)
+
+    @staticmethod
+    def create(path: Path, facts: Mapping[str, str], rate_hz: float) -> RecordingWriter:
+        writer = RecordingWriter.create(path, facts)
+        for side in TOPICS:
+            writer.add_side(Origin(side, rate_hz, 0.0, 0.0))
+        return writer
