@@ -15,7 +15,6 @@ from weberlink.codec.deadband.cone import ConeDeadband
 from weberlink.codec.deadband.level_crossing import LevelCrossingDeadband
 from weberlink.codec.deadband.velocity import VelocityDeadband
 from weberlink.master.devices.operator import OperatorDevice
-from weberlink.slave.robots import ROBOTS
 from weberlink.system.composition.channels import channels
 from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import MASTER, SLAVE, ConfigurationError, load
@@ -242,37 +241,29 @@ def test_a_host_checks_the_driver_of_its_own_side_only(tmp_path: Path) -> None:
     assert "not_installed_here" in refusal(path, sides=[SLAVE])
 
 
-@pytest.mark.parametrize(
-    ("side", "hardware"),
-    [
-        (MASTER, "master: {device: {driver: polhem_serial}}"),
-        pytest.param(
-            SLAVE,
-            "slave: {robot: {driver: dynamixel, baud: 1000000}}",
-            marks=pytest.mark.skipif("dynamixel" not in ROBOTS, reason="the kernel has no robot of hardware"),
-        ),
-    ],
-)
-def test_hardware_without_a_key_is_refused_at_its_own_end(tmp_path: Path, hardware: str, side: str) -> None:
-    path = write(tmp_path, MINIMAL + hardware)
-    for sides in ([side], [MASTER, SLAVE]):
+def test_hardware_without_a_key_is_refused_at_its_own_end(tmp_path: Path) -> None:
+    path = write(tmp_path, MINIMAL + "master: {device: {driver: polhem_serial}}")
+    for sides in ([MASTER], [MASTER, SLAVE]):
         assert "link.security" in refusal(path, sides=sides)
         load(path, ["link.security=session"], sides=sides)
 
 
+@pytest.mark.parametrize(("side", "part"), [(MASTER, "device"), (SLAVE, "robot")])
 @pytest.mark.parametrize(("says", "is_refused"), [("", True), ("    COMPUTED = True\n", False)])
 def test_driver_of_another_package_is_hardware_unless_it_says_otherwise(
-    says: str, is_refused: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    side: str, part: str, says: str, is_refused: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    name = "silent" if is_refused else "computed"
+    name = f"{'silent' if is_refused else 'computed'}_{part}"
     source = f"from pydantic import BaseModel\nclass Thing:\n{says}    class Options(BaseModel): pass\n"
-    install(tmp_path, name, {f"{name}_thing": source}, f"[weberlink.devices]\n{name} = {name}_thing:Thing\n")
+    install(tmp_path, name, {f"{name}_thing": source}, f"[weberlink.{part}s]\n{name} = {name}_thing:Thing\n")
     monkeypatch.syspath_prepend(str(tmp_path))
-    path = write(tmp_path, MINIMAL + f"master: {{device: {{driver: {name}}}}}")
-    if is_refused:
-        assert "link.security" in refusal(path)
-    else:
-        load(path)
+    path = write(tmp_path, MINIMAL + f"{side}: {{{part}: {{driver: {name}}}}}")
+    for sides in ([side], [MASTER, SLAVE]):
+        if is_refused:
+            assert "link.security" in refusal(path, sides=sides)
+            load(path, ["link.security=session"], sides=sides)
+        else:
+            load(path, sides=sides)
 
 
 def test_a_session_key_is_for_a_run_of_both_sides(tmp_path: Path) -> None:
