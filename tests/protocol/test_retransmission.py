@@ -2,6 +2,7 @@ from collections.abc import Callable
 from itertools import pairwise
 from math import inf
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -23,7 +24,7 @@ from weberlink.protocol.retransmission import (
     lost_again,
 )
 from weberlink.protocol.wire import UpdateLayout
-from weberlink.update import UpdateForm
+from weberlink.update import Update, UpdateForm
 
 LAYOUT = UpdateLayout([UpdateForm((3,), None)])
 
@@ -190,3 +191,22 @@ def test_copies_leave_little_lost(loss: float, burst: float) -> None:
     assert lost_again(loss, 0.0) == lost_again(loss, 1.0) == loss <= again <= 1.0
     assert copies == MOST_COPIES or loss * again**copies <= RESIDUAL * (1.0 + 1e-6)
     assert copies == 0 or loss * again ** (copies - 1) > RESIDUAL * (1.0 - 1e-6)
+
+
+def test_an_update_is_late_slower_with_each_repeat_and_forgotten_only_by_the_newest_datagram() -> None:
+    sent = stream()
+    sent.update = Update(0, 0, (1, 2, 3))
+    sent.begin(5, 0.0)
+    assert not sent.is_late(0.1, 0.1) and sent.is_late(0.11, 0.1)
+    assert sent.acknowledge(3, None, is_newest=False), "an old datagram without one says nothing"
+    assert not sent.acknowledge(4, None, is_newest=True)
+    for repeats, pace in ((1, 0.01), (2, 0.01), (3, 0.02), (4, 0.04)):
+        sent.repeated(5 + repeats, 0.0)
+        sent.miss()
+        assert sent.due_at(0.01, 1.0) == pytest.approx(pace), repeats
+    assert sent.is_ambiguous(2**16) and not sent.is_ambiguous(2**16 + 7)
+    assert sent.acknowledge(10, 7, is_newest=True) and sent.is_ambiguous(2**16 + 7)
+    sent.acknowledge(9, 0, is_newest=False)
+    assert not sent.is_forgotten
+    sent.acknowledge(11, 0, is_newest=True)
+    assert sent.is_forgotten
