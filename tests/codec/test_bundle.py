@@ -55,11 +55,20 @@ def test_an_error_exactly_at_its_threshold_is_not_sent() -> None:
 
 
 def test_rest_is_displayed_and_not_sent() -> None:
-    channel = joint_channel(bounds=(0.1, 0.1, 0.1, 0.1), step=STEP, rest=(0.0,) * 4)
+    rest = (0.5, 0.0, 0.0, -0.25)
+    channel = joint_channel(bounds=(0.1, 0.1, 0.1, 0.1), step=STEP, rest=rest)
     encoder, decoder = BundleEncoder(channel), BundleDecoder(channel)
-    assert encoder.encode(0, (0.05, 0.0, -0.05, 0.09)) is None
-    assert decoder.value(0) == (0.0,) * 4
-    assert encoder.encode(1, (0.0, 0.0, 0.0, 0.2)) is not None
+    assert encoder.coded == decoder.first == rest
+    assert encoder.encode(0, (0.55, 0.0, -0.05, -0.16)) is None
+    assert decoder.value(0) == rest
+    assert encoder.encode(1, (0.5, 0.0, 0.0, 0.0)) is not None
+
+
+def test_a_restart_is_sent_on_credit() -> None:
+    encoder = BundleEncoder(channel_of(4, rate=UpdateRate(0.01, 8.0)))
+    for tick in range(20):
+        encoder.restart()
+        assert encoder.encode(tick, (float(tick),) * 4) is not None
 
 
 def test_what_does_not_fit_is_refused() -> None:

@@ -101,3 +101,9 @@ def test_the_coding_loop_yields_what_a_daemon_would_display() -> None:
     late = list(code(channel, stream, delay_ticks=20))
     assert [tick.update for tick in late] == [tick.update for tick in ticks]
     assert [tick.displayed for tick in late[:20]] == [ZERO] * 20
+
+
+def test_a_deadband_finer_than_the_wire_does_not_hold_a_model() -> None:
+    encoder = Encoder(force_channel(predictor="linear", weber=0.0, floor=0.0))
+    updates = [encoder.encode(tick, (0.0, 0.0, 0.0004 + 0.1 * tick)) for tick in (1, 2)]
+    assert [update is not None and update.payload is not None for update in updates] == [False, True]

@@ -116,3 +116,9 @@ def test_very_long_gap_stays_in_range() -> None:
     made = meter([0, 2**40, 2**40 + 1, 2**40 + 2, 2**40 + 3])
     assert made.lost == 2**40 - 1
     assert 0.9 < made.fraction <= 1.0
+
+
+def test_bursts_have_a_mean_from_the_third_on() -> None:
+    numbers = [*range(10), *range(12, 22), *range(24, 34)]
+    assert meter(numbers).burst == 0.0
+    assert meter([*numbers, *range(36, 46)]).burst == pytest.approx(2.0, rel=0.02)

@@ -69,3 +69,17 @@ def test_attacker_who_copies_datagrams_gets_only_challenges() -> None:
     assert pair.slave.endpoint.peer == HOME
     assert len(pair.slave.of(Connected)) == 1
     assert {kind for target, kind in pair.sent_to if target == ELSEWHERE} <= {Kind.PATH}
+
+
+def test_only_the_token_proves_an_address_and_the_present_one_must_be_quiet() -> None:
+    path = at_home()
+    for step in range(1, 6):
+        path.on_datagram(ELSEWHERE, 0.001 * step, is_fresh=True)
+    challenge = path.challenge(0.005)
+    assert challenge is not None
+    path.on_answer(b"another", 0.5)
+    assert path.address == HOME
+    path.on_answer(challenge[0], 0.9 * QUIET)
+    assert path.address == HOME
+    path.on_datagram(ELSEWHERE, 1.1 * QUIET, is_fresh=True)
+    assert path.address == ELSEWHERE

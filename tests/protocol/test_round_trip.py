@@ -129,3 +129,10 @@ def test_after_a_cut_both_ends_are_silent_within_both_limits(delay: float, cut: 
     pair.run(SILENCE + longest + TICK)
     for side in pair.sides:
         assert not side.endpoint.is_peer_encoding(pair.now)
+
+
+def test_a_session_does_not_open_with_more_than_the_user_allows() -> None:
+    liveness = Liveness(0.0, 0.1, 0.0, 0.0)
+    agreement = RoundTripAgreement(liveness, 0.1, 0.001, proposes=False)
+    assert not agreement.open(101, 0.0) and not liveness.is_agreed
+    assert agreement.open(100, 0.0) and liveness.round_trip == 0.1
