@@ -130,7 +130,7 @@ class HidWire:
         faults: dict[str, Callable[..., object]] = {
             "unplug": lambda: setattr(self, "plugged", False),
             "plug": lambda: setattr(self, "plugged", True),
-            "flicker": lambda: setattr(wrong, "garble", FLICKER),
+            "flicker": lambda: setattr(wrong, "garble", 1),  # a lost report costs a driver in lock step a long silence
             "silent": lambda: setattr(wrong, "silent", True),
             "late": lambda: setattr(wrong, "late_s", 0.2),
             "restart": lambda: self.emulator.inject("restart", 1.0),

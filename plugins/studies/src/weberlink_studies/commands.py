@@ -36,7 +36,14 @@ Dask = Annotated[
 Csv = Annotated[Path | None, typer.Option("--csv", metavar="OUT", callback=file_target, help="Write every row as CSV.")]
 Full = Annotated[bool, typer.Option("--full", help="Run the full, finer study, which takes longer.")]
 
-study = typer.Typer(name="study", cls=CommandGroup, help="Reproduce and extend the studies.", no_args_is_help=True)
+
+class Studies(CommandGroup):
+    """The studies, and those of other distributions."""
+
+    extended_by = "weberlink.studies"
+
+
+study = typer.Typer(name="study", cls=Studies, help="Reproduce and extend the studies.", no_args_is_help=True)
 
 
 class StudyWithRows(Study, Protocol):
