@@ -46,8 +46,8 @@ test: $(DEV) $(PAGE_TOOLS)  ## the whole test suite, on all processors; live ses
 test-kernel: export PYTHONDONTWRITEBYTECODE :=
 test-kernel: $(KERNEL)/.made  ## the kernel's tests where no guest and no extra is installed, with fewer examples
 	! $(KERNEL)/bin/python -m pip list --disable-pip-version-check | grep "^weberlink[-_]"
-	$(KERNEL)/bin/python -m pytest -n auto -m "not realtime" --share 0.2 tests
 	$(KERNEL)/bin/python -m pytest -n auto -m realtime tests/cli
+	$(KERNEL)/bin/python -m pytest -n auto -m "not realtime" --share 0.2 tests
 
 compiled: $(DEV)  ## what runs in a tick, compiled with mypyc and a C compiler, in build/compiled: minutes
 	rm -rf build

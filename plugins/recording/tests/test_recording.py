@@ -246,6 +246,8 @@ def test_recording_of_a_session_that_ctrl_c_ends_says_what_its_report_says(tmp_p
     with Program("loopback", *PATIENT, "--record", path, "--json", "-") as program:
         slave = program.engaged("slave")
         until(lambda: np.linalg.norm(slave.last["raw"]) > 1.0, "contact")
+        contact = slave.last["tick"]
+        until(lambda: slave.last["tick"] > contact + 1000, "ticks that count")
         program.send(signal.SIGINT)
         status, output, errors = program.finish()
     report, read = document(output), info(path)
