@@ -29,10 +29,11 @@ SOURCES = {
     "control": ["src/weberlink/control"],
     "ports and safety": ["master/*.py", "slave/*.py"],
     "hardware": ["src/weberlink/hardware"],
-    "arms": ["src/weberlink/arms"],
+    "arms": ["src/weberlink/arms", "plugins/arms/src"],
+    "devices": ["master/devices", "plugins/devices/src"],
 }
 """What is mutated, by group; a drawing takes as many of each."""
-NOT_MUTATED = ("emulators", "__main__", "__init__")
+NOT_MUTATED = ("emulators", "emulator", "__main__", "__init__")
 TESTS = {"master": "tests/master/test_*.py", "slave": "tests/slave/test_*.py"}
 """Tests of a package, where they are not its whole folder."""
 SESSIONS = "tests/system"
@@ -199,8 +200,11 @@ def stages(mutant: Mutant, tests: Path) -> list[list[str]]:
     """Paths of tests, those that most likely notice it first."""
     parts = Path(mutant.path).with_suffix("").parts
     package = parts[2] if parts[0] == "src" else parts[0]
-    mirrored = sorted(tests.glob(f"tests/{package}/**/test_*{parts[-1].split('_')[0]}*.py"))
-    whole = sorted(tests.glob(TESTS[package])) if package in TESTS else [tests / "tests" / package]
+    folder = tests / (f"plugins/{parts[1]}/tests" if package == "plugins" else f"tests/{package}")
+    if parts[:2] == ("master", "devices"):
+        folder /= "devices"
+    mirrored = sorted(folder.glob(f"**/test_*{parts[-1].split('_')[0]}*.py"))
+    whole = sorted(tests.glob(TESTS[folder.name])) if folder.name in TESTS else [folder]
     return [
         [str(path.relative_to(tests)) for path in paths] for paths in (mirrored, whole, [tests / SESSIONS]) if paths
     ]
@@ -231,7 +235,8 @@ def judge(mutant: Mutant, tree: Path) -> str:
 
 def first_failure(tree: Path, *arguments: str) -> str:
     """The first test of these paths that fails; "" if all pass."""
-    environment = os.environ | {"PYTHONPATH": str(tree / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
+    sources = [str(path) for path in (tree / "src", *sorted(tree.glob("plugins/*/src")))]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sources), "PYTHONDONTWRITEBYTECODE": "1"}
     options = ["-q", "-x", "-p", "no:cacheprovider", "-p", "no:randomly", "-m", "not realtime"]
     ran = subprocess.run(
         [sys.executable, "-m", "pytest", *options, *arguments],
@@ -250,7 +255,7 @@ def grown(folder: Path, tests: Path) -> Path:
         tracked = subprocess.run(["git", "ls-files", "-z"], cwd=origin, capture_output=True, check=True).stdout
         for name in tracked.decode().split("\0"):
             path = origin / name
-            if name.startswith("tests/") == is_tests and (path.is_symlink() or path.is_file()):
+            if ("tests" in Path(name).parts) == is_tests and (path.is_symlink() or path.is_file()):
                 target = tree / name
                 target.parent.mkdir(parents=True, exist_ok=True)
                 target.symlink_to(path.readlink()) if path.is_symlink() else target.write_bytes(path.read_bytes())
