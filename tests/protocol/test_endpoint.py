@@ -147,23 +147,6 @@ def test_a_peer_that_forgets_asks_for_a_complete_update() -> None:
     assert pair.slave.endpoint.is_peer_encoding(pair.now)
 
 
-def test_what_the_peer_has_forgotten_is_due_at_once() -> None:
-    pair = Pair().engage()
-    pair.master.send(pair.now, pair.ticks)
-    pair.run(0.1)
-    pair.slave.endpoint.request_full_state()
-    at = pair.slave.endpoint.next_timer()
-    assert at is not None
-    pair.slave.endpoint.handle_timer(at)
-    ((data, _),) = pair.slave.endpoint.datagrams_to_send()
-    pair.master.endpoint.receive_datagram(data, SLAVE, pair.master.local(pair.now))
-    due = pair.master.endpoint.next_timer()
-    assert due is not None and due <= pair.master.local(pair.now)
-    pair.master.endpoint.handle_timer(pair.master.local(pair.now))
-    pair.run(0.001)
-    assert UpdateLost(0) in pair.master.of(UpdateLost)
-
-
 # --- how soon, and how much is sent
 
 
