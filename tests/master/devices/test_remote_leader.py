@@ -89,3 +89,10 @@ def test_silent_program_has_let_go() -> None:
     again = led.go(1000)
     assert fastest([readings[-1], *again]) <= 2.0 * (1 + 1e-9)
     assert (again[-1].angles[0], again[-1].buttons) == (pytest.approx(1.0, abs=1e-6), 1)
+
+
+def test_the_spec_is_that_of_the_options_and_the_tick() -> None:
+    spec = Led(Program((0.0, 0.0, 0.0))).arm.spec
+    assert (spec.joints, spec.gripper, spec.rate_hz) == (OPTIONS["joints"], True, pytest.approx(1.0 / TICK))
+    assert (spec.lower, spec.upper) == (OPTIONS["lower_rad"], OPTIONS["upper_rad"])
+    assert spec.torque_nm == (0.0, 0.0, 0.0)
