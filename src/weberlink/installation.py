@@ -72,7 +72,10 @@ def install_line(extra: str) -> str:
 
 
 def _with_needed(guest: str) -> list[str]:
-    """The guests that this one needs, and itself: an index knows the former, a clone does not."""
+    """The guests to install from a clone for this one: those that it depends on, then itself.
+
+    pip would look for the former on an index.
+    """
     needed = guests(NEEDED).get(guest, "").split()
     return [*dict.fromkeys(each for other in needed for each in _with_needed(other)), guest]
 
