@@ -117,11 +117,11 @@ figures: $(DEV)  ## every figure and table of README and docs, with its numbers 
 	$(BIN)/weberlink study stability --plots docs/figures --json docs/figures/stability.json
 	$(BIN)/weberlink study paper --plots docs/paper --json docs/paper/paper.json
 	$(BIN)/python -m benchmarks --plots docs/bench --json docs/bench/bench.json
-	$(BIN)/python -m tests.apps.monitor.moving_picture docs/figures
+	$(BIN)/python -m tests.cli.monitor.moving_picture docs/figures
 
 schema: $(DEV)  ## the JSON Schema of configuration files, for editors, and the list of guests
 	$(BIN)/python -m weberlink.installation plugins src/weberlink/guests.json
-	$(BIN)/python -m weberlink.system.configuration.schema configs/weberlink.schema.json
+	$(BIN)/python -m weberlink.config.schema configs/weberlink.schema.json
 
 docs: $(DEV)  ## the documentation as a site, in docs/_build
 	$(BIN)/python -m sphinx -q -W -b html docs docs/_build

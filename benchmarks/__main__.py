@@ -12,7 +12,7 @@ from benchmarks.study import run
 from weberlink.cli.arguments import CommandGroup, Json, OptionalFile, Set, finite
 from weberlink.cli.output import errors, fail, progress_bar, publish
 from weberlink.cli.sessions import free_port
-from weberlink.system.order import FAILED
+from weberlink.order import FAILED
 from weberlink_studies.commands import Plots
 from weberlink_studies.figure_options import Footer, Format, figures
 

@@ -15,9 +15,9 @@ from pathlib import Path
 from signal import SIGHUP
 from typing import Any
 
+from weberlink.config import Configuration, load
+from weberlink.config.model import RealtimeSettings
 from weberlink.realtime.process import die_with_parent, prepare
-from weberlink.system.configuration import Configuration, load
-from weberlink.system.configuration.model import RealtimeSettings
 
 RATES_HZ = (1000.0, 2000.0, 4000.0)
 MAIN_RATE_HZ = 1000.0

@@ -20,10 +20,10 @@ from tempfile import gettempdir
 from typing import Any
 
 from weberlink.codec.predictors import BANKS, PREDICTORS
+from weberlink.config import load
 from weberlink.installation import config_folders
 from weberlink.protocol.emulation import EmulatedLink
-from weberlink.system.configuration import load
-from weberlink.system.simulate import simulate
+from weberlink.session.simulate import simulate
 
 FILES = {path.name: path for folder in config_folders() for path in folder.glob("*.yaml")}
 STORED = Path(__file__).with_suffix(".json")

@@ -17,6 +17,7 @@ import uvloop
 from benchmarks.arrangement import rights_of, serve, tell
 from benchmarks.latency import ASK, HOST, Moments
 from weberlink.codec import Decoder, Encoder
+from weberlink.config import Configuration, load
 from weberlink.geometry.vector import Vector
 from weberlink.master.trace import read_trace
 from weberlink.protocol import Role
@@ -25,9 +26,8 @@ from weberlink.protocol.events import Event, PeerClosed, UpdateReceived
 from weberlink.protocol.states import State
 from weberlink.realtime.garbage import freeze_garbage
 from weberlink.realtime.ticker import Ticker
-from weberlink.system.composition.channels import channels
-from weberlink.system.composition.link import build_endpoint, build_security
-from weberlink.system.configuration import Configuration, load
+from weberlink.session.composition.channels import channels
+from weberlink.session.composition.link import build_endpoint, build_security
 from weberlink_studies.evaluate.traces import SHIPPED
 
 OVERRIDES = ("codec.force.weber=0", "codec.force.floor_n=0", "codec.position.weber=0", "codec.position.bound_m=0")

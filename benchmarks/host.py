@@ -4,7 +4,7 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
-from weberlink.apps.doctor import CHECKS, Machine, Needs, examine
+from weberlink.cli.doctor import CHECKS, Machine, Needs, examine
 from weberlink.realtime.host import Steal
 
 NAMES = {"preemption", "throttling", "clock source", "isolation", "governor", "idle states"}

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from benchmarks.arrangement import MAIN_RATE_HZ, Arrangement, BenchError
 from benchmarks.live_side import LiveSide, Resources, resources
+from weberlink.config import SIDES
 from weberlink.protocol.states import State
-from weberlink.system.configuration import SIDES
 from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.ring import default_path
 

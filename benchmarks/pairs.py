@@ -30,10 +30,10 @@ from benchmarks.host import during, host, in_words, share_between, steal
 from benchmarks.latency import ONE_WAY, echo
 from benchmarks.loopback import Session
 from benchmarks.percentiles import summary
-from weberlink.apps.doctor import Needs
+from weberlink.cli.doctor import Needs
 from weberlink.cli.sessions import free_port
+from weberlink.figures.environment import environment, footer
 from weberlink.protocol.keys import generate
-from weberlink.system.environment import environment, footer
 from weberlink_studies.result import plain_table
 
 A, B = "A", "B"

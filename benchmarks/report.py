@@ -12,7 +12,7 @@ from benchmarks.arrangement import MAIN_RATE_HZ, RATES_HZ
 from benchmarks.latency import Latency
 from benchmarks.lateness import Lateness
 from benchmarks.percentiles import NAMES
-from weberlink.system.environment import footer
+from weberlink.figures.environment import footer
 from weberlink_studies.result import plain_table
 
 

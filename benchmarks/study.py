@@ -27,12 +27,12 @@ from benchmarks.percentiles import summary
 from benchmarks.report import report, targets
 from benchmarks.start_up import StartUp
 from benchmarks.update_cost import UpdateCost
-from weberlink.apps.doctor import Needs
+from weberlink.cli.doctor import Needs
+from weberlink.config import ConfigurationError
+from weberlink.config.extras import need
+from weberlink.figures.environment import environment, footer
 from weberlink.protocol.keys import generate
-from weberlink.system.configuration import ConfigurationError
-from weberlink.system.configuration.extras import need
-from weberlink.system.environment import environment, footer
-from weberlink.system.interruption import Interruption
+from weberlink.session.interruption import Interruption
 from weberlink_studies.result import StudyResult, how_much
 
 KIND = "weberlink bench"

@@ -19,13 +19,13 @@ from benchmarks.arrangement import MAIN_RATE_HZ, Arrangement, BenchError, Rights
 from benchmarks.coded_echo import OVERRIDES, contact
 from benchmarks.percentiles import Series, summary
 from weberlink.codec import Decoder, Encoder
+from weberlink.config import Configuration, load
 from weberlink.protocol import Role
 from weberlink.protocol.events import UpdateReceived
 from weberlink.protocol.states import State
 from weberlink.realtime.garbage import freeze_garbage
-from weberlink.system.composition.channels import channels
-from weberlink.system.composition.link import build_endpoint, build_security
-from weberlink.system.configuration import Configuration, load
+from weberlink.session.composition.channels import channels
+from weberlink.session.composition.link import build_endpoint, build_security
 
 UPDATES, QUICK_UPDATES = 2000, 200
 PATIENCE_S = 60.0

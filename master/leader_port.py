@@ -46,7 +46,7 @@ class PressedAxes:
 
 
 class LeaderPort(OperatorEnd):
-    """A leader arm in the frame of the follower; a `weberlink.system.port.Port`.
+    """A leader arm in the frame of the follower; a `weberlink.session.port.Port`.
 
     Vectors have one entry for each axis: the joints in order and, where there is one, the gripper last.
 

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class OperatorEnd:
-    """The part of a `weberlink.system.port.Port` that does not depend on what is displayed.
+    """The part of a `weberlink.session.port.Port` that does not depend on what is displayed.
 
     Args:
         source: the device or arm, not yet open.

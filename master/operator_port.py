@@ -72,7 +72,7 @@ class ContactWatch:
 
     It states one by an update whose sample has a force; and while it is silent, by the received model, at the place
     that its silence is about: where the robot was commanded to a round trip ago, since by now a correction of the model
-    for that place would have come. A robot that is elsewhere says so (`weberlink.system.channels.Unreached`).
+    for that place would have come. A robot that is elsewhere says so (`weberlink.session.channels.Unreached`).
 
     Args:
         limiter: takes the time.
@@ -219,7 +219,7 @@ class Display:
 
 
 class OperatorPort(OperatorEnd):
-    """A haptic device; a `weberlink.system.port.Port`.
+    """A haptic device; a `weberlink.session.port.Port`.
 
     Args:
         device: not yet open.

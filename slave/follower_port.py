@@ -15,7 +15,7 @@ from weberlink.telemetry.row import Row, placed
 
 
 class FollowerPort:
-    """A follower arm behind its guard; a `weberlink.system.port.Port`.
+    """A follower arm behind its guard; a `weberlink.session.port.Port`.
 
     Vectors have one entry for each axis: the joints in order and, where there is one, the gripper last.
 

@@ -78,7 +78,7 @@ class ContactForce:
 
 
 class RobotPort:
-    """A robot behind its guard; a `weberlink.system.port.Port`.
+    """A robot behind its guard; a `weberlink.session.port.Port`.
 
     Args:
         robot: not yet open.

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from tests.program import PATIENT, ROOT
-from tests.system.systems import CONFIGS
+from tests.session.systems import CONFIGS
 from weberlink.child_process import Child, python, shared_memory
 from weberlink.realtime.host import WatchOrder
 

@@ -12,12 +12,12 @@ from pathlib import Path
 import pytest
 
 from tests.program import COMMANDS, Program, document
+from weberlink.figures import wording
 from weberlink.installation import guests
+from weberlink.order import MISCONFIGURED
 from weberlink.protocol.states import State
-from weberlink.system import wording
-from weberlink.system.launcher import STOP_LIMIT_S
-from weberlink.system.order import MISCONFIGURED
-from weberlink.system.recorder import FINISH_LIMIT_S
+from weberlink.session.launcher import STOP_LIMIT_S
+from weberlink.session.recorder import FINISH_LIMIT_S
 from weberlink.telemetry.fault import Fault
 
 ROOT = Path(__file__).parents[1]

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tests.system.packages import install
+from tests.session.packages import install
 from weberlink.registry import PartError, Registry, fault_of
 
 PARTS = """

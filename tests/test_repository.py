@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from weberlink.config.schema import as_text, schema
 from weberlink.installation import GUESTS, all_guests, list_guests
-from weberlink.system.configuration.schema import as_text, schema
 
 ROOT = Path(__file__).parents[1]
 KERNEL = ("codec", "protocol", "master", "slave", "src/weberlink")

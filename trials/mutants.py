@@ -36,7 +36,7 @@ SOURCES = {
 NOT_MUTATED = ("emulators", "emulator", "__main__", "__init__")
 TESTS = {"master": "tests/master/test_*.py", "slave": "tests/slave/test_*.py"}
 """Tests of a package, where they are not its whole folder."""
-SESSIONS = "tests/system"
+SESSIONS = "tests/session"
 TIMEOUT_S = 400.0
 SWAPS: dict[type[ast.AST], tuple[str, str]] = {
     ast.Lt: ("<", "<="), ast.LtE: ("<=", "<"), ast.Gt: (">", ">="), ast.GtE: (">=", ">"),

@@ -22,8 +22,8 @@ import yaml
 from tests.program import ENGAGED, ROOT, Program, Records, Telemetry, free_port
 from tests.wait import until
 from trials.wire import Wire
+from weberlink.config import MASTER, SIDES, SLAVE, Configuration, load
 from weberlink.protocol.keys import generate
-from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration, load
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.ring import default_path
 

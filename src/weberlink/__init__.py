@@ -11,12 +11,12 @@ if TYPE_CHECKING:
     from weberlink.codec.deadband import DEADBANDS, Deadband
     from weberlink.codec.predictors import PREDICTORS, EstimatedPredictor, FittedPredictor, Predictor
     from weberlink.codec.replay import CodedTick, code
+    from weberlink.config import Configuration, ConfigurationError, load
     from weberlink.master.trace import Trace, read_trace
     from weberlink.protocol import Endpoint, Role, UpdateLost, UpdateReceived
     from weberlink.protocol.checksum import Checksum
     from weberlink.protocol.psk import PresharedKey
-    from weberlink.system.configuration import Configuration, ConfigurationError, load
-    from weberlink.system.simulate import simulate
+    from weberlink.session.simulate import simulate
     from weberlink.update import ModelParameters, PreviousSample, Update, UpdateForm
 
     __version__: str
@@ -63,8 +63,8 @@ _PLACES = {
     "weberlink.protocol": "Endpoint Role UpdateLost UpdateReceived",
     "weberlink.protocol.checksum": "Checksum",
     "weberlink.protocol.psk": "PresharedKey",
-    "weberlink.system.configuration": "Configuration ConfigurationError load",
-    "weberlink.system.simulate": "simulate",
+    "weberlink.config": "Configuration ConfigurationError load",
+    "weberlink.session.simulate": "simulate",
     "weberlink.update": "ModelParameters PreviousSample Update UpdateForm",
 }
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from tests.program import COMMANDS, Ended, document, weberlink
-from tests.system.systems import CONFIGS
+from tests.session.systems import CONFIGS
+from weberlink.config import load
 from weberlink.master.trace import read_trace
-from weberlink.system.configuration import load
-from weberlink.system.simulate import simulate
+from weberlink.session.simulate import simulate
 
 FILES = sorted(path.name for path in CONFIGS.glob("*.yaml"))
 HARDWARE = ("phantom.yaml",)

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from tests.program import PATIENT, ROOT, Ended, Program, document, free_port
-from tests.system.packages import install
-from tests.system.systems import CONFIGS
+from tests.session.packages import install
+from tests.session.systems import CONFIGS
 from tests.wait import PATIENCE
 from weberlink.installation import install_line
 from weberlink.protocol.keys import generate
@@ -50,8 +50,8 @@ LATE = {f"weberlink.{name}" for name in ("telemetry.reader", "system.scoring", "
 @pytest.mark.parametrize(
     ("command", "there", "absent"),
     [
-        ("--help", "weberlink.cli", {"pydantic", "yaml", "weberlink.system.configuration", "weberlink.protocol"}),
-        ("loopback", "weberlink.system.launcher", LATE | {"weberlink.system.recorder", "weberlink.system.journal"}),
+        ("--help", "weberlink.cli", {"pydantic", "yaml", "weberlink.config", "weberlink.protocol"}),
+        ("loopback", "weberlink.session.launcher", LATE | {"weberlink.session.recorder", "weberlink.figures.journal"}),
     ],
 )
 def test_a_command_imports_what_it_needs_when_it_needs_it(command: str, there: str, absent: set[str]) -> None:
@@ -61,7 +61,7 @@ def test_a_command_imports_what_it_needs_when_it_needs_it(command: str, there: s
     assert there in modules
     assert not modules & (SLOW | absent)
     guests = ("weberlink_",) if command != "--help" else ()  # which is that of their commands too
-    assert not [name for name in modules if name.startswith(("weberlink.apps", *guests))]
+    assert not [name for name in modules if name.startswith(("weberlink.cli", *guests))]
 
 
 # --- packages
@@ -96,7 +96,7 @@ def test_a_missing_package_is_one_line_with_what_installs_it() -> None:
 COMMAND = """
 import typer
 from weberlink.cli.arguments import File
-from weberlink.system.configuration import load
+from weberlink.config import load
 def rate(file: File) -> None:
     typer.echo(f"{load(file).system.rate_hz:g} Hz")
 """

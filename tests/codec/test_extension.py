@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.system.packages import install
+from tests.session.packages import install
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "library.md").read_text(encoding="utf-8")
@@ -33,7 +33,7 @@ SCRIPT = """
 import json, sys
 from pathlib import Path
 from weberlink import ConfigurationError, load, simulate
-from weberlink.system.composition.channels import channels
+from weberlink.session.composition.channels import channels
 
 def run(overrides):
     try:

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.system.packages import install
+from tests.session.packages import install
 
 CONFIGURATION = Path(__file__).parents[2] / "configs" / "loopback.yaml"
 ENTRY_POINTS = """[weberlink.control_schemes]
@@ -32,9 +32,9 @@ HALF = Scheme("toy_scheme:HalfMaster", "weberlink.control.direct:DirectSlave", c
 RUN = """
 import json, sys
 from pathlib import Path
-from weberlink.system.composition.trial import try_out
-from weberlink.system.configuration import ConfigurationError, load
-from weberlink.system.simulate import build_simulation
+from weberlink.session.composition.trial import try_out
+from weberlink.config import ConfigurationError, load
+from weberlink.session.simulate import build_simulation
 
 simulation = build_simulation(load(Path(sys.argv[1]), ["control.scheme=half"]))
 masters = [simulation.step()[0] for _ in range(2500)]

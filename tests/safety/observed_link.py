@@ -11,11 +11,11 @@ from math import inf
 from random import Random
 from typing import Any
 
+from weberlink.config import Configuration
 from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.events import Address
-from weberlink.system.configuration import Configuration
-from weberlink.system.simulate import build_simulation
-from weberlink.system.simulation import Simulation
+from weberlink.session.simulate import build_simulation
+from weberlink.session.simulation import Simulation
 
 Hold = Callable[[float], float | None]
 """Departure [s] of a datagram to the age [s] at which it arrives; None for one that is not held."""

@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.system.systems import configuration
+from tests.session.systems import configuration
 from trials.safety.unfounded import Cell, Finding, found, records, run
-from weberlink.system.channels import UNREACHED_S
-from weberlink.system.scoring.session import score_of
-from weberlink.system.simulate import build_simulation
+from weberlink.figures.session import score_of
+from weberlink.session.channels import UNREACHED_S
+from weberlink.session.simulate import build_simulation
 from weberlink.telemetry.fault import Fault
 
 DELAY_S = 0.05

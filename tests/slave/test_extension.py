@@ -6,8 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.system.packages import install
-from tests.system.systems import CONFIGS
+from tests.session.packages import install
+from tests.session.systems import CONFIGS
 
 TOY = """
 from typing import Literal
@@ -92,8 +92,8 @@ SESSION = """
 import json
 import sys
 from pathlib import Path
-from weberlink.system.configuration import load
-from weberlink.system.simulate import simulate
+from weberlink.config import load
+from weberlink.session.simulate import simulate
 
 SLAB = "{shape: toy_slab, height_m: 0.0, stiffness_n_m: 500}"
 felt = []

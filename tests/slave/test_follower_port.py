@@ -12,9 +12,9 @@ from tests.compiled import replaces_methods
 from tests.examples import examples
 from weberlink.arms.contract import ArmFault, ArmReading
 from weberlink.geometry.joints import Joints
+from weberlink.session.port import Port
 from weberlink.slave.follower_port import FollowerPort
 from weberlink.slave.safety import TRIP_PAUSE
-from weberlink.system.port import Port
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
 

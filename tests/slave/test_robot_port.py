@@ -14,6 +14,7 @@ from tests.examples import examples
 from weberlink.control.direct import DirectSlave
 from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, quaternion
 from weberlink.geometry.vector import ZERO, Vector, add, distance, is_finite, norm, scale
+from weberlink.session.port import Port
 from weberlink.slave.robot_port import RobotPort
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
@@ -22,7 +23,6 @@ from weberlink.slave.safety import TRIP_PAUSE, CommandGuard, PressLimit
 from weberlink.slave.scenes.contact import SceneObject
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import PlaneShape
-from weberlink.system.port import Port
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
 

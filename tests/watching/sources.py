@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from tests.records import ticks as made_ticks
-from tests.system.systems import CONFIGS
+from tests.session.systems import CONFIGS
+from weberlink.config import load
 from weberlink.control.tuning import LiveSettings, Tuning
+from weberlink.figures.session import Records
 from weberlink.protocol.states import State
-from weberlink.system.composition.channels import banks, channels
-from weberlink.system.configuration import load
-from weberlink.system.control_socket import ControlSocket
-from weberlink.system.scoring.session import Records
+from weberlink.session.composition.channels import banks, channels
+from weberlink.session.control_socket import ControlSocket
 from weberlink.telemetry.ring import RingWriter
 from weberlink.watching.rings import RowSource
 

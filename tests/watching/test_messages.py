@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from tests.system.systems import CONFIGS
+from tests.session.systems import CONFIGS
 from tests.watching.sources import BANK, RATE, description, pieces, records
+from weberlink.figures.session import SessionScore
 from weberlink.protocol.states import State
-from weberlink.system.scoring.session import SessionScore
 from weberlink.telemetry.fault import Fault
 from weberlink.watching.hello import hello
 from weberlink.watching.rows import (

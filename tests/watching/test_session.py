@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.apps import arm_sessions as arms
+from tests.cli import arm_sessions as arms
 from tests.watching.sources import BANK, RATE, WALL_OFFSET_S, HandSource, description, pieces, records
+from weberlink.figures.session import SessionScore
 from weberlink.protocol.states import State
-from weberlink.system.scoring.session import SessionScore
 from weberlink.telemetry.fault import Fault
 from weberlink.watching.rows import CARTESIAN
 from weberlink.watching.session import BACKLOG_S, WatchedSession

@@ -22,7 +22,7 @@ from tests.laws import Laws, write
 from tests.program import PATIENT, Program
 from tests.wait import until
 from trials.rig import Command, Loopback
-from weberlink.system.control_socket import ask
+from weberlink.session.control_socket import ask
 from weberlink.telemetry.ring import default_path
 from weberlink_ros2.markers import DELETE_ALL
 

@@ -23,8 +23,8 @@ from tests.program import ENGAGED
 from trials.franka.faults import END_S, FAULTS, FrankaSession, inflict
 from trials.franka.figures import Found, contact, likeness, pace, spread
 from trials.franka.robot import SimulatedRobot, own_address
-from weberlink.system.configuration import MASTER, SIDES, SLAVE
-from weberlink.system.environment import environment, footer
+from weberlink.config import MASTER, SIDES, SLAVE
+from weberlink.figures.environment import environment, footer
 
 PACKAGES = ("franka-sim", "pylibfranka", "mujoco", "numpy")
 SUCCESS = 0.99

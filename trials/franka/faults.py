@@ -20,8 +20,8 @@ import numpy as np
 from tests.program import ENGAGED
 from trials.franka.robot import SimulatedRobot
 from trials.rig import CONFIGS, Session, within
+from weberlink.config import MASTER, SLAVE
 from weberlink.protocol.emulation import Emulation
-from weberlink.system.configuration import MASTER, SLAVE
 
 CONTROLLER = b"weberlink_franka.controller"
 FOLLOW_S = 30.0

@@ -24,7 +24,7 @@ import numpy as np
 
 from tests.laws import Laws, write
 from trials.rig import Loopback, within
-from weberlink.system.configuration import SIDES, SLAVE
+from weberlink.config import SIDES, SLAVE
 from weberlink.telemetry.record import RELEASED
 
 LED, REMOTE = "plugins/arms/configs/arms.yaml", "plugins/arms/configs/arms-remote.yaml"

@@ -13,7 +13,7 @@ from time import monotonic
 from trials.safety import cases, held
 from trials.safety.held import Held
 from trials.safety.run import Run, run
-from weberlink.system.environment import environment, footer
+from weberlink.figures.environment import environment, footer
 
 COLUMNS = {
     "agreed round trip": ("round_trip_ms", "{:.0f} ms"),

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from itertools import product
 
 from tests.safety.observed_link import Hold, ObservedLink, observed
-from tests.system.systems import configuration
+from tests.session.systems import configuration
 from trials.safety.cases import TO_MASTER, TO_SLAVE
 from weberlink.protocol.emulation import Emulation
 

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from tests.program import ENGAGED, Records
 from tests.safety.observed_link import ObservedLink, observed
-from tests.system.systems import configuration
+from tests.session.systems import configuration
 from trials.safety.cases import AFTER, BOTH, CUT, ROBOT_N_M, TO_MASTER, TO_SLAVE, Case
+from weberlink.config import Configuration
 from weberlink.protocol.emulation import Emulation
-from weberlink.system.configuration import Configuration
-from weberlink.system.simulation import as_array
+from weberlink.session.simulation import as_array
 from weberlink.telemetry.fault import Fault
 
 STILL = 1e-9

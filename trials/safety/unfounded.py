@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.system.systems import configuration
+from tests.session.systems import configuration
 from weberlink.codec.predictors import ADAPTIVE, HYBRID, PREDICTORS
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
-from weberlink.system.scoring.session import Records
-from weberlink.system.simulate import build_simulation
-from weberlink.system.simulation import Simulation, as_array
+from weberlink.figures.session import Records
+from weberlink.session.simulate import build_simulation
+from weberlink.session.simulation import Simulation, as_array
 from weberlink.telemetry.fault import Fault
 
 SECONDS = 4.0

@@ -22,8 +22,8 @@ from trials.soak.faults import CONDITIONS, EXCLUDED, FAULTS, Fault, Field
 from trials.soak.report import Kind, Report
 from trials.soak.wallclock import wall_clock
 from trials.soak.watch import SoakError, Watch
+from weberlink.figures.environment import environment, footer
 from weberlink.protocol.emulation import Emulation
-from weberlink.system.environment import environment, footer
 
 QUIET_S, LONG_QUIET_S = 0.5, 4.0
 """After a fault, before the session is judged, and for how long."""

@@ -23,9 +23,9 @@ from trials.soak.ammunition import load as load_gun
 from trials.soak.volley import volley
 from trials.soak.wallclock import WallClock
 from trials.soak.watch import Watch, cpu_seconds
+from weberlink.config import MASTER, SIDES, SLAVE
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.keys import load as load_key
-from weberlink.system.configuration import MASTER, SIDES, SLAVE
 
 NOISE = Emulation(delay_s=0.004, jitter_s=0.006, loss=0.05, reorder=0.05, duplicate=0.05, corrupt=0.05)
 DELAY = Emulation(delay_s=0.025, jitter_s=0.004)

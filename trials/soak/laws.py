@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tests.program import ENGAGED, Records
+from weberlink.config import MASTER, SIDES
 from weberlink.protocol.states import State
-from weberlink.system.configuration import MASTER, SIDES
 
 COUNTERS = (
     *("ticks_missed", "datagrams_sent", "datagrams_received", "datagrams_dropped", "bytes_sent"),

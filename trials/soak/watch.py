@@ -12,7 +12,7 @@ from trials.rig import NOTHING, Session, Side
 from trials.soak import laws
 from trials.soak.laws import Footprint
 from trials.wire import Books
-from weberlink.system.configuration import MASTER, SIDES, SLAVE
+from weberlink.config import MASTER, SIDES, SLAVE
 
 LOOK_S = 0.05
 SAMPLE_S = 1.0

@@ -6,9 +6,9 @@ import pytest
 
 from plugins.anywhere.tests import FILE
 from tests.program import weberlink
-from weberlink.apps.shipped import copy
-from weberlink.system.configuration import ConfigurationError, load
-from weberlink.system.simulate import simulate
+from weberlink.cli.shipped import copy
+from weberlink.config import ConfigurationError, load
+from weberlink.session.simulate import simulate
 
 HERE = ("link.finder=null", "link.listen=127.0.0.1:47000", "link.security=none")
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from weberlink.apps.doctor import Grade
+from weberlink.cli.doctor import Grade
 from weberlink_anywhere.doctor import judge
 from weberlink_anywhere.nat import ANY, Behaviour, Nat
 from weberlink_anywhere.options import AnywhereOptions

@@ -12,7 +12,7 @@ from plugins.anywhere.tests.namespaces import needs_testbed
 from plugins.anywhere.tests.testbed import CONE, MAILBOX_URL, NONE, SECRET, SYMMETRIC, Internet
 from tests.program import ENGAGED, PATIENT, Program
 from tests.wait import until
-from weberlink.system import description
+from weberlink.session import description
 from weberlink.telemetry.ring import default_path
 from weberlink_anywhere.peers import KEY_BYTES, Peer, PeerStore
 

@@ -13,11 +13,11 @@ from plugins.anywhere.tests import FILE
 from tests.program import Program, document, weberlink
 from tests.test_child_process import executed
 from tests.wait import until
+from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError, load
+from weberlink.config.finders import finder_of, running
 from weberlink.protocol.aio.paths import PathFacts
 from weberlink.protocol.psk import Keyring, PresharedKey
-from weberlink.system import description
-from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, load
-from weberlink.system.finders import finder_of, running
+from weberlink.session import description
 from weberlink_anywhere import hand_over
 from weberlink_anywhere.found_paths import FINDER_ENDED
 from weberlink_anywhere.hand_over import PathNews

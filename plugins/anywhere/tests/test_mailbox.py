@@ -11,7 +11,7 @@ import pytest
 from websockets.asyncio.server import ServerConnection, serve
 
 from plugins.anywhere.tests.meetings import PATIENCE, Pair, in_loop
-from weberlink.system.finders import running
+from weberlink.config.finders import running
 from weberlink_anywhere import hand_over
 from weberlink_anywhere.hand_over import PathNews
 from weberlink_anywhere.mailbox import MailboxRefuses

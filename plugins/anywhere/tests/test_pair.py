@@ -8,7 +8,7 @@ import pytest
 from plugins.anywhere.tests import FILE
 from plugins.anywhere.tests.mailbox_server import MailboxServer, mailbox
 from tests.program import Program, free_port
-from weberlink.system.configuration import ConfigurationError, load
+from weberlink.config import ConfigurationError, load
 from weberlink_anywhere.pair import pair
 from weberlink_anywhere.peers import Peer, PeerStore
 

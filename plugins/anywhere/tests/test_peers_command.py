@@ -11,7 +11,7 @@ from typer.testing import CliRunner, Result
 from plugins.anywhere.tests.mailbox_server import MailboxServer, mailbox
 from plugins.anywhere.tests.meetings import Pair
 from weberlink.cli import app
-from weberlink.system.order import MISCONFIGURED
+from weberlink.order import MISCONFIGURED
 from weberlink_anywhere.peers import PeerStore
 from weberlink_anywhere.survey import ASK_LIMIT_S
 

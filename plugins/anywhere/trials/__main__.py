@@ -23,7 +23,7 @@ from plugins.anywhere.tests.testbed import NATS
 from plugins.anywhere.trials.faults import FAULTS, inflict
 from plugins.anywhere.trials.scene import nat_row, readme_row
 from tests.laws import Laws, write
-from weberlink.system.environment import environment, footer
+from weberlink.figures.environment import environment, footer
 
 LIMITS_S = {"nat": 1500.0, "readme": 180.0}
 LIMIT_S = 150.0

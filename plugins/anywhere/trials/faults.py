@@ -12,7 +12,7 @@ from plugins.anywhere.trials.interruption import EITHER, NOTHING, SILENCE, Inter
 from plugins.anywhere.trials.scene import FILE, MEET_S, SCRIPT, Scene, scene, waits
 from tests.program import ENGAGED
 from trials.rig import Side, within
-from weberlink.system.configuration import MASTER, SLAVE, load
+from weberlink.config import MASTER, SLAVE, load
 
 BACK_S = 30.0
 """From the end of a fault until a session [s]."""

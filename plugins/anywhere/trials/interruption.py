@@ -11,7 +11,7 @@ import numpy as np
 
 from tests.program import ENGAGED, Records
 from trials.safety.run import CODING_M, STILL, WALL_M_S
-from weberlink.system.configuration import Configuration
+from weberlink.config import Configuration
 from weberlink.telemetry.fault import Fault
 
 SILENCE, NOTHING, EITHER = "silence", "nothing", "either"

@@ -30,7 +30,7 @@ from plugins.anywhere.tests.testbed import (
 from tests.laws import Laws, write
 from tests.program import ENGAGED
 from trials.rig import Side, within
-from weberlink.system.configuration import MASTER, SLAVE
+from weberlink.config import MASTER, SLAVE
 from weberlink_anywhere.peers import KEY_BYTES, Peer, PeerStore
 
 FILE = SHIPPED.name

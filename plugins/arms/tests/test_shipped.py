@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from tests.program import weberlink
+from weberlink.config import load
+from weberlink.figures.verdict import verdict
 from weberlink.protocol.keys import generate
-from weberlink.system.configuration import load
-from weberlink.system.simulate import simulate
-from weberlink.system.tick_cost import measured_tick_s
-from weberlink.system.verdict import verdict
+from weberlink.session.simulate import simulate
+from weberlink.session.tick_cost import measured_tick_s
 
 pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.program import weberlink
-from weberlink.apps.shipped import copy
+from weberlink.cli.shipped import copy
 
 FILE = Path(__file__).parents[1] / "configs" / "franka.yaml"
 

@@ -9,9 +9,9 @@ from lerobot.robots.robot import Robot
 from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
 
 from lerobot_robot_weberlink.config_weberlink import WeberlinkRobotConfig
-from weberlink.apps.axis_units import AxisUnits
-from weberlink.apps.live_ends import LiveEnd, find_end
-from weberlink.apps.remote_lead import RemoteLead
+from weberlink.cli.axis_units import AxisUnits
+from weberlink.cli.live_ends import LiveEnd, find_end
+from weberlink.cli.remote_lead import RemoteLead
 
 
 class WeberlinkRobot(Robot):

@@ -15,7 +15,7 @@ from aiohttp.test_utils import TestServer
 
 from plugins.page.tests.test_watch import told
 from tests.watching.sources import HandSource, description
-from weberlink.apps.shipped import find
+from weberlink.cli.shipped import find
 from weberlink.telemetry.pose import PoseWriter, path_of
 from weberlink.watching.session import WatchedSession
 from weberlink_page.camera import CameraService, View, parse_view, robot_of

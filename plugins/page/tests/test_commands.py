@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tests.program import weberlink
-from tests.system.systems import configuration
+from tests.session.systems import configuration
 from tests.test_operation import assert_accepted_and_little_exposed, assert_starts_a_command
-from weberlink.system.simulate import simulate
+from weberlink.session.simulate import simulate
 from weberlink_page.scenes import SCENES
 
 UNIT = Path(__file__).parents[1] / "configs" / "weberlink-monitor.service"

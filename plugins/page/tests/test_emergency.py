@@ -25,7 +25,7 @@ from plugins.page.tests.monitors import Monitor
 from plugins.page.tests.test_web import served
 from tests.wait import PATIENCE
 from tests.watching.sources import Daemon, daemons
-from weberlink.system.control_socket import ask
+from weberlink.session.control_socket import ask
 from weberlink.telemetry.runtime_directory import directory
 from weberlink_page.listener import EMERGENCY, MOST_SILENT, PROOF_HEADER
 from weberlink_page.watch import SessionWatcher

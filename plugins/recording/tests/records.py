@@ -7,7 +7,7 @@ import numpy as np
 from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 
-from tests.apps import arm_sessions
+from tests.cli import arm_sessions
 from weberlink.telemetry.reader import DTYPE
 from weberlink_recording.writer import Origin, RecordingWriter
 

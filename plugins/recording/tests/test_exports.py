@@ -14,10 +14,10 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from plugins.recording.tests.records import of_arms
-from tests.apps import arm_sessions as arms
+from tests.cli import arm_sessions as arms
 from tests.program import weberlink
-from tests.system.systems import CONFIGS
-from weberlink.system.scoring.arm import arm_in
+from tests.session.systems import CONFIGS
+from weberlink.figures.arm import arm_in
 from weberlink.telemetry.record import JOINTS
 from weberlink.watching.ros_messages import quaternions
 from weberlink_recording.lerobot_frames import NoFramesError, frames_of

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from tests.program import PATIENT
-from tests.system.systems import configuration
+from tests.session.systems import configuration
 from tests.wait import PATIENCE
-from weberlink.system.configuration import SIDES
-from weberlink.system.launcher import Session
-from weberlink.system.recorder import failure
+from weberlink.config import SIDES
+from weberlink.session.launcher import Session
+from weberlink.session.recorder import failure
 from weberlink_recording import mcap_format
 from weberlink_recording.mcap_format import Recorder
 

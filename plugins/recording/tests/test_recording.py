@@ -12,10 +12,10 @@ import pytest
 from mcap.writer import CompressionType, Writer
 
 from tests.program import ENGAGED, PATIENT, Program, document, weberlink
-from tests.system.systems import CONFIGS, configuration
+from tests.session.systems import CONFIGS, configuration
 from tests.wait import until
-from weberlink.system.configuration import load
-from weberlink.system.simulate import simulate
+from weberlink.config import load
+from weberlink.session.simulate import simulate
 from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT
 from weberlink.telemetry.record import COUNTERS, FIELDS
 from weberlink_recording.export import describe

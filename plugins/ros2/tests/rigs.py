@@ -10,7 +10,7 @@ from time import time_ns
 from typing import Any
 
 from tests.watching.sources import description
-from weberlink.system.description import Description
+from weberlink.session.description import Description
 from weberlink.telemetry.ring import RingWriter
 from weberlink.testing.time import until
 from weberlink_ros2.admission import Subscription

@@ -10,7 +10,7 @@ import pytest
 
 from plugins.ros2.tests.rigs import ring
 from tests.watching.sources import records, write
-from weberlink.system.scoring.session import Records
+from weberlink.figures.session import Records
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.message import ENCAPSULATION
 from weberlink.telemetry.record import RELEASED

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.program import weberlink
-from weberlink.apps.shipped import copy
+from weberlink.cli.shipped import copy
 from weberlink.telemetry.message import SCHEMA_TEXT
 
 FILE = Path(__file__).parents[1] / "configs" / "ros2.yaml"

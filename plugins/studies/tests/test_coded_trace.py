@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.system.systems import CONFIGS
+from tests.session.systems import CONFIGS
 from weberlink.codec import force_channel
 from weberlink.master.trace import read_trace
 from weberlink_studies.coded_trace import CodedTrace

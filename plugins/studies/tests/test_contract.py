@@ -18,7 +18,7 @@ from plugins.studies.tests.evaluate.signals import walk
 from plugins.studies.tests.experiment.studies import Robot, conduct, plan
 from plugins.studies.tests.precision.test_study import WALL
 from tests.program import weberlink
-from tests.system.systems import CONFIGS
+from tests.session.systems import CONFIGS
 from weberlink.slave.integrators import INTEGRATORS
 from weberlink_studies.drawing import Drawing, drawn_as
 from weberlink_studies.evaluate.command import STUDY as EVALUATE

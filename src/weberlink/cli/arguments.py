@@ -17,9 +17,9 @@ from typer.main import get_command, get_group
 
 from weberlink.cli.output import errors, fail, failing, was_interrupted
 from weberlink.installation import absence, guests, install_line
+from weberlink.order import COMPLETED, INTERRUPTED, MISCONFIGURED
 from weberlink.registry import resolve
-from weberlink.system.order import COMPLETED, INTERRUPTED, MISCONFIGURED
-from weberlink.system.targets import STANDARD_OUTPUT, TargetError, check_file, check_folder
+from weberlink.session.targets import STANDARD_OUTPUT, TargetError, check_file, check_folder
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint

@@ -9,7 +9,7 @@ import typer
 
 from weberlink.cli.arguments import CommandGroup, File, Json, Set
 from weberlink.cli.output import fail, write
-from weberlink.system.order import COMPLETED, FAILED, MASTER, MISCONFIGURED, SIDES
+from weberlink.order import COMPLETED, FAILED, MASTER, MISCONFIGURED, SIDES
 
 
 class Bridges(CommandGroup):
@@ -25,8 +25,8 @@ bridge = typer.Typer(name="bridge", cls=Bridges, help="Carry a running session t
 
 def check(file: File, set_: Set = None) -> None:
     """Validate FILE; print its parts, their cost and warnings."""
-    from weberlink.system.check import describe  # noqa: PLC0415
-    from weberlink.system.configuration import load  # noqa: PLC0415
+    from weberlink.cli.check import describe  # noqa: PLC0415
+    from weberlink.config import load  # noqa: PLC0415
 
     for line in list(describe(load(file, set_ or ()))):
         typer.echo(
@@ -62,8 +62,8 @@ def doctor(
     """
     from rich.console import Console  # noqa: PLC0415
 
-    from weberlink.apps.doctor import Grade, Needs, examine  # noqa: PLC0415
-    from weberlink.system.configuration import load  # noqa: PLC0415
+    from weberlink.cli.doctor import Grade, Needs, examine  # noqa: PLC0415
+    from weberlink.config import load  # noqa: PLC0415
 
     overrides, sides = set_ or [], SIDES if side is None else (side,)
     if file is None and (link is not None or overrides):
@@ -75,7 +75,7 @@ def doctor(
         with waiting:
             found = examine(needs)
     else:
-        from weberlink.apps.doctor.link_report import examine_link, towards  # noqa: PLC0415
+        from weberlink.cli.doctor.link_report import examine_link, towards  # noqa: PLC0415
 
         overrides = towards(link, load(file, overrides, [MASTER]), overrides)
         configuration = load(file, overrides, [MASTER])

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 import typer
 
+from weberlink.order import COMPLETED, FAILED, INTERRUPTED, MISCONFIGURED
 from weberlink.registry import fault_of
-from weberlink.system.order import COMPLETED, FAILED, INTERRUPTED, MISCONFIGURED
-from weberlink.system.targets import STANDARD_OUTPUT
+from weberlink.session.targets import STANDARD_OUTPUT
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -51,7 +51,7 @@ def errors(log: Callable[[Sequence[str]], None] = lambda _: None) -> Iterator[No
     except Exception as error:
         if was_interrupted(error) or isinstance(error, typer.Exit) or hasattr(error, "format_message"):  # of typer
             raise
-        from weberlink.system.configuration.errors import ConfigurationError, trace_of  # noqa: PLC0415 - not for help
+        from weberlink.config.errors import ConfigurationError, trace_of  # noqa: PLC0415 - not for help
         from weberlink.telemetry.runtime_directory import RuntimeDirectoryError  # noqa: PLC0415
 
         if isinstance(error, RuntimeDirectoryError):
@@ -150,10 +150,10 @@ def finish(
     summary: dict[str, Any], title: str, json_out: Path | None, problem: str | None = None, *, quiet: bool = False
 ) -> None:
     """Print and write the figures of a session, report `problem`, and exit; `quiet` prints nothing."""
-    from weberlink.system.environment import environment  # noqa: PLC0415
+    from weberlink.figures.environment import environment  # noqa: PLC0415
 
     def show(console: "Console") -> None:
-        from weberlink.system.report import session_report  # noqa: PLC0415 - not for JSON alone
+        from weberlink.figures.report import session_report  # noqa: PLC0415 - not for JSON alone
 
         if not quiet:
             session_report(summary, title, console)

@@ -12,11 +12,11 @@ import typer
 
 from weberlink.cli.arguments import Duration, File, Json, Log, OptionalFile, Record, Set, file_target
 from weberlink.cli.output import attempt, errors, fail, finish, progress_bar, tell
-from weberlink.system.order import MASTER, MISCONFIGURED, NOTE, SIDES, SLAVE
-from weberlink.system.targets import STANDARD_OUTPUT
+from weberlink.order import MASTER, MISCONFIGURED, NOTE, SIDES, SLAVE
+from weberlink.session.targets import STANDARD_OUTPUT
 
 if TYPE_CHECKING:
-    from weberlink.system.advice import Parts
+    from weberlink.session.advice import Parts
 
 PeerLabel = Annotated[str | None, typer.Option("--peer", metavar="NAME", help="Meet this known peer only.")]
 INVITE = ""
@@ -81,7 +81,7 @@ def acquainted(path: Path, overrides: Sequence[str], side: str, label: str | Non
     """Overrides by which the path finder of the file meets a peer; with a code, the two hosts are paired first."""
     if label is None and code is None:
         return []
-    from weberlink.system.configuration import ConfigurationError, load  # noqa: PLC0415
+    from weberlink.config import ConfigurationError, load  # noqa: PLC0415
 
     configuration = load(path, overrides, [side])
     if configuration.finder is None:
@@ -96,7 +96,7 @@ def acquainted(path: Path, overrides: Sequence[str], side: str, label: str | Non
 
 def one_host(path: Path, overrides: Sequence[str]) -> list[str]:
     """Overrides by which both sides meet on this host. Raises ConfigurationError for a file of two that pair."""
-    from weberlink.system.configuration import ConfigurationError, load  # noqa: PLC0415
+    from weberlink.config import ConfigurationError, load  # noqa: PLC0415
 
     if load(path, overrides).finder is not None:
         raise ConfigurationError(
@@ -123,10 +123,10 @@ def simulate(
 
     60 s of it by default, in about 12 s. Ctrl-C ends it with the report of the simulated time so far.
     """
-    from weberlink.system.composition.trial import try_out  # noqa: PLC0415
-    from weberlink.system.configuration import ConfigurationError, load  # noqa: PLC0415
-    from weberlink.system.simulate import refuse_live  # noqa: PLC0415
-    from weberlink.system.simulate import simulate as run  # noqa: PLC0415
+    from weberlink.config import ConfigurationError, load  # noqa: PLC0415
+    from weberlink.session.composition.trial import try_out  # noqa: PLC0415
+    from weberlink.session.simulate import refuse_live  # noqa: PLC0415
+    from weberlink.session.simulate import simulate as run  # noqa: PLC0415
 
     configuration = load(file, set_ or ())
     if trace is not None and configuration.system.codec.joints is not None:
@@ -156,9 +156,9 @@ def _live(
     *,
     take_over: bool = False,
 ) -> None:
-    from weberlink.system.composition.trial import try_out  # noqa: PLC0415
-    from weberlink.system.configuration import load  # noqa: PLC0415
-    from weberlink.system.launcher import Session  # noqa: PLC0415
+    from weberlink.config import load  # noqa: PLC0415
+    from weberlink.session.composition.trial import try_out  # noqa: PLC0415
+    from weberlink.session.launcher import Session  # noqa: PLC0415
     from weberlink.telemetry.runtime_directory import directory  # noqa: PLC0415
 
     with journals_to(log, json_out) as journal_at:
@@ -168,7 +168,7 @@ def _live(
             parts = try_out(configuration)
             directory()
             if record is not None:
-                from weberlink.system.recorder import format_for  # noqa: PLC0415
+                from weberlink.session.recorder import format_for  # noqa: PLC0415
 
                 format_for(record)
         on_delay = say_advice(parts)
@@ -183,7 +183,7 @@ def _live(
 
 def say_advice(parts: "Parts") -> Callable[[float], str | None]:
     """Say the advice on a file; returns what gives that on a measured round trip [s]."""
-    from weberlink.system.advice import advise, on_measured_delay  # noqa: PLC0415
+    from weberlink.session.advice import advise, on_measured_delay  # noqa: PLC0415
 
     for line in advise(parts):
         tell(f"{NOTE}{line}")
@@ -197,7 +197,7 @@ def status_display() -> Iterator[Any]:
     from rich.live import Live  # noqa: PLC0415
     from rich.text import Text  # noqa: PLC0415
 
-    from weberlink.system.report import status_line  # noqa: PLC0415
+    from weberlink.figures.report import status_line  # noqa: PLC0415
 
     console = Console(stderr=True)
     if not console.is_terminal:
@@ -217,8 +217,8 @@ def journals_to(log: Path | None, json_out: Path | None) -> Iterator[Any]:
     if log is None:
         yield None
         return
-    from weberlink.system.journal import Journal  # noqa: PLC0415
-    from weberlink.system.log_file import LogFile  # noqa: PLC0415
+    from weberlink.figures.journal import Journal  # noqa: PLC0415
+    from weberlink.session.log_file import LogFile  # noqa: PLC0415
 
     if log == json_out == STANDARD_OUTPUT:
         fail("--log -: standard output is taken by --json -; write one of them to a file", MISCONFIGURED)
@@ -234,8 +234,8 @@ def free_port(path: Path, overrides: Sequence[str]) -> list[str]:
     """
     import socket  # noqa: PLC0415
 
-    from weberlink.system.configuration import load  # noqa: PLC0415
-    from weberlink.system.configuration.model import split_address  # noqa: PLC0415
+    from weberlink.config import load  # noqa: PLC0415
+    from weberlink.config.model import split_address  # noqa: PLC0415
 
     host, port = split_address(load(path, overrides).system.link.listen)
     if port != 0:

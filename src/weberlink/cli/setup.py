@@ -8,8 +8,8 @@ import typer
 
 from weberlink.cli.arguments import CommandGroup, Json, file_target
 from weberlink.cli.output import fail, failing, tell, write
-from weberlink.system.order import MISCONFIGURED
-from weberlink.system.targets import STANDARD_OUTPUT
+from weberlink.order import MISCONFIGURED
+from weberlink.session.targets import STANDARD_OUTPUT
 
 device = typer.Typer(
     name="device", cls=CommandGroup, help="List, test or emulate devices and robots.", no_args_is_help=True
@@ -24,7 +24,7 @@ Options = Annotated[
 @device.command("list")
 def device_list(json_out: Json = None) -> None:
     """List drivers and plugged devices, and suggest fixes."""
-    from weberlink.apps.devices import survey  # noqa: PLC0415
+    from weberlink.cli.devices import survey  # noqa: PLC0415
 
     found = survey()
     write(found.document, json_out, found.show)
@@ -45,7 +45,7 @@ def device_test(
 
     It shows the readings, checks signs without force and, after a yes, with a gentle force.
     """
-    from weberlink.apps.device_test import DeviceTestError, Dialog, run  # noqa: PLC0415
+    from weberlink.cli.device_test import DeviceTestError, Dialog, run  # noqa: PLC0415
 
     with failing(DeviceTestError):
         run(name, Dialog(sys.stdin, sys.stdout, yes=yes), config, set_ or ())
@@ -67,7 +67,7 @@ def emulate(
     set_: Options = None,
 ) -> None:
     """Emulate a device, with faults on request, until Ctrl-C."""
-    from weberlink.apps.emulate import run  # noqa: PLC0415
+    from weberlink.cli.emulate import run  # noqa: PLC0415
 
     out = sys.stderr if command else sys.stdout  # the command may use standard output itself
     raise typer.Exit(run(name, link, tuple(set_ or ()), tuple(command or ()), out=out, source=sys.stdin, faults=faults))
@@ -76,7 +76,7 @@ def emulate(
 @device.command("rules")
 def device_rules() -> None:
     """Install the udev rules, which give access without root."""
-    from weberlink.apps import rules  # noqa: PLC0415
+    from weberlink.cli import rules  # noqa: PLC0415
 
     with failing(rules.RulesError):
         typer.echo("\n".join(rules.install()))
@@ -104,7 +104,7 @@ def configs(
     ] = None,
 ) -> None:
     """List the shipped files; copy one, with the files it names."""
-    from weberlink.apps.shipped import copy, listing, text_of  # noqa: PLC0415
+    from weberlink.cli.shipped import copy, listing, text_of  # noqa: PLC0415
 
     if name is None:
         if out is not None:

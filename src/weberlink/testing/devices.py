@@ -21,7 +21,7 @@ from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, norm
 from weberlink.master.devices import load
 from weberlink.master.devices.contract import Device, DeviceFault, ReportsTrouble, TorqueDevice
 from weberlink.master.devices.threaded_device import RAMP_S
-from weberlink.system.composition.master import check_force_ends
+from weberlink.session.composition.master import check_force_ends
 from weberlink.testing import pushing_host
 from weberlink.testing.time import TICK, until
 

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from weberlink.system.control_socket import LiveChangeError, ask, path_beside
+from weberlink.session.control_socket import LiveChangeError, ask, path_beside
 from weberlink.watching.rings import RowSource
 from weberlink.watching.session import WatchedSession
 

@@ -6,9 +6,9 @@ from datetime import datetime
 from math import inf
 from typing import Any, NamedTuple
 
-from weberlink.system.journal import Journal
-from weberlink.system.scoring.session import Records
-from weberlink.system.wording import Words, words
+from weberlink.figures.journal import Journal
+from weberlink.figures.session import Records
+from weberlink.figures.wording import Words, words
 
 MOST_EVENTS = 500
 """Events that are kept; older ones are dropped."""
@@ -20,7 +20,7 @@ class SessionEvent(NamedTuple):
     Args:
         at: time since the session began [s].
         wall: the same moment on the wall clock [s since 1970].
-        level: of `weberlink.system.wording`.
+        level: of `weberlink.figures.wording`.
         side: master or slave; None for the session.
         text: in words.
     """

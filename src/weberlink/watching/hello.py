@@ -5,9 +5,9 @@ from math import ceil
 from pathlib import Path
 from typing import Any
 
+from weberlink.config import MASTER, SLAVE
 from weberlink.protocol.states import State
 from weberlink.slave.scenes.height_field import bumps, read_heights
-from weberlink.system.configuration import MASTER, SLAVE
 from weberlink.telemetry.fault import Fault
 
 HYBRID = "hybrid"
@@ -26,7 +26,7 @@ def hello(session: str, descriptions: Mapping[str, dict[str, Any] | None]) -> di
 
     Args:
         session: name of the session.
-        descriptions: of the present sides, see `weberlink.system.description`; None if unknown.
+        descriptions: of the present sides, see `weberlink.session.description`; None if unknown.
     """
     known = [description for description in descriptions.values() if description is not None]
     any_: dict[str, Any] = known[0] if known else {}

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from weberlink.system.configuration import SIDES
-from weberlink.system.description import path_beside
-from weberlink.system.description import read as read_description
-from weberlink.system.scoring.session import Records
+from weberlink.config import SIDES
+from weberlink.figures.session import Records
+from weberlink.session.description import path_beside
+from weberlink.session.description import read as read_description
 from weberlink.telemetry.reader import DTYPE, RingReader
 from weberlink.telemetry.ring import RingFormatError
 from weberlink.telemetry.runtime_directory import directories
@@ -58,7 +58,7 @@ class RowSource:
         side, rate_hz, ring: of the writer; beside the ring is its control socket.
         began: when it began, on the clock of its records [s].
         wall_offset_s: from the clock of the records to the wall clock [s].
-        description: see `weberlink.system.description`; None if unknown. Another object when there is news.
+        description: see `weberlink.session.description`; None if unknown. Another object when there is news.
 
     Attributes:
         written: number of records written so far.

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.system.configuration import MASTER
-from weberlink.system.scoring.arm import ArmLayout
+from weberlink.config import MASTER
+from weberlink.figures.arm import ArmLayout
 from weberlink.telemetry.message import Rows
 from weberlink.watching.ros_messages import SCHEMAS, Motion, joint_state, pose_stamped, transforms, wrench_stamped
 

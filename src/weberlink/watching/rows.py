@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.codec.deadband.contract import Measures
+from weberlink.config import SLAVE
+from weberlink.figures.arm import ArmLayout
+from weberlink.figures.channel import deviations_of, in_session
+from weberlink.figures.session import Records, nearest_ticks
 from weberlink.protocol.states import State
-from weberlink.system.configuration import SLAVE
-from weberlink.system.scoring.arm import ArmLayout
-from weberlink.system.scoring.channel import deviations_of, in_session
-from weberlink.system.scoring.session import Records, nearest_ticks
 from weberlink.telemetry.reader import DTYPE
 from weberlink.watching.rings import joined
 
@@ -133,7 +133,7 @@ LONGEST_WAIT = 2500
 class FeltErrorPairs:
     """Pairs shown rows of the slave with the master's records nearest in time.
 
-    It selects the same ticks as `weberlink.system.scoring.session`, which keeps no rows.
+    It selects the same ticks as `weberlink.figures.session`, which keeps no rows.
 
     Args:
         rate_hz: rate of both sides [Hz].

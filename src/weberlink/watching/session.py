@@ -8,17 +8,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from weberlink.codec.deadband.contract import Measures
+from weberlink.config import MASTER, SLAVE
 from weberlink.control.contract import AccountParameters
+from weberlink.figures.arm import ArmLayout, arm_in
+from weberlink.figures.energy import accounts_in
+from weberlink.figures.link import ways_now
+from weberlink.figures.paths import dscp_words, finding, paths_of, route_words
+from weberlink.figures.session import Records, SessionScore
+from weberlink.figures.verdict import DEGRADED, FAILURE, Cause, verdict
+from weberlink.figures.wording import ALARM, fault_words
 from weberlink.protocol.states import State
-from weberlink.system.composition.channels import measures_in
-from weberlink.system.configuration import MASTER, SLAVE
-from weberlink.system.paths import dscp_words, finding, paths_of, route_words
-from weberlink.system.scoring.arm import ArmLayout, arm_in
-from weberlink.system.scoring.energy import accounts_in
-from weberlink.system.scoring.link import ways_now
-from weberlink.system.scoring.session import Records, SessionScore
-from weberlink.system.verdict import DEGRADED, FAILURE, Cause, verdict
-from weberlink.system.wording import ALARM, fault_words
+from weberlink.session.composition.channels import measures_in
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
 from weberlink.watching.events import EventLog
@@ -179,7 +179,7 @@ class WatchedSession:
 
     @property
     def paths(self) -> dict[str, list[dict[str, Any]]]:
-        """The paths of each side that knows its own, as of `weberlink.system.paths`."""
+        """The paths of each side that knows its own, as of `weberlink.figures.paths`."""
         return {name: side.paths for name, side in self._each if side.paths}
 
     @property

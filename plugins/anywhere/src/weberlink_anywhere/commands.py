@@ -7,7 +7,7 @@ import typer
 
 from weberlink.cli.arguments import Json
 from weberlink.cli.output import fail, failing, write
-from weberlink.system.order import MISCONFIGURED
+from weberlink.order import MISCONFIGURED
 
 
 def peer(

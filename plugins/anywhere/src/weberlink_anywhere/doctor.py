@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from weberlink.apps.doctor.report import Finding, advice, ok, problem, unknown
-from weberlink.system.configuration.model import split_address
+from weberlink.cli.doctor.report import Finding, advice, ok, problem, unknown
+from weberlink.config.model import split_address
 from weberlink_anywhere.nat import ANY, Behaviour, Nat
 from weberlink_anywhere.options import AnywhereOptions
 from weberlink_anywhere.stun import WayOut, find_way_out

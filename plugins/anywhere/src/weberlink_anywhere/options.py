@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from weberlink.system.configuration.deadband import Settings
-from weberlink.system.configuration.model import Address, Name
+from weberlink.config.deadband import Settings
+from weberlink.config.model import Address, Name
 
 
 def _mailbox_url(text: str) -> str:

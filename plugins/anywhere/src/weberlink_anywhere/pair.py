@@ -8,8 +8,8 @@ from rich.console import Console
 from rich.text import Text
 
 from weberlink.child_process import Child, python
-from weberlink.system.configuration import SLAVE, Configuration, ConfigurationError
-from weberlink.system.description import default_name
+from weberlink.config import SLAVE, Configuration, ConfigurationError
+from weberlink.session.description import default_name
 from weberlink_anywhere.invitation import Invitation, read
 from weberlink_anywhere.options import AnywhereOptions
 from weberlink_anywhere.order import PairingOrder
@@ -24,7 +24,7 @@ LINES_BELOW = 5
 
 
 def pair(configuration: Configuration, side: str, code: str, label: str | None) -> str:
-    """Pair this host with another one, and keep the peer; see `weberlink.system.finders.PathFinder`.
+    """Pair this host with another one, and keep the peer; see `weberlink.config.finders.PathFinder`.
 
     Raises:
         ConfigurationError: there is no mailbox in the file, or the two did not pair; says why.

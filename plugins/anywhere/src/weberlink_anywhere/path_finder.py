@@ -5,17 +5,17 @@ from functools import partial
 from socket import socket
 from typing import Any
 
+from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError
 from weberlink.protocol.aio.paths import MakePaths
 from weberlink.protocol.psk import Keyring, PresharedKey
 from weberlink.protocol.security import Security
-from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError
 from weberlink_anywhere.options import AnywhereOptions
 from weberlink_anywhere.order import FinderOrder
 from weberlink_anywhere.peers import Peer, PeerError, PeerStore
 
 
 class Anywhere:
-    """The path finder `anywhere` (`weberlink.system.finders.PathFinder`).
+    """The path finder `anywhere` (`weberlink.config.finders.PathFinder`).
 
     Attributes:
         peers: the one that a master calls, or those for which a slave waits.

@@ -12,10 +12,10 @@ import numpy as np
 from foxglove import Channel, Context, Parameter, Schema, StatusLevel
 from foxglove.websocket import Capability, ChannelView, Client, ServerListener, WebSocketServer
 
-from weberlink.system.configuration import SIDES, SLAVE
-from weberlink.system.scoring.session import Records
-from weberlink.system.verdict import FAILURE
-from weberlink.system.wording import ALARM, INFO, WARN
+from weberlink.config import SIDES, SLAVE
+from weberlink.figures.session import Records
+from weberlink.figures.verdict import FAILURE
+from weberlink.figures.wording import ALARM, INFO, WARN
 from weberlink.telemetry.message import (
     ENCAPSULATION,
     MESSAGE_ENCODING,

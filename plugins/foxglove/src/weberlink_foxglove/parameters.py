@@ -7,7 +7,7 @@ from typing import Any
 
 from foxglove import Parameter
 
-from weberlink.system.control_socket import LiveChangeError, ask
+from weberlink.session.control_socket import LiveChangeError, ask
 from weberlink.watching.control import Answer, SessionControl, refusal
 from weberlink.watching.session import WatchedSession
 

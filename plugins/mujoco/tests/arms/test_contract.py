@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from tests.system.systems import ARMS
+from tests.session.systems import ARMS
 from weberlink.testing.arms import ArmBench, FollowerContract, LeaderContract
 from weberlink.testing.time import TICK, virtual_time
 from weberlink_mujoco.arms.follower import MujocoArm

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from tests.system.systems import ARMS
+from tests.session.systems import ARMS
 from weberlink.arms.contract import ArmFault, ArmReading
 from weberlink.geometry.joints import Joints, is_finite
 from weberlink_mujoco.arms.operator import ArmOperator, ArmOperatorOptions

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.system.systems import ARMS
+from tests.session.systems import ARMS
 from weberlink.geometry.joints import Joints, is_finite
 from weberlink_mujoco.arms.follower import MujocoArm, MujocoArmOptions
 from weberlink_mujoco.arms.models import load

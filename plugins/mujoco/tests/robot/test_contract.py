@@ -7,7 +7,7 @@ import pytest
 
 from plugins.mujoco.tests.robot.models import gantry, robot, wall
 from tests.program import weberlink
-from weberlink.apps.shipped import copy
+from weberlink.cli.shipped import copy
 from weberlink.testing.robots import RobotBench, RobotContract
 from weberlink.testing.time import virtual_time
 

@@ -18,7 +18,7 @@ from weberlink.cli.arguments import (
     is_loopback,
 )
 from weberlink.cli.output import fail, failing, finish, tell
-from weberlink.system.order import MISCONFIGURED
+from weberlink.order import MISCONFIGURED
 
 # Robots share their host with other tools, whose ports this one avoids: 8765 of Foxglove's bridge, which LeRobot starts
 # too; 9090 of rosbridge and Prometheus; 9876 and 9877 of Rerun; 7000 of MeshCat; 5000, 5555, 8000, 8080, 8081 and 8888
@@ -51,7 +51,7 @@ def monitor(
 
     Until Ctrl-C. The same address has figures for Prometheus.
     """
-    from weberlink.system.configuration.extras import need  # noqa: PLC0415 - each command imports what it needs
+    from weberlink.config.extras import need  # noqa: PLC0415 - each command imports what it needs
     from weberlink_page.address import MonitorError  # noqa: PLC0415
     from weberlink_page.camera import ViewError, parse_view  # noqa: PLC0415
     from weberlink_page.program import MonitorSettings, run  # noqa: PLC0415

@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
+from weberlink.config import MASTER
 from weberlink.geometry.vector import Vector
-from weberlink.system.configuration import MASTER
 from weberlink.watching.control import Answer
 from weberlink.watching.session import WatchedSession
 from weberlink_page.requests import READ_ONLY

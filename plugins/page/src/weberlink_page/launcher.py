@@ -16,7 +16,7 @@ from time import monotonic
 from typing import Any
 
 from weberlink.child_process import python
-from weberlink.system.order import COMPLETED, FAILED, NOTE
+from weberlink.order import COMPLETED, FAILED, NOTE
 from weberlink.watching.control import Answer, refusal
 from weberlink_page.messages import Rooms
 from weberlink_page.scenes import SceneChoice

@@ -42,7 +42,7 @@ class Hello(TypedDict):
     rooms: Rooms
     readonly: NotRequired[bool]
     sides: NotRequired[dict[Side, dict[str, Any] | None]]
-    """Their descriptions, see `weberlink.system.description`."""
+    """Their descriptions, see `weberlink.session.description`."""
     present: NotRequired[list[Side]]
     names: NotRequired[dict[str, str | None]]
     scene: NotRequired[list[dict[str, Any]]]

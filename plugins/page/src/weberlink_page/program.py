@@ -18,7 +18,7 @@ from time import monotonic
 import uvloop
 from aiohttp import web
 
-from weberlink.apps.tasks import first_result
+from weberlink.cli.tasks import first_result
 from weberlink.telemetry.runtime_directory import directory
 from weberlink_page import access, address
 from weberlink_page.camera import CameraService, View

@@ -10,8 +10,8 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from weberlink.system.recorder import FINISH_LIMIT_S, facts_of
-from weberlink.system.wording import INFO, WARN, Words
+from weberlink.figures.wording import INFO, WARN, Words
+from weberlink.session.recorder import FINISH_LIMIT_S, facts_of
 from weberlink.telemetry.recorders import COMPLETE, RECORDERS, Recorder, format_of
 from weberlink.watching.control import Answer, refusal
 from weberlink.watching.session import WatchedSession

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.text import Text
 
+from weberlink.config import ConfigurationError
+from weberlink.config.extras import need
+from weberlink.figures.report import session_report
+from weberlink.figures.session import Records
+from weberlink.figures.verdict import verdict
 from weberlink.master.trace import COLUMNS, TraceError, read_trace
-from weberlink.system.configuration import ConfigurationError
-from weberlink.system.configuration.extras import need
-from weberlink.system.recorder import RANGE
-from weberlink.system.report import session_report
-from weberlink.system.scoring.session import Records
-from weberlink.system.verdict import verdict
+from weberlink.session.recorder import RANGE
 from weberlink.telemetry.record import AXES, JOINTS
 from weberlink.telemetry.recorders import BEGUN, COMPLETE
 from weberlink_recording.lerobot_frames import NoFramesError, frames_of

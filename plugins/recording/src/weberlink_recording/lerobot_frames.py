@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from weberlink.figures.arm import ArmLayout
+from weberlink.figures.session import Records
 from weberlink.protocol.states import State
-from weberlink.system.scoring.arm import ArmLayout
-from weberlink.system.scoring.session import Records
 from weberlink.telemetry.record import AXES
 from weberlink_recording.session import RecordedSession
 

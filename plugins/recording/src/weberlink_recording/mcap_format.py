@@ -9,7 +9,7 @@ from time import monotonic
 from typing import Any
 
 from weberlink.child_process import Child, python
-from weberlink.system.recorder import FINISH_LIMIT_S
+from weberlink.session.recorder import FINISH_LIMIT_S
 from weberlink.telemetry.message import TOPICS, Origin
 from weberlink.telemetry.recorders import BEGUN, DURING
 from weberlink_recording.marks import shortened

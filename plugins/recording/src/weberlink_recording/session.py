@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from yaml import YAMLError
 
 from weberlink.codec.deadband.contract import Measures
+from weberlink.config import MASTER, SIDES, SLAVE
 from weberlink.control.contract import AccountParameters
-from weberlink.system.composition.channels import measures_in
-from weberlink.system.configuration import MASTER, SIDES, SLAVE
-from weberlink.system.scoring.arm import ArmLayout, arm_in
-from weberlink.system.scoring.energy import accounts_in
-from weberlink.system.scoring.session import ANOTHER_CLOCK_S, LATEST_S, MARGIN_S, Records, SessionScore
+from weberlink.figures.arm import ArmLayout, arm_in
+from weberlink.figures.energy import accounts_in
+from weberlink.figures.session import ANOTHER_CLOCK_S, LATEST_S, MARGIN_S, Records, SessionScore
+from weberlink.session.composition.channels import measures_in
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.record import COUNTERS, FIELDS, FINITE

@@ -2,7 +2,7 @@
 
 from functools import partial
 
-from weberlink.system.configuration import ConfigurationError
+from weberlink.config import ConfigurationError
 from weberlink_ros2 import follow
 from weberlink_ros2.diagnostics import Level, Status
 from weberlink_ros2.names import Qos

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from weberlink.figures.session import Records
+from weberlink.figures.wording import ALARM, INFO, WARN, Words, fault_words, words
 from weberlink.protocol.states import State
-from weberlink.system.scoring.session import Records
-from weberlink.system.wording import ALARM, INFO, WARN, Words, fault_words, words
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
 from weberlink.watching.rings import RingSource

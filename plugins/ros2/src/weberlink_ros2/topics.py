@@ -9,8 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.system.scoring.arm import ArmLayout, arm_in
-from weberlink.system.scoring.session import Records
+from weberlink.figures.arm import ArmLayout, arm_in
+from weberlink.figures.session import Records
 from weberlink.telemetry.message import Origin
 from weberlink.watching.hello import drawn
 from weberlink.watching.rings import RingSource
@@ -113,7 +113,7 @@ class TopicBridge(ABC):
         self._lost = 0  # ticks of sides that have ended, which were overwritten before they were read
 
     def begin(self, session: str, source: RingSource) -> None:
-        """A side of a session begins; `source.description` is its configuration, see `weberlink.system.description`."""
+        """A side of a session begins; `source.description` is its configuration (`weberlink.session.description`)."""
         self._session = session
         try:
             arm = arm_in((source.description or {})["system"])

@@ -19,7 +19,7 @@ from weberlink.cli.arguments import (
 )
 from weberlink.cli.output import Study, attempt, fail, progress_bar, publish
 from weberlink.cli.sessions import free_port
-from weberlink.system.order import FAILED
+from weberlink.order import FAILED
 from weberlink_studies.figure_options import Footer, Format, figures
 
 Plots = Annotated[

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 
-from weberlink.system.configuration import ConfigurationError
+from weberlink.config import ConfigurationError
 
 FORMATS = ("png", "pdf", "svg")
 

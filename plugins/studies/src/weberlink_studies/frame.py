@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 from rich.console import RenderableType
 
-from weberlink.system.configuration import ConfigurationError
-from weberlink.system.configuration.extras import need
-from weberlink.system.environment import environment, footer
+from weberlink.config import ConfigurationError
+from weberlink.config.extras import need
+from weberlink.figures.environment import environment, footer
 from weberlink_studies.parallel import Progress, gather, parallel_map
 from weberlink_studies.result import StudyResult, how_much
 

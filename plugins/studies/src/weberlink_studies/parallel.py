@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from weberlink.child_process import safe_path
 from weberlink.realtime.process import die_with_parent
-from weberlink.system.interruption import Interruption
+from weberlink.session.interruption import Interruption
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")

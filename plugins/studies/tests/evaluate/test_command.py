@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.program import document, weberlink
-from tests.system.systems import CONFIGS
+from tests.session.systems import CONFIGS
 from tests.wait import PATIENCE, until
 from weberlink_studies.evaluate.command import run
 from weberlink_studies.evaluate.traces import names

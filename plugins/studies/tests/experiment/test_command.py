@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from plugins.studies.tests.experiment.studies import conduct, plan
-from tests.system.systems import CONFIGS
+from tests.session.systems import CONFIGS
 from weberlink.cli import app
 from weberlink_studies.experiment.command import ExperimentRequest, run
 from weberlink_studies.experiment.ledger import path_of, read

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from plugins.studies.tests.experiment.studies import Rig, conduct, plan
-from tests.apps.device_test.people import Keyboard
+from tests.cli.device_test.people import Keyboard
 from weberlink_studies.experiment.ledger import read
 from weberlink_studies.experiment.subjects import Person, level_of
 from weberlink_studies.paper.claims import PREDICTORS

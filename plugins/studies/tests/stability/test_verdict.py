@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from weberlink.control.contract import AccountParameters
+from weberlink.figures.session import Records
 from weberlink.protocol.states import State
-from weberlink.system.scoring.session import Records
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import DESCRIPTION
 from weberlink_studies.frame import Row

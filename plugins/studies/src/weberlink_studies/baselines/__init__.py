@@ -8,10 +8,10 @@ predictor at the present position of the hand, instead of a wave as it left.
 
 from dataclasses import replace
 
+from weberlink.config import Configuration
 from weberlink.control.table import BUILT_IN, Scheme
-from weberlink.system.configuration import Configuration
-from weberlink.system.simulate import build_simulation
-from weberlink.system.simulation import Simulation
+from weberlink.session.simulate import build_simulation
+from weberlink.session.simulation import Simulation
 
 BASELINES = {
     "baseline-tdpa": Scheme(

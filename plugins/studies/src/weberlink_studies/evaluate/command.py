@@ -11,8 +11,8 @@ from rich.console import RenderableType
 
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC
 from weberlink.codec.predictors import BANKS, PREDICTORS
-from weberlink.system.configuration import ConfigurationError
-from weberlink.system.configuration.model import LONGEST_LOOKAHEAD_MS
+from weberlink.config import ConfigurationError
+from weberlink.config.model import LONGEST_LOOKAHEAD_MS
 from weberlink_studies.coded_trace import TickWindow
 from weberlink_studies.evaluate.by_source import by_source
 from weberlink_studies.evaluate.study import EvaluationCase, EvaluationStudy, rows_of, seconds

@@ -9,8 +9,8 @@ import numpy as np
 from weberlink.codec import Channel, force_channel, position_channel
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC, DeadbandSetup
 from weberlink.codec.rate import UpdateRate
-from weberlink.system.configuration.model import PositionCodecSettings
-from weberlink.system.scoring.felt import WEBER_FRACTION, QualityStatistics, Threshold, in_units, longest_run, rms
+from weberlink.config.model import PositionCodecSettings
+from weberlink.figures.felt import WEBER_FRACTION, QualityStatistics, Threshold, in_units, longest_run, rms
 from weberlink_studies.evaluate.replay import Signal, replay, signal_of
 from weberlink_studies.evaluate.traces import FILES, NamedTrace
 from weberlink_studies.frame import Row

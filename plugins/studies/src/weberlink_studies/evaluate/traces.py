@@ -6,6 +6,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
+from weberlink.config import ConfigurationError
 from weberlink.master.trace import (
     FORCE_UNITS,
     LENGTH_UNITS,
@@ -17,7 +18,6 @@ from weberlink.master.trace import (
     read_trace,
     unlikely_units,
 )
-from weberlink.system.configuration import ConfigurationError
 from weberlink_studies import recordings
 
 SHIPPED = Path(str(files("weberlink.configs") / "traces" / "operator.npz"))

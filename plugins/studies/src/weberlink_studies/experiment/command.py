@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
+from weberlink.config import MASTER, ConfigurationError, load
+from weberlink.config.extras import need
+from weberlink.figures.environment import environment
 from weberlink.registry import is_scripted
-from weberlink.system.configuration import MASTER, ConfigurationError, load
-from weberlink.system.configuration.extras import need
-from weberlink.system.environment import environment
-from weberlink.system.recorder import format_for
+from weberlink.session.recorder import format_for
 from weberlink_studies.experiment.conduct import Conduct, Subject, SubjectLeft, TrialRunner
 from weberlink_studies.experiment.ledger import LedgerError, Resumed, opened, path_of, subjects
 from weberlink_studies.experiment.plan import SCALE, TRIAL_S, TrialPlan, order

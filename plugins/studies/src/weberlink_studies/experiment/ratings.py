@@ -13,7 +13,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from weberlink.system.configuration import ConfigurationError
+from weberlink.config import ConfigurationError
 from weberlink_studies.curves import RATE, curves
 from weberlink_studies.experiment.answers import PEOPLE, SIMULATED, StudyRatings, gather, rows_of
 from weberlink_studies.experiment.ledger import LedgerError, SubjectProgress

@@ -9,11 +9,11 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from weberlink.system.composition.trial import try_out
-from weberlink.system.configuration import SIDES, Configuration, ConfigurationError, load
-from weberlink.system.launcher import Session
-from weberlink.system.scoring.session import score_of
-from weberlink.system.simulate import build_simulation
+from weberlink.config import SIDES, Configuration, ConfigurationError, load
+from weberlink.figures.session import score_of
+from weberlink.session.composition.trial import try_out
+from weberlink.session.launcher import Session
+from weberlink.session.simulate import build_simulation
 from weberlink_studies.experiment.conduct import Elapsed, FeltTrial, TrialResult
 from weberlink_studies.experiment.plan import REFERENCES, CodingCondition, TrialPlan
 from weberlink_studies.paper.claims import PREDICTORS

@@ -5,7 +5,7 @@ from itertools import product
 from math import ceil
 from typing import Any, Literal
 
-from weberlink.system.composition.coupling import FIT_MARGIN
+from weberlink.session.composition.coupling import FIT_MARGIN
 from weberlink_studies.stability.wall import Grip, SampledWall, gain_limit, passivity_limit
 
 DEPTH = 0.015

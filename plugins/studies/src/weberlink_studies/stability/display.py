@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.system.composition.channels import account
-from weberlink.system.configuration import load
-from weberlink.system.scoring.energy import Records
-from weberlink.system.scoring.felt import longest_run
+from weberlink.config import load
+from weberlink.figures.energy import Records
+from weberlink.figures.felt import longest_run
+from weberlink.session.composition.channels import account
 from weberlink_studies.frame import Row
 from weberlink_studies.stability.simulated import recorded
 from weberlink_studies.stability.verdict import bound_share

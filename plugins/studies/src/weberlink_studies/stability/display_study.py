@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import RenderableType
 
+from weberlink.config import ConfigurationError
 from weberlink.control.table import SCHEMES
-from weberlink.system.configuration import ConfigurationError
 from weberlink_studies.baselines import BASELINES
 from weberlink_studies.frame import FrameResult, Study, data_frame, records
 from weberlink_studies.parallel import Progress

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from weberlink.system.configuration import Configuration
-from weberlink.system.scoring.energy import Records
+from weberlink.config import Configuration
+from weberlink.figures.energy import Records
 from weberlink_studies.baselines import build_with
 
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rich.console import Group, RenderableType
 
-from weberlink.system.composition.channels import account
-from weberlink.system.configuration import Configuration, ConfigurationError, load
+from weberlink.config import Configuration, ConfigurationError, load
+from weberlink.session.composition.channels import account
 from weberlink_studies.baselines import BASELINES
 from weberlink_studies.frame import Row, Study
 from weberlink_studies.result import Column, frame_table

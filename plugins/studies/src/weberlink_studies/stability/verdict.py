@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.control.contract import AccountParameters
+from weberlink.figures.channel import in_session
+from weberlink.figures.energy import EnergyBound, LinkEnergy, PortWork, Records
 from weberlink.protocol.states import State
-from weberlink.system.scoring.channel import in_session
-from weberlink.system.scoring.energy import EnergyBound, LinkEnergy, PortWork, Records
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import FINITE
 from weberlink_studies.frame import Row

@@ -1,1 +1,0 @@
-"""Programs around a session: monitor, doctor, device test, emulators, recordings."""

@@ -1,0 +1,203 @@
+"""Measures in a child process the link to the slave, in a session that moves nothing.
+
+The child is a master without a device. It says that its encoder does not run, so the slave's robot stays at rest.
+Run as a program, this file is that child and writes a JSON result to standard output.
+"""
+
+import asyncio
+import json
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from time import monotonic, time_ns
+from typing import Any
+
+import uvloop
+
+from weberlink.cli.doctor.link_figures import LinkTrial
+from weberlink.cli.doctor.trial import run_child
+from weberlink.config import MASTER, Configuration, ConfigurationError, load
+from weberlink.config.finders import PathFinder, finder_of, finding
+from weberlink.config.model import split_address
+from weberlink.protocol import PeerClosed, PeerSilent, Refused, Role, State
+from weberlink.protocol.aio.paths import peer_address
+from weberlink.protocol.aio.udp import UdpShell
+from weberlink.protocol.probing import Heard, ProbingEndpoint
+from weberlink.realtime.process import prepare
+from weberlink.session.composition.channels import streams
+from weberlink.session.composition.joint_channels import joint_streams
+from weberlink.session.composition.link import Identity, build_endpoint, build_security
+from weberlink.session.daemon import emulated_link
+from weberlink.session.description import default_name
+
+PERIOD_S = 0.005
+"""Between two questions: as dense as the updates of a busy session."""
+LEAST_PAUSE_S = 0.001
+"""Resolution of the timers of uvloop."""
+WARM_UP_S = 1.0
+"""From the session's beginning to the first question, in which the ends map their clocks."""
+ANSWER_S = 5.0
+"""Longest time until the slave answers a call."""
+PATH_S = 40.0
+"""Longest time until a path is found."""
+
+
+class Measurement:
+    """What a master without a device does: call, wait, ask, and wait for the last answers.
+
+    Args:
+        endpoint: not yet connected.
+        now: [s].
+        seconds: for how long to ask.
+        patience: longest time until the session [s].
+    """
+
+    def __init__(self, endpoint: ProbingEndpoint, now: float, seconds: float, patience: float = ANSWER_S) -> None:
+        self._endpoint = endpoint
+        self._seconds = seconds
+        self._give_up_at = now + patience
+        self._patience = patience
+        self._first_at: float | None = None
+        self._due = now
+        self._jitters: list[float] = []
+        self._silences = 0
+        self.failure: str | None = None
+        self.is_done = False
+        endpoint.report_encoding(now, is_encoding=False)
+        endpoint.connect(now)
+
+    def service(self, now: float) -> float:
+        """Do what is due; returns when to be called again [s]."""
+        endpoint = self._endpoint
+        self._hear()
+        endpoint.report_encoding(now, is_encoding=False)
+        if self._first_at is None and not self.is_done:
+            self._wait(now)
+        if self._first_at is None or self.is_done:
+            return now + PERIOD_S
+        last_at = self._first_at + self._seconds
+        clock = endpoint.clock
+        if now > last_at + max(0.1, 2.0 * ((clock.rtt or 0.0) + clock.jitter)):  # the last answers have come
+            self.finish(now)
+        elif self._due <= min(now, last_at):
+            endpoint.ask(now)
+            if endpoint.clock.rtt is not None:
+                self._jitters.append(endpoint.clock.jitter)
+            # What this process was too late for is left out: questions in a heap would measure its own stall.
+            self._due = max(self._due + PERIOD_S, now)
+        return max(self._due, now + LEAST_PAUSE_S)
+
+    def finish(self, now: float, failure: str | None = None) -> None:
+        """Leave the session."""
+        self.failure = self.failure or failure
+        self.is_done = True
+        if self._endpoint.state is not State.CLOSED:
+            self._endpoint.close(now, "measured")
+
+    def result(self, paths: Sequence[Any] = (), priority: str = "") -> LinkTrial:
+        endpoint, used = self._endpoint, [path._asdict() for path in paths]
+        return LinkTrial(endpoint.asked, endpoint.heard, self._jitters, self._silences, used, priority, self.failure)
+
+    def _wait(self, now: float) -> None:
+        endpoint = self._endpoint
+        if endpoint.state is State.ENGAGED and endpoint.clock.peer_time(now) is not None:
+            self._due = self._first_at = now + WARM_UP_S
+        elif now > self._give_up_at:
+            why = f"the slave did not answer in {self._patience:g} s: is it started, with the same file and key?"
+            self.finish(now, why)
+
+    def _hear(self) -> None:
+        while (event := self._endpoint.next_event()) is not None:
+            match event:
+                case PeerSilent():
+                    self._silences += self._first_at is not None
+                case Refused(message):
+                    self.failure, self.is_done = f"refused: {message}", True
+                case PeerClosed(reason) if self._first_at is not None:
+                    self.failure, self.is_done = f"the slave left: {reason}", True
+
+
+def run_link_trial(file: Path, overrides: Sequence[str], seconds: float) -> LinkTrial:
+    """Measure the link of a file for some seconds in a child process; a failure is in the result."""
+    request = {"file": str(file), "overrides": list(overrides), "seconds": seconds}
+    return run_child(__name__, received, "link", request, seconds + WARM_UP_S + PATH_S + 2.0 * ANSWER_S)
+
+
+def received(heard: Sequence[Sequence[Any]] = (), **fields: Any) -> LinkTrial:
+    """A result as it comes from the child."""
+    return LinkTrial(heard=[Heard(*each) for each in heard], **fields)
+
+
+def build_probe(configuration: Configuration, epoch: float, finder: PathFinder | None) -> ProbingEndpoint:
+    """The endpoint of a master that measures.
+
+    Raises:
+        ConfigurationError: the key cannot be read, or the peer is not known.
+    """
+    system, link = configuration.system, configuration.system.link
+    name, expects = default_name(MASTER, link.listen), ""
+    if finder is not None:
+        name, expects = finder.own, finder.expects
+    forward, backward = streams(system) if system.codec.joints is None else joint_streams(system)
+    endpoint = build_endpoint(
+        system,
+        Role.INITIATOR,
+        build_security(configuration) if finder is None else finder.security,
+        os.urandom,
+        epoch,
+        forward,
+        backward,
+        peer_address(expects) if configuration.finds_path else split_address(link.slave),
+        Identity(name, expects, take_over=False, stamp=lambda _now: time_ns()),
+        ProbingEndpoint,
+    )
+    assert isinstance(endpoint, ProbingEndpoint)
+    return endpoint
+
+
+async def _measure(measurement: Measurement, shell: UdpShell) -> None:
+    """Run a measurement to its end. Raises OSError if the port cannot be opened, or a name does not resolve."""
+    await shell.open(asyncio.get_running_loop())
+    try:
+        while not measurement.is_done:
+            now = monotonic()
+            shell.service(now)
+            due = measurement.service(now)
+            shell.flush(now)
+            await asyncio.sleep(due - now)
+    finally:
+        shell.close()
+
+
+def trial(file: str, overrides: Sequence[str], seconds: float) -> LinkTrial:
+    """Measure; changes the scheduling class of this process."""
+    try:
+        configuration = load(Path(file), overrides, sides=[MASTER])
+        system, epoch = configuration.system, monotonic()
+        finder = finder_of(configuration, MASTER)
+        endpoint = build_probe(configuration, epoch, finder)
+        # The process that finds paths starts before the rights are taken, so that it gets none.
+        with finding(configuration, finder, take_over=False) as paths:
+            grant = prepare(system.realtime.priority, lock_memory=False, cpu=None).priority
+            measurement = Measurement(endpoint, monotonic(), seconds, PATH_S if configuration.finds_path else ANSWER_S)
+            emulated = emulated_link(MASTER, system, epoch)
+            shell = UdpShell(
+                endpoint,
+                now=monotonic,
+                link=None if emulated is None else emulated.link,
+                dscp=system.link.dscp,
+                paths=paths,
+                on_no_path=lambda why: measurement.finish(monotonic(), why),
+            )
+            with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+                runner.run(_measure(measurement, shell))
+            granted = "in real time" if grant else "not in real time"
+            return measurement.result(shell.paths, f"{granted}: {grant.detail}")
+    except (ConfigurationError, OSError) as error:
+        return LinkTrial(failure=getattr(error, "strerror", None) or str(error))
+
+
+if __name__ == "__main__":
+    sys.stdout.write(json.dumps(asdict(trial(**json.loads(sys.argv[2])))))

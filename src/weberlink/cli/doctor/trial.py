@@ -1,0 +1,229 @@
+"""Trials in child processes: what the kernel grants a daemon of this user, and what the host of a machine takes.
+
+The first child imports the same modules and makes the same calls as a daemon, then waits for a timer for half a second.
+The second wakes up on each processor, with processors kept awake and not, in turns. Run as a program, this file is such
+a child: the name of a trial and its arguments as JSON on the command line, a JSON result on standard output.
+"""
+
+import json
+import os
+import select
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from math import ceil
+from pathlib import Path
+from time import monotonic, monotonic_ns
+from typing import Any, TypeVar
+
+from weberlink.child_process import python
+from weberlink.realtime import timerfd
+from weberlink.realtime.host import Steal, WakeUp, wake_ups
+from weberlink.realtime.process import LATENCY_REQUEST, prepare
+
+T = TypeVar("T")
+Stretch = dict[str, float | None]
+"""One stretch of wake-ups: `p99_us` (lateness), `missed` (share of ticks), `steal` (share; None if not counted)."""
+
+MEASURE_S = 0.5
+LIMIT_S = 30.0
+"""Time limit for a child that hangs."""
+IMPORTS = (
+    "asyncio",
+    "uvloop",
+    "weberlink.session.daemon",
+    "weberlink.session.composition.master",
+    "weberlink.session.composition.slave",
+)
+"""Modules that every daemon imports."""
+MOST_PROCESSORS = 8
+"""Threads that wake up at once take turns in the interpreter, some 10 us each."""
+PAIRS = 4
+STRETCH_S = 0.3
+"""Of each stretch: some hundred wake-ups of each processor, and 2.4 s in total."""
+LEAD_S = 0.01
+"""From the start of the threads to the first deadline."""
+AWAKE_US = 0
+"""Latency that keeps processors out of all idle states."""
+
+
+@dataclass(frozen=True, slots=True)
+class RightsTrial:
+    """Result of the trial of rights."""
+
+    grants: dict[str, dict[str, bool | str]] = field(default_factory=dict)
+    """Name to `granted` and `detail`, as in the report of a session."""
+    memory_bytes: int = 0
+    """Address space of such a process: with all memory locked, this counts against the limit."""
+    lateness_us: dict[str, float] = field(default_factory=dict)
+    """From deadline to wake-up: `p50`, `p99`, `max`."""
+    missed: int = 0
+    """Deadlines without a wake-up."""
+    failure: str | None = None
+    """Why there is no result."""
+
+
+@dataclass(frozen=True, slots=True)
+class HostTrial:
+    """Result of the trial of the host."""
+
+    asleep: list[Stretch] = field(default_factory=list)
+    """Processors may enter idle states."""
+    awake: list[Stretch] = field(default_factory=list)
+    """The same number, each measured next to one of the others; none if that was not possible."""
+    not_awake: str | None = None
+    """Why not."""
+    failure: str | None = None
+    """Why there is no result."""
+
+
+def run_rights_trial(**request: Any) -> RightsTrial:
+    """Run `rights_trial` in a child process; a failure is in the result."""
+    return run_child(__name__, RightsTrial, "rights", request)
+
+
+def run_host_trial(**request: Any) -> HostTrial:
+    """Run `host_trial` in a child process; a failure is in the result."""
+    return run_child(__name__, HostTrial, "host", request)
+
+
+def run_child(module: str, answer: Callable[..., T], name: str, request: Any, limit_s: float = LIMIT_S) -> T:
+    """Run a module as a program.
+
+    Args:
+        module: writes the fields of an answer as JSON.
+        answer: what to make of these fields, or of `failure`: why there are none.
+        name, request: its arguments; the second as JSON.
+        limit_s: time limit for a child that hangs.
+    """
+    command = python("-m", module, name, json.dumps(request))
+    try:
+        done = subprocess.run(  # noqa: S603
+            command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=limit_s, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return answer(failure=f"a child process cannot be tried: {error}")
+    try:
+        return answer(**json.loads(done.stdout))
+    except (ValueError, TypeError):
+        last = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
+        return answer(failure=f"the child process of the trial failed: {last}")
+
+
+def rights_trial(
+    priority: int, *, lock_memory: bool, wakeful: bool, cpu: int | None, rate_hz: float, encrypted: bool = False
+) -> RightsTrial:
+    """Take the rights that a configuration asks for, and measure.
+
+    Args:
+        cpu: to pin this process to.
+        encrypted: whether a daemon loads the encryption library.
+    """
+    for name in (*IMPORTS, *(["weberlink.protocol.psk"] if encrypted else [])):
+        __import__(name)
+    grants = prepare(priority, lock_memory, cpu, wakeful=wakeful).as_dict()
+    lateness, missed = measure(rate_hz)
+    lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
+    memory = next((1024 * int(line.split()[1]) for line in lines if line.startswith("VmSize:")), 0)
+    late = {"p50": nearest_rank(lateness, 0.5), "p99": nearest_rank(lateness, 0.99), "max": max(lateness)}
+    return RightsTrial(grants, memory, late, missed)
+
+
+def measure(rate_hz: float, seconds: float = MEASURE_S) -> tuple[list[float], int]:
+    """Lateness of wake-ups from a timer at this rate [us], and how many deadlines passed without one."""
+    lateness: list[float] = []
+    missed = 0
+    period_ns = round(1e9 / rate_hz)
+    start_ns = monotonic_ns() + period_ns
+    count = max(2, int(seconds * rate_hz))
+    index = -1
+    fd = timerfd.create()
+    try:
+        timerfd.arm(fd, start_ns, period_ns)
+        while index < count - 1:
+            select.select([fd], [], [])
+            now = monotonic_ns()
+            passed = timerfd.expirations(fd)
+            index += passed
+            missed += max(0, passed - 1)
+            lateness.append((now - start_ns - index * period_ns) * 1e-3)
+    finally:
+        os.close(fd)
+    return lateness, missed
+
+
+def nearest_rank(values: Sequence[float], share: float) -> float:
+    """The smallest value that this share of the values does not exceed."""
+    return sorted(values)[max(0, ceil(share * len(values)) - 1)]
+
+
+def host_trial(priority: int, processors: Sequence[int], rate_hz: float) -> HostTrial:
+    """Measure what the host takes; changes the scheduling class of this process.
+
+    Args:
+        processors: numbers; the first 8 are measured.
+        rate_hz: of wake-ups.
+    """
+    grant = prepare(priority, lock_memory=False, cpu=None).priority
+    if not grant:
+        return HostTrial(failure=f"SCHED_FIFO {priority} {grant.detail}")
+    chosen, period = processors[:MOST_PROCESSORS], 1.0 / rate_hz
+    found = HostTrial(not_awake=_cannot_keep_awake())
+    for pair in range(PAIRS):
+        for awake in (False, True) if pair % 2 else (True, False):
+            if not awake:
+                found.asleep.append(stretch(chosen, period))
+            elif found.not_awake is None:
+                with kept_awake():
+                    found.awake.append(stretch(chosen, period))
+    return found
+
+
+def _cannot_keep_awake() -> str | None:
+    """Why processors cannot be kept awake and not, in turns; None if they can."""
+    try:
+        with Path(LATENCY_REQUEST).open("r+b", buffering=0) as device:
+            in_force = int.from_bytes(device.read(4), sys.byteorder)
+    except OSError as error:
+        return f"{LATENCY_REQUEST}: {error.strerror}"
+    return "another program keeps them awake" if in_force == AWAKE_US else None
+
+
+@contextmanager
+def kept_awake() -> Iterator[None]:
+    """Hold the request that a daemon makes with `realtime: {wakeful: true}`."""
+    with Path(LATENCY_REQUEST).open("wb", buffering=0) as device:
+        device.write(AWAKE_US.to_bytes(4, sys.byteorder))
+        yield
+
+
+def stretch(processors: Sequence[int], period: float, seconds: float = STRETCH_S) -> Stretch:
+    """One stretch of wake-ups on each processor at once."""
+    first = monotonic() + LEAD_S
+    seen: list[WakeUp] = []
+
+    def watch(processor: int) -> None:
+        os.sched_setaffinity(0, {processor})  # of this thread
+        seen.extend(list(wake_ups(first, period, first + seconds)))
+
+    before = Steal.read(processors)
+    watchers = [threading.Thread(target=watch, args=(processor,)) for processor in processors]
+    for watcher in watchers:
+        watcher.start()
+    for watcher in watchers:
+        watcher.join()
+    after = Steal.read(processors)
+    missed = sum(int(wake_up.late / period) for wake_up in seen)
+    return {
+        "p99_us": 1e6 * nearest_rank([wake_up.late for wake_up in seen], 0.99),
+        "missed": missed / (missed + len(seen)),
+        "steal": None if before is None or after is None else after.share_since(before),
+    }
+
+
+if __name__ == "__main__":
+    TRIALS: dict[str, Callable[..., Any]] = {"rights": rights_trial, "host": host_trial}
+    sys.stdout.write(json.dumps(asdict(TRIALS[sys.argv[1]](**json.loads(sys.argv[2])))))

@@ -1,0 +1,184 @@
+"""The ends of live sessions on this host, for programs with a loop of their own: newest motion and force by axis."""
+
+from pathlib import Path
+from time import monotonic
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from weberlink.config import MASTER, SLAVE
+from weberlink.figures.session import Records
+from weberlink.session.description import read as read_description
+from weberlink.telemetry.reader import DTYPE, RingReader
+from weberlink.telemetry.record import AXES, JOINTS
+from weberlink.telemetry.ring import RingFormatError
+from weberlink.watching.rings import RingFile, find_rings, joined
+
+STALE_S = 0.5
+"""Age of the newest record from which its daemon stands still [s]."""
+GRIPPER = "gripper"
+
+
+class NoSessionError(RuntimeError):
+    """There is no such end of a live session, or more than one; the message says what to do."""
+
+
+class Quantities(NamedTuple):
+    """Fields of a record: where the axes are, what they were commanded to, and the force or torque on them."""
+
+    position: str
+    command: str
+    effort: str
+
+
+OF_ARM = {
+    MASTER: Quantities("joint_position", "joint_raw", "joint_output"),
+    SLAVE: Quantities("joint_position", "joint_output", "joint_raw"),
+}
+"""Of a session in joint space [rad, N m]."""
+OF_HANDLE = {MASTER: Quantities("position", "raw", "output"), SLAVE: Quantities("output", "output", "raw")}
+"""Of a Cartesian session [m, N]; a slave's record has its commanded position only."""
+
+
+class Sample(NamedTuple):
+    """The newest record, by axis.
+
+    Args:
+        at: on the monotonic clock of this host [s].
+        position: measured [rad, or m].
+        command: commanded [rad, or m].
+        effort: torque [N m] or force [N]: displayed to the operator (master), of the environment (slave).
+        efforts: that of so many newest records, the oldest first: shape (ticks, axes).
+    """
+
+    at: float
+    position: NDArray[np.float64]
+    command: NDArray[np.float64]
+    effort: NDArray[np.float64]
+    efforts: NDArray[np.float64]
+
+
+class LiveEnd:
+    """One end of a live session: reads its ring, and is not noticed by its daemon.
+
+    Args:
+        ring: of the end.
+        ticks: how many of the newest records a sample holds, at least 1.
+
+    Raises:
+        NoSessionError: its daemon has ended meanwhile.
+        RingFormatError, OSError: it is no ring that this release can read.
+    """
+
+    def __init__(self, ring: RingFile, ticks: int = 1) -> None:
+        self.side, self.session, self._ticks, self._path = ring.side, ring.session, ticks, ring.path
+        try:
+            self._reader = RingReader(ring.path)
+        except FileNotFoundError:
+            raise NoSessionError(f"the {ring.side} of session {ring.session} has ended") from None
+        self.description = read_description(ring.path) or {}
+        codec = self.description.get("system", {}).get("codec", {})
+        joints = (codec.get("joints") or {}).get("names", [])
+        self.is_arm = bool(joints)
+        """Whether the session is in joint space; else its axes are x, y and z."""
+        self.has_gripper = self.is_arm and codec.get("gripper") is not None
+        self.names = (*joints, *([GRIPPER] if self.has_gripper else [])) if joints else AXES
+        """Of the axes, the gripper last."""
+        last = [JOINTS.index(GRIPPER)] if self.has_gripper else []
+        self._columns = [*range(len(joints)), *last] if joints else [0, 1, 2]
+        self._fields = (OF_ARM if joints else OF_HANDLE)[ring.side]
+        self._recent: Records = np.empty(0, DTYPE)
+
+    @property
+    def system(self) -> dict[str, Any]:
+        """The session's configuration; empty if unknown."""
+        found: dict[str, Any] = self.description.get("system", {})
+        return found
+
+    @property
+    def description_of_arm(self) -> dict[str, Any]:
+        """What the follower's daemon tells, where it is on this host, else what this one tells."""
+        follower = self._path.with_name(self._path.name.replace(f"-{MASTER}.", f"-{SLAVE}."))
+        return read_description(follower) or self.description
+
+    @property
+    def pid(self) -> int:
+        """Process id of the daemon."""
+        return self._reader.pid
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether its daemon runs."""
+        return self._reader.alive
+
+    def sample(self) -> Sample:
+        """The newest record. Copies what was written since the last call, and never waits.
+
+        Raises:
+            NoSessionError: the daemon has ended, stands still, or has not begun.
+        """
+        new = self._reader.read()
+        if len(new) >= self._ticks:
+            self._recent = new[-self._ticks :]
+        elif len(new):
+            self._recent = joined([self._recent, new])[-self._ticks :]
+        if not len(self._recent):
+            raise NoSessionError(f"the {self.side} of session {self.session} has written nothing yet")
+        last = self._recent[-1]
+        age = monotonic() - float(last["at"])
+        if not age < STALE_S:
+            word = "stands still" if self._reader.alive else "has ended"
+            raise NoSessionError(f"the {self.side} of session {self.session} {word}: no record for {age:.1f} s")
+        efforts = self._of(self._fields.effort, self._recent)
+        return Sample(
+            float(last["at"]),
+            self._of(self._fields.position, last),
+            self._of(self._fields.command, last),
+            efforts[-1],
+            np.concatenate([np.repeat(efforts[:1], self._ticks - len(efforts), axis=0), efforts]),
+        )
+
+    def _of(self, field: str, records: Any) -> NDArray[np.float64]:
+        return np.asarray(records[field], np.float64)[..., self._columns]
+
+    def close(self) -> None:
+        self._reader.close()
+
+
+def find_end(side: str, session: str | None = None, ticks: int = 1, where: Path | None = None) -> LiveEnd:
+    """The one end of a live session on this host that has a name.
+
+    Args:
+        side: master or slave.
+        session: process id of its launcher, as its files are named; None for the only one.
+        ticks: as of `LiveEnd`.
+        where: folder of the rings; None for the runtime directories of this user.
+
+    Raises:
+        NoSessionError: there is none, or more than one and no session given.
+    """
+    rings = find_rings(where)
+    found = [end for ends in rings.values() if (end := _live(ends.get(side), session, ticks)) is not None]
+    if len(found) == 1:
+        return found[0]
+    for end in found:
+        end.close()
+    if found:
+        names = ", ".join(end.session for end in found)
+        raise NoSessionError(f"{len(found)} sessions have a {side} on this host; choose by session one of {names}")
+    which = "" if session is None else f" of session {session}"
+    raise NoSessionError(f"no {side}{which} runs on this host; start one, for example: weberlink loopback FILE")
+
+
+def _live(ring: RingFile | None, session: str | None, ticks: int) -> LiveEnd | None:
+    if ring is None or session not in (None, ring.session):
+        return None
+    try:
+        end = LiveEnd(ring, ticks)
+    except (NoSessionError, RingFormatError, OSError):
+        return None
+    if end.is_alive:
+        return end
+    end.close()
+    return None

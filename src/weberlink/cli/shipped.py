@@ -1,0 +1,195 @@
+"""The files that come with the program: what there is, and copies of them with the files that they name."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import yaml
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from weberlink.config import ConfigurationError
+from weberlink.installation import CONFIGS, absence, config_folders, config_modules, guests
+from weberlink.session.targets import TargetError, check_file
+
+SCHEMA = "weberlink.schema.json"
+OTHERS = {
+    "49-weberlink.rules": "udev rules; weberlink device rules installs them, and those of guests",
+    "plotjuggler-layout.xml": "layout of PlotJuggler for an exported recording",
+    "systemd/": "units of master and slave",
+    "traces/": "a recorded motion",
+    SCHEMA: "schema of configuration files, for editors",
+}
+"""What is no configuration: files and folders, and what they are for; guests say it in the package of theirs."""
+SHORTEST, LONGEST = 30, 100
+"""Characters of a sentence that says enough alone, and of one that is cut at its colon."""
+
+
+@dataclass(frozen=True)
+class Listing:
+    """All shipped files, each with a sentence: configurations first."""
+
+    rows: Sequence[tuple[str, str]]
+
+    def show(self, console: Console) -> None:
+        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=False)
+        table.add_column(no_wrap=True)
+        table.add_column()
+        for name, about in self.rows:
+            table.add_row(Text(name), Text(about))
+        console.print(table)
+        console.print(Text("weberlink configs NAME copies one here, with the files that it names."))
+
+
+def listing() -> Listing:
+    found = sorted((path for folder in config_folders() for path in folder.glob("*.yaml")), key=lambda path: path.stem)
+    configurations = [(path.stem, _about(path)) for path in found]
+    others = {
+        name: about
+        for module in config_modules()
+        for name, about in vars(import_module(module)).get("OTHERS", {}).items()
+    }
+    return Listing([*configurations, *sorted((OTHERS | others).items())])
+
+
+def _about(path: Path) -> str:
+    """The first sentence of the comment that a configuration begins with; two of them where it is short."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    comment = " ".join(
+        line.lstrip("# ") for line in lines[: next(i for i, text in enumerate(lines) if text[:1] != "#")]
+    )
+    sentences = re.split(r"(?<=\.) (?=[A-Z`])", re.sub(r"^yaml-language-server: \S+ ", "", comment))
+    about = sentences[0] if len(sentences[0]) >= SHORTEST else " ".join(sentences[:2])
+    return (about.partition(": ")[0] if len(about) > LONGEST else about).rstrip(":.")
+
+
+def find(name: str) -> Path:
+    """A shipped file or folder by its name; a configuration also without `.yaml`.
+
+    Raises:
+        ConfigurationError: there is none.
+    """
+    asked = name.removeprefix("configs/")
+    inside = {str(path.relative_to(folder)): path for folder in config_folders() for path in _all(folder)}
+    folders = {f"{place}/": path for place, path in inside.items() if path.is_dir()}
+    known = inside | folders | {path.stem: path for path in inside.values() if path.suffix == ".yaml"}
+    if asked in known:
+        return known[asked]
+    guest = guests(CONFIGS).get(asked.removesuffix(".yaml").removesuffix("/"))
+    if guest is not None:
+        raise ConfigurationError(absence(asked, guest))
+    nearest = get_close_matches(asked, known, n=1)
+    meant = f"did you mean {nearest[0]}? " if nearest else ""
+    raise ConfigurationError(f"{name}: there is no such shipped file; {meant}weberlink configs lists them")
+
+
+def _all(folder: Path) -> Iterator[Path]:
+    """Files and folders, without what Python itself makes of the folder."""
+    for path in folder.rglob("*"):
+        if path.name != "__pycache__" and path.suffix not in (".py", ".pyc"):
+            yield path
+
+
+def text_of(name: str) -> str:
+    """A shipped file as text.
+
+    Raises:
+        ConfigurationError: there is none, or it is a folder or no text.
+    """
+    path = find(name)
+    if path.is_dir():
+        raise ConfigurationError(f"{name}: is a folder; name one of its files")
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise ConfigurationError(f"{name}: is no text; copy it to a file") from None
+
+
+def copy(name: str, out: Path | None) -> list[Path]:
+    """Copy a shipped file with the files that it names, each at the same place beside it; or a folder.
+
+    A file that is there already with the same content stays. No other one is overwritten, and then nothing is written.
+
+    Args:
+        name: as of `find`.
+        out: the copy, or a folder for it; None for the same name in the working directory.
+
+    Returns:
+        The files that were written.
+
+    Raises:
+        ConfigurationError: there is no such file, or a copy cannot be written.
+    """
+    source = find(name)
+    target = Path(source.name) if out is None else out / source.name if out.is_dir() else out
+    if source.is_dir():
+        pairs = {path: target / path.relative_to(source) for path in _all(source) if path.is_file()}
+    else:
+        folders = (source.parent, *config_folders())
+        beside = {
+            path: target.parent / path.relative_to(next(each for each in folders if each in path.parents))
+            for path in needed_by(source)
+        }
+        pairs = {source: target} | beside
+    new = {path: place for path, place in pairs.items() if not _is_there(path, place)}
+    try:
+        if not source.is_dir() and new:
+            check_file(target)
+        for path, place in new.items():
+            place.parent.mkdir(parents=True, exist_ok=True)
+            place.write_bytes(path.read_bytes())
+            place.chmod(path.stat().st_mode | 0o200)
+    except TargetError as error:
+        raise ConfigurationError(str(error)) from None
+    except OSError as error:
+        raise ConfigurationError(f"{error.filename}: cannot be written: {error.strerror}") from None
+    return list(new.values())
+
+
+def _is_there(source: Path, place: Path) -> bool:
+    """Whether a copy is there already; raises ConfigurationError for another file at its place."""
+    if not place.exists():
+        return False
+    if not place.is_file() or place.read_bytes() != source.read_bytes():
+        raise ConfigurationError(f"{place}: exists and is another one; name another file or folder with --out")
+    return True
+
+
+def needed_by(path: Path) -> list[Path]:
+    """The files that a file names, and those that these name, in turn: beside it, or of the program's own."""
+    found: list[Path] = []
+    waiting = [path]
+    while waiting:
+        at = waiting.pop()
+        for text in _named_in(at):
+            near = (at.parent / text).resolve()
+            near = near if near.is_file() else config_folders()[0] / text
+            if near.is_file() and near not in (path.resolve(), *found):
+                found.append(near)
+                waiting.append(near)
+    return found
+
+
+def _named_in(path: Path) -> Iterator[str]:
+    """Texts in a file that may be the names of others: values of YAML, and its schema; `file` in MuJoCo's models."""
+    if path.suffix == ".yaml":
+        text = path.read_text(encoding="utf-8")
+        yield from re.findall(r"^# yaml-language-server: \$schema=(\S+)", text)
+        yield from _texts(yaml.safe_load(text))
+    elif path.suffix == ".xml":
+        for element in ElementTree.parse(path).iter():  # noqa: S314 - a file of this package
+            yield from (value for key, value in element.items() if key == "file")
+
+
+def _texts(content: Any) -> Iterator[str]:
+    if isinstance(content, str):
+        yield content
+    elif isinstance(content, (dict, list)):
+        for item in content.values() if isinstance(content, dict) else content:
+            yield from _texts(item)

@@ -1,0 +1,703 @@
+"""The schema of a configuration file: every key, its unit, its range and its default.
+
+The options of a device or robot driver belong to the driver, and are validated once its name is known.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from ipaddress import ip_address, ip_network
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    field_validator,
+    model_validator,
+)
+from pydantic_core.core_schema import CoreSchema, no_info_after_validator_function
+
+from weberlink.arms.mapping import LeaderMappingSettings
+from weberlink.codec.predictors import ADAPTIVE, ADAPTIVE_BANK, BANKS, HYBRID, HYBRID_BANK, PREDICTORS, Predictor
+from weberlink.config.deadband import ISOTROPIC_SETTINGS, DeadbandSettings, Settings
+from weberlink.config.errors import one_of
+from weberlink.config.joints import (
+    FollowerLimits,
+    GripperCodecSettings,
+    JointCodecSettings,
+    LeaderLimits,
+)
+from weberlink.control.contract import LEAST_CONTACT
+from weberlink.control.table import SchemeName
+from weberlink.protocol.endpoint import MOST_TICKS
+from weberlink.protocol.handshake import check_name
+from weberlink.protocol.round_trip import LONGEST as LONGEST_ROUND_TRIP
+from weberlink.protocol.session import LONGEST_SILENCE
+from weberlink.slave.scenes.settings import SceneSettings
+from weberlink.update import MAX_SELECTOR
+
+
+class PredictorFor:
+    """Validates the name of a predictor that suits a channel.
+
+    Args:
+        suits: whether a predictor may be used on the channel.
+        others: names that are allowed too.
+    """
+
+    def __init__(self, suits: Callable[[Predictor], bool], *others: str) -> None:
+        self._suits = suits
+        self._others = others
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return no_info_after_validator_function(self._check, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return handler(schema) | {"enum": self._known()}
+
+    def _check(self, name: str) -> str:
+        if name in self._others or (name in PREDICTORS and self._suits(PREDICTORS[name])):  # imports no other one
+            return name
+        raise ValueError(one_of([*self._known(), *self._installed()], name))
+
+    def built_in(self) -> list[str]:
+        return [name for name in PREDICTORS.built_in if self._suits(PREDICTORS[name])]
+
+    def _known(self) -> list[str]:
+        return [*self.built_in(), *self._others]
+
+    def _installed(self) -> Iterator[str]:
+        """Suitable predictors of other distributions; none that cannot be imported."""
+        for name in PREDICTORS:
+            with suppress(ImportError, ValueError):
+                if name not in PREDICTORS.built_in and self._suits(PREDICTORS[name]):
+                    yield name
+
+
+_BANK_SIZE = Field(min_length=1, max_length=MAX_SELECTOR + 1)
+_FORCE = PredictorFor(lambda _: True)
+_TORQUE = PredictorFor(lambda predictor: not predictor.describes_contact)
+_POSITION = PredictorFor(lambda predictor: not predictor.geometric)
+ForceBank = Annotated[tuple[Annotated[str, _FORCE], ...], _BANK_SIZE]
+TorqueBank = Annotated[tuple[Annotated[str, _TORQUE], ...], _BANK_SIZE]
+PositionBank = Annotated[tuple[Annotated[str, _POSITION], ...], _BANK_SIZE]
+ForcePredictor = Annotated[str, PredictorFor(lambda _: True, *BANKS)]
+TorquePredictor = Annotated[str, PredictorFor(lambda predictor: not predictor.describes_contact, *BANKS)]
+PositionPredictor = Annotated[str, PredictorFor(lambda predictor: not predictor.geometric, *BANKS)]
+
+Axes = Literal["x", "y", "z", "xy", "xz", "yz", "xyz"]
+Range = tuple[Annotated[float, Field(gt=0, le=1e9)], Annotated[float, Field(gt=0, le=1e9)]]
+Interval = tuple[float, float]
+Name = Annotated[str, AfterValidator(check_name)]
+
+
+def _host_and_port(text: str) -> str:
+    split_address(text)
+    return text
+
+
+Address = Annotated[str, AfterValidator(_host_and_port)]
+"""host:port."""
+Probability = Annotated[float, Field(ge=0, le=1)]
+Start = Annotated[float, Field(ge=0)]
+Duration = Annotated[float, Field(gt=0)]
+Blackout = tuple[Start, Duration]
+Flap = tuple[Start, Duration, Duration]
+
+PERCEPTUAL_WEBER_LIMIT = 0.27
+"""Above this Weber factor published task performance falls (Chaudhari 2011); `check` warns."""
+
+
+LONGEST_LOOKAHEAD_MS = 100.0
+LOOKAHEAD_SHARE = 0.5
+"""Largest look-ahead as a share of the silence limit: a sample must be coded, and repeated once, before it is stale."""
+LookaheadMs = Annotated[float, Field(ge=0, le=LONGEST_LOOKAHEAD_MS)]
+
+
+JOINT_SCHEMES = ("none", "bounded")
+"""Control schemes for arms led joint by joint."""
+
+
+class PredictedSettings(Settings):
+    """The predictors of a channel."""
+
+    @classmethod
+    def adaptive_bank(cls) -> Sequence[str]:
+        """The bank of `adaptive` by default."""
+        raise NotImplementedError
+
+    predictor: str
+    bank: tuple[str, ...]
+    max_updates_per_s: float | None = Field(default=None, ge=1, le=10_000)
+    """Largest rate of updates in the long run, after a burst of half a second's worth (at least 16): a signal that
+    would send more widens the deadband smoothly. None for no limit. Updates that the link loses are sent again beside
+    it."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _usual_bank(cls, data: Any) -> Any:
+        if isinstance(data, dict) and data.get("predictor") == ADAPTIVE and "bank" not in data:
+            return {**data, "bank": cls.adaptive_bank()}
+        return data
+
+    @field_validator("bank")
+    @classmethod
+    def _distinct(cls, bank: tuple[str, ...]) -> tuple[str, ...]:
+        if len(set(bank)) != len(bank):
+            raise ValueError("names each predictor once")
+        return bank
+
+    @model_validator(mode="after")
+    def _fitting(self) -> Self:
+        others = [name for name in self.bank if name not in HYBRID_BANK] if self.predictor == HYBRID else []
+        estimated = [name for name in others if PREDICTORS[name].estimated]
+        if estimated:
+            raise ValueError(f"bank: {', '.join(estimated)} in a bank needs predictor: {ADAPTIVE}, not {HYBRID}")
+        return self
+
+
+class DirectionFaults(Settings):
+    """Faults of one direction of the link."""
+
+    delay_ms: float = Field(default=0.0, ge=0, le=10_000)
+    """Constant one-way delay."""
+    jitter_ms: float = Field(default=0.0, ge=0, le=10_000)
+    """Largest additional delay, uniform."""
+    loss: Probability = 0.0
+    """Share of datagrams lost."""
+    burst: float = Field(default=1.0, ge=1, le=1000)
+    """Mean length of a run of losses; 1 for independent losses, more for a Gilbert-Elliott channel."""
+    reorder: Probability = 0.0
+    """Share of datagrams held back behind the next one."""
+    duplicate: Probability = 0.0
+    """Share of datagrams delivered twice."""
+    corrupt: Probability = 0.0
+    """Share of datagrams with bits flipped."""
+    rate_kbit_s: float | None = Field(default=None, gt=0)
+    """Capacity of the link; none for no limit."""
+    blackouts_s: tuple[Blackout | Flap, ...] = ()
+    """Times in which nothing arrives: pairs of start and duration, or triples of start, duration and period for a link
+    that flaps: [2, 0.1, 0.2] drops everything for the first 100 ms of every 200 ms, from 2 s on."""
+
+
+class EmulationSettings(DirectionFaults):
+    """Faults put on each side's outgoing datagrams, seeded; the same in both directions unless one is set apart."""
+
+    to_slave: DirectionFaults | None = None
+    """What differs on the way from the master to the slave; the keys given here replace those above."""
+    to_master: DirectionFaults | None = None
+    """What differs on the way from the slave to the master."""
+    seed: int = Field(default=0, ge=0)
+    """Same seed, same faults."""
+
+    @property
+    def directions(self) -> tuple[DirectionFaults, DirectionFaults]:
+        """Faults of the way to the slave, and of the way to the master."""
+        to_slave, to_master = (
+            self if own is None else self.model_copy(update={name: getattr(own, name) for name in own.model_fields_set})
+            for own in (self.to_slave, self.to_master)
+        )
+        return to_slave, to_master
+
+
+class NameSettings(Settings):
+    """What the two sides call themselves, and so whom each of them is to meet."""
+
+    master: Name | None = None
+    """The slave serves the master of this name alone. Without it, a master calls itself user@host."""
+    slave: Name | None = None
+    """The master takes the slave of this name alone, and else the first that answers, until it ends. Without it, a
+    slave calls itself host:port."""
+
+
+class DriverSettings(BaseModel):
+    """A driver by name, with the options that are its own."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    driver: str
+
+    @property
+    def options(self) -> dict[str, Any]:
+        return dict(self.model_extra or {})
+
+
+class LinkSettings(Settings):
+    """Where the two sides meet, and how they trust each other."""
+
+    listen: Address = "0.0.0.0:47000"
+    """Address that the slave binds."""
+    slave: Address = "127.0.0.1:47000"
+    """Address at which the master finds the slave."""
+    security: Literal["psk", "session", "none"] = "psk"
+    """`psk`: a pre-shared key encrypts every datagram. `session`: the same, with a key that `weberlink loopback` makes
+    for each run. `none`: a checksum only, and no hardware drivers. The last two on loopback addresses only."""
+    finder: DriverSettings | None = None
+    """A path finder of another distribution, by its `driver` and with its options: it knows the key, and how to reach
+    the other host where it has no address. Leave `security` out then."""
+    dscp: int = Field(default=46, ge=0, le=63)
+    """Class of service asked for by every datagram (RFC 2474); 46 is EF, 0 is that of all other traffic."""
+    playout_ms: float = Field(default=0.0, ge=0, le=100)
+    """How much later than on its fastest way every update is used, so that jitter up to this is not felt; 0 to use each
+    as it comes. At most half of `silence_ms`."""
+    names: NameSettings = NameSettings()
+    key_file: Path | None = None
+    """The key, as written by `weberlink keygen`; needed with `psk`."""
+    silence_ms: float = Field(default=100.0, ge=10, le=1e3 * LONGEST_SILENCE)
+    """Longest time without a datagram of the other side; beyond it the force is zero and the robot holds or retracts.
+    The same at both ends. It does not depend on the round trip."""
+    longest_round_trip_ms: float = Field(default=400.0, ge=0, le=1e3 * LONGEST_ROUND_TRIP)
+    """Longest round trip with which a session begins, and the most by which its loop age may exceed `silence_ms`. The
+    smaller value of the two ends holds; what the link needs of it is measured."""
+    emulate: EmulationSettings | None = None
+    """Faults to put on the link; leave out for a real one."""
+
+    @model_validator(mode="after")
+    def _trust(self) -> "LinkSettings":
+        if self.finder is not None:
+            if "security" in self.model_fields_set:
+                raise ValueError("finder has the key; leave security out, or finder")
+        elif self.security == "psk":
+            if self.key_file is None:
+                raise ValueError("security psk needs key_file; make one with: weberlink keygen KEYFILE")
+        elif not (is_loopback(self.listen) and is_loopback(self.slave)):
+            raise ValueError(f"security {self.security} is for loopback addresses only; between hosts use psk")
+        return self
+
+
+class TrustSettings(Settings):
+    """The range in which a fitted contact is believed; outside it a geometry predictor holds the newest sample."""
+
+    stiffness_n_m: Range = (10.0, 3000.0)
+    """The master renders a fitted contact on its own: nothing stiffer than its device displays stably."""
+    radius_m: Range = (0.001, 10.0)
+
+    @model_validator(mode="after")
+    def _rising(self) -> "TrustSettings":
+        for name in ("stiffness_n_m", "radius_m"):
+            low, high = getattr(self, name)
+            if not low < high:
+                raise ValueError(f"{name} must rise, not [{low}, {high}]")
+        return self
+
+
+class ForceCodecSettings(PredictedSettings):
+    """The backward channel."""
+
+    @classmethod
+    def adaptive_bank(cls) -> Sequence[str]:
+        return ADAPTIVE_BANK
+
+    predictor: ForcePredictor = "hybrid"
+    """What both ends predict with."""
+    bank: ForceBank = HYBRID_BANK
+    """What `hybrid` (of zoh, linear, plane, sphere) or `adaptive` (of all) chooses among, the first of equals first.
+    All that it can choose among by default."""
+    weber: float = Field(default=0.10, ge=0, lt=1)
+    """Weber factor k: the relative error that stays unsent. At 1, all of a force would."""
+    floor_n: float = Field(default=0.02, ge=0, le=10)
+    """Absolute threshold [N] below which Weber's law fails; 0 reproduces the paper."""
+    reference: Literal["actual", "displayed", "sent"] = "actual"
+    """Which force k scales."""
+    deadband: DeadbandSettings = ISOTROPIC_SETTINGS
+    """The shape of what stays unsent: isotropic, cone, level_crossing or velocity_adaptive."""
+    step_n: float = Field(default=0.001, gt=0, le=1)
+    """Wire step [N]; 16 bits span +-32767 steps."""
+    trust: TrustSettings = TrustSettings()
+    smooth_ms: float = Field(default=0.0, ge=0, le=100)
+    """Length of the ramp in which an update changes the force [ms], within the deadband; 0 for at once."""
+    lookahead_ms: LookaheadMs = 0.0
+    """How long the encoder waits before it decides on a sample, so that it knows what follows: fewer updates, and the
+    operator feels what no model of the position predicts this much later. 0 for none."""
+
+    @model_validator(mode="after")
+    def _smoothed(self) -> "ForceCodecSettings":
+        if self.smooth_ms > 0.0 and not self.deadband.deadband.is_ball:
+            raise ValueError(f"smooth_ms needs a deadband that is a ball, not {self.deadband.shape}")
+        return self
+
+    @model_validator(mode="after")
+    def _shaped(self) -> "ForceCodecSettings":
+        shape, deadband = self.deadband.shape, self.deadband.deadband
+        if deadband.needs_actual and self.reference != "actual":
+            raise ValueError(f"deadband {shape} needs reference: actual, since it is drawn around the measured force")
+        if deadband.needs_floor and self.floor_n == 0.0:
+            raise ValueError(f"deadband {shape} needs floor_n above 0: it is the lowest level")
+        return self
+
+
+class MotionCodecSettings(PredictedSettings):
+    """What position and orientation have in common."""
+
+    @classmethod
+    def adaptive_bank(cls) -> Sequence[str]:
+        return _POSITION.built_in()
+
+    predictor: PositionPredictor = "linear"
+    """What both ends predict with."""
+    bank: PositionBank = ("zoh", "linear")
+    """What `hybrid` (of zoh, linear) or `adaptive` (of all, which is its default) chooses among."""
+    weber: float = Field(default=0.10, ge=0, le=1)
+    """Weber factor of velocity, linear or angular."""
+
+
+class PositionCodecSettings(MotionCodecSettings):
+    """The forward channel."""
+
+    bound_m: float = Field(default=0.0002, ge=0, le=0.1)
+    """Position error at rest that stays unsent [m]."""
+    lookahead_ms: LookaheadMs = 0.0
+    """How long the encoder waits before it decides on a sample. Fewer updates; the robot follows that much later."""
+    step_m: float = Field(default=0.00001, gt=0, le=0.01)
+    """Wire step [m], of both channels; 16 bits span +-32767 steps."""
+
+
+class TorqueCodecSettings(PredictedSettings):
+    """The backward channel of the rotation."""
+
+    @classmethod
+    def adaptive_bank(cls) -> Sequence[str]:
+        return _TORQUE.built_in()
+
+    predictor: TorquePredictor = "hybrid"
+    """What both ends predict with."""
+    bank: TorqueBank = ("zoh", "linear")
+    """What `hybrid` (of zoh, linear) or `adaptive` (of all, which is its default) chooses among."""
+    weber: float = Field(default=0.13, ge=0, lt=1)
+    """Weber factor of torque: 12.7 % of 60 mN m was found with two fingers (Jandura and Srinivasan, 1994)."""
+    floor_nm: float = Field(default=0.005, ge=0, le=10)
+    """Absolute threshold [N m] below which Weber's law fails."""
+    reference: Literal["actual", "displayed", "sent"] = "actual"
+    """Which torque the Weber factor scales."""
+    step_nm: float = Field(default=0.0001, gt=0, le=1)
+    """Wire step [N m]; 16 bits span +-32767 steps."""
+
+
+class OrientationCodecSettings(MotionCodecSettings):
+    """The forward channel of the rotation."""
+
+    bound_rad: float = Field(default=0.01, ge=0, le=1)
+    """Error of orientation at rest that stays unsent [rad]."""
+    step_rad: float = Field(default=0.0001, ge=0.0001, le=0.01)
+    """Wire step [rad], of both channels; 16 bits span +-32767 steps, which must be more than half a turn."""
+
+
+class RotationCodecSettings(Settings):
+    """Six degrees of freedom: orientation beside position, torque beside force, each with updates of its own."""
+
+    torque: TorqueCodecSettings = TorqueCodecSettings()
+    orientation: OrientationCodecSettings = OrientationCodecSettings()
+
+
+class CodecSettings(Settings):
+    """Perceptual coding; both sides must agree on all of it."""
+
+    force: ForceCodecSettings = ForceCodecSettings()
+    position: PositionCodecSettings = PositionCodecSettings()
+    rotation: RotationCodecSettings | None = None
+    """Torque and orientation, `{}` for their defaults; leave out for three degrees of freedom."""
+    joints: JointCodecSettings | None = None
+    """The joints of a leader and a follower arm, instead of force, position and rotation; leave out for none."""
+    gripper: GripperCodecSettings | None = None
+    """The gripper of the arms, `{}` for its defaults; leave out for none."""
+
+    @model_validator(mode="after")
+    def _gripper_of_an_arm(self) -> Self:
+        if self.gripper is not None and self.joints is None:
+            raise ValueError("gripper: belongs to an arm; give its joints too, with joints: {names: [...]}")
+        if self.joints is not None and self.rotation is not None:
+            raise ValueError("joints: an arm has no rotation of its own; leave out codec.rotation")
+        return self
+
+
+class ControlSettings(Settings):
+    """What keeps a delayed loop stable.
+
+    With `bounded`, the hand gets at most `allowance_j` + `refill_w` x time + `damping_n_s_m` x the integral of its
+    squared speed + what the scene gave + the work of one tick more energy than it gave, whatever link and scene do.
+    """
+
+    scheme: SchemeName = "bounded"
+    """`bounded`: what is known of the contact is felt, within an account of energy. `none`: what is decoded is felt;
+    nothing bounds the energy."""
+    allowance_j: float = Field(default=0.02, gt=0, le=10)
+    """Energy that the hand may get beyond what it gave [J]."""
+    refill_w: float = Field(default=0.01, ge=0, le=10)
+    """Power with which the allowance returns [W]."""
+    damping_n_s_m: float = Field(default=1.0, ge=0, le=100)
+    """Damping that every hand has at least [N s/m]: what it takes from the motion may be given back."""
+    rise_n_s: float = Field(default=160.0, gt=0, le=1e6)
+    """Rise of a force that the hand has not pressed in itself [N/s]: a wall that is felt late rises, and does not
+    kick."""
+    live_changes: bool = True
+    """Whether Weber factor, predictor (of a hybrid's bank), and delay, jitter and loss (with `link.emulate`) may be
+    changed in a session."""
+
+
+class RealtimeSettings(Settings):
+    """What to ask of the operating system; what it refuses is said in the report."""
+
+    priority: int = Field(default=50, ge=0, le=98)
+    """SCHED_FIFO priority; 0 for the normal scheduler."""
+    lock_memory: bool = True
+    """Keep all pages in memory."""
+    wakeful: bool = True
+    """Keep processors out of deep idle states while the daemon runs: they wake up sooner, and cost more power."""
+    busy_poll: bool = False
+    """Poll sockets and clock instead of sleeping: datagrams and ticks wait less, and each daemon takes a processor."""
+    cpus: tuple[int, int] | None = None
+    """Processors to pin the master and the slave to."""
+
+
+class MasterLimits(Settings):
+    """What protects the operator."""
+
+    force_n: float = Field(default=10.0, ge=LEAST_CONTACT, le=1e4)
+    """Largest force [N], on top of the device's own limit."""
+    torque_nm: float = Field(default=0.5, ge=1e-3, le=1e4)
+    """Largest torque [N m], on top of the device's own limit; with `codec.rotation`."""
+    slew_n_s: float | None = Field(default=None, ge=1e-3, le=1e9)
+    """Fastest change of force [N/s]; by default that of the device's stiffest wall, touched at 1 m/s."""
+    slew_nm_s: float | None = Field(default=None, ge=1e-3, le=1e9)
+    """Fastest change of torque [N m/s]; by default torque may rise to its largest in the time in which force may."""
+    ramp_ms: float = Field(default=50.0, gt=0, le=5000)
+    """Time in which force and torque fade in and out."""
+    device_ms: float = Field(default=20.0, gt=0, le=5000)
+    """Longest time without a usable sample of the device."""
+    joints: LeaderLimits | None = None
+    """Of a leader arm, `{}` or nothing for its own limits; with `codec.joints`."""
+
+
+class ClutchSettings(Settings):
+    """While a button is held, the hand moves and the robot stays."""
+
+    button: int = Field(default=0, ge=0, le=31)
+    """Which one, from 0."""
+
+
+class EngageSettings(Settings):
+    """Dead-man button: only while it is held, the robot follows and force is displayed."""
+
+    button: int = Field(default=0, ge=0, le=31)
+    """Which one, from 0."""
+
+
+class WallSettings(Settings):
+    """What keeps the hand within the robot's workspace."""
+
+    stiffness_n_m: float = Field(default=500.0, ge=1e-3, le=1e9)
+    """Felt by the hand."""
+    box_m: tuple[Interval, Interval, Interval] | None = None
+    """Lowest and highest position of the robot on x, y, z; slave.limits.workspace_m if not given."""
+
+    @field_validator("box_m")
+    @classmethod
+    def _rising(cls, box: tuple[Interval, Interval, Interval] | None) -> tuple[Interval, Interval, Interval] | None:
+        return box if box is None else _rising_intervals(box)
+
+
+class MappingSettings(Settings):
+    """From the device's frame to the robot's; all that is sent, recorded and reported is in the robot's."""
+
+    rotation_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Turns about the robot's fixed x, y and z axes, in this order."""
+    scale: float = Field(default=1.0, ge=1e-3, le=1000)
+    """Metres of the robot for a metre of the hand."""
+    force_scale: float = Field(default=1.0, ge=1e-3, le=1000)
+    """Newtons on the hand for a newton on the robot."""
+    offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Where the device's origin is in the robot's frame."""
+    clutch: ClutchSettings | None = None
+    """Indexing by a button; leave out for none. Needs walls."""
+    walls: WallSettings | None = None
+    """Virtual walls; `{}` for those of slave.limits.workspace_m, leave out for none."""
+
+    @model_validator(mode="after")
+    def _bounded(self) -> "MappingSettings":
+        if self.clutch is not None and self.walls is None:
+            raise ValueError("clutch needs walls, since indexing may lead anywhere; add walls: {}")
+        return self
+
+
+class MasterSettings(Settings):
+    """The operator's side."""
+
+    device: DriverSettings = DriverSettings(driver="operator")
+    mapping: MappingSettings | None = None
+    """Leave out where the two frames are one."""
+    joint_mapping: LeaderMappingSettings | None = None
+    """From the axes of a leader arm to those of the follower; leave out where they are the same."""
+    engage: EngageSettings | None = None
+    """Leave out where the robot is to follow without a button held."""
+    limits: MasterLimits = MasterLimits()
+    accept_no_watchdog: str | None = None
+    """Driver whose force stays on when this host stops, and may do so; its name, or leave out."""
+
+
+class SlaveLimits(Settings):
+    """What protects the robot and what it touches."""
+
+    workspace_m: tuple[Interval, Interval, Interval] = ((-0.3, 0.3), (-0.3, 0.3), (-0.3, 0.3))
+    """Lowest and highest commanded position on x, y, z."""
+    speed_m_s: float = Field(default=2.0, ge=1e-4, le=100)
+    """Largest speed while following."""
+    approach_speed_m_s: float = Field(default=0.25, ge=1e-4, le=100)
+    """Speed at which the robot approaches the operator's position after an engagement."""
+    turn_rad_s: float = Field(default=10.0, ge=1e-4, le=1000)
+    """Largest angular speed while following; with `codec.rotation`."""
+    approach_turn_rad_s: float = Field(default=1.5, ge=1e-4, le=1000)
+    """Angular speed at which the tool turns to the operator's orientation after an engagement."""
+    on_silence: Literal["hold", "retract"] = "hold"
+    """What the robot does when the master is not heard: stay, or back off along the contact force."""
+    retract_m: float = Field(default=0.01, ge=1e-6, le=1)
+    """How far it backs off."""
+    contact_n: float | None = Field(default=None, ge=LEAST_CONTACT, le=1e4)
+    """Largest force with which the robot presses; by default the largest that the operator can feel of it."""
+    trip_n: float | None = Field(default=None, ge=LEAST_CONTACT, le=1e4)
+    """Contact force above which the robot stops following and backs off by retract_m; by default the largest that the
+    robot stands or measures."""
+    ramp_ms: float = Field(default=50.0, gt=0, le=5000)
+    """Time in which its force fades in once it has reached the operator's position."""
+    robot_ms: float = Field(default=20.0, gt=0, le=5000)
+    """Longest time without a usable sample of the robot."""
+    joints: FollowerLimits | None = None
+    """Of a follower arm, `{}` or nothing for its own limits and the speeds by default; with `codec.joints`."""
+
+    @model_validator(mode="after")
+    def _presses_before_it_trips(self) -> Self:
+        if self.contact_n is not None and self.trip_n is not None and self.contact_n > self.trip_n:
+            raise ValueError(
+                f"contact_n {self.contact_n:g} is above trip_n {self.trip_n:g}, at which the robot backs off"
+            )
+        return self
+
+    @field_validator("workspace_m")
+    @classmethod
+    def _rising(cls, workspace: tuple[Interval, Interval, Interval]) -> tuple[Interval, Interval, Interval]:
+        return _rising_intervals(workspace)
+
+
+class SlaveSettings(Settings):
+    """The teleoperator's side."""
+
+    robot: DriverSettings = DriverSettings(driver="point")
+    scene: SceneSettings = ()
+    """What there is to touch; nothing for free space or a real robot."""
+    limits: SlaveLimits = SlaveLimits()
+
+
+class System(Settings):
+    """A WeberLink system: one file, read by both daemons, each of which builds its own side."""
+
+    rate_hz: float = Field(default=1000.0, ge=10, le=10_000)
+    """Tick rate of both sides."""
+    axes: Axes = "xyz"
+    """Axes that are sent."""
+    link: LinkSettings
+    codec: CodecSettings = CodecSettings()
+    control: ControlSettings = ControlSettings()
+    realtime: RealtimeSettings = RealtimeSettings()
+    master: MasterSettings = MasterSettings()
+    slave: SlaveSettings = SlaveSettings()
+
+    @property
+    def tick_period(self) -> float:
+        """[s]."""
+        return 1.0 / self.rate_hz
+
+    @model_validator(mode="after")
+    def _silence_fits(self) -> "System":
+        longest = 1e3 * MOST_TICKS / self.rate_hz
+        if self.link.silence_ms > longest:
+            raise ValueError(f"link.silence_ms: at most {longest:.0f} at rate_hz {self.rate_hz:g}")
+        return self
+
+    @model_validator(mode="after")
+    def _lookahead_fits(self) -> "System":
+        longest = LOOKAHEAD_SHARE * self.link.silence_ms
+        if self.link.playout_ms > longest:
+            raise ValueError(f"link.playout_ms: at most {longest:g}, half of link.silence_ms; a later sample is stale")
+        for name, channel in (("force", self.codec.force), ("position", self.codec.position)):
+            if channel.lookahead_ms > longest:
+                raise ValueError(
+                    f"codec.{name}.lookahead_ms: at most {longest:g}, half of link.silence_ms; a later sample is stale"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _contact_is_felt(self) -> "System":
+        limit, floor = self.slave.limits.contact_n, self.codec.force.floor_n
+        if limit is not None and limit < floor:
+            raise ValueError(
+                f"slave.limits.contact_n: {limit:g} is not felt; use at least codec.force.floor_n, {floor:g}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _joints_fit(self) -> "System":
+        has_limits = self.master.limits.joints is not None or self.slave.limits.joints is not None
+        if self.codec.joints is None:
+            if has_limits or self.master.joint_mapping is not None:
+                raise ValueError("limits.joints and master.joint_mapping: need codec.joints, the joints of the arms")
+            return self
+        lost = {
+            "axes": self.axes != "xyz",
+            "master.mapping": self.master.mapping is not None,
+            "slave.scene": bool(self.slave.scene),
+        }
+        for name, is_given in lost.items():
+            if is_given:
+                raise ValueError(f"{name}: has no meaning for an arm led joint by joint (codec.joints); leave it out")
+        if self.control.scheme not in JOINT_SCHEMES:
+            raise ValueError(
+                f"control.scheme: with codec.joints {' or '.join(JOINT_SCHEMES)}, not {self.control.scheme}"
+            )
+        return self
+
+
+def split_address(text: str) -> tuple[str, int]:
+    """Host and port of "host:port" or "[v6]:port".
+
+    Raises:
+        ValueError: if it is neither.
+    """
+    host, colon, port = text.rpartition(":")
+    if not (colon and host.strip("[]") and port.isdigit() and int(port) < 65_536):
+        raise ValueError(f"must be host:port, not {text!r}")
+    if ":" in host and not (host.startswith("[") and host.endswith("]")):
+        raise ValueError(f"must be host:port, an IPv6 address in brackets as [::1]:47000, not {text!r}")
+    return host.strip("[]"), int(port)
+
+
+def _rising_intervals(box: tuple[Interval, Interval, Interval]) -> tuple[Interval, Interval, Interval]:
+    for axis, (low, high) in zip("xyz", box, strict=True):
+        if not low < high:
+            raise ValueError(f"{axis} must rise, not [{low}, {high}]")
+    return box
+
+
+EXAMPLES = [ip_network(text) for text in ("192.0.2.0/24", "198.51.100.0/24", "203.0.113.0/24", "2001:db8::/32")]
+"""Addresses for documentation (RFC 5737, RFC 3849), which nobody has: placeholders of shipped files."""
+
+
+def is_placeholder(host: str) -> bool:
+    """Whether a host is an address for documentation, in the place of which one's own is to be put."""
+    try:
+        address = ip_address(host.partition("%")[0])
+    except ValueError:
+        return False
+    return any(address in network for network in EXAMPLES)
+
+
+def is_loopback(address: str) -> bool:
+    host, _ = split_address(address)
+    if host == "localhost":
+        return True
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False

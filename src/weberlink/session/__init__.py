@@ -1,0 +1,1 @@
+"""Sessions: what a file composes, the side loop, daemons and virtual time."""

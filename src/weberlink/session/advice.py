@@ -1,0 +1,477 @@
+"""Advice before a run: what is allowed in a file and yet hinders what is felt, as a list of rules.
+
+`check` prints it as warnings; `master`, `slave`, `loopback`, `simulate` and `try` say it once. A rule is one function:
+it gets the parts of the file, and for a setting that hinders it yields one line of field, value, reason and remedy. To
+add one, write the function and name it in `RULES`. A setting that is wrong whatever the parts are is refused by the
+model of the file instead.
+
+A wall is displayed a tick after the position that it answers, so the passivity bound is that of a delay of one tick
+(`weberlink.control.passivity`).
+"""
+
+import os
+from collections.abc import Callable, Iterator
+from functools import partial
+from math import ceil, floor, inf, isinf, log10
+from operator import mul, truediv
+from typing import TYPE_CHECKING, NamedTuple
+from urllib.parse import urlsplit
+
+from weberlink.codec.predictors import BANKS, PREDICTORS
+from weberlink.config import Configuration, System
+from weberlink.config.model import (
+    PERCEPTUAL_WEBER_LIMIT,
+    EmulationSettings,
+    is_loopback,
+    is_placeholder,
+)
+from weberlink.control.passivity import passivity_limit
+from weberlink.figures.verdict import PLACEHOLDER
+from weberlink.master.devices.contract import Device
+from weberlink.session.composition.coupling import FIT_MARGIN, STATED
+from weberlink.slave.robots.contract import Robot
+from weberlink.slave.scenes.settings import ObjectSettings
+
+if TYPE_CHECKING:
+    from weberlink.arms.contract import ArmSpec
+
+LOOP_TICKS = 1
+"""Delay of the loop without a network, in ticks."""
+ROUNDING = 1.0 + 1e-9
+SILENCE_TICKS = 5
+"""Ticks that the silence limit should span: both ends look at the link in ticks."""
+USUAL_RATE_HZ = 1000.0
+UNKNOWN_BORNE = 0.008
+"""Round trip that a usual hand bears on a usual wall without control [s]: 8 N s/m on 500 N/m, with a margin of two."""
+TICK_SHARE = 1 / 3
+"""Share of a period that the work of a tick may take; the rest is for a late start, and for all else that runs."""
+
+
+class Parts(NamedTuple):
+    """A file and what was built of it; None for a part of the other side, and of another kind of session.
+
+    Args:
+        configuration: of one side or both.
+        device: in the robot's frame.
+        robot: with its scene.
+        leader: the arm of the operator's side.
+        follower: the arm of the teleoperator's side.
+    """
+
+    configuration: Configuration
+    device: Device | None = None
+    robot: Robot | None = None
+    leader: "ArmSpec | None" = None
+    follower: "ArmSpec | None" = None
+
+    @property
+    def system(self) -> System:
+        return self.configuration.system
+
+    @property
+    def is_of_arms(self) -> bool:
+        return self.system.codec.joints is not None
+
+
+Rule = Callable[[Parts], Iterator[str]]
+
+
+def advise(parts: Parts) -> list[str]:
+    """What to say of a file before a run, one line each."""
+    return [line for rule in RULES for line in rule(parts)]
+
+
+# --- what device and robot cannot do
+
+
+def _device(parts: Parts) -> Iterator[str]:
+    if parts.device is None:
+        return
+    spec = parts.device.spec
+    if spec.push_n > 0.0:
+        yield (
+            f"master.device: {spec.name} has no force feedback; the force resists its rate, and a full deflection "
+            f"holds {spec.push_n:g} N"
+        )
+    elif not spec.force_feedback:
+        yield f"master.device: {spec.name} has no force feedback; nothing is felt"
+    if parts.system.codec.rotation is not None and spec.torque_n_m == 0.0:
+        yield f"master.device: {spec.name} has no torque feedback; it turns the tool and feels no torque"
+    if spec.note:
+        yield f"master.device: {spec.note}"
+
+
+def _robot(parts: Parts) -> Iterator[str]:
+    if parts.robot is None:
+        return
+    spec = parts.robot.spec
+    if not spec.force_sensing:
+        yield f"slave.robot: {spec.name} senses no force; nothing is felt"
+    if spec.note:
+        yield f"slave.robot: {spec.note}"
+    if isinf(spec.stiffness_n_m):
+        yield f"slave.robot: {spec.name} states no stiffness, so slave.limits.contact_n cannot act"
+
+
+def _arms(parts: Parts) -> Iterator[str]:
+    for where, spec, cannot in (
+        ("master.device", parts.leader, "displays no torque"),
+        ("slave.robot", parts.follower, "measures no torque"),
+    ):
+        if spec is None:
+            continue
+        if not spec.force_feedback:
+            yield f"{where}: {spec.name} {cannot}; nothing is felt"
+        elif not spec.calibrated:
+            yield f"{where}: the torques of {spec.name} follow from data sheets, not from a calibration"
+        if spec.note:
+            yield f"{where}: {spec.note}"
+
+
+# --- what device, robot and rate cannot display
+
+
+def _limits(parts: Parts) -> Iterator[str]:
+    """Limits of the file above those of the parts, which therefore protect nobody."""
+    limits = parts.system.master.limits
+    if parts.device is not None:
+        spec, mapping = parts.device.spec, parts.system.master.mapping
+        scale = 1.0 if mapping is None else mapping.force_scale
+        for name, unit, limit, most in (
+            ("force_n", "N", limits.force_n, spec.force_n * scale),
+            ("torque_nm", "N m", limits.torque_nm, spec.torque_n_m * scale),
+        ):
+            if name in limits.model_fields_set and 0.0 < most * ROUNDING < limit:
+                yield (
+                    f"master.limits.{name} {limit:g}: {spec.name} displays at most {most:.3g} {unit}, so this limit "
+                    f"does nothing; use at most {most:.3g}"
+                )
+    trip = parts.system.slave.limits.trip_n
+    if parts.robot is not None and trip is not None and trip > parts.robot.spec.force_n:
+        name, most = parts.robot.spec.name, parts.robot.spec.force_n
+        yield f"slave.limits.trip_n {trip:g}: {name} measures at most {most:g} N and never trips"
+
+
+def _mapped_walls(parts: Parts) -> Iterator[str]:
+    device, mapping = parts.device, parts.system.master.mapping
+    if device is None or mapping is None or mapping.walls is None:
+        return
+    stiffness, most = mapping.walls.stiffness_n_m, device.spec.stiffness_n_m * mapping.scale * mapping.force_scale
+    if stiffness > most * ROUNDING:
+        limit = _at_most(most)
+        yield (
+            f"master.mapping.walls.stiffness_n_m {stiffness:g}: {device.spec.name} displays at most {limit} N/m; use "
+            f"at most {limit}"
+        )
+
+
+def _contact(parts: Parts) -> Iterator[str]:
+    """A robot or a scene that is stiffer or more damped than what the device displays at the file's rate."""
+    configuration, system, device, robot = parts.configuration, parts.system, parts.device, parts.robot
+    if device is None or robot is None or isinf(robot.spec.stiffness_n_m):
+        return
+    stiffness, damping, passive = robot.spec.stiffness_n_m, _device_damping(configuration), inf
+    if damping == 0.0:
+        yield "master.device.hand.damping_n_s_m 0: no wall is passive on it; use for example 8"
+        return
+    if damping is not None:
+        wall = _wall_damping(system, stiffness)
+        passive = passivity_limit(damping, system.tick_period, delay_ticks=LOOP_TICKS, wall_damping=wall)
+        for index, thing in enumerate(system.slave.scene):
+            felt = _felt_damping(thing, stiffness)
+            if felt > 0.0 and felt >= damping:
+                most = _at_most(damping * (thing.damping_n_s_m or 0.0) / felt)
+                yield (
+                    f"slave.scene.{index}.damping_n_s_m: {felt:.3g} N s/m are felt on a device and hand of "
+                    f"{damping:.3g} N s/m, which gives energy to the hand at any stiffness; use less than {most}"
+                )
+        if passive == 0.0:
+            return
+    stable = device.spec.stiffness_n_m * min(1.0, system.rate_hz / device.spec.rate_hz)
+    displayed = min(stable, passive)
+    if stiffness <= displayed * ROUNDING or displayed == 0.0:
+        return
+    why = " passively, b > K T (1/2 + 1) + B" if passive < stable else ""
+    energy = "control.scheme none does not bound the energy beyond; " if system.control.scheme == "none" else ""
+    faster = system.rate_hz * stiffness / displayed
+    raised = f"raise rate_hz to {ceil(faster)}, or " if device.spec.stiffness_n_m >= stiffness and faster <= 1e4 else ""
+    yield (
+        f"slave.robot.{STATED} {stiffness:g}: at rate_hz {system.rate_hz:g} {device.spec.name} displays at most "
+        f"{_at_most(displayed)} N/m{why}; {energy}{raised}set it to at most {_at_most(displayed / FIT_MARGIN)}"
+    )
+
+
+def _device_damping(configuration: Configuration) -> float | None:
+    """Of device and hand, in the robot's frame [N s/m]; None where it is not known."""
+    part, mapping = configuration.device, configuration.system.master.mapping
+    damping = getattr(getattr(part.options, "hand", None), "damping_at_handle", None) if part is not None else None
+    scale = 1.0 if mapping is None else mapping.scale * mapping.force_scale
+    return None if damping is None else damping / scale
+
+
+def _felt_damping(thing: ObjectSettings, stiffness: float) -> float:
+    """The damping of an object as it is felt through a robot of this stiffness [N/m]: it falls with its own [N s/m]."""
+    return (thing.damping_n_s_m or 0.0) * min(1.0, stiffness / thing.stiffness_n_m)
+
+
+def _wall_damping(system: System, stiffness: float) -> float:
+    """That of the most damped object [N s/m]."""
+    return max((_felt_damping(thing, stiffness) for thing in system.slave.scene), default=0.0)
+
+
+# --- what the coding of positions and forces costs
+
+
+def _positions(parts: Parts) -> Iterator[str]:
+    """Errors of position that the robot turns into more force than may stay unsent."""
+    robot, codec = parts.robot, parts.system.codec
+    if robot is None or isinf(robot.spec.stiffness_n_m):
+        return
+    stiffness, floor_n = robot.spec.stiffness_n_m, codec.force.floor_n
+    largest = max(codec.force.weber * parts.system.master.limits.force_n, floor_n)
+    bound, step = codec.position.bound_m, codec.position.step_m
+    if bound * stiffness > largest * ROUNDING:
+        yield (
+            f"codec.position.bound_m {bound:g}: until a contact is felt the robot may press {bound * stiffness:.3g} N "
+            f"into it, more than the deadband of the largest force ({largest:.3g} N); use at most "
+            f"{_at_most(largest / stiffness)}"
+        )
+    if 0.0 < floor_n < 0.5 * step * stiffness:
+        yield (
+            f"codec.position.step_m {step:g}: half a step is {0.5 * step * stiffness:.2g} N at the robot, above "
+            f"codec.force.floor_n; use at most {_at_most(2.0 * floor_n / stiffness)}"
+        )
+
+
+def _angles(parts: Parts) -> Iterator[str]:
+    """The coupling in the file, beside that of the follower."""
+    spec = parts.follower
+    if spec is None:
+        return
+    from weberlink.config.joints import per_axis  # noqa: PLC0415 - for arms alone
+
+    joints, gripper = parts.system.codec.joints, parts.system.codec.gripper
+    assert joints is not None
+    count = len(joints.names)
+    coded = [("joints", joints.angle, joints.torque, spec.stiffness_nm_rad[:count])]
+    if gripper is not None:
+        coded.append(("gripper", gripper.angle, gripper.torque, spec.stiffness_nm_rad[count:]))
+    for part, angle, torque, own in coded:
+        stated, bounds = angle.coupling_nm_rad, per_axis(angle.bound_rad, len(own))
+        jump = max(map(truediv, map(mul, own, bounds), per_axis(torque.floor_nm, len(own))))
+        field = f"codec.{part}.angle.coupling_nm_rad"
+        if stated is None and jump > 1.0 and max(own) < inf:
+            yield (
+                f"{field}: not given, so an unsent error of an angle may change the torque by {jump:.2g} deadbands; "
+                f"give that of {spec.name}, {max(own):.3g}"
+            )
+        elif stated is not None and max(per_axis(stated, len(own))) < 0.5 * max(own) < inf:
+            most = max(per_axis(stated, len(own)))
+            yield f"{field} {most:g}: {spec.name} is stiffer, {max(own):.3g} N m/rad; give that"
+
+
+def _deadband(parts: Parts) -> Iterator[str]:
+    if parts.is_of_arms:
+        return
+    force = parts.system.codec.force
+    if force.weber > PERCEPTUAL_WEBER_LIMIT:
+        yield (
+            f"codec.force.weber {force.weber:g}: published task performance falls above {PERCEPTUAL_WEBER_LIMIT:g}; "
+            "use at most that"
+        )
+    if force.floor_n == 0.0:
+        yield "codec.force.floor_n 0: sensor noise at rest is sent at every tick; use for example 0.02"
+
+
+def _prediction(parts: Parts) -> Iterator[str]:
+    if parts.is_of_arms:
+        return
+    system, device = parts.system, parts.device
+    if device is not None and system.codec.force.trust.stiffness_n_m[1] > device.spec.stiffness_n_m:
+        yield (
+            f"codec.force.trust.stiffness_n_m: a fit may be stiffer than the {device.spec.stiffness_n_m:g} N/m of the "
+            "device; use at most that"
+        )
+
+
+def _lookahead(parts: Parts) -> Iterator[str]:
+    if parts.is_of_arms:
+        return
+    force, position = parts.system.codec.force, parts.system.codec.position
+    for name, settings, least in (("force", force, force.floor_n), ("position", position, position.bound_m)):
+        field = f"codec.{name}.lookahead_ms {settings.lookahead_ms:g}"
+        if settings.lookahead_ms == 0.0:
+            continue
+        if settings.weber == least == 0.0:
+            yield f"{field}: without a deadband every sample is sent, and each only later; use 0"
+        elif not (settings.predictor in BANKS or PREDICTORS[settings.predictor].looks_ahead):
+            yield f"{field}: {settings.predictor} makes nothing of what it knows ahead; use adaptive or path, or 0"
+
+
+# --- delay
+
+
+def _round_trip(parts: Parts) -> Iterator[str]:
+    """A round trip of the file that is not allowed a session."""
+    system = parts.system
+    round_trip_ms = _emulated_ms(system) + 2e3 * system.tick_period
+    if round_trip_ms > system.link.longest_round_trip_ms:
+        yield (
+            f"link.longest_round_trip_ms {system.link.longest_round_trip_ms:g}: the emulated round trip is up to "
+            f"{round_trip_ms:g} ms, a tick of each side included, and gets no session; use at least {round_trip_ms:.0f}"
+        )
+
+
+def _silence(parts: Parts) -> Iterator[str]:
+    """A silence limit of a few ticks, so that lateness interrupts sessions."""
+    system = parts.system
+    least_ms = SILENCE_TICKS * 1e3 * system.tick_period
+    if system.link.silence_ms < least_ms:
+        yield (
+            f"link.silence_ms {system.link.silence_ms:g}: shorter than {SILENCE_TICKS} ticks at rate_hz "
+            f"{system.rate_hz:g}: sessions would be interrupted; use at least {least_ms:.0f}"
+        )
+
+
+def _uncontrolled(parts: Parts) -> Iterator[str]:
+    """A delay of the file under the scheme that does not bound the energy of a contact."""
+    system = parts.system
+    if system.control.scheme != "none":
+        return
+    emulated = uncontrolled_delay(parts, 1e-3 * _emulated_ms(system))
+    if emulated is not None:
+        yield emulated
+    codec = system.codec
+    ahead_ms = 0.0 if parts.is_of_arms else codec.force.lookahead_ms + codec.position.lookahead_ms
+    for field, delay_ms in (
+        (f"link.playout_ms {system.link.playout_ms:g}", system.link.playout_ms),
+        ("codec.*.lookahead_ms", ahead_ms),
+    ):
+        if delay_ms > 0.0:
+            yield (
+                f"{field}: control.scheme none leaves this delay uncontrolled, and a contact may oscillate; use bounded"
+            )
+
+
+def uncontrolled_delay(parts: Parts, round_trip: float) -> str | None:
+    """What to say of a round trip [s] under `control.scheme: none`; None if that bears it, or another scheme is set."""
+    system, borne = parts.system, borne_round_trip(parts)
+    if system.control.scheme != "none" or round_trip <= borne * ROUNDING:
+        return None
+    return (
+        f"control.scheme none: a contact may gain energy at a round trip of {1e3 * round_trip:.3g} ms; here it bears "
+        f"{_at_most(1e3 * borne)} ms; use bounded"
+    )
+
+
+def on_measured_delay(parts: Parts) -> Callable[[float], str | None]:
+    """What is to be said of a measured round trip [s]: nothing, if that was said of the emulated one."""
+    if uncontrolled_delay(parts, 1e-3 * _emulated_ms(parts.system)) is not None:
+        return lambda _: None
+    return partial(uncontrolled_delay, parts)
+
+
+def borne_round_trip(parts: Parts) -> float:
+    """The longest round trip at which a contact gains no energy without control [s].
+
+    With damping b of device and hand, and stiffness K and damping B of the stiffest contact as it is felt, that is
+    (b - B) / K - T / 2 - T, the bound of `passivity_limit`. Where b or K is not known, it is `UNKNOWN_BORNE`.
+    """
+    system, damping = parts.system, _device_damping(parts.configuration)
+    coupling = inf if parts.robot is None else parts.robot.spec.stiffness_n_m
+    felt = max((min(thing.stiffness_n_m, coupling) for thing in system.slave.scene), default=coupling)
+    if damping is None or isinf(felt):
+        return UNKNOWN_BORNE
+    return max(0.0, (damping - _wall_damping(system, coupling)) / felt - (0.5 + LOOP_TICKS) * system.tick_period)
+
+
+def _emulated_ms(system: System) -> float:
+    """Longest round trip that the file emulates [ms]."""
+    return sum(way.delay_ms + way.jitter_ms for way in (system.link.emulate or EmulationSettings()).directions)
+
+
+# --- addresses
+
+
+def placeholders(parts: Parts) -> Iterator[str]:
+    """Addresses that stand for one's own: of the slave, which the operator's side calls, or of a device or robot."""
+    configuration, link = parts.configuration, parts.system.link
+    found = {} if configuration.finds_path or configuration.device is None else {"link.slave": link.slave}
+    for where, part in (("master.device", configuration.device), ("slave.robot", configuration.robot)):
+        options = {} if part is None else part.options.model_dump()
+        found |= {f"{where}.{name}": value for name, value in options.items() if isinstance(value, str)}
+    for field, text in found.items():
+        if is_placeholder(_host_in(text)):
+            whose = "on the operator's host set it to that of the robot" if field == "link.slave" else "set it to yours"
+            yield f"{field} {text}: {PLACEHOLDER}; {whose}"
+
+
+def _host_in(text: str) -> str:
+    """The host of an address, with or without port, or of a URL; of another text, anything."""
+    try:
+        return urlsplit(text if "://" in text else f"//{text}").hostname or ""
+    except ValueError:
+        return ""
+
+
+# --- the machine
+
+
+def tick_rate(parts: Parts, tick_s: Callable[[Configuration], float | None] | None = None) -> Iterator[str]:
+    """A tick rate that this machine can hardly hold; a usual one is not looked at.
+
+    Args:
+        parts: of the file.
+        tick_s: measures how long a tick takes [s]; None where it cannot.
+    """
+    system = parts.system
+    if system.rate_hz <= USUAL_RATE_HZ:
+        return
+    from weberlink.session.tick_cost import measured_tick_s  # noqa: PLC0415 - for such rates alone
+
+    took = (tick_s or measured_tick_s)(parts.configuration)
+    if took is not None and took > TICK_SHARE * system.tick_period:
+        most = max(100.0, 100.0 * floor(TICK_SHARE / took / 100.0))
+        yield (
+            f"rate_hz {system.rate_hz:g}: a tick takes about {1e6 * took:.0f} of its {1e6 * system.tick_period:.0f} us "
+            f"on this machine, and many would be missed; use at most {most:g}"
+        )
+
+
+def _polling(parts: Parts) -> Iterator[str]:
+    system = parts.system
+    sides, cpus = 2 if is_loopback(system.link.slave) else 1, len(os.sched_getaffinity(0))
+    if system.realtime.busy_poll and cpus <= sides:
+        yield (
+            f"realtime.busy_poll: each daemon takes a processor, and this machine has {cpus} for {sides} of them and "
+            "everything else; use false, or a machine with more processors"
+        )
+
+
+RULES: tuple[Rule, ...] = (
+    _device,
+    _robot,
+    _arms,
+    _limits,
+    _mapped_walls,
+    _contact,
+    _positions,
+    _angles,
+    _deadband,
+    _prediction,
+    _lookahead,
+    _round_trip,
+    _silence,
+    _uncontrolled,
+    placeholders,
+    tick_rate,
+    _polling,
+)
+
+
+def _at_most(value: float) -> str:
+    """A largest value in two digits, rounded down, so that a file that follows the advice keeps the bound."""
+    if value <= 0.0:
+        return "0"
+    digit = floor(log10(value)) - 1
+    return f"{floor(value * 10.0**-digit * ROUNDING) * 10.0**digit:g}"

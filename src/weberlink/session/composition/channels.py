@@ -1,0 +1,199 @@
+"""The coded channels and the force deadband of a configuration, as both sides build them."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from weberlink.codec import Channel, force_channel, position_channel
+from weberlink.codec.channel import Smoothing
+from weberlink.codec.deadband import Deadband, DeadbandSetup
+from weberlink.codec.deadband.contract import Measures
+from weberlink.codec.predictors import FitLimits
+from weberlink.codec.rate import UpdateRate
+from weberlink.config import System
+from weberlink.config.model import ControlSettings, ForceCodecSettings, MappingSettings
+from weberlink.control.contract import LEAST_CONTACT, AccountParameters
+from weberlink.control.table import SCHEMES
+
+
+def force_deadband(system: System, weber: float) -> Deadband:
+    """The shape that the file asks for, at a Weber factor that a session may have changed."""
+    return _force_deadband(system.codec.force, system.tick_period, weber)
+
+
+def _force_deadband(force: ForceCodecSettings, tick_period: float, weber: float) -> Deadband:
+    settings = force.deadband
+    return settings.deadband.configured(
+        DeadbandSetup(weber, force.floor_n, force.reference, tick_period, settings.options)
+    )
+
+
+def measures_of(system: System) -> Measures | None:
+    """How the deadband of the force measures an error; None where that is the distance, which is quicker without."""
+    return _measures(system.codec.force, system.tick_period)
+
+
+def measures_in(dump: Mapping[str, Any]) -> Measures | None:
+    """The same of the dump of a `System`, as descriptions and recordings hold it.
+
+    Raises:
+        ValueError: it holds no deadband that this installation knows.
+    """
+    try:
+        given, tick_period = dump["codec"]["force"], 1.0 / dump["rate_hz"]
+        force = ForceCodecSettings(**{key: given[key] for key in ("weber", "floor_n", "reference", "deadband")})
+    except (KeyError, TypeError, ZeroDivisionError) as error:
+        raise ValueError(f"no settings of a deadband ({error!r})") from None
+    return _measures(force, tick_period)
+
+
+def _measures(force: ForceCodecSettings, tick_period: float) -> Measures | None:
+    if force.deadband.deadband.is_ball:
+        return None
+    return lambda weber: _force_deadband(force, tick_period, weber).error
+
+
+def channels(system: System) -> tuple[Channel, Channel]:
+    """The forward (position) and the backward (force) channel."""
+    force, position = system.codec.force, system.codec.position
+    forward = position_channel(
+        predictor=position.predictor,
+        bank=position.bank,
+        weber=position.weber,
+        bound=position.bound_m,
+        axes=system.axes,
+        position_step=position.step_m,
+        rate=rate_of(position.max_updates_per_s, system),
+        tick_period=system.tick_period,
+        lookahead=_ticks(position.lookahead_ms, system),
+    )
+    backward = force_channel(
+        predictor=force.predictor,
+        bank=force.bank,
+        axes=system.axes,
+        force_step=force.step_n,
+        position_step=position.step_m,
+        fit_limits=FitLimits(force.trust.stiffness_n_m, force.trust.radius_m),
+        deadband=force_deadband(system, force.weber),
+        smoothing=_smoothing(system),
+        rate=rate_of(force.max_updates_per_s, system),
+        tick_period=system.tick_period,
+        every_position=SCHEMES[system.control.scheme].reads_position,
+        lookahead=_ticks(force.lookahead_ms, system),
+    )
+    return forward, backward
+
+
+def motion_bank(system: System) -> tuple[str, ...]:
+    """Names of the predictors of the position channel or, of an arm, of the angles of its joints."""
+    joints = system.codec.joints
+    return channels(system)[0].bank if joints is None else (joints.angle.predictor,)
+
+
+def rate_of(per_s: float | None, system: System) -> UpdateRate | None:
+    return None if per_s is None else UpdateRate.limited_to(per_s, system.tick_period)
+
+
+def _smoothing(system: System) -> Smoothing | None:
+    """Of the force, in ticks."""
+    ticks = _ticks(system.codec.force.smooth_ms, system)
+    return Smoothing(ticks) if ticks else None
+
+
+def _ticks(length_ms: float, system: System) -> int:
+    """A time in whole ticks; at least one if it is not 0."""
+    return max(1, round(length_ms * 1e-3 * system.rate_hz)) if length_ms > 0.0 else 0
+
+
+def playout_ticks(system: System) -> int:
+    """How long updates wait before they are used, in whole ticks."""
+    return _ticks(system.link.playout_ms, system)
+
+
+def least_contact(system: System) -> float:
+    """Smallest force that states a contact [N]: a smaller one may be left over within the deadband."""
+    return max(LEAST_CONTACT, system.codec.force.floor_n)
+
+
+def longest_round_trip(system: System) -> float:
+    """Round trip of the link beyond which no session goes on, at whatever age its loop is [s]."""
+    return (system.link.silence_ms + system.link.longest_round_trip_ms) * 1e-3
+
+
+def signal_delay(system: System) -> float:
+    """What look-ahead and play-out of both directions add to the round trip of the signals [s]; an arm has no
+    look-ahead."""
+    arm = system.codec.joints is not None
+    ahead = 0 if arm else sum([channel.lookahead for channel in channels(system)])
+    return (ahead + 2 * playout_ticks(system)) * system.tick_period
+
+
+def lookahead_ms(system: System) -> dict[str, float]:
+    """How much later than without look-ahead the signals are displayed, by channel, in whole ticks; none of an arm."""
+    if system.codec.joints is not None:
+        return {}
+    return {
+        name: 1e3 * channel.lookahead * system.tick_period
+        for name, channel in zip(("position", "force"), channels(system), strict=True)
+    }
+
+
+def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
+    """All forward and all backward channels by stream: the translation and, where the file asks for it, the rotation.
+
+    An orientation is coded as a position and a torque as a force, in radians and newton metres.
+    """
+    forward, backward = channels(system)
+    if system.codec.rotation is None:
+        return (forward,), (backward,)
+    torque, orientation = system.codec.rotation.torque, system.codec.rotation.orientation
+    turning = position_channel(
+        predictor=orientation.predictor,
+        bank=orientation.bank,
+        weber=orientation.weber,
+        bound=orientation.bound_rad,
+        position_step=orientation.step_rad,
+        rate=rate_of(orientation.max_updates_per_s, system),
+        tick_period=system.tick_period,
+    )
+    twisting = force_channel(
+        predictor=torque.predictor,
+        bank=torque.bank,
+        weber=torque.weber,
+        floor=torque.floor_nm,
+        reference=torque.reference,
+        force_step=torque.step_nm,
+        position_step=orientation.step_rad,
+        rate=rate_of(torque.max_updates_per_s, system),
+        tick_period=system.tick_period,
+    )
+    return (forward, turning), (backward, twisting)
+
+
+def banks(system: System) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
+    """Names of the predictors of the force channel and of the torque channel; None where there is no rotation.
+
+    Of an arm, those of the torques of its joints, and None.
+    """
+    if system.codec.joints is not None:
+        return (system.codec.joints.torque.predictor,), None
+    _, (force, *rotation) = streams(system)
+    return force.bank, rotation[0].bank if rotation else None
+
+
+def account(control: ControlSettings, mapping: MappingSettings | None, *, turns: bool = False) -> AccountParameters:
+    """What bounds the energy out of the hand, in the robot's frame, where lengths and forces are scaled, but no angles.
+
+    Args:
+        control: of both sides.
+        mapping: of the hand's frame to the robot's; None where they are one.
+        turns: whether it is that of a torque.
+    """
+    force_scale = 1.0 if mapping is None else mapping.force_scale
+    scale = 1.0 if mapping is None or turns else mapping.scale
+    energy = scale / force_scale
+    return AccountParameters(
+        allowance=energy * control.allowance_j,
+        refill=energy * control.refill_w,
+        damping=control.damping_n_s_m / (scale * force_scale),
+        rise=control.rise_n_s / force_scale,
+    )

@@ -1,0 +1,131 @@
+"""Builds the teleoperator's side of a session of arms, from a configuration."""
+
+from weberlink.arms.contract import ArmSpec, FollowerArm
+from weberlink.codec.bundle import BundleDecoder, BundleEncoder
+from weberlink.codec.sample import INT16_MAX
+from weberlink.config import Configuration, ConfigurationError, System
+from weberlink.config.joints import FollowerLimits
+from weberlink.control.tuning import LiveSettings
+from weberlink.geometry.joints import Joints
+from weberlink.protocol import Role
+from weberlink.protocol.liveness import HORIZON_SHARE
+from weberlink.protocol.security import Security
+from weberlink.realtime.stall import Watchdog
+from weberlink.session.composition.arms import (
+    check_angles,
+    check_arm_axes,
+    each_axis,
+    incoming,
+    outgoing,
+    within,
+)
+from weberlink.session.composition.channels import playout_ticks
+from weberlink.session.composition.joint_channels import joint_streams
+from weberlink.session.composition.link import (
+    ANONYMOUS,
+    Entropy,
+    Identity,
+    Stopwatch,
+    build_endpoint,
+    construct,
+    located,
+    tuning_of,
+)
+from weberlink.session.rows import JointRows
+from weberlink.session.side import Side
+from weberlink.slave.follower_port import FollowerPort
+
+
+def build_following(
+    configuration: Configuration,
+    *,
+    security: Security,
+    entropy: Entropy,
+    epoch: float,
+    stopwatch: Stopwatch,
+    identity: Identity = ANONYMOUS,
+) -> Side:
+    """The teleoperator's side, not yet open.
+
+    Raises:
+        ConfigurationError: if the follower cannot be made as the file asks.
+    """
+    system, follower = configuration.system, build_follower(configuration)
+    forward, backward = joint_streams(system)
+    spec, limits = follower.spec, system.slave.limits
+    own = limits.joints or FollowerLimits()
+    lower, upper = angle_limits(system, spec)
+    endpoint = build_endpoint(system, Role.RESPONDER, security, entropy, epoch, backward, forward, None, identity)
+    port = FollowerPort(
+        arm=follower,
+        lower=lower,
+        upper=upper,
+        speed=own.speed_rad_s,
+        approach_speed=own.approach_rad_s,
+        ramp=limits.ramp_ms * 1e-3,
+        press=within("slave.limits.joints.press_nm", own.press_nm, spec.torque_nm),
+        trip=within("slave.limits.joints.trip_nm", own.trip_nm, spec.torque_nm),
+        by_button=system.master.engage is not None,
+    )
+    encoders = [BundleEncoder(channel) for channel in backward]
+
+    def retune(settings: LiveSettings, peer_tick: float) -> None:  # noqa: ARG001 - the encoder decides from now on
+        encoders[0].retune(settings.weber)
+
+    return Side(
+        port=port,
+        outgoing=outgoing(("joint_torque", "gripper_torque"), backward, (port.joints, port.gripper), encoders),
+        incoming=incoming(("joint_angle", "gripper_angle"), [BundleDecoder(channel) for channel in forward]),
+        tuning=tuning_of(system, retune, leads=False),
+        endpoint=endpoint,
+        tick_period=system.tick_period,
+        horizon=HORIZON_SHARE * system.link.silence_ms * 1e-3,
+        watchdog=Watchdog(limits.robot_ms * 1e-3),
+        stopwatch=stopwatch,
+        rows=JointRows,
+        playout=playout_ticks(system),
+    )
+
+
+@located
+def build_follower(configuration: Configuration) -> FollowerArm:
+    """The follower, not yet open.
+
+    Raises:
+        ConfigurationError: as `build_leader`.
+    """
+    system, part = configuration.system, configuration.robot
+    assert part is not None
+    follower: FollowerArm = construct(
+        "slave.robot", part.driver, part.options, system.tick_period, contract=FollowerArm
+    )
+    check_arm_axes("slave.robot", follower.spec, system)
+    check_angles("slave.robot", follower.spec, system)
+    angle_limits(system, follower.spec)
+    _, backward = joint_streams(system)
+    largest = max(follower.spec.torque_nm)
+    limit = backward[0].limit
+    if largest > limit:
+        raise ConfigurationError(
+            f"codec.joints.torque.step_nm: spans {limit:g} N m but slave.robot measures up to {largest:g} N m; use a "
+            f"step of at least {largest / INT16_MAX:.2g}"
+        )
+    return follower
+
+
+def angle_limits(system: System, spec: ArmSpec) -> tuple[Joints, Joints]:
+    """The range of commanded angles of a follower: its own within that of the file [rad].
+
+    Raises:
+        ConfigurationError: nothing of it is left for an axis, or a limit has not one value for each axis.
+    """
+    own = system.slave.limits.joints or FollowerLimits()
+    lower, upper = spec.lower, spec.upper
+    if own.lower_rad is not None:
+        lower = tuple(map(max, lower, each_axis("slave.limits.joints.lower_rad", own.lower_rad, spec.axes)))
+    if own.upper_rad is not None:
+        upper = tuple(map(min, upper, each_axis("slave.limits.joints.upper_rad", own.upper_rad, spec.axes)))
+    for axis, low, high in zip((*spec.joints, "gripper"), lower, upper, strict=False):
+        if not low < high:
+            raise ConfigurationError(f"slave.limits.joints: leaves nothing of the range of {axis}")
+    return lower, upper

@@ -1,0 +1,176 @@
+"""Builds the operator's side of a session of arms, from a configuration."""
+
+from collections.abc import Callable
+
+from weberlink.arms.contract import ArmSpec, LeaderArm
+from weberlink.codec.bundle import BundleDecoder
+from weberlink.config import Configuration, System
+from weberlink.config.joints import AngleCodecSettings, LeaderLimits, per_axis
+from weberlink.control.axes import LEVER, build_axes
+from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
+from weberlink.geometry.joints import Joints
+from weberlink.master.leader_port import LeaderPort, PressedAxes
+from weberlink.master.safety import ContactLimiter, ForceGate
+from weberlink.protocol import Role
+from weberlink.protocol.events import Address
+from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
+from weberlink.protocol.security import Security
+from weberlink.realtime.stall import Watchdog
+from weberlink.session.composition.arms import (
+    check_angles,
+    check_arm_axes,
+    each_axis,
+    has_gripper,
+    incoming,
+    joint_names,
+    outgoing,
+    within,
+)
+from weberlink.session.composition.channels import account, longest_round_trip, playout_ticks, signal_delay
+from weberlink.session.composition.joint_channels import joint_streams
+from weberlink.session.composition.link import (
+    ANONYMOUS,
+    Entropy,
+    Identity,
+    Stopwatch,
+    build_endpoint,
+    construct,
+    located,
+    tuning_of,
+)
+from weberlink.session.composition.master import check_button, check_force_ends
+from weberlink.session.rows import JointRows
+from weberlink.session.side import Side
+
+SLEW_S = 0.05
+"""Time in which the torque of a leader may rise to its largest, where the file does not say otherwise [s]."""
+
+
+def build_leading(
+    configuration: Configuration,
+    *,
+    security: Security,
+    entropy: Entropy,
+    epoch: float,
+    stopwatch: Stopwatch,
+    peer: Address,
+    identity: Identity = ANONYMOUS,
+) -> Side:
+    """The operator's side, not yet open.
+
+    Raises:
+        ConfigurationError: if the leader cannot do what the file asks.
+    """
+    system, leader = configuration.system, build_leader(configuration)
+    forward, backward = joint_streams(system)
+    limits = system.master.limits
+    most, slew = torque_limits(system, leader.spec)
+    control = build_axes(system.control.scheme, LEVER, account(system.control, system.master.mapping))
+    endpoint = build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity)
+    silence, engage = system.link.silence_ms * 1e-3, system.master.engage
+    joints = len(joint_names(system))
+    port = LeaderPort(
+        arm=leader,
+        control=control,
+        endpoint=endpoint,
+        gate=ForceGate(ramp=limits.ramp_ms * 1e-3, silence=silence, fade_share=FADE_SHARE),
+        most=most,
+        slew=slew,
+        button=None if engage is None else engage.button,
+        pressed=_pressed(system, lambda: tuning.settings.weber),
+        contacts=[
+            ContactLimiter(max(axes), FREE_FORCE * LEVER, longest_round_trip(system) + signal_delay(system))
+            for axes in (most[:joints], most[joints:])
+            if axes
+        ],
+        least=_least(system),
+        delay=signal_delay(system),
+    )
+
+    tuning = tuning_of(system, lambda settings, tick: None, leads=True)  # noqa: ARG005 - decoders of joints need not know
+    return Side(
+        port=port,
+        outgoing=outgoing(("joint_angle", "gripper_angle"), forward, (port.joints, port.gripper)),
+        incoming=incoming(("joint_torque", "gripper_torque"), [BundleDecoder(channel) for channel in backward]),
+        tuning=tuning,
+        endpoint=endpoint,
+        tick_period=system.tick_period,
+        horizon=HORIZON_SHARE * silence,
+        watchdog=Watchdog(limits.device_ms * 1e-3),
+        stopwatch=stopwatch,
+        rows=JointRows,
+        playout=playout_ticks(system),
+    )
+
+
+def _least(system: System) -> Joints:
+    """Smallest torques that state a contact [N m]: less may be left over within the deadband."""
+    joints, gripper = system.codec.joints, system.codec.gripper
+    assert joints is not None
+    floors = per_axis(joints.torque.floor_nm, len(joints.names))
+    floors += () if gripper is None else (float(gripper.torque.floor_nm),)
+    return tuple(max(LEAST_CONTACT * LEVER, floor) for floor in floors)
+
+
+def _pressed(system: System, weber: Callable[[], float]) -> list[PressedAxes | None]:
+    """What may stay unsent of pressed joints and of a pressed gripper; None where the file states no stiffness.
+
+    Args:
+        system: of both sides.
+        weber: gives the Weber factor of the joints' torques, which a session may change.
+    """
+    joints, gripper = system.codec.joints, system.codec.gripper
+    assert joints is not None
+    floors = per_axis(joints.torque.floor_nm, len(joints.names))
+    made = [_pressed_axes(joints.angle, len(floors), lambda axis, torque: max(weber() * torque, floors[axis]))]
+    if gripper is not None:
+        grip = gripper.torque
+        made.append(_pressed_axes(gripper.angle, 1, lambda _, torque: max(grip.weber * torque, float(grip.floor_nm))))
+    return made
+
+
+def _pressed_axes(
+    angle: AngleCodecSettings, count: int, torque_bound: Callable[[int, float], float]
+) -> PressedAxes | None:
+    if angle.coupling_nm_rad is None:
+        return None
+    return PressedAxes(per_axis(angle.bound_rad, count), per_axis(angle.coupling_nm_rad, count), torque_bound)
+
+
+@located
+def build_leader(configuration: Configuration) -> LeaderArm:
+    """The leader in the frame of the follower, not yet open.
+
+    Raises:
+        ConfigurationError: if it cannot be made of its options, has other joints than the file, or the wire cannot say
+            its angles.
+    """
+    system, part = configuration.system, configuration.device
+    assert part is not None
+    leader: LeaderArm = construct("master.device", part.driver, part.options, system.tick_period, contract=LeaderArm)
+    check_force_ends(leader, system.master.device.driver, system.master.accept_no_watchdog)
+    mapping = system.master.joint_mapping
+    if mapping is not None:
+        from weberlink.master.mapping.mapped_leader import MappedLeader  # noqa: PLC0415 - where a file asks for it
+
+        leader = construct(
+            "master.joint_mapping", MappedLeader, leader, mapping, joint_names(system), has_gripper(system)
+        )
+    check_arm_axes("master.device", leader.spec, system)
+    check_angles("master.device", leader.spec, system)
+    check_button(system, leader.spec)
+    torque_limits(system, leader.spec)
+    return leader
+
+
+def torque_limits(system: System, spec: ArmSpec) -> tuple[Joints, Joints]:
+    """The largest torques [N m] and their fastest changes [N m/s] on the axes of a leader.
+
+    Raises:
+        ConfigurationError: a limit has not one value for each axis.
+    """
+    own = system.master.limits.joints or LeaderLimits()
+    most = within("master.limits.joints.torque_nm", own.torque_nm, spec.torque_nm)
+    if own.slew_nm_s is None:
+        return most, tuple(max(torque, 1e-3) / SLEW_S for torque in most)
+    return most, each_axis("master.limits.joints.slew_nm_s", own.slew_nm_s, spec.axes)

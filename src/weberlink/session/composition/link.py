@@ -1,0 +1,307 @@
+"""What both sides build alike from a configuration: agreement, security, endpoint, control, tuning, emulated faults."""
+
+from collections.abc import Callable, Sequence
+from functools import wraps
+from secrets import token_bytes
+from typing import TYPE_CHECKING, Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
+
+from weberlink.codec import Channel, Decoder, Encoder
+from weberlink.codec.predictors import BANKS
+from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError, System
+from weberlink.config.finders import finder_of
+from weberlink.config.model import DirectionFaults
+from weberlink.control.contract import FREE_FORCE, SchemeParameters
+from weberlink.control.table import SCHEMES
+from weberlink.control.tuning import LiveSettings, Tuning
+from weberlink.protocol import Role
+from weberlink.protocol.endpoint import Endpoint
+from weberlink.protocol.events import Address
+from weberlink.protocol.security import Security
+from weberlink.registry import check_contract, fault_of
+from weberlink.session.composition.channels import account, force_deadband, longest_round_trip, signal_delay
+
+if TYPE_CHECKING:
+    from weberlink.codec.bundle import BundleChannel
+    from weberlink.protocol.emulation import EmulatedLink, Emulation
+
+Entropy = Callable[[int], bytes]
+Stopwatch = Callable[[], float]
+
+
+class Identity(NamedTuple):
+    """What a process says of itself to the other end.
+
+    Args:
+        name: where the file sets none; "" for that of the role.
+        expects: name of the only peer, where the file sets none; "" for any.
+        take_over: whether a master replaces another one that the slave serves.
+        stamp: wall clock [ns] at `now` [s]; None to count `now`.
+    """
+
+    name: str = ""
+    expects: str = ""
+    take_over: bool = False
+    stamp: Callable[[float], int] | None = None
+
+
+ANONYMOUS = Identity()
+
+P = ParamSpec("P")
+R = TypeVar("R")
+ControlEnd = TypeVar("ControlEnd")
+
+
+def located(build: Callable[Concatenate[Configuration, P], R]) -> Callable[Concatenate[Configuration, P], R]:
+    """Errors of a builder with the file in front."""
+
+    @wraps(build)
+    def build_located(configuration: Configuration, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return build(configuration, *args, **kwargs)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{configuration.path}: {error}") from None
+
+    return build_located
+
+
+def agreement(system: System) -> dict[str, object]:
+    """What both ends must hold alike, by the path of the field."""
+    return {
+        "rate_hz": system.rate_hz,
+        "axes": system.axes,
+        "link.silence_ms": system.link.silence_ms,
+        **_flat(system.control.model_dump(mode="json"), "control."),
+        **_flat(system.codec.model_dump(mode="json", exclude=_unused(system)), "codec."),
+    }
+
+
+@located
+def build_security(configuration: Configuration) -> Security:
+    """The security suite that the file asks for; only that one is imported. With a key, no core is dumped any more.
+
+    Raises:
+        ConfigurationError: if the key file cannot be used, or the peer is not known.
+    """
+    link = configuration.system.link
+    sides = loaded_sides(configuration)
+    if len(sides) == 1 and (finder := finder_of(configuration, *sides)) is not None:
+        return finder.security
+    if link.security == "none":
+        from weberlink.protocol.checksum import Checksum  # noqa: PLC0415
+
+        return Checksum()
+    from weberlink.protocol.keys import KEY_BYTES, KeyFileError, load  # noqa: PLC0415
+    from weberlink.protocol.psk import PresharedKey  # noqa: PLC0415
+    from weberlink.realtime.process import forbid_core_dumps  # noqa: PLC0415
+
+    forbid_core_dumps()
+    if link.key_file is None:  # security: session before the run, or both sides in virtual time
+        return PresharedKey(token_bytes(KEY_BYTES))
+    try:
+        return PresharedKey(load(link.key_file))
+    except KeyFileError as error:
+        raise ConfigurationError(f"link.key_file: {error}") from None
+
+
+def loaded_sides(configuration: Configuration) -> list[str]:
+    """The sides that were loaded, of which a process that runs alone has one."""
+    return [side for side, part in ((MASTER, configuration.device), (SLAVE, configuration.robot)) if part is not None]
+
+
+def build_endpoint(
+    system: System,
+    role: Role,
+    security: Security,
+    entropy: Entropy,
+    epoch: float,
+    outgoing: "Sequence[Channel | BundleChannel]",
+    incoming: "Sequence[Channel | BundleChannel]",
+    peer: Address | None,
+    identity: Identity = ANONYMOUS,
+    kind: type[Endpoint] = Endpoint,
+) -> Endpoint:
+    names = system.link.names
+    own, other = (names.master, names.slave) if role is Role.INITIATOR else (names.slave, names.master)
+    other = other or identity.expects
+    return kind(
+        role=role,
+        agreement=agreement(system),
+        outgoing=[channel.forms for channel in outgoing],
+        incoming=[channel.forms for channel in incoming],
+        security=security,
+        entropy=entropy,
+        epoch=epoch,
+        tick_period=system.tick_period,
+        silence=system.link.silence_ms * 1e-3,
+        longest_round_trip=system.link.longest_round_trip_ms * 1e-3,
+        peer=peer,
+        carries_credit=SCHEMES[system.control.scheme].carries_credit and system.codec.joints is None,
+        name=own or identity.name,
+        expects=other or "",
+        take_over=identity.take_over,
+        stamp=identity.stamp,
+    )
+
+
+@located
+def build_control(
+    configuration: Configuration,
+    build: Callable[[str, SchemeParameters], ControlEnd],
+    coupling: float,
+) -> ControlEnd:
+    """One end of the control scheme.
+
+    Args:
+        configuration: of both sides.
+        build: makes the end of a scheme of this name.
+        coupling: stiffness of the robot towards its command [N/m].
+
+    Raises:
+        ConfigurationError: if the scheme is of another distribution and broken.
+    """
+    system = configuration.system
+    settings = SchemeParameters(
+        tick_period=system.tick_period,
+        coupling=coupling,
+        account=account(system.control, system.master.mapping),
+        delay=signal_delay(system),
+        longest=longest_round_trip(system) + signal_delay(system),
+    )
+    return cast(ControlEnd, construct("control.scheme", build, system.control.scheme, settings))
+
+
+def free_force(system: System) -> float:
+    """Largest force without a contact, as the robot's frame has it [N]: `FREE_FORCE` on the hand."""
+    mapping = system.master.mapping
+    return FREE_FORCE if mapping is None else FREE_FORCE / mapping.force_scale
+
+
+def construct(where: str, driver: Any, *arguments: Any, contract: type | None = None) -> Any:
+    """A driver from its options; what it cannot accept is an error of its place in the file.
+
+    Args:
+        where: its place in the file.
+        driver: the class.
+        arguments: for it.
+        contract: a protocol that its object must satisfy; the driver may be of another distribution.
+
+    Raises:
+        ConfigurationError: it takes other arguments or refuses them, lacks a method, or raises anything else.
+    """
+    try:
+        made = driver(*arguments)
+        if contract is not None:
+            check_contract(where, made, contract)
+    except ValueError as error:
+        text = str(error)
+        raise ConfigurationError(text if text.startswith(f"{where}:") else f"{where}: {text}") from None
+    except Exception as error:
+        fault = fault_of(error)
+        if fault is not None and fault.is_foreign:
+            raise ConfigurationError(f"{where}: {fault.text}") from error
+        if driver.__module__.startswith("weberlink."):
+            raise
+        raise ConfigurationError(f"{where}: {driver.__module__}:{driver.__qualname__}: {error}") from error
+    return made
+
+
+def check_axes(where: str, axes: str, system: System) -> None:
+    """See that a device or robot moves on every axis that is sent.
+
+    Raises:
+        ConfigurationError: naming those that it lacks.
+    """
+    missing = [axis for axis in system.axes if axis not in axes]
+    if missing:
+        raise ConfigurationError(f"axes: {where} has no axis {', '.join(missing)}; it has {axes}")
+
+
+def _unused(system: System) -> set[str]:
+    """Parts of the codec without use in this session, of which nothing is said to the peer."""
+    if system.codec.joints is not None:
+        return {"force", "position", "rotation"} | ({"gripper"} if system.codec.gripper is None else set())
+    return {"joints", "gripper"} | ({"rotation"} if system.codec.rotation is None else set())
+
+
+def _flat(tree: dict[str, Any], prefix: str) -> dict[str, object]:
+    leaves: dict[str, object] = {}
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            leaves |= _flat(value, f"{prefix}{key}.")
+        else:
+            leaves[f"{prefix}{key}"] = value
+    return leaves
+
+
+def permitted(system: System) -> dict[str, tuple[str, ...]]:
+    """What may be changed in a session of this file, and to which names; k to any number from 0 to 1.
+
+    The bank that was agreed holds every predictor that may be chosen, so an update says by its selector what it needs.
+    """
+    if not system.control.live_changes:
+        return {}
+    choices: dict[str, tuple[str, ...]] = {"weber": ()}
+    force = system.codec.force
+    if system.codec.joints is None and force.predictor in BANKS and len(force.bank) > 1:
+        choices["predictor"] = (*force.bank, force.predictor)
+    return choices
+
+
+def build_tuning(system: System, coder: Encoder | Decoder) -> Tuning:
+    """The tuning of a side, which encodes or decodes the force."""
+    force = system.codec.force
+
+    def retune(settings: LiveSettings, peer_tick: float) -> None:
+        deadband = force_deadband(system, settings.weber)
+        if isinstance(coder, Decoder):
+            coder.retune(deadband, peer_tick)
+        else:
+            chosen = range(len(force.bank)) if settings.predictor in BANKS else [force.bank.index(settings.predictor)]
+            coder.retune(deadband, chosen if force.predictor in BANKS else [0])
+
+    return tuning_of(system, retune, leads=isinstance(coder, Decoder))
+
+
+def tuning_of(system: System, retune: Callable[[LiveSettings, float], None], *, leads: bool) -> Tuning:
+    """The tuning of a side.
+
+    Args:
+        system: of both sides.
+        retune: takes settings into the codec from a tick of the peer on.
+        leads: whether this is the operator's end.
+    """
+    return Tuning(_of_file(system), permitted(system), retune, leads=leads)
+
+
+def _of_file(system: System) -> LiveSettings:
+    joints = system.codec.joints
+    felt = system.codec.force if joints is None else joints.torque
+    return LiveSettings(felt.weber, felt.predictor)
+
+
+def build_link(settings: DirectionFaults, uniform: Callable[[], float], epoch: float) -> "EmulatedLink[Address]":
+    """One direction of an emulated link; `uniform` draws from 0 to 1."""
+    from weberlink.protocol.emulation import EmulatedLink  # noqa: PLC0415 - only where a file asks for it
+
+    return EmulatedLink(emulation_of(settings), uniform, epoch)
+
+
+def emulation_of(settings: DirectionFaults) -> "Emulation":
+    """The faults in SI units.
+
+    Raises:
+        ValueError: they contradict each other.
+    """
+    from weberlink.protocol.emulation import Emulation  # noqa: PLC0415 - only where a file asks for it
+
+    return Emulation(
+        delay_s=settings.delay_ms * 1e-3,
+        jitter_s=settings.jitter_ms * 1e-3,
+        loss=settings.loss,
+        burst=settings.burst,
+        reorder=settings.reorder,
+        duplicate=settings.duplicate,
+        corrupt=settings.corrupt,
+        rate_bit_s=None if settings.rate_kbit_s is None else settings.rate_kbit_s * 1e3,
+        blackouts=settings.blackouts_s,
+    )

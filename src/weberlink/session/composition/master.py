@@ -1,0 +1,302 @@
+"""Builds the operator's side from a configuration."""
+
+from math import inf
+from typing import TYPE_CHECKING
+
+from weberlink.codec import Channel, Decoder, Encoder
+from weberlink.codec.sample import INT16_MAX
+from weberlink.config import Configuration, ConfigurationError, System
+from weberlink.control.contract import AxesMaster
+from weberlink.control.sent import SentCommands
+from weberlink.control.table import build_master_control
+from weberlink.geometry.vector import Vector
+from weberlink.master.devices.contract import Device, DeviceSpec, GuardedDevice, TorqueDevice
+from weberlink.master.operator_port import ContactWatch, Display, HandPosition, OperatorPort
+from weberlink.master.safety import ContactLimiter, ForceGate, ForceLimiter, SlewLimiter
+from weberlink.protocol import Role
+from weberlink.protocol.events import Address
+from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
+from weberlink.protocol.security import Security
+from weberlink.realtime.stall import Watchdog
+from weberlink.session.channels import IncomingChannel, OutgoingChannel
+from weberlink.session.composition.channels import (
+    account,
+    least_contact,
+    longest_round_trip,
+    playout_ticks,
+    signal_delay,
+    streams,
+)
+from weberlink.session.composition.coupling import coupling
+from weberlink.session.composition.link import (
+    ANONYMOUS,
+    Entropy,
+    Identity,
+    Stopwatch,
+    build_control,
+    build_endpoint,
+    build_tuning,
+    check_axes,
+    construct,
+    free_force,
+    located,
+)
+from weberlink.session.side import Side
+
+if TYPE_CHECKING:
+    from weberlink.arms.contract import ArmSpec, LeaderArm
+
+FASTEST_TOUCH = 1.0
+"""Speed of a hand that meets a wall [m/s], from which the default slew limit follows."""
+
+
+def build_master(
+    configuration: Configuration,
+    *,
+    security: Security,
+    entropy: Entropy,
+    epoch: float,
+    stopwatch: Stopwatch,
+    peer: Address,
+    identity: Identity = ANONYMOUS,
+) -> Side:
+    """The operator's side, not yet open.
+
+    Raises:
+        ConfigurationError: if the device cannot do what the file asks.
+    """
+    if configuration.system.codec.joints is not None:
+        from weberlink.session.composition.leading import build_leading  # noqa: PLC0415 - for arms alone
+
+        return build_leading(
+            configuration,
+            security=security,
+            entropy=entropy,
+            epoch=epoch,
+            stopwatch=stopwatch,
+            peer=peer,
+            identity=identity,
+        )
+    system, device = configuration.system, build_device(configuration)
+    forward, backward = streams(system)
+    force_limit = _force_limit(system, device)
+    control = build_control(configuration, build_master_control, coupling(configuration, device))
+    force_decoder = Decoder(backward[0])
+    tuning = build_tuning(system, force_decoder)
+
+    def force_bound(force: float) -> float:
+        return max(tuning.settings.weber * force, system.codec.force.floor_n)
+
+    endpoint = build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity)
+    free, longest = free_force(system), longest_round_trip(system) + signal_delay(system)
+    contact = ContactWatch(
+        ContactLimiter(force_limit, free, longest),
+        force_decoder,
+        endpoint,
+        least=least_contact(system),
+        sent=SentCommands(system.tick_period, longest),
+        delay=signal_delay(system),
+        playout=playout_ticks(system),
+    )
+    displays = [
+        Display(ForceLimiter(force_limit), SlewLimiter(_force_slew(system, device)), device.command, control, contact)
+    ]
+    limits, silence, engage = system.master.limits, system.link.silence_ms * 1e-3, system.master.engage
+    hand = HandPosition(control, force_bound, free)
+    outgoing = [OutgoingChannel("position", 0, Encoder(forward[0]), hand)]
+    incoming = [IncomingChannel("force", 0, force_decoder, hand, control)]
+    turning = None
+    if system.codec.rotation is not None:
+        from weberlink.control.axes import HANDLE, build_axes  # noqa: PLC0415 - for six degrees of freedom alone
+        from weberlink.master.rotation import HandOrientation  # noqa: PLC0415 - likewise
+
+        encoder = Encoder(forward[1])
+        orientation = HandOrientation(on_jump=encoder.reset)
+        outgoing.append(OutgoingChannel("orientation", 1, encoder, orientation))
+        incoming.append(IncomingChannel("torque", 1, Decoder(backward[1]), orientation))
+        torques = build_axes(system.control.scheme, HANDLE, account(system.control, system.master.mapping, turns=True))
+        displays.append(_torque_display(system, device, torques))
+        turning = torques, lambda: orientation.turned
+    port = OperatorPort(
+        device=device,
+        displays=displays,
+        control=control,
+        endpoint=endpoint,
+        hand=hand,
+        gate=ForceGate(ramp=limits.ramp_ms * 1e-3, silence=silence, fade_share=FADE_SHARE),
+        button=None if engage is None else engage.button,
+        turning=turning,
+    )
+    return Side(
+        port=port,
+        outgoing=outgoing,
+        incoming=incoming,
+        tuning=tuning,
+        endpoint=endpoint,
+        tick_period=system.tick_period,
+        horizon=HORIZON_SHARE * silence,
+        watchdog=Watchdog(limits.device_ms * 1e-3),
+        stopwatch=stopwatch,
+        playout=playout_ticks(system),
+    )
+
+
+def _torque_display(system: System, device: Device, control: AxesMaster) -> Display:
+    displayed = device.spec.torque_n_m
+    allowed = system.master.limits.torque_nm / _force_scale(system)
+    return Display(
+        ForceLimiter(min(allowed, displayed) if displayed > 0.0 else allowed),
+        SlewLimiter(_torque_slew(system, device)),
+        device.turn if isinstance(device, TorqueDevice) and displayed > 0.0 else None,
+        control,
+    )
+
+
+@located
+def build_device(configuration: Configuration) -> Device:
+    """The haptic device in the robot's frame, not yet open.
+
+    Raises:
+        ConfigurationError: if it cannot be made of its options, or the wire cannot say its positions.
+    """
+    system, part = configuration.system, configuration.device
+    assert part is not None
+    device: Device = construct("master.device", part.driver, part.options, system.tick_period, contract=Device)
+    check_force_ends(device, system.master.device.driver, system.master.accept_no_watchdog)
+    if system.master.mapping is not None:
+        device = _mapped(system, device)
+    check_button(system, device.spec)
+    _check_push(system, device)
+    _check_range("master.device", device.spec.workspace_m, device.spec.axes, system, streams(system)[0][0])
+    if system.codec.rotation is not None and not device.spec.orientation:
+        raise ConfigurationError(
+            f"codec.rotation: master.device driver {system.master.device.driver}, as it is set here, reports no "
+            "orientation; use one that does, or leave codec.rotation out"
+        )
+    return device
+
+
+def _force_limit(system: System, device: Device) -> float:
+    """Largest force of the robot that may reach the hand, in the robot's frame [N]."""
+    allowed = system.master.limits.force_n / _force_scale(system)
+    return min(allowed, device.spec.force_n) if device.spec.force_feedback else allowed
+
+
+def _force_slew(system: System, device: Device) -> float:
+    """Fastest change of the robot's force on the way to the hand, in the robot's frame [N/s]."""
+    limit, spec = system.master.limits.slew_n_s, device.spec
+    if limit is not None:
+        return limit / _force_scale(system)
+    if not spec.force_feedback:
+        return inf
+    mapping = system.master.mapping
+    return spec.stiffness_n_m * FASTEST_TOUCH * (1.0 if mapping is None else mapping.scale)
+
+
+def _torque_slew(system: System, device: Device) -> float:
+    """Fastest change of torque, in the robot's frame [N m/s].
+
+    No device tells how stiff a rotation it displays; so torque rises to its largest in the time in which force does.
+    """
+    limit, spec = system.master.limits.slew_nm_s, device.spec
+    if limit is not None:
+        return limit / _force_scale(system)
+    if not (spec.torque_n_m > 0.0 and spec.force_n > 0.0):
+        return inf
+    return spec.torque_n_m * _force_slew(system, device) / spec.force_n
+
+
+def check_button(system: System, spec: "DeviceSpec | ArmSpec") -> None:
+    """A dead-man button must be there, and must not be the clutch too."""
+    engage, mapping = system.master.engage, system.master.mapping
+    if engage is None:
+        return
+    if engage.button >= spec.buttons:
+        has = "no button" if not spec.buttons else f"the buttons 0 to {spec.buttons - 1}"
+        raise ConfigurationError(f"master.engage.button: {spec.name} has {has}, not {engage.button}")
+    if mapping is not None and mapping.clutch is not None and mapping.clutch.button == engage.button:
+        raise ConfigurationError(f"master.engage.button: {engage.button} is the button of master.mapping.clutch")
+
+
+def _check_push(system: System, device: Device) -> None:
+    """The displayed force is cut to the limit; one that cannot reach the push of the device would never stop it."""
+    push, limit = device.spec.push_n, system.master.limits.force_n
+    if push >= limit:
+        raise ConfigurationError(
+            f"master.limits.force_n {limit:g}: {device.spec.name} pushes with {push:g} N and stops only at a force of "
+            f"this size; use more, or less master.device.push_n"
+        )
+
+
+def _force_scale(system: System) -> float:
+    """Newtons on the hand for a newton on the robot."""
+    mapping = system.master.mapping
+    return 1.0 if mapping is None else mapping.force_scale
+
+
+def _check_range(where: str, workspace: tuple[Vector, Vector], axes: str, system: System, channel: Channel) -> None:
+    """A wire that cannot say a position of the device would move the robot elsewhere."""
+    check_axes(where, axes, system)
+    limit = channel.value_quantizer.limit
+    reach = max(abs(corner["xyz".index(axis)]) for corner in workspace for axis in system.axes)
+    if reach > limit:
+        raise ConfigurationError(
+            f"codec.position.step_m: spans {limit:g} m but {where} reaches {reach:g} m; "
+            f"use a step of at least {reach / INT16_MAX:.2g}"
+        )
+    bound = system.codec.position.bound_m
+    if bound >= reach:
+        raise ConfigurationError(
+            f"codec.position.bound_m {bound:g}: nothing would be sent, {where} reaches {reach:g} m; use less"
+        )
+
+
+def _mapped(system: System, device: Device) -> Device:
+    """The device in the robot's frame.
+
+    Raises:
+        ConfigurationError: if the device has no such button.
+    """
+    from weberlink.master.mapping import Clutch, FrameMap, MappedDevice, Walls  # noqa: PLC0415
+
+    mapping, limits = system.master.mapping, system.master.limits
+    assert mapping is not None
+    clutch = walls = None
+    if mapping.clutch is not None:
+        button = mapping.clutch.button
+        if button >= device.spec.buttons:
+            raise ConfigurationError(
+                f"master.mapping.clutch.button: {device.spec.name} has {device.spec.buttons} buttons, none is {button}"
+            )
+        clutch = Clutch(button)
+    if mapping.walls is not None:
+        (x0, x1), (y0, y1), (z0, z1) = mapping.walls.box_m or system.slave.limits.workspace_m
+        walls = Walls(((x0, y0, z0), (x1, y1, z1)), mapping.walls.stiffness_n_m)
+    return MappedDevice(
+        device,
+        FrameMap(mapping.rotation_deg, mapping.scale, mapping.force_scale, mapping.offset_m),
+        clutch=clutch,
+        walls=walls,
+        force_limit=limits.force_n,
+        ramp=limits.ramp_ms * 1e-3,
+    )
+
+
+def check_force_ends(device: "Device | LeaderArm", driver: str, accepted: str | None) -> None:
+    """See that the board of a device removes the force by itself, or that a guardian process does.
+
+    Args:
+        device: not wrapped by a mapping.
+        driver: its name.
+        accepted: `master.accept_no_watchdog`, the driver that may do without either.
+
+    Raises:
+        ConfigurationError: the device has force and neither of the two, and the file does not accept that.
+    """
+    spec = device.spec
+    ends = spec.watchdog_s is not None or (isinstance(device, GuardedDevice) and device.guarded)
+    if spec.force_feedback and not ends and accepted != driver:
+        raise ConfigurationError(
+            f"master.device: if this host stops, {driver} keeps its last force: its driver states no watchdog and has "
+            f"no guardian (see docs/how-to/driver.md); to accept that, set master.accept_no_watchdog: {driver}"
+        )

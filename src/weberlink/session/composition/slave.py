@@ -1,0 +1,205 @@
+"""Builds the teleoperator's side, with robot and scene, from a configuration."""
+
+from typing import TYPE_CHECKING
+
+from weberlink.codec import Decoder, Encoder
+from weberlink.codec.sample import INT16_MAX
+from weberlink.config import Configuration, ConfigurationError, System
+from weberlink.control.table import build_slave_control
+from weberlink.protocol import Role
+from weberlink.protocol.liveness import HORIZON_SHARE
+from weberlink.protocol.security import Security
+from weberlink.realtime.stall import Watchdog
+from weberlink.session.channels import IncomingChannel, OutgoingChannel, Unreached
+from weberlink.session.composition.channels import least_contact, playout_ticks, streams
+from weberlink.session.composition.coupling import STATED, coupling, press_limit
+from weberlink.session.composition.link import (
+    ANONYMOUS,
+    Entropy,
+    Identity,
+    Stopwatch,
+    build_control,
+    build_endpoint,
+    build_tuning,
+    check_axes,
+    construct,
+    located,
+)
+from weberlink.session.side import Side
+from weberlink.slave.robot_port import RobotPort
+from weberlink.slave.robots.contract import OrientedRobot, PosedRobot, Robot, TimedRobot
+from weberlink.slave.safety import CommandGuard, PressLimit, Workspace
+from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.scenes.settings import build
+
+if TYPE_CHECKING:
+    from weberlink.slave.rotation import ToolOrientation
+
+
+def build_slave(
+    configuration: Configuration,
+    *,
+    security: Security,
+    entropy: Entropy,
+    epoch: float,
+    stopwatch: Stopwatch,
+    identity: Identity = ANONYMOUS,
+    live: bool = False,
+) -> Side:
+    """The teleoperator's side, not yet open.
+
+    Args:
+        live: whether a simulated robot publishes its pose and measures its steps; not in virtual time.
+
+    Raises:
+        ConfigurationError: if the robot or the scene cannot be made as the file asks.
+    """
+    if configuration.system.codec.joints is not None:
+        from weberlink.session.composition.following import build_following  # noqa: PLC0415 - for arms alone
+
+        return build_following(
+            configuration, security=security, entropy=entropy, epoch=epoch, stopwatch=stopwatch, identity=identity
+        )
+    system, robot = configuration.system, build_robot(configuration)
+    if live and isinstance(robot, PosedRobot):
+        robot.publish_pose()
+    if live and isinstance(robot, TimedRobot):
+        robot.measure_steps(stopwatch)  # not in virtual time, whose results must not depend on the machine
+    forward, backward = streams(system)
+    limits = system.slave.limits
+    force_encoder = Encoder(backward[0])
+    control = build_control(configuration, build_slave_control, robot.spec.stiffness_n_m)
+    endpoint = build_endpoint(system, Role.RESPONDER, security, entropy, epoch, backward, forward, None, identity)
+    orientation = None if system.codec.rotation is None else _tool_orientation(system, robot)
+    port = RobotPort(
+        robot=robot,
+        guard=CommandGuard(
+            workspace=workspace_of(configuration, robot),
+            speed=limits.speed_m_s,
+            approach_speed=limits.approach_speed_m_s,
+            ramp=limits.ramp_ms * 1e-3,
+            retract=limits.retract_m if limits.on_silence == "retract" else 0.0,
+            trip_retract=limits.retract_m,
+        ),
+        followers=[] if orientation is None else [orientation],
+        control=control,
+        endpoint=endpoint,
+        press_limit=PressLimit(press_limit(system, robot), robot.spec.stiffness_n_m),
+        trip_force=robot.spec.force_n if limits.trip_n is None else limits.trip_n,
+        by_button=system.master.engage is not None,
+    )
+
+    def follows() -> bool:
+        return port.follows
+
+    unreached = Unreached(force_encoder.mirror, lambda: port.led(0), follows, least_contact(system), system.tick_period)
+    outgoing = [OutgoingChannel("force", 0, force_encoder, port.force, unreached)]
+    incoming = [IncomingChannel("position", 0, Decoder(forward[0]))]
+    if orientation is not None:
+        from weberlink.slave.rotation import ToolTorque  # noqa: PLC0415 - for six degrees of freedom alone
+
+        assert system.codec.rotation is not None
+        torque_encoder, least = Encoder(backward[1]), system.codec.rotation.torque.floor_nm
+        unturned = Unreached(torque_encoder.mirror, lambda: port.led(1), follows, least, system.tick_period)
+        outgoing.append(OutgoingChannel("torque", 1, torque_encoder, ToolTorque(port, orientation), unturned))
+        incoming.append(IncomingChannel("orientation", 1, Decoder(forward[1])))
+    return Side(
+        port=port,
+        outgoing=outgoing,
+        incoming=incoming,
+        tuning=build_tuning(system, force_encoder),
+        endpoint=endpoint,
+        tick_period=system.tick_period,
+        horizon=HORIZON_SHARE * system.link.silence_ms * 1e-3,
+        watchdog=Watchdog(limits.robot_ms * 1e-3),
+        stopwatch=stopwatch,
+        playout=playout_ticks(system),
+    )
+
+
+def _tool_orientation(system: System, robot: Robot) -> "ToolOrientation":
+    from weberlink.slave.rotation import ToolOrientation  # noqa: PLC0415 - for six degrees of freedom alone
+
+    assert isinstance(robot, OrientedRobot), "build_robot sees to it"
+    limits = system.slave.limits
+    return ToolOrientation(
+        robot,
+        speed=limits.turn_rad_s,
+        approach_speed=limits.approach_turn_rad_s,
+        ramp=limits.ramp_ms * 1e-3,
+    )
+
+
+@located
+def build_robot(configuration: Configuration) -> Robot:
+    """The robot with the scene that it touches, not yet open.
+
+    Raises:
+        ConfigurationError: if either cannot be made of its options, the wire cannot say its forces, or a limit
+            of the file is beyond its range.
+    """
+    system, part = configuration.system, configuration.robot
+    assert part is not None
+    options = part.options
+    if getattr(options, STATED, 0.0) is None:
+        options = options.model_copy(update={STATED: coupling(configuration)})
+    robot: Robot = construct("slave.robot", part.driver, options, _scene(system), system.tick_period, contract=Robot)
+    check_axes("slave.robot", robot.spec.axes, system)
+    force = streams(system)[1][0].value_quantizer.limit
+    if robot.spec.force_n > force:
+        raise ConfigurationError(
+            f"codec.force.step_n: spans {force:g} N but slave.robot reports up to {robot.spec.force_n:g} N; "
+            f"use a step of at least {robot.spec.force_n / INT16_MAX:.2g}"
+        )
+    press_limit(system, robot)
+    if system.codec.rotation is not None:
+        _check_rotation(system, robot)
+    return robot
+
+
+def _check_rotation(system: System, robot: Robot) -> None:
+    torque = robot.spec.torque_n_m
+    if not (isinstance(robot, OrientedRobot) and torque > 0.0):
+        raise ConfigurationError(
+            f"codec.rotation: slave.robot driver {system.slave.robot.driver}, as it is set here, takes no orientation; "
+            "use one that does, or leave codec.rotation out"
+        )
+    limit = streams(system)[1][1].value_quantizer.limit
+    if torque > limit:
+        raise ConfigurationError(
+            f"codec.rotation.torque.step_nm: spans {limit:g} N m but slave.robot reports up to {torque:g} N m; "
+            f"use a step of at least {torque / INT16_MAX:.2g}"
+        )
+
+
+@located
+def build_scene(configuration: Configuration) -> Scene | None:
+    """What there is to touch; None where the file names nothing.
+
+    Raises:
+        ConfigurationError: if an object of the scene cannot be made.
+    """
+    return _scene(configuration.system)
+
+
+def _scene(system: System) -> Scene | None:
+    if not system.slave.scene:
+        return None
+    try:
+        return build(system.slave.scene)
+    except ValueError as error:
+        raise ConfigurationError(f"slave.scene: {error}") from None
+
+
+@located
+def workspace_of(configuration: Configuration, robot: Robot) -> Workspace:
+    """Where the robot may be commanded to: its own workspace within that of the file."""
+    allowed = configuration.system.slave.limits.workspace_m
+    spans = [
+        (max(low, robot_low), min(high, robot_high))
+        for (low, high), robot_low, robot_high in zip(allowed, *robot.spec.workspace_m, strict=True)
+    ]
+    if not all(low < high for low, high in spans):
+        raise ConfigurationError("slave.limits.workspace_m: leaves nothing of the robot's own workspace")
+    (x0, x1), (y0, y1), (z0, z1) = spans
+    return (x0, y0, z0), (x1, y1, z1)

@@ -1,0 +1,233 @@
+"""The control socket of a daemon: requests to change settings, and to stop, while a session runs.
+
+The daemon answers between ticks. Only its own user can ask: the socket is a file of mode 0600 beside the ring.
+"""
+
+import json
+import socket
+import stat
+from collections.abc import Awaitable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING, Any, Protocol
+
+from weberlink.bounded_json import parse
+from weberlink.telemetry.runtime_directory import ForeignFileError, check, listening_socket
+
+if TYPE_CHECKING:  # who only asks needs no event loop
+    import asyncio
+
+    from weberlink.control.tuning import Tuning
+    from weberlink.realtime.shell import Transport
+    from weberlink.session.live_link import LiveLink
+
+LONGEST_QUESTION = 1024
+LONGEST_ANSWER = 4096
+"""Both in bytes."""
+LOOK_S = 0.01
+"""Time between two checks for the peer's answer [s]."""
+QUESTIONS_A_LOOK = 8
+LONGEST_REASON = 100
+"""Characters of an outcome."""
+AT_ONCE = frozenset({"emergency", "stop", "delay_ms", "jitter_ms", "loss"})
+"""Requests that concern one side alone, and are done when they are answered."""
+NO_EMULATION = "this session emulates no link: add emulate: {} under link in its file"
+
+
+class LiveChangeError(RuntimeError):
+    """No daemon answered, or the answer cannot be read; one line."""
+
+
+class Controllable(Protocol):
+    """A side whose settings can be changed, and that can be stopped."""
+
+    tuning: "Tuning"
+
+    def propose(self, change: Mapping[str, object], now: float) -> str | None: ...
+
+    def stop(self, now: float, reason: str) -> None: ...
+
+    def emergency(self, now: float) -> None: ...
+
+
+def path_beside(ring: str | Path) -> Path:
+    return Path(ring).with_suffix(".ask")
+
+
+def ask(ring: str | Path, request: Mapping[str, Any], patience_s: float = 2.0) -> dict[str, Any]:
+    """Ask something of the daemon that writes a ring; blocks until it answers.
+
+    Args:
+        ring: its path.
+        request: one of these, or empty to ask what is in force only:
+
+            - `weber` (0 to less than 1) or `predictor`, or both: of both sides, answered once they agree;
+            - any of `delay_ms`, `jitter_ms`, `loss`: of what this side sends from now on, where the file has
+              `link.emulate`;
+            - `stop`, with the outcome in words: an orderly end;
+            - `emergency`, True: no force and no motion from the next tick on; the run has failed.
+        patience_s: how long to wait [s].
+
+    Returns:
+        `accepted`, or `why` not. With settings of both sides `tick` of that daemon from which on they hold. Always
+        `settings` and `generation`, `pending` settings that are agreed and not yet in force, and `link`: delay, jitter
+        and loss in force, None without emulation.
+
+    Raises:
+        LiveChangeError: no daemon of this user or of root is there, or it does not answer in time.
+    """
+    path = path_beside(ring)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as asker:
+        asker.bind("")  # an address of the kernel's choice, so that we can be answered
+        asker.settimeout(patience_s)
+        try:
+            check(path, path.lstat(), stat.S_IFSOCK)
+            asker.connect(str(path))  # from here on the kernel takes answers of this daemon alone
+            asker.send(json.dumps(dict(request)).encode())
+            answer = parse(asker.recv(LONGEST_ANSWER + 1), LONGEST_ANSWER)
+        except TimeoutError:
+            raise LiveChangeError(f"the daemon did not answer in {patience_s:g} s") from None
+        except ForeignFileError as error:
+            raise LiveChangeError(str(error)) from None
+        except OSError as error:
+            raise LiveChangeError(f"{path}: no daemon answers there: {error.strerror}") from None
+        except ValueError as error:
+            raise LiveChangeError(f"the daemon's answer cannot be read: {error}") from None
+    if not isinstance(answer, dict):
+        raise LiveChangeError("the daemon's answer is no object")
+    return answer
+
+
+class ControlSocket:
+    """The daemon's end: takes requests between ticks and hands them to its side."""
+
+    def __init__(self, ring: str | Path, side: Controllable, link: "LiveLink | None" = None) -> None:
+        self._path = path_beside(ring)
+        self._side = side
+        self._link = link
+        self._socket: socket.socket | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._waiting: str | bytes | None = None
+        """Who waits for the answer of the peer; there is one at most, because there is one change at a time."""
+        self._timer: asyncio.TimerHandle | None = None
+
+    def open(self, loop: "asyncio.AbstractEventLoop") -> None:
+        """Listen.
+
+        Raises:
+            OSError: there is no room for the socket's file.
+        """
+        listener = listening_socket(self._path)
+        self._socket, self._loop = listener, loop
+        loop.add_reader(listener.fileno(), self._on_question)
+
+    def close(self) -> None:
+        """Stop listening; may be repeated."""
+        if self._socket is None:
+            return
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.remove_reader(self._socket.fileno())
+        self._socket.close()
+        self._socket = None
+        self._path.unlink(missing_ok=True)
+
+    def _on_question(self) -> None:
+        for _ in range(QUESTIONS_A_LOOK):
+            if self._socket is None:
+                return
+            try:
+                data, sender = self._socket.recvfrom(LONGEST_QUESTION + 1)
+            except OSError:
+                return
+            try:
+                request = parse(data, LONGEST_QUESTION)
+            except ValueError:
+                request = None
+            self._take(request if isinstance(request, dict) else None, sender)
+
+    def _take(self, request: dict[str, object] | None, sender: str | bytes) -> None:
+        self._tell_result()  # before another change takes its place
+        if request is None:
+            self._answer(sender, {"accepted": False, "why": "a question is a JSON object"})
+        elif not request:
+            self._answer(sender, {})
+        elif (refusal := self._do(request)) is not None:
+            self._answer(sender, {"accepted": False, "why": refusal})
+        elif not set(request).isdisjoint(AT_ONCE):
+            self._answer(sender, {"accepted": True})
+        else:
+            self._waiting = sender
+            self._look()
+
+    def _do(self, request: dict[str, object]) -> str | None:
+        """Begin what is asked; why not, or None."""
+        if "emergency" in request:  # first, and whatever else is asked for
+            return self._emergency(request["emergency"])
+        if "stop" in request:
+            return self._stop(request["stop"]) if len(request) == 1 else "ask for stop alone"
+        if not set(request).isdisjoint(AT_ONCE):
+            return NO_EMULATION if self._link is None else self._link.change(request)
+        return self._side.propose(request, monotonic())
+
+    def _emergency(self, value: object) -> str | None:
+        if value is not True:
+            return f"emergency must be true, not {value!r}"
+        self._side.emergency(monotonic())
+        return None
+
+    def _stop(self, reason: object) -> str | None:
+        if not (isinstance(reason, str) and 0 < len(reason) <= LONGEST_REASON and reason.isprintable()):
+            return f"stop must be the outcome in words, 1 to {LONGEST_REASON} printable characters"
+        self._side.stop(monotonic(), reason)
+        return None
+
+    def _look(self) -> None:
+        """Answer who waits, now or as soon as the peer has answered."""
+        self._tell_result()
+        if self._waiting is not None and self._timer is None and self._loop is not None and self._socket is not None:
+            self._timer = self._loop.call_later(LOOK_S, self._on_timer)
+
+    def _on_timer(self) -> None:
+        self._timer = None
+        self._look()
+
+    def _tell_result(self) -> None:
+        result = self._side.tuning.result
+        if self._waiting is None or result is None:
+            return
+        accepted = result.refusal is None
+        told: dict[str, object] = {"tick": result.tick} if accepted else {"why": result.refusal}
+        self._answer(self._waiting, {"accepted": accepted} | told)
+        self._waiting = None
+
+    def _answer(self, sender: str | bytes, content: dict[str, object]) -> None:
+        tuning = self._side.tuning
+        pending = None if tuning.pending is None else tuning.pending._asdict()
+        in_force = {
+            "settings": tuning.settings._asdict(),
+            "generation": tuning.generation,
+            "pending": pending,
+            "link": None if self._link is None else self._link.in_force,
+        }
+        if self._socket is not None:
+            with suppress(OSError):  # the asker has ended, or does not read
+                self._socket.sendto(json.dumps(content | in_force).encode(), sender)
+
+
+class WithControlSocket:
+    """A transport with a control socket that is open as long as it is."""
+
+    def __init__(self, transport: "Transport", control: ControlSocket) -> None:
+        self._transport = transport
+        self._control = control
+        self.service = transport.service  # bound here, so that a tick pays nothing for the control socket
+        self.flush = transport.flush
+
+    def open(self, loop: "asyncio.AbstractEventLoop") -> Awaitable[None] | None:
+        self._control.open(loop)
+        return self._transport.open(loop)
+
+    def close(self) -> None:
+        self._control.close()
+        self._transport.close()

@@ -1,0 +1,266 @@
+"""One daemon: one side of a configuration, in real time, in a process of its own.
+
+The launcher starts it with a `DaemonOrder` as JSON; it answers with a summary as JSON on standard output.
+"""
+
+import json
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from random import Random
+from signal import SIG_SETMASK, SIG_UNBLOCK, SIGHUP, Signals, pthread_sigmask, signal
+from time import monotonic, perf_counter, time_ns
+from traceback import format_exception, print_exception
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from weberlink.config import MASTER, Configuration, ConfigurationError, System, load
+from weberlink.config.errors import trace_of
+from weberlink.config.finders import PathFinder, finder_of, finding
+from weberlink.config.model import split_address
+from weberlink.order import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS
+from weberlink.protocol.aio.paths import MakePaths, peer_address
+from weberlink.protocol.aio.udp import UdpShell
+from weberlink.realtime.garbage import GarbageSchedule
+from weberlink.realtime.process import Grants, die_with_parent, prepare
+from weberlink.realtime.shell import REASONS, Run, Transport, run
+from weberlink.registry import fault_of, in_words
+from weberlink.session import description
+from weberlink.session.composition.link import Identity, build_link, build_security
+from weberlink.session.control_socket import ControlSocket, WithControlSocket
+from weberlink.session.daemon_order import DaemonOrder, failure
+from weberlink.session.side import Side
+from weberlink.telemetry.ring import RingWriter
+
+if TYPE_CHECKING:
+    from weberlink.session.live_link import LiveLink
+
+RING_SECONDS = 10.0
+GARBAGE_EVERY_S = 1.0
+STOP_SLACK_S, STOP_FADES = 1.0, 2.0
+"""Longest orderly stop: a time [s], and multiples of that in which the force fades, because late ticks stretch it."""
+
+
+class StartError(Exception):
+    """The device or the robot could not be opened."""
+
+
+class Stopped(Exception):  # noqa: N818 - an end like any other
+    """A signal came while the device or the robot was being opened; the message is the outcome."""
+
+
+def main(text: str) -> int:
+    """Run an order; returns the exit status. Errors are one line on standard error."""
+    order = DaemonOrder.from_json(text)
+    die_with_parent(SIGHUP, order.parent)
+    try:
+        configuration = load(Path(order.file), order.overrides, sides=[order.side])
+        summary = serve(order, configuration)
+    except ConfigurationError as error:
+        return _complain(order, str(error), MISCONFIGURED, trace_of(error))
+    except (StartError, OSError) as error:  # among them a port in use, a ring in use
+        fault = fault_of(error)
+        # An OSError's own text begins with its number.
+        text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        told = text if fault is None else fault.text
+        return _complain(order, told, FAILED, () if fault is None else format_exception(error))
+    except Exception as error:
+        fault = fault_of(error)
+        if fault is None or not fault.is_foreign:  # of this program itself: whoever mends it needs the trace
+            print_exception(error)
+        told = f"internal error: {in_words(error)}" if fault is None else fault.text
+        return _complain(order, told, FAILED, format_exception(error))
+    _tell(summary)
+    return FAILED if summary["failed"] else COMPLETED
+
+
+def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
+    """Run one side to its end.
+
+    Returns:
+        Outcome, faults, drops, rights and garbage collection, which the telemetry does not contain.
+
+    Raises:
+        ConfigurationError, StartError, OSError: before the first tick.
+        Exception: whatever a driver, another part or this program itself raised.
+    """
+    system = configuration.system
+    realtime = system.realtime
+    cpu = None if realtime.cpus is None else realtime.cpus[0 if order.side == MASTER else 1]
+    epoch = monotonic()  # the first tick is that of the first deadline after opening
+    finder = finder_of(configuration, order.side)
+    side = _build(order, configuration, epoch, finder)
+    with ExitStack() as stack:
+        # Before the rights are taken, so that it gets none, and has imported its libraries by the time of the session.
+        paths = stack.enter_context(finding(configuration, finder, take_over=order.take_over))
+        # After the imports of the side: with real-time rights they would hold up the other side.
+        grants = prepare(realtime.priority, realtime.lock_memory, cpu, wakeful=realtime.wakeful)
+        link = emulated_link(order.side, system, epoch)
+        udp = _transport(order.side, system, side, link, paths)
+        transport = WithControlSocket(udp, ControlSocket(order.ring, side, link))
+        capacity = int(RING_SECONDS * system.rate_hz)
+        described = description.Description(order.ring, description.describe(configuration, order.side, side.port))
+        described.publish(paths=udp.paths)
+        stack.callback(described.remove)
+        try:
+            ring = RingWriter.create(order.ring, side=order.side, rate_hz=system.rate_hz, capacity=capacity)
+            # Launcher and recorder may be slow to start: the launcher removes the file when both have read it.
+            stack.callback(lambda: ring.close(unlink=os.getppid() != order.parent))
+            run_ = _drive(side, udp, transport, configuration, order, epoch, ring, described)
+        except Stopped as stopped:
+            return failure(str(stopped)) | {"failed": False, "realtime": grants.as_dict()}
+    return _summary(run_, side, udp, grants)
+
+
+def _build(order: DaemonOrder, configuration: Configuration, epoch: float, finder: PathFinder | None) -> Side:
+    link = configuration.system.link
+    if finder is not None:
+        security, name, expects = finder.security, finder.own, finder.expects
+    else:
+        security, name, expects = build_security(configuration), description.default_name(order.side, link.listen), ""
+    common: dict[str, Any] = {
+        "security": security,
+        "entropy": os.urandom,
+        "epoch": epoch,
+        "stopwatch": perf_counter,
+        "identity": Identity(name, expects, order.take_over, lambda _now: time_ns()),
+    }
+    # Each side imports its own parts only.
+    if order.side == MASTER:
+        from weberlink.session.composition.master import build_master  # noqa: PLC0415
+
+        peer = peer_address(expects) if configuration.finds_path else split_address(link.slave)
+        return build_master(configuration, peer=peer, **common)
+    from weberlink.session.composition.slave import build_slave  # noqa: PLC0415
+
+    return build_slave(configuration, live=True, **common)
+
+
+def emulated_link(name: str, system: System, epoch: float) -> "LiveLink | None":
+    """The faults of what this side sends, with its own random numbers; None where the file asks for none."""
+    emulate = system.link.emulate
+    if emulate is None:
+        return None
+    from weberlink.session.live_link import LiveLink  # noqa: PLC0415 - only where a file asks for it
+
+    to_slave, to_master = emulate.directions
+    faults = to_slave if name == MASTER else to_master
+    uniform = Random(f"{emulate.seed}/{name}").random  # noqa: S311
+    fixed = None if system.control.live_changes else "the link is fixed in this session: control.live_changes is off"
+    return LiveLink(faults, build_link(faults, uniform, epoch), fixed)
+
+
+def _transport(name: str, system: System, side: Side, link: "LiveLink | None", paths: MakePaths) -> UdpShell:
+    return UdpShell(
+        side.endpoint,
+        now=monotonic,
+        listen=("", 0) if name == MASTER else split_address(system.link.listen),
+        link=None if link is None else link.link,
+        dscp=system.link.dscp,
+        paths=paths,
+        on_no_path=lambda why: side.give_up(monotonic(), why),
+    )
+
+
+def _drive(
+    side: Side,
+    udp: UdpShell,
+    transport: Transport,
+    configuration: Configuration,
+    order: DaemonOrder,
+    epoch: float,
+    ring: RingWriter,
+    described: description.Description,
+) -> Run:
+    missed = 0
+    last_index: int | None = None
+    peer, paths = side.peer, udp.paths
+
+    def write(index: int, deadline: float, now: float, work_us: float) -> None:
+        nonlocal missed, last_index, peer, paths
+        missed += 0 if last_index is None else index - last_index - 1
+        last_index = index
+        ring.write(side.values((now - deadline) * 1e6, work_us, missed))
+        if side.peer is not peer or udp.paths is not paths:
+            peer, paths = side.peer, udp.paths
+            with suppress(OSError):  # no space in memory; telemetry has its own already
+                described.publish(peer._asdict(), paths)
+
+    system = configuration.system
+    try:
+        with _interruptible():
+            side.open(monotonic())
+    except side.port.fault as fault:
+        raise StartError(str(fault)) from fault
+    except Stopped:
+        side.close()
+        raise
+    try:
+        return run(
+            side,
+            transport=transport,
+            ticker_period=system.tick_period,
+            duration_s=order.duration_s,
+            start_at=epoch,
+            stop_limit_s=stop_limit_s(system, order.side),
+            after_tick=write,
+            garbage=GarbageSchedule(max(1, int(GARBAGE_EVERY_S * system.rate_hz))),
+            busy_poll=system.realtime.busy_poll,
+        )
+    finally:
+        side.close()
+
+
+def stop_limit_s(system: System, side: str) -> float:
+    """Hard bound on an orderly stop [s]: the operator's end fades the force first, the robot's end leaves at once."""
+    fade = system.master.limits.ramp_ms * 1e-3 if side == MASTER else 0.0
+    return STOP_SLACK_S + STOP_FADES * fade
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """Let stop signals end what takes long before the loop runs: a device may wait for a person to home it."""
+
+    def stop(number: int, _frame: FrameType | None) -> None:
+        raise Stopped(REASONS.get(Signals(number), "terminated"))
+
+    before = {number: signal(number, stop) for number in STOP_SIGNALS}
+    held_back = pthread_sigmask(SIG_UNBLOCK, STOP_SIGNALS)
+    try:
+        yield
+    finally:
+        pthread_sigmask(SIG_SETMASK, held_back)  # from here on they wait for the loop
+        for number, handler in before.items():
+            signal(number, handler)
+
+
+def _summary(run_: Run, side: Side, udp: UdpShell, grants: Grants) -> dict[str, Any]:
+    return {
+        "outcome": side.outcome or run_.outcome,
+        "failed": side.failure is not None or not run_.orderly,
+        "faults": side.faults,
+        "drops": side.drops,
+        "peer": side.peer._asdict(),
+        "paths": [path._asdict() for path in udp.paths],
+        "realtime": grants.as_dict(),
+        "garbage": None if run_.garbage is None else run_.garbage.summary(),
+    }
+
+
+def _complain(order: DaemonOrder, text: str, status: int, trace: Sequence[str]) -> int:
+    sys.stderr.write(f"weberlink {order.side}: {text}\n")
+    _tell(failure(text, trace))
+    return status
+
+
+def _tell(summary: dict[str, Any]) -> None:
+    """Answer the launcher, if it is still there."""
+    with suppress(BrokenPipeError):
+        sys.stdout.write(json.dumps(summary))
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))

@@ -1,0 +1,553 @@
+"""The side loop: what either end of a session does in a tick, in real or in virtual time."""
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from math import ceil, inf, isfinite, nan
+from typing import Any, NamedTuple
+
+from weberlink.control.contract import CREDIT_STEP
+from weberlink.control.tuning import LEAD_TICKS, Tuning, lead
+from weberlink.order import EMERGENCY
+from weberlink.protocol.endpoint import Endpoint
+from weberlink.protocol.events import (
+    ChangeAnswered,
+    ChangeProposed,
+    DatagramDropped,
+    DropReason,
+    Event,
+    PeerClosed,
+    PeerReturned,
+    PeerSilent,
+    Refused,
+    TakenOver,
+    UpdateLost,
+    UpdateReceived,
+)
+from weberlink.protocol.states import State
+from weberlink.realtime.stall import StallDetector, Watchdog
+from weberlink.session.channels import IncomingChannel, OutgoingChannel
+from weberlink.session.port import Port
+from weberlink.session.rows import CartesianRows, ChannelRows
+from weberlink.telemetry.fault import Fault, FaultLedger
+from weberlink.telemetry.record import Record
+from weberlink.telemetry.row import Row
+from weberlink.update import Update
+
+CONNECT_PATIENCE = 1.0
+"""A run that ends without a session after longer than this has failed, not completed [s]."""
+
+_ENGAGED = State.ENGAGED
+_WITHOUT_SESSION = (State.CONNECTING, State.LISTENING)
+_DEVICE, _UNFOUNDED, _NO_FAULT = Fault.DEVICE, Fault.UNFOUNDED, Fault.NONE
+
+
+class PeerFacts(NamedTuple):
+    """What a side knows of its peer in words.
+
+    Args:
+        name: of the peer of the present session, or of the last one.
+        refusal: why the last call was refused, while there is no session.
+        farewell: the reason that the peer gave when it left the last session.
+    """
+
+    name: str = ""
+    refusal: str = ""
+    farewell: str = ""
+
+
+class Side:
+    """One end of the system: a port, its channels, and the endpoint that links it with the other end.
+
+    Times are on the clock of the caller, which also fetches the endpoint's datagrams.
+
+    Args:
+        port: senses and actuates; not yet open.
+        outgoing: what is sensed here, by stream.
+        incoming: what is actuated here, by stream.
+        tuning: the settings that may change while a session lives.
+        endpoint: this end of the session.
+        tick_period: of both sides, as agreed [s].
+        horizon: how long a model is extrapolated past the last sign of the peer's encoder [s].
+        watchdog: expires when the port gives no usable reading for too long.
+        stopwatch: a clock [s], for the time spent in the codec; a constant in virtual time.
+        rows: what telemetry records of the channels.
+        playout: how much later than an update that took the least delay every update is used [ticks]; 0 to use each at
+            once.
+    """
+
+    def __init__(
+        self,
+        *,
+        port: Port,
+        outgoing: Sequence[OutgoingChannel],
+        incoming: Sequence[IncomingChannel],
+        tuning: Tuning,
+        endpoint: Endpoint,
+        tick_period: float,
+        horizon: float,
+        watchdog: Watchdog,
+        stopwatch: Callable[[], float],
+        rows: Callable[..., ChannelRows] = CartesianRows,
+        playout: int = 0,
+    ) -> None:
+        self.port = port
+        self.outgoing, self.incoming = outgoing, incoming
+        self._channels: list[OutgoingChannel | IncomingChannel] = [*outgoing, *incoming]
+        self._sensors = tuple(channel.sensor for channel in outgoing)
+        self.tuning = tuning
+        self.endpoint = endpoint
+        self.failure: str | None = None
+        """Why the run ends otherwise than by request; None while it does not."""
+        self.stopped = False
+        self.index = 0
+        self.deadline = 0.0
+        self.codec_time = 0.0
+        """Time that the codec took in this tick [s]."""
+        self.engaged = False
+        """Whether the updates of the peer are acted on."""
+        self.peer = PeerFacts()
+        """Replaced when there is news."""
+        self.pace = StallDetector(tick_period)
+        self._leads = port.leads
+        self._tick_period = tick_period
+        self._horizon = horizon
+        self._watchdog = watchdog
+        self._stopwatch = stopwatch
+        self._stopping: str | None = None
+        self._faults = FaultLedger()
+        self._opened_at = 0.0
+        self._session = 0
+        """Number of the session, as the endpoint counts them; 0 before the first."""
+        self._encodes = False
+        self._is_fresh = True
+        self._is_paused = False
+        self._is_unfounded = False
+        self._last_reading_at = nan
+        self._peer_tick = 0.0
+        self._playout = playout
+        self._waiting: deque[UpdateReceived] = deque()
+        """Updates that are not to be used yet."""
+        self._row = Row()
+        self._rows = rows(outgoing, incoming, leads=port.leads)
+        self._state: State | None = None
+        """The one in the row."""
+
+    @property
+    def outcome(self) -> str | None:
+        """How the run ends, once that is decided: the failure, or the reason given to `stop`."""
+        return self.failure or self._stopping
+
+    @property
+    def faults(self) -> dict[str, int]:
+        """How often each fault occurred, by name."""
+        return self._faults.counts
+
+    @property
+    def drops(self) -> dict[str, int]:
+        """Number of datagrams refused, by reason."""
+        return {str(reason): count for reason, count in self.endpoint.statistics.dropped.items()}
+
+    def open(self, now: float) -> None:
+        """Open the device or robot, and call the peer or listen.
+
+        Raises:
+            RuntimeError: the device or robot cannot be opened.
+        """
+        self._opened_at = now
+        self.port.open(now)
+        self.endpoint.connect(now)
+
+    def close(self) -> None:
+        self.port.close()
+
+    def tick(self, index: int, deadline: float, now: float) -> None:
+        """Do the work of tick `index`, due at `deadline`, at `now` [s]."""
+        self.index, self.deadline = index, deadline
+        self.codec_time = 0.0
+        elapsed = self.pace.tick(now)
+        if self.pace.settling:
+            self._settle(now)
+        self._hear(now)
+        if self.tuning.is_busy:
+            peer_time = self.endpoint.clock.peer_time(deadline)
+            self._guarded(self.tuning.advance, index, None if peer_time is None else peer_time / self._tick_period)
+        self._follow_peer_clock(now)
+        if self._waiting:
+            self._play_out()
+        if self._leads:
+            self._sense(now)
+            self._engage(now)
+            self._send(index, now, elapsed)
+            self._actuate(now, elapsed)
+        else:
+            self._engage(now)
+            self._actuate(now, elapsed)
+            self._sense(now)
+            self._send(index, now, elapsed)
+        if self._stopping is not None and not self.stopped and self.port.at_rest:
+            self._leave(now, self._stopping)
+
+    def propose(self, change: Mapping[str, object], now: float) -> str | None:
+        """Ask the peer for other settings from one tick on; why not, or None and `tuning.result` follows."""
+        complaint = self.tuning.complaint(change)
+        if complaint is not None:
+            return complaint
+        if self.endpoint.state is not State.ENGAGED or self.endpoint.sessions != self._session:
+            return "no session: the other side is not there"
+        self._propose(self.tuning.ask(change), now)
+        return None
+
+    def _propose(self, body: bytes, now: float) -> None:
+        ahead = lead(self.endpoint.clock.rtt, self.endpoint.clock.jitter)
+        tick = self.index + LEAD_TICKS + ceil(ahead / self._tick_period)
+        if not self.endpoint.propose_change(now, tick, body):
+            raise AssertionError("the tuning allows one change at a time")
+
+    def _answered_at(self, now: float) -> float:
+        """Tick of the peer at which nearly every answer that leaves now has arrived.
+
+        The mapping of its clock errs by half the asymmetry of the delays, so half a round trip more is exact.
+        """
+        clock = self.endpoint.clock
+        peer_time, rtt = clock.peer_time(now), clock.rtt
+        if peer_time is None or rtt is None:
+            return inf
+        return (peer_time + 0.5 * rtt + clock.jitter) / self._tick_period + 0.5 * LEAD_TICKS
+
+    def stop(self, now: float, reason: str) -> None:
+        """Leave the session: the robot's end at once, the operator's end when the force has faded to zero."""
+        if self._leads and self._stopping is None and reason == "completed" and self._session == 0:
+            waited = now - self._opened_at
+            if waited > CONNECT_PATIENCE:
+                self.failure = f"the slave did not answer in {waited:.1f} s"
+        self._stopping = self._stopping or reason
+        if not self._leads and not self.stopped:
+            self.port.release(retreat=False)
+            self._leave(now, reason)
+
+    def give_up(self, now: float, why: str) -> None:
+        """Leave as `stop` does, and end the run as failed: there will be no session."""
+        self.failure = self.failure or why
+        self.stop(now, why)
+
+    def emergency(self, now: float) -> None:
+        """Zero force or hold at once, without a fade; leave in the next tick. The run ends as failed."""
+        self.port.restart()  # closes the gate of the force
+        self.port.halt(now)
+        self.give_up(now, EMERGENCY)
+
+    def fail(self, now: float, error: BaseException) -> None:
+        """Zero force or hold, and leave, at once; no tick follows."""
+        self.port.halt(now)
+        self._close(now, f"failed: {error}")
+
+    def record(self) -> Record:
+        """The telemetry of the tick just done, in virtual time."""
+        return Record._make(self.values(0.0, 0.0, 0))
+
+    def values(self, lateness_us: float, work_us: float, missed: int) -> tuple[float, ...]:
+        """The telemetry of the tick just done, as a `weberlink.telemetry.record.Record`."""
+        row, endpoint, port = self._row, self.endpoint, self.port
+        statistics = endpoint.statistics
+        self._rows.fill(row, statistics)
+        peer_at = endpoint.clock.peer_time(self.deadline)
+        row.at = self.deadline
+        row.peer_at = nan if peer_at is None else peer_at
+        row.weber = self.tuning.settings.weber
+        row.tick = self.index
+        row.ticks_missed = missed
+        row.datagrams_sent = statistics.sent
+        row.datagrams_received = statistics.received
+        row.datagrams_lost = statistics.lost
+        row.datagrams_dropped = statistics.drops
+        row.bytes_sent = statistics.bytes_sent
+        row.updates_sent = statistics.updates_sent[0]
+        row.updates_received = statistics.updates_received[0]
+        row.repeats = statistics.repeats
+        row.heartbeats = statistics.heartbeats
+        row.lateness_us = lateness_us
+        row.work_us = work_us
+        row.codec_us = self.codec_time * 1e6
+        row.rtt_us = nan if statistics.rtt is None else statistics.rtt * 1e6
+        row.one_way_us = nan if statistics.one_way is None else statistics.one_way * 1e6
+        row.jitter_us = nan if statistics.rtt is None else endpoint.clock.jitter * 1e6
+        row.incoming_loss = statistics.incoming_loss
+        row.outgoing_loss = statistics.outgoing_loss
+        row.peer_burst = statistics.incoming_burst
+        control = port.controls[0]
+        row.energy, row.credit = control.energy, CREDIT_STEP * max(endpoint.credit.known, control.credit)
+        if endpoint.state is not self._state:
+            self._state = endpoint.state
+            row.state = endpoint.state.value
+        row.fault = self._faults.active
+        row.settings = self.tuning.generation & 0xFF
+        port.report(row, is_led=self.engaged or self.pace.settling or endpoint.state is not _ENGAGED)
+        return row.values()
+
+    def _leave(self, now: float, reason: str) -> None:
+        self._close(now, reason)
+        self.stopped = True
+
+    def _close(self, now: float, reason: str) -> None:
+        if self.endpoint.state is not State.CLOSED:  # a refusal has closed it already
+            self.endpoint.close(now, reason)
+
+    # --- what the peer says
+
+    def _hear(self, now: float) -> None:
+        for channel in self.incoming:
+            channel.received = 0
+        if self.endpoint.sessions != self._session:
+            self._begin()
+        while (event := self.endpoint.next_event()) is not None:
+            self._take(event, now)
+
+    def _take(self, event: Event, now: float) -> None:
+        """Other events need nothing: `_hear` and `_engage` see the state, and the endpoint counts what it drops."""
+        match event:
+            case UpdateReceived():
+                if self._playout:
+                    self._waiting.append(event)
+                else:
+                    self._apply(event.update, event.stream)
+            case PeerSilent(is_heard):
+                self._fall_silent(is_heard=is_heard)
+            case PeerReturned():
+                self._faults.clear(Fault.SILENCE, Fault.UNHEARD)
+                self._forget()
+            case UpdateLost(stream):
+                self.outgoing[stream].encoder.restart()
+            case ChangeProposed():
+                self._guarded(self._answer, event, now)
+            case ChangeAnswered(tick, body, refusal):
+                self._guarded(self.tuning.settle, tick, body, refusal)
+            case _:
+                self._take_notice(event, now)
+
+    def _take_notice(self, event: Event, now: float) -> None:
+        """Take an event that says why there is no session, or why it ended."""
+        match event:
+            case PeerClosed(farewell):
+                self.peer = self.peer._replace(farewell=farewell)
+            case DatagramDropped(reason):
+                if reason is DropReason.UNPROVEN and self.endpoint.state in _WITHOUT_SESSION:
+                    self._faults.meet(Fault.UNPROVEN)
+            case TakenOver(name):
+                self._give_up(Fault.TAKEN_OVER, f"taken over by {name}", now)
+            case Refused(message):
+                self.peer = self.peer._replace(refusal=message)
+                self._give_up(Fault.REFUSED, f"refused: {message}", now)
+
+    def _guarded(self, take: Callable[..., Any], *contents: Any) -> Any:
+        """Let something take contents of the peer; None if they made it raise.
+
+        This is the one boundary to a peer that holds the keys and does not keep to what it has agreed to. Whatever its
+        contents raise is its fault, is counted, and the loop goes on: this end drops all that it holds of the peer,
+        and asks for a complete state.
+        """
+        try:
+            return take(*contents)
+        except Exception:
+            self._faults.note(Fault.UPDATE)
+            self._forget()
+            self.endpoint.request_full_state()
+            return None
+
+    def _answer(self, proposal: ChangeProposed, now: float) -> None:
+        refusal = self.tuning.hear(proposal.tick, proposal.body, self._answered_at(now))
+        self.endpoint.answer_change(proposal, refusal)
+
+    def _fall_silent(self, *, is_heard: bool) -> None:
+        self._faults.clear(Fault.UNHEARD)
+        self._faults.meet(Fault.UNHEARD if is_heard else Fault.SILENCE)
+
+    def _apply(self, update: Update, stream: int) -> None:
+        began = self._stopwatch()
+        self._guarded(self.incoming[stream].apply, update)
+        self.codec_time += self._stopwatch() - began
+
+    def _play_out(self) -> None:
+        """Apply the updates whose tick has come: what took less than the least delay and the play-out has waited."""
+        waiting, tick = self._waiting, self._peer_tick - self._playout
+        while waiting and waiting[0].update.tick <= tick:
+            event = waiting.popleft()
+            self._apply(event.update, event.stream)
+
+    def _begin(self) -> None:
+        """Begin a new session: nothing of the last one holds but a trip, which concerns the robot's contact."""
+        self._session = self.endpoint.sessions
+        self.peer = PeerFacts(self.endpoint.peer_name)
+        self._forget()
+        self._is_fresh = True
+        for control in self.port.controls:
+            control.reset()
+        self.tuning.reset()
+        self._faults.clear(*(fault for fault in Fault if fault is not Fault.TRIPPED))
+
+    def _forget(self) -> None:
+        """Drop all samples and models."""
+        self._waiting.clear()
+        for channel in self._channels:
+            channel.reset()
+        self.port.reset()
+        self._encodes = self.engaged = self._is_paused = False
+
+    def _give_up(self, fault: Fault, why: str, now: float) -> None:
+        """The slave does not serve this master: fade out, and end the run as failed."""
+        self._faults.meet(fault)
+        if not self._leads:  # the slave waits for another call
+            return
+        self.failure = self.failure or why
+        self.stop(now, fault.name.lower().replace("_", " "))
+
+    # --- the parts of a tick
+
+    def _settle(self, now: float) -> None:
+        """After a stall of this process, ask the device or robot anew before it counts as lost."""
+        self._faults.clear(Fault.STALLED)
+        if self.pace.stalled:
+            self._faults.meet(Fault.STALLED)
+            self._watchdog.feed(now)
+        if self._faults.active is not _DEVICE:
+            self.port.settle(now)
+
+    def _sense(self, now: float) -> None:
+        """Read the sensors; the last good samples stay while there are none, until that has lasted too long."""
+        if self._faults.active is _DEVICE:
+            return
+        port = self.port
+        try:
+            reading = port.latest(now)
+        except port.fault as fault:
+            self._lose(str(fault), now)
+            return
+        if port.ended:
+            self.stop(now, "completed")
+        complaint = self._complaint(reading)
+        if complaint is None and reading.at != self._last_reading_at:
+            self._last_reading_at = reading.at
+            for sensor in self._sensors:
+                sensor.take(reading)
+            self._watchdog.feed(now)
+            if port.accept(reading):
+                self._faults.meet(Fault.TRIPPED)
+            return
+        if self._watchdog.expired(now):
+            why = f": {port.trouble}" if port.trouble else ""
+            self._lose(f"{port.name} {complaint or 'gives no new sample'}{why}", now)
+
+    def _complaint(self, reading: Any) -> str | None:
+        """Why a reading cannot be used; None if it can."""
+        for sensor in self._sensors:
+            problem = sensor.complaint(reading)
+            if problem is not None:
+                return problem
+        # A time that is NaN differs from every other one, as if there were news for ever.
+        return None if isfinite(reading.at) else f"reports the time {reading.at}"
+
+    def _lose(self, complaint: str, now: float) -> None:
+        self._faults.meet(Fault.DEVICE)
+        self._encodes = False
+        self.port.restart()
+        self.failure = f"{self.port.kind} fault: {complaint}"
+        self.stop(now, self.failure)
+
+    def _engage(self, now: float) -> None:
+        """Decide whether this tick may encode, and act on the peer's updates; begin afresh when either begins again.
+
+        To begin afresh is to send complete updates and to fade in from zero. A stall ends both for some ticks, so that
+        the peer is told.
+        """
+        pace, port = self.pace, self.port
+        encodes = (
+            self.endpoint.state is _ENGAGED
+            and port.enabled
+            and not pace.settling
+            and self._faults.active is not _DEVICE
+            # What ended a moment ago fades out first: to begin afresh closes the gate at once.
+            and (self._encodes or port.at_rest)
+        )
+        engaged = encodes and self.endpoint.is_peer_encoding(now) and self._stopping is None
+        engaged = engaged and (self.engaged or port.at_rest)
+        encoded, was_engaged = self._encodes, self.engaged
+        if self._leads:  # told before energy is booked: what is said now carries the credit of the last tick
+            self.endpoint.report_encoding(now, is_encoding=encodes)
+        if encodes is encoded and engaged is was_engaged and not pace.stalled:
+            return
+        self._encodes, self.engaged = encodes, engaged
+        begins = (engaged and not was_engaged) or (self._leads and encodes and not encoded)
+        if (pace.stalled and self._leads) or (begins and not self._is_fresh):
+            self._restart(anew=pace.stalled or not self._is_paused)
+        # A pause: the operator still leads, but the encoder of the robot is not heard. The robot releases then, so only
+        # the operator's end may continue with its contact and energy.
+        holds = self._leads and encodes and not engaged and not pace.stalled
+        self._is_paused = holds and (was_engaged or self._is_paused)
+        if was_engaged and not engaged and not self._leads and not pace.settling:
+            self._let_go()
+        self._is_fresh = self._is_fresh and not engaged
+
+    def _restart(self, *, anew: bool) -> None:
+        """Fade in from zero, and send complete updates.
+
+        Args:
+            anew: reset the control scheme too: after a release or a stall, hand and robot may be elsewhere.
+        """
+        for channel in self.outgoing:
+            channel.encoder.restart()
+        if anew:
+            for control in self.port.controls:
+                control.resume(self.endpoint.credit.known)
+        if self._leads:  # the scheme has forgotten a model that the peer may hold for known
+            self.endpoint.request_full_state()
+        self.port.restart()
+
+    def _let_go(self) -> None:
+        """The master no longer leads: whatever it sent is void."""
+        self._waiting.clear()
+        for channel in self.incoming:
+            channel.decoder.reset()
+        self.endpoint.request_full_state()
+        self.port.release(retreat=True)
+
+    def _send(self, index: int, now: float, elapsed: float) -> None:
+        endpoint = self.endpoint
+        if not self._leads:
+            endpoint.report_encoding(now, is_encoding=self._encodes)
+        endpoint.grant(self.port.account(elapsed, self._peer_tick, encodes=self._encodes))
+        if not self._encodes:
+            for channel in self.outgoing:
+                channel.idle(index)
+            return
+        began = self._stopwatch()
+        for channel in self.outgoing:
+            channel.encode(index)
+        self.codec_time += self._stopwatch() - began
+        for channel in self.outgoing:
+            if channel.update is not None:
+                endpoint.send_update(now, channel.update, stream=channel.stream)
+
+    def _follow_peer_clock(self, now: float) -> None:
+        """The tick of the peer for which this tick decodes: now, but not long past its encoder's last sign."""
+        encoder_heard_at = self.endpoint.liveness.encoder_heard_at
+        if encoder_heard_at > -inf:
+            peer_time = self.endpoint.clock.latest_receivable_peer_time(min(now, encoder_heard_at + self._horizon))
+            if peer_time is not None:  # a session that is over leaves its last force, which fades
+                self._peer_tick = peer_time / self._tick_period
+
+    def _actuate(self, now: float, elapsed: float) -> None:
+        """Decode every channel for this very moment, less the play-out, without waiting for the network, and act."""
+        began = self._stopwatch()
+        values, tick = [], self._peer_tick - self._playout
+        for channel in self.incoming:
+            values.append(self._guarded(channel.decode, tick))  # noqa: PERF401 - a comprehension costs a call
+        self.codec_time += self._stopwatch() - began
+        self.port.actuate(values, now, elapsed, self.pace.step, engaged=self.engaged)
+        faults, port = self._faults, self.port
+        if port.unfounded is not self._is_unfounded:
+            self._is_unfounded = port.unfounded
+            if self._is_unfounded:
+                faults.meet(_UNFOUNDED)
+            else:
+                faults.clear(_UNFOUNDED)
+        if faults.active is not _NO_FAULT and not port.tripped:
+            faults.clear(Fault.TRIPPED)

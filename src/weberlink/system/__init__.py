@@ -1,1 +1,0 @@
-"""Whole systems: configuration, composition, daemons, virtual time and scoring."""

@@ -1,0 +1,51 @@
+"""The dialog on a terminal, sample rates, and the command `device test`."""
+
+import io
+import os
+import signal
+import threading
+
+import pytest
+
+from tests.cli.device_test.people import Clock, sitting
+from tests.session.systems import CONFIGS
+from weberlink.cli.device_test import DeviceTestError, run
+from weberlink.cli.device_test.dialog import uninterrupted
+
+FILE = CONFIGS / "loopback.yaml"
+
+
+def test_ctrl_c_waits_while_a_device_is_made_safe() -> None:
+    done = []
+    with pytest.raises(KeyboardInterrupt), uninterrupted():
+        os.kill(os.getpid(), signal.SIGINT)
+        done.append("main")
+
+    def safely() -> None:
+        with uninterrupted():  # which signals never reach
+            done.append("other thread")
+
+    thread = threading.Thread(target=safely)
+    thread.start()
+    thread.join()
+    assert done == ["main", "other thread"]
+
+
+@pytest.mark.parametrize(
+    ("name", "lines", "parts"),
+    [
+        (
+            "operator",
+            ["", "yes", "", "y", "", "y", "", "y"],
+            ["at most 2.5 N", "The force is right"],
+        ),
+        ("point", ["", "yes"], ["The motion is right"]),
+    ],
+)
+def test_simulated_part_passes_with_overrides_of_the_file(name: str, lines: list[str], parts: list[str]) -> None:
+    screen = io.StringIO()
+    overrides = ["force_n=2.5", "master.device.workspace_m=0.05"] if name == "operator" else []
+    run(name, sitting(Clock(), screen, *lines)[0], FILE, overrides)
+    assert [part for part in parts if part not in screen.getvalue()] == []
+    with pytest.raises(DeviceTestError, match=f"^{name}: stopped before the end"):
+        run(name, sitting(Clock(), io.StringIO(), "")[0], None, [])

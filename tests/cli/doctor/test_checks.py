@@ -1,0 +1,210 @@
+"""Each check on emulated machines: facts of a machine, the grade that they get, and the fix."""
+
+import os
+import socket
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from errno import EADDRINUSE
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.cli.doctor.machines import BUILD, CLOCK, CPU, GRANTS, REFUSED, STRETCH, TRIAL, look, machine
+from weberlink.cli.devices import NO_EXTRA, NO_RULES, NOTHING, READY, UNSEEN, DriverStatus
+from weberlink.cli.doctor import CHECKS, Grade, Machine, Needs, examine
+from weberlink.cli.doctor.network import CHARGED_BYTES
+from weberlink.cli.doctor.trial import HostTrial, RightsTrial, Stretch
+from weberlink.hardware.discovery import PluggedDevice
+from weberlink.protocol.keys import generate
+from weberlink.telemetry.ring import SLOT_BYTES
+
+Figures = Sequence[float | None]
+OK, ADVICE, PROBLEM, UNKNOWN = Grade.OK, Grade.ADVICE, Grade.PROBLEM, Grade.UNKNOWN
+DYNAMIC = "Linux version 6.1.0-21-amd64 (debian-kernel@lists.debian.org) #1 SMP PREEMPT_DYNAMIC Debian 6.1.90-1"
+NOT_RT = {"sys/kernel/realtime": None, "proc/version": DYNAMIC}
+DEBUG = "sys/kernel/debug/sched/preempt"
+CONFIG = "boot/config-6.1.0-21-rt-amd64"
+OLD = NOT_RT | {"proc/version": "Linux version 5.10.0 (x) #1 SMP Debian", CONFIG: "CONFIG_PREEMPT_NONE=y\n"}
+RUNTIME = "proc/sys/kernel/sched_rt_runtime_us"
+DEEP = {
+    f"{CPU}/cpu0/cpuidle/state2/name": "C6",
+    f"{CPU}/cpu0/cpuidle/state2/latency": "133",
+    f"{CPU}/cpu0/cpuidle/state2/disable": "0",
+}
+GOVERNOR = "cpufreq/scaling_governor"
+SLICE = "sys/fs/cgroup/user.slice"
+SWAP = {"proc/swaps": "Filename\tType\tSize\tUsed\tPriority\n/dev/sda2  partition\t2000000\t0\t-2\n"}
+HUGE = "sys/kernel/mm/transparent_hugepage/enabled"
+RING = 10 * 1000 * SLOT_BYTES
+TIGHT = {"space": lambda _path: (64_000_000, int(1.5 * RING))}
+LISTENING = Needs(listen=("0.0.0.0", 47000))
+CALLING = Needs(slave=("robot", 47000))
+LIMITS = "| sudo tee -a /etc/security/limits.d/weberlink.conf"
+NAMED = Needs(drivers=(("master", "paddle"), ("slave", "point")))
+INSTALL = "sudo weberlink device rules"
+# Port 47000 is B798; the tenth column is the inode.
+SOCKETS = {"proc/net/udp": "sl local\n 12: 00000000:B798 00000000:0000 07 0:0 00:0 00000000 0 0 4242 2\n"}
+
+
+def failing(number: int, kind: type[OSError] = OSError) -> Any:
+    def fail(*_: object) -> Any:
+        raise kind(number, os.strerror(number) if kind is OSError else "Name or service not known")
+
+    return fail
+
+
+def at(*addresses: str) -> dict[str, Any]:
+    return {"resolve": lambda _name: list(addresses)}
+
+
+def rights(*refused: str, p99: float = 60.0, missed: int = 0, **answers: Any) -> dict[str, Any]:
+    """A trial of rights with these refused, and this lateness [us]."""
+    grants = GRANTS | dict.fromkeys(refused, REFUSED)
+    trial = replace(TRIAL, grants=grants, lateness_us={"p50": 10.0, "p99": p99, "max": p99}, missed=missed)
+    return {"rights_trial": lambda **_: trial, **answers}
+
+
+def on_host(asleep: Stretch, awake: Stretch) -> dict[str, Any]:
+    """A trial whose stretches are all alike."""
+    return {"host_trial": lambda **_: HostTrial([STRETCH | asleep] * 4, [STRETCH | awake] * 4)}
+
+
+def driver(side: str, name: str, state: str, *advice: str) -> dict[str, Any]:
+    """A machine with one driver."""
+    plugged = () if state in (NOTHING, UNSEEN, NO_EXTRA) else (PluggedDevice("/dev/ttyACM0", "Paddle"),)
+    status = DriverStatus(side, name, None, "hardware", None, state, plugged, advice)
+    return {"drivers": lambda: [status]}
+
+
+def python(flag: str) -> dict[str, Any]:
+    return {"python": lambda: BUILD | {flag: True}}
+
+
+def has(*names: str) -> dict[str, Any]:
+    return {"which": lambda name: f"/bin/{name}" if name in names else None}
+
+
+WORSE_AWAKE = on_host({"steal": 0.0}, {"steal": 0.03})
+MISSED_AWAKE = on_host({}, {"missed": 0.03})
+
+
+@dataclass(frozen=True)
+class Case:
+    """An emulated machine, and the finding expected of one check."""
+
+    check: str
+    grade: Grade
+    words: str = ""
+    """In what was found or in the fix."""
+    files: Mapping[str, str | None] = field(default_factory=dict)
+    needs: Needs = Needs()  # noqa: RUF009 - frozen
+    answers: Mapping[str, Any] = field(default_factory=dict)
+
+
+CASES = [
+    # kernel
+    Case("preemption", OK, "6.1.0-21-rt-amd64"),
+    Case("preemption", OK, files=NOT_RT | {DEBUG: "none voluntary (full)"}),
+    Case("preemption", ADVICE, f"echo full | sudo tee /{DEBUG} ", NOT_RT | {DEBUG: "none (voluntary) full"}),
+    Case("preemption", ADVICE, "parameter preempt=full, then", NOT_RT | {CONFIG: "CONFIG_PREEMPT_VOLUNTARY=y\n"}),
+    Case("preemption", ADVICE, "apt install linux-image-rt-amd64", OLD | {"etc/os-release": "ID=debian"}),
+    Case("timers", OK),
+    Case("timers", PROBLEM, "4 ms", answers={"resolution_ns": lambda: 4e6}),
+    Case("throttling", PROBLEM, "sched_rt_runtime_us=950000", {RUNTIME: "0"}),
+    # clocks
+    Case("clock source", PROBLEM, f"echo tsc | sudo tee /{CLOCK}/", {f"{CLOCK}/current_clocksource": "hpet"}),
+    Case(
+        "clock source",
+        PROBLEM,
+        "dmesg",
+        {f"{CLOCK}/current_clocksource": "hpet", f"{CLOCK}/available_clocksource": "hpet acpi_pm"},
+    ),
+    Case("wall clock", OK),
+    Case("wall clock", ADVICE, answers={"clock_is_synchronised": lambda: False}),
+    # processors
+    Case("processors", PROBLEM, "slave on 7", needs=Needs(cpus=(1, 7))),
+    Case("processors", ADVICE, answers={"affinity": lambda: frozenset({0})}),
+    Case("governor", OK),
+    Case("governor", ADVICE, f"tee /{CPU}/cpu*/{GOVERNOR}", {f"{CPU}/cpu1/{GOVERNOR}": "schedutil"}),
+    Case("idle states", ADVICE, "realtime: {wakeful: true}", DEEP, Needs(wakeful=False)),
+    Case("idle states", OK, files=DEEP, needs=Needs(wakeful=False, rate_hz=100.0)),
+    Case("cpu quota", ADVICE, "50 %", {f"{SLICE}/cpu.max": "50000 100000"}),
+    # rights
+    Case("scheduling", OK),
+    Case("scheduling", PROBLEM, f"echo 'ann - rtprio 98' {LIMITS}", answers=rights("priority")),
+    Case("memory lock", OK, "no limit"),
+    Case("memory lock", PROBLEM, f"echo 'ann - memlock unlimited' {LIMITS}", answers=rights("memory")),
+    Case("idle latency", ADVICE, "(then restart)", DEEP, answers=rights("wakeful")),
+    Case("timer slack", OK, "1 ns"),
+    Case("punctuality", OK, answers=rights(p99=200.0)),
+    Case("punctuality", ADVICE, "top -H", answers=rights(p99=300.0)),
+    Case("punctuality", PROBLEM, answers=rights(p99=1200.0)),
+    Case("punctuality", PROBLEM, needs=Needs(rate_hz=4000.0), answers=rights(p99=300.0)),
+    # host
+    Case("host", OK, needs=Needs(wakeful=False), answers=MISSED_AWAKE),  # the share is that of the setting in use
+    Case("host", ADVICE, "3.00 %", needs=Needs(wakeful=True), answers=MISSED_AWAKE),
+    Case("wakeful", OK, "no clear difference"),
+    Case("wakeful", ADVICE, "in the file: realtime: {wakeful: false}", answers=WORSE_AWAKE),
+    # memory
+    Case("swap", ADVICE, "2048 MB", SWAP, Needs(lock_memory=False)),
+    Case("huge pages", ADVICE, f"echo madvise | sudo tee /{HUGE}", {HUGE: "[always] madvise never"}),
+    Case("shared memory", PROBLEM, "remount", answers=TIGHT),
+    # network
+    Case("receive buffer", OK, needs=Needs(rate_hz=1000.0)),
+    Case("receive buffer", ADVICE, f"={int(2 * 0.1 * 4000 * CHARGED_BYTES)}", needs=Needs(rate_hz=4000.0)),
+    Case("port", OK, needs=LISTENING),
+    Case("port", PROBLEM, "UDP port 47000 is in use", SOCKETS, LISTENING, {"bind": failing(EADDRINUSE)}),
+    Case("slave address", PROBLEM, "link.slave: ROBOT:PORT", needs=CALLING, answers=at("2001:db8::5")),
+    Case("slave address", PROBLEM, "not known", needs=CALLING, answers={"resolve": failing(-2, socket.gaierror)}),
+    Case("slave address", OK, "robot is this host", needs=CALLING, answers=at("127.0.0.1") | has("ping")),
+    Case("firewall", UNKNOWN, "sudo iptables -S INPUT | grep -w -e DROP", needs=LISTENING, answers=has("iptables")),
+    # software
+    Case("Python", OK, "Python 3."),
+    Case("Python", PROBLEM, "release build", answers=python("is_debug")),
+    Case("build", OK, "is compiled", answers={"is_compiled": lambda: True}),
+    Case("uvloop", OK),
+    Case("uvloop", PROBLEM, " uvloop", answers={"version": lambda _package: None}),
+    # devices
+    Case("driver", OK, "ready", needs=NAMED, answers=driver("master", "paddle", READY)),
+    Case("driver", PROBLEM, INSTALL, needs=NAMED, answers=driver("master", "paddle", NO_RULES, INSTALL)),
+    Case("device", ADVICE, "do this", answers=driver("master", "lever", NO_RULES, "do this")),
+]
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.check}-{case.grade}")
+def test_check_on_emulated_machine_gives_grade_and_fix(case: Case, tmp_path: Path) -> None:
+    row = "devices" if case.check in ("driver", "device") else case.check
+    found = look(row, machine(tmp_path, case.files, **case.answers), case.needs)[case.check]
+    assert found.grade is case.grade, found
+    assert case.words in f"{found.found} {found.fix}"
+    assert found.fix is not None if found.grade in (ADVICE, PROBLEM) else found.grade is UNKNOWN or found.fix is None
+
+
+def test_key_file_problems_come_with_fixes_and_no_key(tmp_path: Path) -> None:
+    good, missing, public = (tmp_path / name for name in ("key", "missing", "public key"))
+    generate(good)
+    generate(public)
+    public.chmod(0o640)
+    stranger = machine(tmp_path, user=good.stat().st_uid + 12345)
+    for path, here, grade, fix in (
+        (None, Machine(), OK, ""),
+        (good, Machine(), OK, ""),
+        (missing, Machine(), PROBLEM, f"weberlink keygen {missing} "),
+        (public, Machine(), PROBLEM, f"chmod 600 '{public}'"),
+        (good, stranger, PROBLEM, "sudo chown"),
+        (tmp_path, Machine(), PROBLEM, ""),
+    ):
+        finding = look("key file", here, Needs(file=Path("x.yaml"), key_file=path))["key file"]
+        assert (finding.grade, fix in (finding.fix or "")) == (grade, True)
+        assert good.read_text().split()[1] not in repr(finding)
+
+
+def test_failed_trial_is_reported_once_and_unknown(tmp_path: Path) -> None:
+    trials = {"rights_trial": lambda **_: RightsTrial(failure="no processes")}
+    trials["host_trial"] = lambda **_: HostTrial(failure="not permitted")
+    report = examine(Needs(), machine(tmp_path, **trials), [row for row in CHECKS if row.area in ("rights", "host")])
+    assert [(each.check, each.grade, each.found) for each in report.findings] == [
+        ("scheduling", UNKNOWN, "scheduling: no processes"),
+        ("host", UNKNOWN, "host: its share of missed ticks: not permitted"),
+    ]

@@ -1,0 +1,92 @@
+"""The whole report: checks never raise, the text fits a terminal, the exit status tells of problems."""
+
+import io
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from tests.cli.doctor.machines import FILES, HOST, machine
+from tests.examples import examples
+from tests.program import document, weberlink
+from tests.session.systems import CONFIGS
+from weberlink.cli.doctor import CHECKS, Check, Finding, Grade, Machine, Needs, examine
+from weberlink.config import load
+
+READ = [row for row in CHECKS if row.area not in ("rights", "host", "devices")]
+"""Checks that start no process and ask no library of devices."""
+LAN = CONFIGS / "lan.yaml"
+OK, ADVICE, PROBLEM, UNKNOWN = Grade.OK, Grade.ADVICE, Grade.PROBLEM, Grade.UNKNOWN
+
+
+def test_ideal_machine_has_no_findings_to_fix(tmp_path: Path) -> None:
+    found = examine(Needs(), machine(tmp_path, which=lambda name: name if name in ("cyclictest", "sockperf") else None))
+    assert [each for each in found.findings if each.grade is not OK] == []
+
+
+def test_missing_files_are_unknown(tmp_path: Path) -> None:
+    found = examine(Needs(), machine(tmp_path, dict.fromkeys(FILES)), READ)
+    dark = {each.check for each in found.findings if each.grade is UNKNOWN}
+    assert {"clock source", "throttling", "receive buffer"} <= dark
+
+
+@examples(25)
+@given(st.dictionaries(st.sampled_from(sorted(FILES)), st.text(max_size=60), max_size=len(FILES)))
+def test_arbitrary_files_never_raise(tmp_path_factory: pytest.TempPathFactory, files: dict[str, str]) -> None:
+    host = machine(tmp_path_factory.mktemp("machine"), {name: text.replace("\0", "") for name, text in files.items()})
+    needs = Needs(listen=("0.0.0.0", 47000), slave=("robot", 47000), cpus=(0, 1))
+    for each in examine(needs, host, READ).findings:
+        assert (each.fix is None) == (each.grade is OK) or each.grade is UNKNOWN
+
+
+def test_failing_check_becomes_a_finding_and_the_fix_of_a_row_is_for_those_that_need_one(tmp_path: Path) -> None:
+    def judge(_machine: Machine, _needs: Needs) -> Iterator[Finding]:
+        yield Finding(OK, "a")
+        yield Finding(ADVICE, "b")
+        yield Finding(PROBLEM, "c", "own")
+        raise ZeroDivisionError("no\nclock")
+
+    report = examine(Needs(), machine(tmp_path), [Check("area", "clock", judge, "x")])
+    assert [(each.grade, each.fix) for each in report.findings] == [
+        (OK, None), (ADVICE, "x"), (PROBLEM, "own"), (UNKNOWN, None)
+    ]  # fmt: skip
+    assert {(each.check, each.area) for each in report.findings} == {("clock", "area")}
+    assert "no clock" in report.findings[3].found
+    stream = io.StringIO()
+    report.show(Console(file=stream, width=80))
+    assert stream.getvalue().splitlines()[-1].startswith("1 problem, 1 advice, 1 unknown")
+
+
+@pytest.fixture
+def _soon_seen_host(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A trial of the host takes seconds; its own tests make a real one."""
+    monkeypatch.setattr(Machine, "host_trial", lambda _machine, **_request: HOST)
+
+
+@pytest.mark.usefixtures("_soon_seen_host")
+def test_command_reports_of_this_machine_and_fails_on_problems(tmp_path: Path) -> None:
+    out = tmp_path / "doctor.json"
+    ended = weberlink("doctor", LAN, "--side", "master", "--json", out)
+    told = document(out.read_text(encoding="utf-8"))
+    problems = {each["check"]: each["fix"] for each in told["findings"] if each["grade"] == "problem"}
+    assert {"slave address", "key file"} <= set(problems)  # the file is an example
+    assert (all(problems.values()), ended.status, told["counts"]["problem"]) == (True, 1, len(problems))
+    assert (told["needs"]["sides"], told["needs"]["drivers"]) == (["master"], {"master": "operator"})
+    assert f"\n{len(problems)} problem" in ended.output
+    alone = weberlink("doctor", "--json", "-")
+    told = json.loads(alone.output)
+    assert (told["needs"]["file"], alone.status) == (None, int(told["counts"]["problem"] > 0))
+
+
+def test_needs_follow_the_configuration() -> None:
+    overrides = ["rate_hz=500", "realtime.cpus=[0, 1]", "realtime.priority=7", "link.slave=robot:5"]
+    needs = Needs.of(load(LAN, overrides), ["slave"])
+    assert (needs.rate_hz, needs.pinned, needs.priority) == (500.0, {"slave": 1}, 7)
+    assert (needs.listen, needs.slave) == (("0.0.0.0", 47000), None)  # the slave calls nobody
+    assert Needs.of(load(LAN, overrides), ["master"]).slave == ("robot", 5)
+    loopback = Needs.of(load(CONFIGS / "loopback.yaml"))
+    assert (loopback.listen, loopback.slave, loopback.key_file) == (None, None, None)  # any port that is free

@@ -1,0 +1,96 @@
+"""The driver of docs/how-to/driver.md: its code is installed as another package, and run."""
+
+import re
+import sys
+import tomllib
+from collections.abc import Iterator
+from math import inf
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import pytest
+
+from tests.cli.packages import add_drivers
+from tests.session.packages import install
+from tests.session.systems import CONFIGS
+from weberlink.geometry.vector import Vector
+from weberlink.hardware.emulator import WireFaults
+
+PAGE = (CONFIGS.parent / "docs" / "how-to" / "driver.md").read_text(encoding="utf-8")
+SWING_M = 0.02
+YIELDS_M_N = 0.0003
+
+
+def block(language: str, containing: str = "") -> str:
+    """The one block of the page in a language that contains something."""
+    (found,) = (text for text in re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.M | re.S) if containing in text)
+    return str(found)
+
+
+class PaddleBoard:
+    """An emulated paddle in a hand that swings to and fro and yields a little.
+
+    Its motor stops by itself when it has not heard a line for 50 ms.
+    """
+
+    def __init__(self) -> None:
+        self.faults = WireFaults()
+        self._commanded_n = 0.0
+        self._answers: list[bytes] = []
+        self._heard_at = -inf
+        self._text = b""
+        self._origin: float | None = None
+
+    @property
+    def force(self) -> Vector:
+        """That its motor makes [N]."""
+        return (0.0, self._commanded_n if monotonic() - self._heard_at <= 0.05 else 0.0, 0.0)
+
+    def receive(self, data: bytes, now: float) -> None:
+        *lines, self._text = (self._text + data).split(b"\n")
+        for line in lines:
+            self._commanded_n, self._heard_at = 1e-3 * int(line), now
+            self._answers.append(b"%d\n" % round(1e6 * self._position(now)))
+
+    def advance(self, now: float) -> None:
+        pass
+
+    def replies(self, now: float) -> list[bytes]:
+        answers, self._answers = self._answers, []
+        return answers
+
+    def next_timer(self) -> float | None:
+        return None
+
+    def _position(self, now: float) -> float:
+        self._origin = self._origin or now
+        phase = (now - self._origin) % 2.0
+        return SWING_M * (1.0 - 2.0 * abs(phase - 1.0)) + YIELDS_M_N * self.force[1]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """The package of the page as pip would leave it."""
+    project = tomllib.loads(block("toml"))
+    groups = project["project"]["entry-points"]
+    entry_points = "\n".join(
+        f"[{group}]\n" + "\n".join(f"{name} = {value}" for name, value in entries.items())
+        for group, entries in groups.items()
+    )
+    return install(tmp_path, project["project"]["name"], {"paddle": block("python", "class Paddle(")}, entry_points)
+
+
+page: dict[str, Any] = {"PaddleBoard": PaddleBoard, "__name__": __name__}
+exec(block("python", "ForceDeviceContract"), page)
+
+
+@pytest.mark.realtime
+class TestPaddle(page["TestPaddle"]):  # type: ignore[misc, name-defined]
+    """The test of the page, with its driver installed."""
+
+    @pytest.fixture(autouse=True)
+    def _driver(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+        add_drivers(folder, monkeypatch)
+        yield
+        sys.modules.pop("paddle", None)

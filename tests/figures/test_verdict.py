@@ -1,0 +1,166 @@
+"""The verdict of a session: every cause from its figures, and none from clean ones."""
+
+from copy import deepcopy
+from functools import cache
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.examples import examples
+from tests.figures.test_session import RATE, records
+from weberlink.figures.session import Records, SessionScore
+from weberlink.figures.verdict import DEGRADED, FAILURE, GOOD, verdict
+
+Summary = dict[str, Any]
+TICKS = 10_000
+
+
+def figures(master: Records, slave: Records) -> Summary:
+    score = SessionScore(RATE, ("zoh",))
+    score.add(master, slave)
+    return score.summary()
+
+
+def clean() -> Summary:
+    """Figures of a session in which nothing happened, with all that the launcher adds; for the caller to change."""
+    return deepcopy(clean_figures())
+
+
+@cache
+def clean_figures() -> Summary:
+    made = records(TICKS), records(TICKS)
+    for side in made:
+        side["bound"] = 0.1
+        side["datagrams_received"] = 1000
+    return figures(*made) | {
+        "faults": {"master": {}, "slave": {}},
+        "drops": {"master": {}, "slave": {}},
+        "peers": {"master": {"name": "robot:47000", "refusal": "", "farewell": ""}, "slave": None},
+        "addresses": {"listen": "0.0.0.0:47000", "slave": "10.0.0.2:47000"},
+        "host": {"stalls": 0, "longest_ms": 0.0, "missed": {"master": 0, "slave": 0}, "steal": 0.0, "unknown": None},
+        "recording": {"path": "a.mcap", "bytes": 2_000_000, "outcome": "complete", "lost": {"master": 0}},
+        "outcome": "completed",
+    }
+
+
+def put(summary: Summary, path: str, value: Any) -> None:
+    *keys, last = path.split(".")
+    for key in keys:
+        summary = summary[key]
+    summary[last] = value
+
+
+CASES: dict[str, tuple[str, dict[str, Any], str]] = {
+    "lost": (FAILURE, {"connection.master.ended": "unconnected", "connection.master.last_s": 6.9}, "6.9 s"),
+    "unconnected": (
+        DEGRADED,
+        {"connection.slave.unconnected_s": 6.9, "connection.slave.interruptions": 2},
+        "6.9 s in 2",
+    ),
+    "away": (
+        DEGRADED,
+        {"connection.master.ended": "away", "connection.master.away_s": 3.0, "peers.master.farewell": "unplugged"},
+        "unplugged",
+    ),
+    "key": (FAILURE, {"connection.slave.ended": "waiting", "drops.slave": {"unproven": 3}}, "key"),
+    "no_answer": (
+        FAILURE,
+        {"connection.master.ended": "waiting", "connection.master.waited_s": 2.5},
+        "2.5 s at 10.0.0.2:47000",
+    ),
+    "no_call": (
+        DEGRADED,
+        {"connection.master": None, "connection.slave.ended": "waiting", "connection.slave.waited_s": 60.0},
+        "60.0 s",
+    ),
+    "refused": (FAILURE, {"connection.slave.ended": "waiting", "peers.slave": {"refusal": "weber: 0.2"}}, "weber: 0.2"),
+    "device": (FAILURE, {"outcome": "failed: device fault: unplugged"}, "unplugged"),
+    "robot": (FAILURE, {"outcome": "failed: robot fault: no power"}, "no power"),
+    "taken_over": (FAILURE, {"outcome": "failed: taken over by bob"}, "bob"),
+    "killed": (FAILURE, {"outcome": "failed: slave was killed by SIGKILL"}, "SIGKILL"),
+    "ended": (FAILURE, {"outcome": "failed: it burns"}, "it burns"),
+    "emergency_stop": (FAILURE, {"outcome": "failed: emergency stop"}, "emergency stop"),
+    "recording": (FAILURE, {"recording.outcome": "No space left on device"}, "No space left on device; 2000 kB"),
+    "missed_ticks": (
+        DEGRADED,
+        {"ticks.master.missed": 1505, "host.missed.master": 301, "host.steal": 0.031},
+        "7.0 % of ticks missed, of which the host took 20 %, steal 3.1 %",
+    ),
+    "no_figures": (DEGRADED, {"ticks.master.count": 0, "connection.master": None}, "master"),
+    "stalled": (DEGRADED, {"faults.master": {"stalled": 2}, "ticks.master.missed_longest_s": 0.5}, "2 times"),
+    "unfounded": (FAILURE, {"faults.master": {"unfounded": 2}}, "2 times"),
+    "tripped": (DEGRADED, {"faults.slave": {"tripped": 1}}, "slave.limits.trip_n"),
+    "update": (DEGRADED, {"faults.slave": {"update": 4}}, "4 updates"),
+    "force_limited": (DEGRADED, {"limited.force_ticks": 1200}, "12.0 %"),
+    "felt": (DEGRADED, {"force.violation_fraction": 0.12, "force.violation_floor": 0.03}, "12.0 %"),
+    "delay": (DEGRADED, {"force.violation_fraction": 0.4, "force.violation_floor": 0.38}, "40.0 %"),
+    "bound": (DEGRADED, {"energy.bound_share": 1.25}, "125 %"),
+    "loss": (DEGRADED, {"link.lost": 500}, "20.0 %"),
+}
+"""Name of a cause to its level, the figures that tell it, and a figure of its text."""
+
+
+def with_changes(changes: dict[str, Any]) -> Summary:
+    summary = clean()
+    for path, value in changes.items():
+        put(summary, path, value)
+    return summary
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_each_cause_follows_from_its_figures(name: str) -> None:
+    level, changes, figure = CASES[name]
+    found = verdict(with_changes(changes))
+    ((found_level, found_name, text),) = found.causes
+    assert (found_level, found_name, figure in text) == (level, name, True)
+    assert found.line == f"{level} because {text}"
+    assert found.status == (1 if level == FAILURE else 0)
+    assert found.document() == {"word": level, "causes": [{"level": level, "name": name, "text": text}]}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"outcome": "the page asked for it"},
+        {"recording": {"running": True}},
+        {"connection.slave.ended": "away", "connection.slave.away_s": 3600.0},
+        {"connection.master.ended": "unconnected", "connection.master.last_s": 0.2},
+        {"connection.slave.ended": "unconnected", "connection.slave.last_s": 1.9},
+        {"connection.slave.waited_s": 3600.0},
+        {"ticks.master.missed": 150},
+        {"limited.force_ticks": 50},
+        {"force.violation_fraction": 0.05, "force.violation_floor": 0.01},
+        {"link.lost": 19},
+        {"drops.slave": {"unproven": 100}},
+        {"faults.slave": {"refused": 2}},
+    ],
+    ids=lambda changes: " ".join(map(str, next(iter(changes.items())))),
+)
+def test_what_is_usual_degrades_nothing(changes: dict[str, Any]) -> None:
+    """The master has left a slave; a lost goodbye; a few ticks; strangers that call while there is a session."""
+    found = verdict(with_changes(changes))
+    assert (found, found.line, found.status) == ((GOOD, ()), "good", 0)
+
+
+def test_running_master_waits_longer_for_an_answer() -> None:
+    summary = clean()
+    put(summary, "connection.master.ended", "waiting")
+    put(summary, "connection.master.waited_s", 2.0)
+    assert verdict(summary).word == FAILURE
+    del summary["outcome"]
+    assert verdict(summary).word == GOOD
+    put(summary, "connection.master.waited_s", 4.0)
+    assert verdict(summary).word == FAILURE
+
+
+@examples(40)
+@given(st.sets(st.sampled_from(sorted(CASES.keys() - {"no_call", "no_figures"})), min_size=1))
+def test_failures_come_first_and_decide_the_word(chosen: set[str]) -> None:
+    found = verdict(with_changes({path: value for name in sorted(chosen) for path, value in CASES[name][1].items()}))
+    levels = [cause.level for cause in found.causes]
+    assert levels == sorted(levels, key=(FAILURE, DEGRADED).index)
+    assert found.word == levels[0]
+    assert found.status == (FAILURE in levels)
+    assert len({cause.name for cause in found.causes}) == len(found.causes)

@@ -1,0 +1,65 @@
+"""Whole systems in virtual time for tests: a configuration with overrides, stepped tick by tick."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from weberlink.config import Configuration, load
+from weberlink.config.loading import Part
+from weberlink.session.simulate import build_simulation
+from weberlink.session.simulation import Simulation
+from weberlink.telemetry.record import Record
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+ARMS = Path(__file__).parents[1] / "arms" / "arms.yaml"
+"""Two computed arms; no file of arms is shipped with the kernel."""
+HAS_ARMS = find_spec("weberlink_mujoco") is not None
+"""Whether what computes them is installed."""
+
+
+def configuration(
+    *overrides: str, file: str | Path = "loopback.yaml", device: Any = None, robot: Any = None
+) -> Configuration:
+    """A shipped file with overrides; `device` and `robot` are classes to be built in place of the drivers'."""
+    loaded = load(CONFIGS / file, overrides)
+    if device is not None:
+        assert loaded.device is not None
+        loaded = replace(loaded, device=Part(device, loaded.device.options))
+    if robot is not None:
+        assert loaded.robot is not None
+        loaded = replace(loaded, robot=Part(robot, loaded.robot.options))
+    return loaded
+
+
+def system(*overrides: str, **parts: Any) -> Simulation:
+    return build_simulation(configuration(*overrides, **parts))
+
+
+@dataclass(frozen=True)
+class Step:
+    """One tick of both sides."""
+
+    index: int
+    master: Record
+    slave: Record
+
+
+def steps(simulation: Simulation, seconds: float, rate: float = 1000.0) -> Iterator[Step]:
+    for index in range(round(seconds * rate)):
+        if simulation.master.stopped:
+            return
+        yield Step(index, *simulation.step())
+
+
+def output(record: Record) -> tuple[float, float, float]:
+    return record.output_x, record.output_y, record.output_z
+
+
+def raw(record: Record) -> tuple[float, float, float]:
+    return record.raw_x, record.raw_y, record.raw_z
+
+
+def decoded(record: Record) -> tuple[float, float, float]:
+    return record.decoded_x, record.decoded_y, record.decoded_z

@@ -1,0 +1,119 @@
+"""Advice on a delay, on a rate that the machine can hardly hold, and on addresses that nobody has."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.session.systems import CONFIGS, configuration
+from weberlink.config import SLAVE, load
+from weberlink.control.passivity import passivity_limit
+from weberlink.protocol.keys import generate
+from weberlink.session.advice import (
+    TICK_SHARE,
+    UNKNOWN_BORNE,
+    USUAL_RATE_HZ,
+    Parts,
+    borne_round_trip,
+    on_measured_delay,
+    placeholders,
+    tick_rate,
+    uncontrolled_delay,
+)
+from weberlink.session.composition.trial import try_out
+from weberlink.session.tick_cost import measured_tick_s
+
+
+@given(
+    damping=st.floats(1.0, 30.0),
+    wall=st.floats(50.0, 2000.0),
+    wall_damping=st.floats(0.0, 0.9),
+    rate=st.floats(100.0, 5000.0),
+)
+def test_none_bears_the_delay_up_to_which_hand_and_wall_are_passive(
+    damping: float, wall: float, wall_damping: float, rate: float
+) -> None:
+    parts = try_out(
+        configuration(
+            f"master.device.hand.damping_n_s_m={damping!r}",
+            f"rate_hz={rate!r}",
+            f"slave.scene=[{{shape: plane, stiffness_n_m: {wall!r}, damping_n_s_m: {wall_damping!r}}}]",
+            "control.scheme=none",
+            "link.silence_ms=1000",
+        )
+    )
+    assert parts.robot is not None
+    coupling, borne = parts.robot.spec.stiffness_n_m, borne_round_trip(parts)
+    felt, felt_damping = min(wall, coupling), wall_damping * min(1.0, coupling / wall)
+    limit = passivity_limit(damping, 1.0 / rate, delay_ticks=1.0 + borne * rate, wall_damping=felt_damping)
+    assert limit == pytest.approx(felt) if borne > 0.0 else limit <= felt * (1.0 + 1e-9)
+    assert uncontrolled_delay(parts, 0.999 * borne) is None
+    assert uncontrolled_delay(parts, 1.001 * borne + 1e-6) is not None
+
+
+def test_of_a_hand_that_is_not_known_none_bears_little() -> None:
+    addresses = ("link.listen=127.0.0.1:47011", "link.slave=127.0.0.1:47011")
+    assert borne_round_trip(try_out(load(CONFIGS / "loopback.yaml", addresses, [SLAVE]))) == UNKNOWN_BORNE
+
+
+@pytest.mark.parametrize(
+    ("overrides", "round_trip", "is_said"),
+    [
+        (("control.scheme=none",), 0.05, True),
+        (("control.scheme=none",), 0.001, False),
+        (("control.scheme=none", "link.emulate.delay_ms=20"), 0.05, False),  # that of the file was said
+        (("control.scheme=bounded",), 1.0, False),
+    ],
+)
+def test_a_measured_delay_that_the_contact_does_not_bear_is_said(
+    overrides: tuple[str, ...], round_trip: float, is_said: bool
+) -> None:
+    assert (on_measured_delay(try_out(configuration(*overrides)))(round_trip) is not None) is is_said
+
+
+# --- a rate that the machine can hardly hold, and addresses that nobody has
+
+
+@pytest.mark.parametrize(("tick_us", "warns"), [(None, False), (1.0, False), (40.0, True), (500.0, True)])
+def test_a_rate_beyond_the_machine_names_one_that_it_holds(tick_us: float | None, warns: bool) -> None:
+    def cost(_: object) -> float | None:
+        return None if tick_us is None else 1e-6 * tick_us
+
+    lines = list(tick_rate(Parts(configuration("rate_hz=10000")), cost))
+    assert len(lines) == warns
+    for line in lines:
+        most = float(line.rpartition(" ")[2])
+        assert most == pytest.approx(1e6 * TICK_SHARE / tick_us, abs=100.0)
+        assert list(tick_rate(Parts(configuration(f"rate_hz={most}")), cost)) == []
+    assert list(tick_rate(Parts(configuration(f"rate_hz={USUAL_RATE_HZ}")), pytest.fail)) == [], "it is not measured"
+
+
+@pytest.mark.parametrize("file", ["loopback.yaml", "phantom.yaml"])
+def test_a_tick_is_measured_with_stand_ins_for_hardware(file: str, tmp_path: Path) -> None:
+    key = tmp_path / "key"
+    generate(key)
+    took = measured_tick_s(load(CONFIGS / file, ["rate_hz=10000", f"link.key_file={key}"]))
+    assert took is not None and 2e-6 < took < 0.05
+
+
+DEVICE = 'master.device={driver: polhem_serial, port: "ws://PLACE"}'
+
+
+@pytest.mark.parametrize(
+    ("override", "told"),
+    [
+        ("link.slave=192.0.2.1:47000", "link.slave 192.0.2.1:47000"),
+        ('link.slave="[2001:db8::1]:47000"', "link.slave [2001:db8::1]:47000"),
+        ("link.slave=10.0.0.2:47000", ""),
+        ('link.slave="[2001:db9::1]:47000"', ""),
+        (DEVICE.replace("PLACE", "192.0.2.1:10001#A7"), "master.device.port ws://192.0.2.1:10001#A7"),
+        (DEVICE.replace("PLACE", "localhost:10001"), ""),
+    ],
+)
+def test_an_address_that_nobody_has_is_named(override: str, told: str) -> None:
+    given = [override, "link.slave=10.0.0.2:47000"] if "device" in override else [override]
+    loaded = load(CONFIGS / "lan.yaml", given)
+    assert [line.partition(": ")[0] for line in placeholders(Parts(loaded))] == ([told] if told else [])
+    slave = load(CONFIGS / "lan.yaml", given, sides=[SLAVE])
+    assert not any("link.slave" in line for line in placeholders(Parts(slave))), "the robot's host calls nobody"

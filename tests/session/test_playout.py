@@ -1,0 +1,61 @@
+"""Look-ahead decides later, and play-out uses later: by how much, and what is never used."""
+
+import numpy as np
+import pytest
+
+from tests.session.kinds import HAND, run
+from weberlink.protocol.states import State
+from weberlink.session.simulation import Simulation
+
+JITTER = ("control.scheme=none", "link.emulate={delay_ms: 10, jitter_ms: 15, seed: 3}")
+
+
+def ages(*overrides: str) -> list[float]:
+    """For each position update that the slave has used, the ticks since its sample."""
+    found: list[float] = []
+
+    def look(simulation: Simulation) -> None:
+        (channel,) = simulation.slave.incoming
+        if channel.received and simulation.slave.index > 1000:
+            assert channel.decoder.newest is not None
+            found.append(simulation.slave.index - channel.decoder.newest.tick)
+
+    run(HAND, 2.0, *JITTER, *overrides, watch=look)
+    assert len(found) > 20
+    return found
+
+
+@pytest.mark.parametrize("playout", [15, 20])
+def test_updates_are_used_at_a_constant_age(playout: int) -> None:
+    plain, smooth = ages(), ages(f"link.playout_ms={playout}")
+    assert max(plain) - min(plain) > 8
+    assert max(smooth) - min(smooth) <= 1
+    assert 10 + playout <= max(smooth) <= 13 + playout, "the least delay of 10 ms, and the play-out"
+
+
+def test_what_waits_at_silence_is_never_used() -> None:
+    overrides = ("link.emulate={delay_ms: 10, blackouts_s: [[1.0, 1.0]]}", "link.playout_ms=40")
+
+    def look(simulation: Simulation) -> None:
+        assert simulation.slave.index <= 1100 or not simulation.slave.incoming[0].received
+
+    run(HAND, 1.9, *overrides, watch=look)
+
+
+def test_what_is_decided_on_was_measured_that_long_ago() -> None:
+    slave = run(HAND, 1.5, "codec.force.lookahead_ms=20", "codec.position.lookahead_ms=5").slave
+    decided = np.flatnonzero(
+        (slave["state"] == State.ENGAGED.value) & (slave["ramping"] == 0) & (slave["coded"][:, 2] != 0.0)
+    )
+    assert len(decided) > 100
+    assert (slave["coded"][decided] == slave["raw"][decided - 20]).all()
+
+
+def test_what_is_decoded_is_where_the_hand_was_that_long_ago() -> None:
+    ran = run(HAND, 1.0, "control.scheme=none", "link.emulate={delay_ms: 10}", "link.playout_ms=20")
+    moving = np.arange(500, 900)
+    errors = {
+        lag: float(np.abs(ran.slave["position"][moving] - ran.master["raw"][moving - lag]).max())
+        for lag in range(-30, 60)
+    }
+    assert min(errors, key=errors.__getitem__) == pytest.approx(30, abs=3)

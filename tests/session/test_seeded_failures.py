@@ -1,0 +1,54 @@
+"""Failures made on purpose, and what the report says of each: rows of the table in docs/operation/logs.md."""
+
+import re
+from math import inf
+from typing import Any
+
+import pytest
+
+from tests.program import ROOT
+from tests.safety.observed_link import ObservedLink, observed
+from tests.session.systems import configuration
+from weberlink.figures.session import SessionScore
+from weberlink.figures.verdict import verdict
+from weberlink.protocol.emulation import Emulation
+from weberlink.session.composition.channels import banks
+from weberlink.session.simulate import simulate
+
+PAGE = (ROOT / "docs" / "operation" / "logs.md").read_text(encoding="utf-8")
+ROWS = {
+    done: (line, int(status))
+    for done, line, status in re.findall(r"^\| (.+?) \| `((?:good|degraded|failed)[^`]*)` \| (\d) \|$", PAGE, re.M)
+}
+"""By what was done: the verdict in one line, and the exit status."""
+VIRTUAL = {
+    "30 % of the datagrams lost": ("link.emulate={loss: 0.3, seed: 3}",),
+    "60 ms of delay": ("link.emulate={delay_ms: 30, seed: 3}", "control.scheme=none"),
+    "a contact stronger than `slave.limits.trip_n`": ("slave.limits.trip_n=3",),
+    "a scene stiffer than `master.limits.force_n`": ("master.limits.force_n=0.5",),
+    "nothing": (),
+}
+CUT = {"the link cut in one direction for 2 s": 2.0, "the link cut in one direction until the end": inf}
+
+
+def cut(for_s: float) -> dict[str, Any]:
+    """The link carries nothing in one direction from 2 s on; a run of 6 s, which the master ends in order."""
+    loaded = configuration()
+    score = SessionScore(loaded.system.rate_hz, *banks(loaded.system))
+    observed(loaded, ObservedLink(Emulation(blackouts=((2.0, for_s),))), ObservedLink()).run(6.0, [score])
+    return score.summary() | {"outcome": "completed"}
+
+
+@pytest.mark.parametrize("done", [*VIRTUAL, *CUT])
+def test_the_report_is_as_written(done: str) -> None:
+    """The word, every cause of the page, and the status; numbers may differ, and the host may add causes."""
+    found = verdict(cut(CUT[done]) if done in CUT else simulate(configuration(*VIRTUAL[done]), 3.0)[0])
+    line, status = ROWS[done]
+    word, _, causes = line.partition(" because ")
+    assert (found.word, found.status) == (word, status)
+    for cause in filter(None, causes.split("; ")):
+        assert shape(cause) in shape(found.line), found
+
+
+def shape(line: str) -> str:
+    return re.sub(r"(?:127\.0\.0\.1:)?\d+(?:\.\d+)?", "#", line)
