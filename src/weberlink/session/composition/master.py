@@ -10,7 +10,7 @@ from weberlink.control.contract import AxesMaster
 from weberlink.control.sent import SentCommands
 from weberlink.control.table import build_master_control
 from weberlink.geometry.vector import Vector
-from weberlink.master.devices.contract import Device, DeviceSpec, GuardedDevice, TorqueDevice
+from weberlink.master.devices.contract import Device, DeviceSpec, TorqueDevice
 from weberlink.master.operator_port import ContactWatch, Display, HandPosition, OperatorPort
 from weberlink.master.safety import ContactLimiter, ForceGate, ForceLimiter, SlewLimiter
 from weberlink.protocol import Role
@@ -294,7 +294,7 @@ def check_force_ends(device: "Device | LeaderArm", driver: str, accepted: str | 
         ConfigurationError: the device has force and neither of the two, and the file does not accept that.
     """
     spec = device.spec
-    ends = spec.watchdog_s is not None or (isinstance(device, GuardedDevice) and device.guarded)
+    ends = spec.watchdog_s is not None or getattr(device, "guarded", False)
     if spec.force_feedback and not ends and accepted != driver:
         raise ConfigurationError(
             f"master.device: if this host stops, {driver} keeps its last force: its driver states no watchdog and has "
