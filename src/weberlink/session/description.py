@@ -20,7 +20,7 @@ from weberlink.config import SLAVE, Configuration
 from weberlink.config.model import split_address
 from weberlink.protocol.handshake import LONGEST_NAME
 from weberlink.session.composition.channels import banks, motion_bank
-from weberlink.session.composition.link import permitted
+from weberlink.session.composition.link import live_choices
 from weberlink.session.port import Port
 from weberlink.telemetry.runtime_directory import open_file
 
@@ -88,7 +88,7 @@ def describe(configuration: Configuration, side: str, port: Port | None = None) 
         "bank": list(force),
         "position_bank": list(motion_bank(system)),
         **({} if torque is None else {"torque_bank": list(torque)}),
-        "changes": sorted(permitted(system)),
+        "changes": sorted(live_choices(system)),
         **({} if angles is None else dict(zip(RANGE, angles, strict=True))),
     }
 
