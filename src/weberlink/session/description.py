@@ -20,7 +20,7 @@ from weberlink.config.model import split_address
 from weberlink.geometry.joints import Joints
 from weberlink.protocol.handshake import LONGEST_NAME
 from weberlink.session.composition.channels import banks, motion_bank
-from weberlink.session.composition.link import permitted
+from weberlink.session.composition.link import live_choices
 from weberlink.session.port import Port
 from weberlink.telemetry.runtime_directory import open_file
 
@@ -67,7 +67,7 @@ def describe(configuration: Configuration, side: str, port: Port | None = None) 
         "bank": list(force),
         "position_bank": list(motion_bank(system)),
         **({} if torque is None else {"torque_bank": list(torque)}),
-        "changes": sorted(permitted(system)),
+        "changes": sorted(live_choices(system)),
         **(
             dict(zip(("lower_rad", "upper_rad"), port.angle_range, strict=True))
             if isinstance(port, HasAngleRange)
