@@ -12,7 +12,7 @@ from typing import ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from weberlink.hardware.umockdev import HidIdentity
+from weberlink.hardware.emulator import HidIdentity
 from weberlink.master.devices.polhem.hid_protocol import (
     LONG,
     SHORT,
