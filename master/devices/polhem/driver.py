@@ -5,8 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from time import monotonic
 from typing import ClassVar, TypeVar
 
-from weberlink.geometry.cube import cube
-from weberlink.geometry.vector import ZERO, Vector, add
+from weberlink.geometry.vector import ZERO, Vector, add, cube
 from weberlink.hardware.discovery import DeviceLocator, PluggedDevice
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.contract import DeviceReading
