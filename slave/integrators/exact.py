@@ -47,7 +47,7 @@ class Exact:
         self._rough: StickSlip | None = None
         if scene.closed_form:
             planes = scene.facing(ZERO)
-            cone = scene.cones[0] if scene.rubs else None
+            cone = scene.objects[0].friction if scene.rubs else None
             if cone is None:
                 self._linear = LinearContact(self._oscillators, planes, ZERO)
             else:

@@ -93,7 +93,7 @@ import json
 import sys
 from pathlib import Path
 from weberlink.config import load
-from weberlink.session.simulate import simulate
+from weberlink.session.simulation import simulate
 
 SLAB = "{shape: toy_slab, height_m: 0.0, stiffness_n_m: 500}"
 felt = []

@@ -7,8 +7,7 @@ from math import inf
 from time import monotonic
 from typing import Any, ClassVar, TypeVar
 
-from weberlink.geometry.cube import cube
-from weberlink.geometry.vector import ZERO, Vector, add
+from weberlink.geometry.vector import ZERO, Vector, add, cube
 from weberlink.hardware.discovery import DeviceLocator, PluggedDevice
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.contract import DeviceReading

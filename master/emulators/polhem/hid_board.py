@@ -12,7 +12,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from weberlink.hardware.umockdev import HidIdentity
+from weberlink.hardware.emulator import HidIdentity
 from weberlink.master.devices.polhem.protocol import (
     HID_WATCHDOG_S,
     LONG,

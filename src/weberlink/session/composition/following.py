@@ -26,10 +26,10 @@ from weberlink.session.composition.link import (
     Entropy,
     Identity,
     Stopwatch,
+    build_driver,
     build_endpoint,
-    construct,
-    located,
     tuning_of,
+    with_file_name,
 )
 from weberlink.session.rows import JointRows
 from weberlink.session.side import Side
@@ -87,7 +87,7 @@ def build_following(
     )
 
 
-@located
+@with_file_name
 def build_follower(configuration: Configuration) -> FollowerArm:
     """The follower, not yet open.
 
@@ -96,7 +96,7 @@ def build_follower(configuration: Configuration) -> FollowerArm:
     """
     system, part = configuration.system, configuration.robot
     assert part is not None
-    follower: FollowerArm = construct(
+    follower: FollowerArm = build_driver(
         "slave.robot", part.driver, part.options, system.tick_period, contract=FollowerArm
     )
     check_arm_axes("slave.robot", follower.spec, system)

@@ -34,12 +34,12 @@ from weberlink.session.composition.link import (
     Identity,
     Stopwatch,
     build_control,
+    build_driver,
     build_endpoint,
     build_tuning,
     check_axes,
-    construct,
     free_force,
-    located,
+    with_file_name,
 )
 from weberlink.session.side import Side
 
@@ -152,7 +152,7 @@ def _torque_display(system: System, device: Device, control: AxesMaster) -> Disp
     )
 
 
-@located
+@with_file_name
 def build_device(configuration: Configuration) -> Device:
     """The haptic device in the robot's frame, not yet open.
 
@@ -161,7 +161,7 @@ def build_device(configuration: Configuration) -> Device:
     """
     system, part = configuration.system, configuration.device
     assert part is not None
-    device: Device = construct("master.device", part.driver, part.options, system.tick_period, contract=Device)
+    device: Device = build_driver("master.device", part.driver, part.options, system.tick_period, contract=Device)
     check_force_ends(device, system.master.device.driver, system.master.accept_no_watchdog)
     if system.master.mapping is not None:
         device = _mapped(system, device)

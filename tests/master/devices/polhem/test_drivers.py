@@ -14,7 +14,6 @@ import pytest
 from tests.master.devices.polhem.boards import ScriptedHidBoard, Teensy, hid_device
 from tests.wait import until
 from weberlink.geometry.vector import ZERO, norm
-from weberlink.hardware.emulator import PtyDevice
 from weberlink.master.devices.polhem.driver import PolhemDevice
 from weberlink.master.devices.polhem.options import PolhemSerialOptions
 from weberlink.master.devices.polhem.parameters import PARAMETERS
@@ -22,6 +21,7 @@ from weberlink.master.devices.polhem.protocol import LONG, SHORT, SetCounters
 from weberlink.master.devices.polhem.serial_device import PolhemSerialDevice
 from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
 from weberlink.testing.driving import drive, fault_of, refusal
+from weberlink.testing.serving import PtyDevice
 from weberlink.testing.time import TICK
 
 MIDDLE = (*PARAMETERS["woodenhaptics_2015"].mechanism.counts_at(ZERO), 0, 0, 0)
