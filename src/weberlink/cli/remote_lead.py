@@ -9,7 +9,7 @@ from weberlink.cli.live_ends import LiveEnd, NoSessionError, find_end
 from weberlink.config import MASTER
 from weberlink.geometry.joints import Joints
 from weberlink.master.devices.remote_leader import limits
-from weberlink.master.devices.remote_link import TargetWriter
+from weberlink.master.devices.target_link import TargetWriter
 
 
 class NotRemoteError(RuntimeError):
