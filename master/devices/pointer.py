@@ -107,7 +107,7 @@ class PointerDevice(HandDevice):
         self.spec = replace(self.spec, buttons=1)
         self._pointer, self._silence = options, options.silence_ms * 1e-3
         self._source = TargetSocket() if source is None else source
-        self._script = motion_of(options.script, options.home_m, options.repeat)
+        self._script = motion_of(options.script, options.home_m, options.repeat)[0]
         self._begin()
 
     def _begin(self) -> None:
