@@ -12,13 +12,12 @@ from pathlib import Path
 from typing import Any, TextIO
 
 import yaml
-from pydantic import ValidationError
 
 from weberlink.cli.emulate.fault_commands import FaultCommands
 from weberlink.cli.tasks import first_result
 from weberlink.config import ConfigurationError
 from weberlink.config.document import override
-from weberlink.config.errors import describe
+from weberlink.config.errors import validated
 from weberlink.hardware.emulator import PtyDevice, ServedDevice
 from weberlink.hardware.emulators import EMULATORS
 from weberlink.hardware.fault import HardwareFault
@@ -118,9 +117,9 @@ def _build(name: str, overrides: Sequence[str]) -> tuple[str, Any]:
     for text in overrides:
         override(content, text)
     try:
-        options = emulator_class.Options.model_validate(content)
-    except ValidationError as error:
-        raise ConfigurationError(f"--set {describe(error, emulator_class.Options, ())}") from None
+        options = validated(emulator_class.Options, content)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"--set {error}") from None
     section = "master.device" if name in DEVICES or name in LEADERS else "slave.robot"
     return section, emulator_class(options)
 
