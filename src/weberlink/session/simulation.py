@@ -191,7 +191,7 @@ def refuse_live(configuration: Configuration) -> None:
         ("slave.robot", configuration.robot, system.slave.robot.driver),
     ):
         if part is not None and is_hardware(part.driver):
-            from weberlink.hardware.emulators import EMULATORS  # noqa: PLC0415 - for the complaint alone
+            from weberlink.hardware.emulator import EMULATORS  # noqa: PLC0415 - for the complaint alone
 
             emulated = f", against `weberlink device emulate {name}` if need be" if name in EMULATORS else ""
             unsaid = "" if hasattr(part.driver, "plugged") else "; one that moves nothing real says COMPUTED = True"
