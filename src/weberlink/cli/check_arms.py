@@ -3,14 +3,14 @@
 from collections.abc import Iterable, Iterator
 
 from weberlink.arms.contract import ArmSpec
-from weberlink.codec.bundle import BundleChannel
+from weberlink.codec import Channel
 from weberlink.config import Configuration, System
 from weberlink.config.joints import AngleCodecSettings, JointTorqueCodecSettings
 from weberlink.control.table import SCHEMES
 from weberlink.geometry.joints import Joints
 from weberlink.protocol.wire import UpdateLayout
+from weberlink.session.composition.channels import streams
 from weberlink.session.composition.following import angle_limits, build_follower
-from weberlink.session.composition.joint_channels import joint_streams
 from weberlink.session.composition.leading import build_leader, torque_limits
 
 UDP_IP_BYTES = 28
@@ -45,7 +45,7 @@ def arms(configuration: Configuration, tag: int, link: Iterable[str]) -> Iterato
         if spec.torque_error_nm > 0.0:
             yield f"          torque known to +-{spec.torque_error_nm:.2g} N m"
     yield from link
-    forward, backward = joint_streams(system)
+    forward, backward = streams(system)
     yield from _coding("joints", joints.angle, joints.torque, (forward[0], backward[0]), tag, system)
     if gripper is not None:
         yield from _coding("gripper", gripper.angle, gripper.torque, (forward[1], backward[1]), tag, system)
@@ -58,7 +58,7 @@ def _coding(
     name: str,
     angle: AngleCodecSettings,
     torque: JointTorqueCodecSettings,
-    channels: tuple[BundleChannel, BundleChannel],
+    channels: tuple[Channel, Channel],
     tag: int,
     system: System,
 ) -> Iterator[str]:
@@ -75,7 +75,7 @@ def _most(settings: AngleCodecSettings | JointTorqueCodecSettings) -> str:
     return "" if most is None else f"; at most {most:g} updates/s"
 
 
-def _lengths(channel: BundleChannel, system: System) -> tuple[int, int]:
+def _lengths(channel: Channel, system: System) -> tuple[int, int]:
     layout = UpdateLayout(
         channel.forms,
         carries_credit=SCHEMES[system.control.scheme].carries_credit,
