@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any, Final
 
-from weberlink.master.devices.contract import Device, ReportsTrouble
+from weberlink.master.devices.contract import Device
 from weberlink.master.safety import ForceGate
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class OperatorEnd:
 
     @property
     def trouble(self) -> str | None:
-        return self._source.trouble if isinstance(self._source, ReportsTrouble) else None
+        return getattr(self._source, "trouble", None)
 
     @property
     def at_rest(self) -> bool:

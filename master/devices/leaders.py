@@ -1,17 +1,17 @@
 """The table of leader arms, extended by entry points of the group `weberlink.leaders`."""
 
-from weberlink.arms.contract import LeaderDriver
+from weberlink.arms.contract import ArmDriver
 from weberlink.registry import Registry
 
 BUILT_IN = {
     "remote_leader": "weberlink.master.devices.remote_leader:RemoteLeader",
 }
-LEADERS: Registry[LeaderDriver] = Registry("leader arm", BUILT_IN, "weberlink.leaders")
+LEADERS: Registry[ArmDriver] = Registry("leader arm", BUILT_IN, "weberlink.leaders")
 
 drivers = LEADERS.places
 
 
-def load(name: str) -> LeaderDriver:
+def load(name: str) -> ArmDriver:
     """The driver class; raises ValueError for an unknown name, ImportError where its package is missing."""
     try:
         return LEADERS.load(name)

@@ -14,8 +14,7 @@ from weberlink.protocol import Endpoint, Role, State
 from weberlink.protocol.wire import CHANGE_TICK_BITS, Kind, pack_change, pack_path
 from weberlink.session.composition.channels import streams
 from weberlink.session.composition.link import Identity, build_endpoint, build_security
-from weberlink.session.simulate import build_simulation
-from weberlink.session.simulation import MASTER_ADDRESS, SLAVE_ADDRESS
+from weberlink.session.simulation import MASTER_ADDRESS, SLAVE_ADDRESS, build_simulation
 from weberlink.telemetry.record import RECORD
 from weberlink.update import Payload, PreviousSample, Update
 

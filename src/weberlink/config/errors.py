@@ -3,12 +3,14 @@
 import re
 from collections.abc import Sequence
 from difflib import get_close_matches
+from importlib.util import find_spec
 from traceback import format_exception
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from weberlink.installation import install_line
 from weberlink.registry import PartError, fault_of
 
 
@@ -163,3 +165,18 @@ def _expectation(error: ErrorDetails) -> str:
     shown = "" if isinstance(given, (dict, BaseModel)) else f", not {given!r}"
     stuck = STUCK.match(given) if isinstance(given, str) and "mapping" in message else None
     return f"{message}{shown}" if stuck is None else f"{message}{shown}; {no_space(stuck)}"
+
+
+def require_package(package: str, extra: str, asked: str) -> None:
+    """Require an optional package.
+
+    Args:
+        package: import name.
+        extra: extra of this project that installs it.
+        asked: the option or key that needs it, as the user wrote it.
+
+    Raises:
+        ConfigurationError: it is not installed.
+    """
+    if find_spec(package) is None:
+        raise ConfigurationError(f"{asked}: needs {package}; install it with: {install_line(extra)}")

@@ -9,8 +9,7 @@ from pydantic import BaseModel, ValidationError
 
 from weberlink.config import finders
 from weberlink.config.document import override, parse
-from weberlink.config.errors import ConfigurationError, describe
-from weberlink.config.extras import need
+from weberlink.config.errors import ConfigurationError, describe, require_package
 from weberlink.config.model import DriverSettings, System
 from weberlink.master import devices
 from weberlink.order import MASTER, SIDES, SLAVE
@@ -145,7 +144,7 @@ def _part(
         )
     if hasattr(driver, "NEEDS"):
         package, extra = driver.NEEDS
-        need(package, extra, f"{'.'.join(where)}.driver: {settings.driver}")
+        require_package(package, extra, f"{'.'.join(where)}.driver: {settings.driver}")
     options = _validate(settings.options, driver.Options, where)
     return Part(driver, make_absolute(options, folder, overridden, where))
 

@@ -24,10 +24,10 @@ from weberlink.session.composition.link import (
     Entropy,
     Identity,
     Stopwatch,
+    build_driver,
     build_endpoint,
-    construct,
-    located,
     tuning_of,
+    with_file_name,
 )
 from weberlink.session.rows import JointRows
 from weberlink.session.side import Side
@@ -94,7 +94,7 @@ def build_following(
     )
 
 
-@located
+@with_file_name
 def build_follower(configuration: Configuration) -> FollowerArm:
     """The follower, not yet open.
 
@@ -103,7 +103,7 @@ def build_follower(configuration: Configuration) -> FollowerArm:
     """
     system, part = configuration.system, configuration.robot
     assert part is not None
-    follower: FollowerArm = construct(
+    follower: FollowerArm = build_driver(
         "slave.robot", part.driver, part.options, system.tick_period, contract=FollowerArm
     )
     check_arm_axes("slave.robot", follower.spec, system)

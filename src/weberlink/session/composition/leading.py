@@ -31,10 +31,10 @@ from weberlink.session.composition.link import (
     Entropy,
     Identity,
     Stopwatch,
+    build_driver,
     build_endpoint,
-    construct,
-    located,
     tuning_of,
+    with_file_name,
 )
 from weberlink.session.composition.master import check_button, check_force_ends
 from weberlink.session.rows import JointRows
@@ -143,7 +143,7 @@ def _pressed_axes(
     return PressedAxes(per_axis(angle.bound_rad, count), per_axis(angle.coupling_nm_rad, count), torque_bound)
 
 
-@located
+@with_file_name
 def build_leader(configuration: Configuration) -> LeaderArm:
     """The leader in the frame of the follower, not yet open.
 
@@ -153,13 +153,13 @@ def build_leader(configuration: Configuration) -> LeaderArm:
     """
     system, part = configuration.system, configuration.device
     assert part is not None
-    leader: LeaderArm = construct("master.device", part.driver, part.options, system.tick_period, contract=LeaderArm)
+    leader: LeaderArm = build_driver("master.device", part.driver, part.options, system.tick_period, contract=LeaderArm)
     check_force_ends(leader, system.master.device.driver, system.master.accept_no_watchdog)
     mapping = system.master.joint_mapping
     if mapping is not None:
         from weberlink.master.mapping.mapped_leader import MappedLeader  # noqa: PLC0415 - where a file asks for it
 
-        leader = construct(
+        leader = build_driver(
             "master.joint_mapping", MappedLeader, leader, mapping, joint_names(system), has_gripper(system)
         )
     check_arm_axes("master.device", leader.spec, system)

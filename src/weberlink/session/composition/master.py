@@ -10,7 +10,7 @@ from weberlink.control.contract import AxesMaster
 from weberlink.control.sent import SentCommands
 from weberlink.control.table import build_master_control
 from weberlink.geometry.vector import Vector
-from weberlink.master.devices.contract import Device, DeviceSpec, GuardedDevice, TorqueDevice
+from weberlink.master.devices.contract import Device, DeviceSpec, TorqueDevice
 from weberlink.master.operator_port import ContactWatch, Display, HandPosition, OperatorPort
 from weberlink.master.safety import ContactLimiter, ForceGate, ForceLimiter, SlewLimiter
 from weberlink.protocol import Role
@@ -34,12 +34,12 @@ from weberlink.session.composition.link import (
     Identity,
     Stopwatch,
     build_control,
+    build_driver,
     build_endpoint,
     build_tuning,
     check_axes,
-    construct,
     free_force,
-    located,
+    with_file_name,
 )
 from weberlink.session.side import Side
 
@@ -152,7 +152,7 @@ def _torque_display(system: System, device: Device, control: AxesMaster) -> Disp
     )
 
 
-@located
+@with_file_name
 def build_device(configuration: Configuration) -> Device:
     """The haptic device in the robot's frame, not yet open.
 
@@ -161,7 +161,7 @@ def build_device(configuration: Configuration) -> Device:
     """
     system, part = configuration.system, configuration.device
     assert part is not None
-    device: Device = construct("master.device", part.driver, part.options, system.tick_period, contract=Device)
+    device: Device = build_driver("master.device", part.driver, part.options, system.tick_period, contract=Device)
     check_force_ends(device, system.master.device.driver, system.master.accept_no_watchdog)
     if system.master.mapping is not None:
         device = _mapped(system, device)
@@ -294,7 +294,7 @@ def check_force_ends(device: "Device | LeaderArm", driver: str, accepted: str | 
         ConfigurationError: the device has force and neither of the two, and the file does not accept that.
     """
     spec = device.spec
-    ends = spec.watchdog_s is not None or (isinstance(device, GuardedDevice) and device.guarded)
+    ends = spec.watchdog_s is not None or getattr(device, "guarded", False)
     if spec.force_feedback and not ends and accepted != driver:
         raise ConfigurationError(
             f"master.device: if this host stops, {driver} keeps its last force: its driver states no watchdog and has "
