@@ -16,7 +16,7 @@ from weberlink.config import MASTER, SLAVE
 from weberlink.figures.session import Records
 from weberlink.geometry.joints import Joints
 from weberlink.master.devices.remote_leader import limits
-from weberlink.master.devices.remote_link import TargetWriter
+from weberlink.master.devices.target_link import TargetWriter
 from weberlink.session.description import read as read_description
 from weberlink.telemetry.reader import DTYPE, RingReader
 from weberlink.telemetry.record import AXES, JOINTS

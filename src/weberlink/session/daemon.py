@@ -16,10 +16,8 @@ from traceback import format_exception, print_exception
 from types import FrameType
 from typing import Any
 
-from pydantic import ValidationError
-
 from weberlink.config import MASTER, Configuration, ConfigurationError, System, load
-from weberlink.config.errors import describe, trace_of
+from weberlink.config.errors import trace_of, validated
 from weberlink.config.finders import PathFinder, finder_of, finding
 from weberlink.config.model import DirectionFaults, split_address
 from weberlink.order import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS
@@ -221,11 +219,9 @@ class LiveLink:
         if unknown := [name for name in settings if name not in LINK_SETTINGS]:
             return f"{unknown[0]} is no setting of the link; known are {', '.join(LINK_SETTINGS)}"
         try:
-            faults = DirectionFaults.model_validate(self._faults | dict(settings), strict=True)
+            faults = validated(DirectionFaults, self._faults | dict(settings), strict=True)
             self.link.change(emulation_of(faults))
-        except ValidationError as error:
-            return describe(error, DirectionFaults, ())
-        except ValueError as error:  # of several settings, such as a loss that these bursts cannot have
+        except ValueError as error:
             return str(error)
         self._faults = dict(faults)
         return None
