@@ -120,7 +120,8 @@ def device_test(
 
     It shows the readings, checks signs without force and, after a yes, with a gentle force.
     """
-    from weberlink.cli.device_test import DeviceTestError, Dialog, run  # noqa: PLC0415
+    from weberlink.cli.device_test import DeviceTestError, run  # noqa: PLC0415
+    from weberlink.cli.dialog import Dialog  # noqa: PLC0415
 
     with failing(DeviceTestError):
         run(name, Dialog(sys.stdin, sys.stdout, yes=yes), config, set_ or ())
