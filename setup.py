@@ -59,7 +59,7 @@ PYTHON = {
     "control/contract.py": "protocols, whose members weberlink.registry lists",
     "control/table.py": "a type made of the table",
     "protocol/keys.py": "runs once",
-    "protocol/noise.py": "copies objects with copy(), which objects of compiled classes refuse",
+    "protocol/noise.py": "runs in a handshake only",
     "protocol/security.py": "compiled code takes only classes that inherit from a compiled protocol",
 }
 """What stays Python of those, and why; packages (`__init__.py`) do too, as they hold names and tables only."""
