@@ -165,7 +165,7 @@ def test_what_is_sent_decoded_and_believed_under_the_law(case: Case, predictor: 
         law = Law(case.channel(predictor=predictor, weber=weber, **({"axes": axes} if weber != WEBER else {})))
         coded = [law.tick(tick, (value, place)) for tick, value, place in case.samples]
         sent = sum(each is not None and each.update is not None for each in coded)
-        _, model, newest, _ = law.decoder.state
+        ((_, model, newest, _),) = law.decoder.state
         assert (newest is None) == (sent == 0)
         # The number of updates of an estimated predictor may change by tuning.
         if weber != WEBER or predictor in (*ESTIMATED, "adaptive"):

@@ -19,7 +19,7 @@ from weberlink.config.model import System
 from weberlink.master.devices.operator import OperatorDevice
 from weberlink.session.advice import dry_run
 from weberlink.session.composition.channels import channels
-from weberlink.session.simulate import build_simulation
+from weberlink.session.simulation import build_simulation
 
 MINIMAL = "link: {listen: 127.0.0.1:0, slave: 127.0.0.1:0, security: none}\n"
 PLANE = "slave: {scene: [{shape: plane, stiffness_n_m: 500}]}\n"

@@ -34,7 +34,7 @@ import json, sys
 from pathlib import Path
 from weberlink.session.advice import dry_run
 from weberlink.config import ConfigurationError, load
-from weberlink.session.simulate import build_simulation
+from weberlink.session.simulation import build_simulation
 
 simulation = build_simulation(load(Path(sys.argv[1]), ["control.scheme=half"]))
 masters = [simulation.step()[0] for _ in range(2500)]

@@ -75,7 +75,7 @@ def doctor(
         with waiting:
             found = examine(needs)
     else:
-        from weberlink.cli.doctor.link_report import examine_link, towards  # noqa: PLC0415
+        from weberlink.cli.doctor.link import examine_link, towards  # noqa: PLC0415
 
         overrides = towards(link, load(file, overrides, [MASTER]), overrides)
         configuration = load(file, overrides, [MASTER])

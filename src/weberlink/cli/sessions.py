@@ -125,8 +125,8 @@ def simulate(
     """
     from weberlink.config import ConfigurationError, load  # noqa: PLC0415
     from weberlink.session.advice import dry_run  # noqa: PLC0415
-    from weberlink.session.simulate import refuse_live  # noqa: PLC0415
-    from weberlink.session.simulate import simulate as run  # noqa: PLC0415
+    from weberlink.session.simulation import refuse_live  # noqa: PLC0415
+    from weberlink.session.simulation import simulate as run  # noqa: PLC0415
 
     configuration = load(file, set_ or ())
     if trace is not None and configuration.system.codec.joints is not None:
@@ -218,7 +218,7 @@ def journals_to(log: Path | None, json_out: Path | None) -> Iterator[Any]:
         yield None
         return
     from weberlink.figures.journal import Journal  # noqa: PLC0415
-    from weberlink.session.log_file import LogFile  # noqa: PLC0415
+    from weberlink.session.targets import LogFile  # noqa: PLC0415
 
     if log == json_out == STANDARD_OUTPUT:
         fail("--log -: standard output is taken by --json -; write one of them to a file", MISCONFIGURED)

@@ -21,7 +21,7 @@ from weberlink.figures.report import session_report
 from weberlink.figures.session import Records
 from weberlink.figures.verdict import verdict
 from weberlink.master.trace import COLUMNS, TraceError, read_trace
-from weberlink.session.recorder import RANGE
+from weberlink.session.description import RANGE
 from weberlink.telemetry.record import AXES, JOINTS
 from weberlink.telemetry.recorders import BEGUN, COMPLETE
 from weberlink_recording.lerobot_frames import NoFramesError, frames_of

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
 from weberlink.cli.device_test.dialog import DeviceTestError, Dialog, StoppedByUser
 from weberlink.cli.device_test.master import try_master
@@ -12,7 +12,7 @@ from weberlink.cli.device_test.robot import try_robot
 from weberlink.cli.devices import ARMS, SECTIONS, SIDES
 from weberlink.config import MASTER, ConfigurationError, load
 from weberlink.config.document import override
-from weberlink.config.errors import describe, require_package
+from weberlink.config.errors import require_package, validated
 from weberlink.config.loading import make_absolute
 from weberlink.installation import absence
 from weberlink.master.devices.contract import DeviceFault
@@ -91,8 +91,5 @@ def _alone(name: str, side: str, overrides: Sequence[str]) -> tuple[Any, BaseMod
         require_package(package, extra, name)
     content: dict[str, Any] = {}
     overridden = {override(content, text) for text in overrides}
-    try:
-        options = driver.Options.model_validate(content)
-    except ValidationError as error:
-        raise ConfigurationError(describe(error, driver.Options, (name,))) from None
+    options = validated(driver.Options, content, name)
     return driver, make_absolute(options, Path.cwd(), overridden), 1.0 / RATE_HZ

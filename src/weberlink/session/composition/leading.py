@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from weberlink.arms.contract import ArmSpec, LeaderArm
 from weberlink.arms.sensor import sensors
-from weberlink.codec.bundle import BundleDecoder
+from weberlink.codec import Decoder, Encoder
 from weberlink.config import Configuration, System
 from weberlink.config.joints import AngleCodecSettings, LeaderLimits, per_axis
 from weberlink.control.axes import LEVER, build_axes
@@ -17,18 +17,16 @@ from weberlink.protocol.events import Address
 from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
 from weberlink.protocol.security import Security
 from weberlink.realtime.stall import Watchdog
+from weberlink.session.channels import IncomingChannel, OutgoingChannel
 from weberlink.session.composition.arms import (
     check_angles,
     check_arm_axes,
     each_axis,
     has_gripper,
-    incoming,
     joint_names,
-    outgoing,
     within,
 )
-from weberlink.session.composition.channels import account, longest_round_trip, playout_ticks, signal_delay
-from weberlink.session.composition.joint_channels import joint_streams
+from weberlink.session.composition.channels import account, longest_round_trip, playout_ticks, signal_delay, streams
 from weberlink.session.composition.link import (
     ANONYMOUS,
     Entropy,
@@ -63,7 +61,7 @@ def build_leading(
         ConfigurationError: if the leader cannot do what the file asks.
     """
     system, leader = configuration.system, build_leader(configuration)
-    forward, backward = joint_streams(system)
+    forward, backward = streams(system)
     limits = system.master.limits
     most, slew = torque_limits(system, leader.spec)
     control = build_axes(system.control.scheme, LEVER, account(system.control, system.master.mapping))
@@ -90,8 +88,16 @@ def build_leading(
     tuning = tuning_of(system, lambda settings, tick: None, leads=True)  # noqa: ARG005 - decoders of joints need not know
     return Side(
         port=port,
-        outgoing=outgoing(("joint_angle", "gripper_angle"), forward, axes_of),
-        incoming=incoming(("joint_torque", "gripper_torque"), [BundleDecoder(channel) for channel in backward]),
+        outgoing=[
+            OutgoingChannel(name, stream, Encoder(channel), sensor)
+            for stream, (name, channel, sensor) in enumerate(
+                zip(("joint_angle", "gripper_angle"), forward, axes_of, strict=False)
+            )
+        ],
+        incoming=[
+            IncomingChannel(name, stream, Decoder(channel))
+            for stream, (name, channel) in enumerate(zip(("joint_torque", "gripper_torque"), backward, strict=False))
+        ],
         tuning=tuning,
         endpoint=endpoint,
         tick_period=system.tick_period,

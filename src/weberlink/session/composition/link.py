@@ -21,7 +21,6 @@ from weberlink.registry import check_contract, fault_of
 from weberlink.session.composition.channels import account, force_deadband, longest_round_trip, signal_delay
 
 if TYPE_CHECKING:
-    from weberlink.codec.bundle import BundleChannel
     from weberlink.protocol.emulation import EmulatedLink, Emulation
 
 Entropy = Callable[[int], bytes]
@@ -120,8 +119,8 @@ def build_endpoint(
     security: Security,
     entropy: Entropy,
     epoch: float,
-    outgoing: "Sequence[Channel | BundleChannel]",
-    incoming: "Sequence[Channel | BundleChannel]",
+    outgoing: Sequence[Channel],
+    incoming: Sequence[Channel],
     peer: Address | None,
     identity: Identity = ANONYMOUS,
     kind: type[Endpoint] = Endpoint,

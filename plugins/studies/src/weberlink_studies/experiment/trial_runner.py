@@ -13,7 +13,7 @@ from weberlink.config import SIDES, Configuration, ConfigurationError, load
 from weberlink.figures.session import score_of
 from weberlink.session.advice import dry_run
 from weberlink.session.launcher import Session
-from weberlink.session.simulate import build_simulation
+from weberlink.session.simulation import build_simulation
 from weberlink_studies.experiment.conduct import Elapsed, FeltTrial, TrialResult
 from weberlink_studies.experiment.plan import REFERENCES, CodingCondition, TrialPlan
 from weberlink_studies.paper.claims import PREDICTORS
