@@ -29,11 +29,10 @@ COMPILED = (
     "session/channels.py",
     "session/rows.py",
     "session/side.py",
-    "master/operator_end.py",
     "master/operator_port.py",
     "master/leader_port.py",
     "master/rotation.py",
-    "master/safety.py",
+    "master/gate.py",
     "master/mapping/*.py",
     "master/devices/hand.py",
     "master/devices/hand_device.py",
@@ -52,7 +51,7 @@ COMPILED = (
 """What a tick runs, for simulated devices and robots; the drivers of real ones wait for their hardware.
 
 Not there: modules that define pydantic models (mypyc drops their annotations), scenes, which deepcopy() copies, and
-`realtime/shell.py`: compiled, its `await` in a `finally` clause raised an earlier exception again.
+`realtime/loop.py`: compiled, its `await` in a `finally` clause raised an earlier exception again.
 """
 PYTHON = {
     "codec/replay.py": "takes lists of numbers for vectors",

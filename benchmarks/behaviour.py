@@ -23,7 +23,7 @@ from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.config import load
 from weberlink.installation import config_folders
 from weberlink.protocol.emulation import EmulatedLink
-from weberlink.session.simulate import simulate
+from weberlink.session.simulation import simulate
 
 FILES = {path.name: path for folder in config_folders() for path in folder.glob("*.yaml")}
 STORED = Path(__file__).with_suffix(".json")

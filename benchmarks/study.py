@@ -29,7 +29,7 @@ from benchmarks.start_up import StartUp
 from benchmarks.update_cost import UpdateCost
 from weberlink.cli.doctor import Needs
 from weberlink.config import ConfigurationError
-from weberlink.config.extras import need
+from weberlink.config.errors import require_package
 from weberlink.figures.environment import environment, footer
 from weberlink.protocol.keys import generate
 from weberlink.session.interruption import Interruption
@@ -94,7 +94,7 @@ def run(
         BenchError: if a measurement fails.
     """
     if plots:
-        need("matplotlib", "studies", "--plots")
+        require_package("matplotlib", "studies", "--plots")
     for override in overrides:
         if override.partition("=")[0].strip() == "rate_hz":
             rates = ", ".join(f"{rate_hz:g}" for rate_hz in RATES_HZ)

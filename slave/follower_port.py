@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import ClassVar, Final
 
-from weberlink.arms.contract import ArmFault, ArmReading, ExplainsArm, FollowerArm
+from weberlink.arms.contract import ArmFault, ArmReading, FollowerArm
 from weberlink.arms.sensor import AxesSensor, sensors
 from weberlink.control.contract import Control
 from weberlink.control.direct import NoControl
@@ -87,7 +87,7 @@ class FollowerPort:
 
     @property
     def trouble(self) -> str | None:
-        return self.arm.trouble if isinstance(self.arm, ExplainsArm) else None
+        return getattr(self.arm, "trouble", None)
 
     @property
     def tripped(self) -> bool:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
-from weberlink.geometry.vector import Vector
+from weberlink.geometry.vector import Vector, is_finite
 
 if TYPE_CHECKING:  # else a process that only serves a device would take a second to start on a busy host
     from pydantic import BaseModel
@@ -71,7 +71,9 @@ class DeviceReading(NamedTuple):
 class Device(Protocol):
     """A haptic device. `latest` and `command` never block; `open` and `close` end in bounded time.
 
-    `spec` is readable before `open`.
+    `spec` is readable before `open`. Two more attributes are looked for: `trouble`, the error of the last attempt
+    where samples are missing, else None; and `guarded`, whether a guardian process takes the force off when this
+    process stops, known before `open`.
     """
 
     @property
@@ -113,28 +115,14 @@ class TorqueDevice(Device, Protocol):
         ...
 
 
-@runtime_checkable
-class ReportsTrouble(Protocol):
-    """A device that can say why samples are missing."""
-
-    @property
-    def trouble(self) -> str | None:
-        """The error of the last attempt; None if there was none."""
-        ...
-
-
-@runtime_checkable
-class GuardedDevice(Protocol):
-    """A device that says whether a guardian process takes its force off when this process stops."""
-
-    @property
-    def guarded(self) -> bool:
-        """Known before `open`."""
-        ...
-
-
 class DeviceDriver(Protocol):
     """A driver class: its options, and a device built from them and `tick_period` [s]."""
 
     Options: "ClassVar[type[BaseModel]]"
     __call__: Callable[[Any, float], Device]
+
+
+def check_finite(name: str, what: str, vector: Vector) -> None:
+    """Raise ValueError, which names the driver, for a command that is not finite."""
+    if not is_finite(vector):
+        raise ValueError(f"{name}: commanded a {what} that is not finite: {vector}")

@@ -1,19 +1,9 @@
 """The table of leader arms, extended by entry points of the group `weberlink.leaders`."""
 
-from weberlink.arms.contract import LeaderDriver
+from weberlink.arms.contract import ArmDriver
 from weberlink.registry import Registry
 
 BUILT_IN = {
     "remote_leader": "weberlink.master.devices.remote_leader:RemoteLeader",
 }
-LEADERS: Registry[LeaderDriver] = Registry("leader arm", BUILT_IN, "weberlink.leaders")
-
-drivers = LEADERS.places
-
-
-def load(name: str) -> LeaderDriver:
-    """The driver class; raises ValueError for an unknown name, ImportError where its package is missing."""
-    try:
-        return LEADERS.load(name)
-    except ValueError as error:
-        raise ValueError(f"driver: {error}") from None
+LEADERS: Registry[ArmDriver] = Registry("leader arm", BUILT_IN, "weberlink.leaders")

@@ -1,10 +1,10 @@
 """A haptic device in the frame of the robot, with a clutch."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from weberlink.geometry.rotation import IDENTITY, Quaternion, inverse, product
-from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale, subtract
-from weberlink.master.devices.contract import Device, DeviceReading, DeviceSpec, ReportsTrouble, TorqueDevice
+from weberlink.geometry.vector import ZERO, Vector, add, is_finite, scale, subtract, within
+from weberlink.master.devices.contract import Device, DeviceReading, DeviceSpec, TorqueDevice, check_finite
 from weberlink.master.mapping.frame import FrameMap, Walls
 
 
@@ -19,15 +19,14 @@ class Clutch:
 
     def __init__(self, button: int) -> None:
         self._button = button
+        self.reset()
+
+    def reset(self) -> None:
+        """Engage, without an offset between hand and robot."""
         self._index: Vector = ZERO
         self._held: Vector | None = None
         self._turn: Quaternion = IDENTITY
         self._held_turn: Quaternion | None = None
-
-    def reset(self) -> None:
-        """Engage, without an offset between hand and robot."""
-        self._index, self._held = ZERO, None
-        self._turn, self._held_turn = IDENTITY, None
 
     @property
     def engaged(self) -> bool:
@@ -74,18 +73,6 @@ LONGEST_PAUSE = 0.1
 """After a longer pause between two commands [s], walls and force fade in again."""
 
 
-@dataclass
-class _Session:
-    """State since the device was opened."""
-
-    read: DeviceReading | None = None
-    mapped: DeviceReading | None = None
-    beyond: Vector = ZERO
-    commanded_at: float | None = None
-    gain: float = 1.0
-    wall_gain: float = 0.0
-
-
 class MappedDevice:
     """Maps the readings and the commands of another device.
 
@@ -112,10 +99,7 @@ class MappedDevice:
         force_limit: float,
         ramp: float,
     ) -> None:
-        self._device = device
-        self._frame = frame
-        self._clutch = clutch
-        self._walls = walls
+        self._device, self._frame, self._clutch, self._walls = device, frame, clutch, walls
         own = device.spec
         self._limit = min(force_limit, own.force_n) if own.force_feedback else force_limit
         self._ramp = ramp
@@ -128,64 +112,64 @@ class MappedDevice:
             torque_n_m=own.torque_n_m / frame.force_scale,
         )
         self._turns = device if isinstance(device, TorqueDevice) and own.torque_n_m > 0.0 else None
-        self._session = _Session()
+        self._begin()
+
+    def _begin(self) -> None:
+        self._read: DeviceReading | None = None
+        self._mapped: DeviceReading | None = None
+        self._beyond: Vector = ZERO
+        self._commanded_at: float | None = None
+        self._gain, self._wall_gain = 1.0, 0.0
 
     @property
     def trouble(self) -> str | None:
-        return self._device.trouble if isinstance(self._device, ReportsTrouble) else None
+        return getattr(self._device, "trouble", None)
 
     def open(self, now: float) -> None:
-        self._session = _Session()
+        self._begin()
         if self._clutch is not None:
             self._clutch.reset()
         self._device.open(now)
 
     def latest(self, now: float) -> DeviceReading:
-        session, reading = self._session, self._device.latest(now)
-        if session.mapped is not None and reading == session.read:
-            return session.mapped
+        reading, last, clutch = self._device.latest(now), self._mapped, self._clutch
+        if last is not None and reading == self._read:
+            return last
         position = self._frame.position(reading.position)
-        if self._clutch is not None:
-            keep = None if session.mapped is None else session.mapped.position
-            position = self._clutch.pass_through(position, reading.buttons, keep)
+        if clutch is not None:
+            position = clutch.pass_through(position, reading.buttons, None if last is None else last.position)
         if self._walls is not None and is_finite(position):
-            session.beyond = self._frame.way(self._walls.beyond(position))
+            self._beyond = self._frame.way(self._walls.beyond(position))
             position = self._walls.inside(position)
-        orientation = None if reading.orientation is None else self._orientation(reading.orientation)
-        session.read = reading
-        session.mapped = reading._replace(position=position, orientation=orientation)
-        return session.mapped
+        orientation = None
+        if reading.orientation is not None:
+            orientation = self._frame.orientation(reading.orientation)
+            if clutch is not None:
+                orientation = clutch.pass_orientation(orientation, None if last is None else last.orientation)
+        self._read = reading
+        self._mapped = mapped = reading._replace(position=position, orientation=orientation)
+        return mapped
 
     def command(self, force: Vector, now: float) -> None:
-        if not is_finite(force):
-            raise ValueError(f"{self.spec.name}: commanded a force that is not finite: {force}")
-        session = self._session
-        elapsed = 0.0 if session.commanded_at is None else now - session.commanded_at
-        session.commanded_at = now
+        check_finite(self.spec.name, "force", force)
+        elapsed = 0.0 if self._commanded_at is None else now - self._commanded_at
+        self._commanded_at = now
         if elapsed > LONGEST_PAUSE:
-            elapsed = session.gain = session.wall_gain = 0.0
+            elapsed = self._gain = self._wall_gain = 0.0
         share = elapsed / self._ramp
         engaged = self._clutch is None or self._clutch.engaged
-        session.gain = min(1.0, session.gain + share) if engaged else max(0.0, session.gain - share)
-        on_hand = scale(self._frame.force(force), session.gain)
+        self._gain = min(1.0, self._gain + share) if engaged else max(0.0, self._gain - share)
+        on_hand = scale(self._frame.force(force), self._gain)
         if self._walls is not None:
-            session.wall_gain = min(1.0, session.wall_gain + share)
-            on_hand = add(on_hand, scale(self._walls.force(session.beyond), session.wall_gain))
-        length = norm(on_hand)
-        self._device.command(on_hand if length <= self._limit else scale(on_hand, self._limit / length), now)
+            self._wall_gain = min(1.0, self._wall_gain + share)
+            on_hand = add(on_hand, scale(self._walls.force(self._beyond), self._wall_gain))
+        self._device.command(within(on_hand, self._limit), now)
 
     def turn(self, torque: Vector, now: float) -> None:
         """Fades with the clutch like the force of the last `command`; no effect on a device without torque."""
-        if not is_finite(torque):
-            raise ValueError(f"{self.spec.name}: commanded a torque that is not finite: {torque}")
+        check_finite(self.spec.name, "torque", torque)
         if self._turns is not None:
-            self._turns.turn(scale(self._frame.torque(torque), self._session.gain), now)
+            self._turns.turn(scale(self._frame.torque(torque), self._gain), now)
 
     def close(self) -> None:
         self._device.close()
-
-    def _orientation(self, handle: Quaternion) -> Quaternion:
-        mapped, last = self._frame.orientation(handle), self._session.mapped
-        if self._clutch is None:
-            return mapped
-        return self._clutch.pass_orientation(mapped, None if last is None else last.orientation)

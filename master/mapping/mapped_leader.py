@@ -4,7 +4,7 @@ from dataclasses import replace
 from math import inf
 from typing import NamedTuple
 
-from weberlink.arms.contract import ArmReading, ArmSpec, ExplainsArm, LeaderArm
+from weberlink.arms.contract import ArmReading, ArmSpec, LeaderArm
 from weberlink.arms.mapping import GripperMappingSettings, JointMappingSettings, LeaderMappingSettings
 from weberlink.geometry.joints import Joints, is_finite
 
@@ -49,25 +49,32 @@ class MappedLeader:
     """
 
     def __init__(self, arm: LeaderArm, settings: LeaderMappingSettings, joints: tuple[str, ...], gripper: bool) -> None:
+        own, share = arm.spec, settings.torque_scale
         self._arm = arm
-        self._axes = axes(arm.spec, settings, joints, gripper=gripper)
-        self._torque_scale = settings.torque_scale
-        self._width = arm.spec.axes
+        self._axes = axes(own, settings, joints, gripper=gripper)
+        self._torque_scale = share
+        ends = [(axis.angle(own.lower), axis.angle(own.upper)) for axis in self._axes]
+        torques, stiffness = [0.0] * len(self._axes), [0.0] * len(self._axes)
+        for place, axis in enumerate(self._axes):
+            if axis.source >= 0:
+                torques[place] = own.torque_nm[axis.source] / (share * abs(axis.scale))
+                stiffness[place] = own.stiffness_nm_rad[axis.source] / (share * axis.scale**2)
         self.spec: ArmSpec = replace(
-            arm.spec,
+            own,
             joints=joints,
             gripper=gripper,
-            lower=tuple(min(ends) for ends in self._ends(arm.spec)),
-            upper=tuple(max(ends) for ends in self._ends(arm.spec)),
-            torque_nm=self._torques(arm.spec),
-            stiffness_nm_rad=self._stiffness(arm.spec),
+            lower=tuple(map(min, ends)),
+            upper=tuple(map(max, ends)),
+            torque_nm=tuple(torques),
+            # An axis that is not driven displays nothing: as stiff as the stiffest.
+            stiffness_nm_rad=tuple(each or max(stiffness) for each in stiffness),
         )
         self._read: ArmReading | None = None
         self._mapped: ArmReading | None = None
 
     @property
     def trouble(self) -> str | None:
-        return self._arm.trouble if isinstance(self._arm, ExplainsArm) else None
+        return getattr(self._arm, "trouble", None)
 
     def open(self, now: float) -> None:
         self._read = self._mapped = None
@@ -85,7 +92,7 @@ class MappedLeader:
     def display(self, torques: Joints, now: float) -> None:
         if not is_finite(torques):
             raise ValueError(f"{self.spec.name}: commanded torques that are not finite: {torques}")
-        felt = [0.0] * self._width
+        felt = [0.0] * self._arm.spec.axes
         for axis, torque in zip(self._axes, torques, strict=True):
             if axis.source >= 0:
                 felt[axis.source] = self._torque_scale * axis.scale * torque
@@ -93,24 +100,6 @@ class MappedLeader:
 
     def close(self) -> None:
         self._arm.close()
-
-    def _ends(self, own: ArmSpec) -> list[tuple[float, float]]:
-        return [(axis.angle(own.lower), axis.angle(own.upper)) for axis in self._axes]
-
-    def _torques(self, own: ArmSpec) -> Joints:
-        """Torques of the follower at which the leader displays its largest [N m]."""
-        return tuple(
-            0.0 if axis.source < 0 else own.torque_nm[axis.source] / (self._torque_scale * abs(axis.scale))
-            for axis in self._axes
-        )
-
-    def _stiffness(self, own: ArmSpec) -> Joints:
-        """Stiffest walls of the follower that the leader displays [N m/rad]; the largest where it displays none."""
-        driven = [
-            own.stiffness_nm_rad[axis.source] / (self._torque_scale * axis.scale**2) if axis.source >= 0 else 0.0
-            for axis in self._axes
-        ]
-        return tuple(stiffness or max(driven) for stiffness in driven)
 
 
 def axes(leader: ArmSpec, settings: LeaderMappingSettings, joints: tuple[str, ...], *, gripper: bool) -> list[Axis]:

@@ -5,8 +5,7 @@ from typing import Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from weberlink.control.contract import LEAST_CONTACT
-from weberlink.geometry.cube import check_home
-from weberlink.geometry.vector import Vector
+from weberlink.geometry.vector import Vector, check_home
 from weberlink.slave.robots.contract import RobotSpec
 
 SOFTEST, STIFFEST = 1e-3, 1e9

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from weberlink.protocol import Endpoint, Role, UpdateLost, UpdateReceived
     from weberlink.protocol.checksum import Checksum
     from weberlink.protocol.psk import PresharedKey
-    from weberlink.session.simulate import simulate
+    from weberlink.session.simulation import simulate
     from weberlink.update import ModelParameters, PreviousSample, Update, UpdateForm
 
     __version__: str
@@ -64,7 +64,7 @@ _PLACES = {
     "weberlink.protocol.checksum": "Checksum",
     "weberlink.protocol.psk": "PresharedKey",
     "weberlink.config": "Configuration ConfigurationError load",
-    "weberlink.session.simulate": "simulate",
+    "weberlink.session.simulation": "simulate",
     "weberlink.update": "ModelParameters PreviousSample Update UpdateForm",
 }
 

@@ -14,7 +14,7 @@ from tests.program import COMMANDS, Ended, document, weberlink
 from tests.session.systems import CONFIGS
 from weberlink.config import load
 from weberlink.master.trace import read_trace
-from weberlink.session.simulate import simulate
+from weberlink.session.simulation import simulate
 
 FILES = sorted(path.name for path in CONFIGS.glob("*.yaml"))
 HARDWARE = ("phantom.yaml",)

@@ -44,7 +44,8 @@ tell()
 """
 """Ends with the modules that are there when a command is done, or starts its first process."""
 SLOW = {"numpy", "scipy", "matplotlib", "uvloop", "asyncio", "rich", "aiohttp", "mcap"}
-LATE = {f"weberlink.{name}" for name in ("telemetry.reader", "system.scoring", "system.report", "system.daemon")}
+PROGRAMS = tuple(f"weberlink.cli.{name}" for name in ("check", "device", "doctor", "emulate", "rules", "shipped"))
+LATE = {f"weberlink.{name}" for name in ("telemetry.reader", "figures.session", "figures.report", "session.daemon")}
 
 
 @pytest.mark.parametrize(
@@ -61,7 +62,7 @@ def test_a_command_imports_what_it_needs_when_it_needs_it(command: str, there: s
     assert there in modules
     assert not modules & (SLOW | absent)
     guests = ("weberlink_",) if command != "--help" else ()  # which is that of their commands too
-    assert not [name for name in modules if name.startswith(("weberlink.cli", *guests))]
+    assert not [name for name in modules if name.startswith((*PROGRAMS, *guests))]
 
 
 # --- packages

@@ -8,10 +8,9 @@ import pytest
 
 from tests.session.systems import CONFIGS, configuration
 from weberlink.cli.check import describe
-from weberlink.session.advice import advise
+from weberlink.session.advice import advise, dry_run
 from weberlink.session.composition.coupling import FIT_MARGIN, coupling, press_limit
 from weberlink.session.composition.slave import build_robot
-from weberlink.session.composition.trial import try_out
 from weberlink.slave.robots.virtual import STIFFEST
 
 DISPLAYED = 3000.0
@@ -21,7 +20,7 @@ DISPLAYED = 3000.0
 def notes(*overrides: str) -> list[str]:
     """What is said of a file before a run; `check` says the same."""
     loaded = configuration(*overrides)
-    said = advise(try_out(loaded))
+    said = advise(dry_run(loaded))
     assert said == [line.removeprefix("warning   ") for line in describe(loaded) if line.startswith("warning")]
     return said
 

@@ -17,9 +17,9 @@ from weberlink.codec.deadband.velocity import VelocityDeadband
 from weberlink.config import MASTER, SLAVE, ConfigurationError, load
 from weberlink.config.model import System
 from weberlink.master.devices.operator import OperatorDevice
+from weberlink.session.advice import dry_run
 from weberlink.session.composition.channels import channels
-from weberlink.session.composition.trial import try_out
-from weberlink.session.simulate import build_simulation
+from weberlink.session.simulation import build_simulation
 
 MINIMAL = "link: {listen: 127.0.0.1:0, slave: 127.0.0.1:0, security: none}\n"
 PLANE = "slave: {scene: [{shape: plane, stiffness_n_m: 500}]}\n"
@@ -34,7 +34,7 @@ def write(folder: Path, text: str) -> Path:
 def refusal(path: Path, *overrides: str, sides: Any = None) -> str:
     """The line that says why a file is refused, at the latest when its parts are built."""
     with pytest.raises(ConfigurationError) as caught:
-        try_out(load(path, overrides) if sides is None else load(path, overrides, sides=sides))
+        dry_run(load(path, overrides) if sides is None else load(path, overrides, sides=sides))
     message = str(caught.value)
     assert "\n" not in message
     return message
@@ -268,6 +268,6 @@ def test_driver_of_another_package_is_hardware_unless_it_says_otherwise(
 
 def test_a_session_key_is_for_a_run_of_both_sides(tmp_path: Path) -> None:
     path = write(tmp_path, "link: {listen: 127.0.0.1:1, slave: 127.0.0.1:1, security: session}")
-    try_out(load(path))
+    dry_run(load(path))
     assert "link.security" in refusal(path, sides=[SLAVE])
     assert "loopback" in refusal(path, "link.slave=10.0.0.2:1")

@@ -10,7 +10,7 @@ import pytest
 
 import weberlink
 from weberlink.config import ConfigurationError
-from weberlink.config.extras import need
+from weberlink.config.errors import require_package
 from weberlink.installation import install_line
 
 PACKAGES = (
@@ -58,5 +58,5 @@ def test_every_module_imports_without_the_packages_of_guests() -> None:
 
 def test_a_missing_package_is_named_with_the_line_that_installs_it() -> None:
     with pytest.raises(ConfigurationError) as caught:
-        need("no_such_package", "studies", "--plots")
+        require_package("no_such_package", "studies", "--plots")
     assert str(caught.value) == f"--plots: needs no_such_package; install it with: {install_line('studies')}"

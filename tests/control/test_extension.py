@@ -32,9 +32,9 @@ HALF = Scheme("toy_scheme:HalfMaster", "weberlink.control.direct:DirectSlave", c
 RUN = """
 import json, sys
 from pathlib import Path
-from weberlink.session.composition.trial import try_out
+from weberlink.session.advice import dry_run
 from weberlink.config import ConfigurationError, load
-from weberlink.session.simulate import build_simulation
+from weberlink.session.simulation import build_simulation
 
 simulation = build_simulation(load(Path(sys.argv[1]), ["control.scheme=half"]))
 masters = [simulation.step()[0] for _ in range(2500)]
@@ -43,7 +43,7 @@ told = [entry for entry in told if 0.5 < abs(entry[0]) < 5.0]
 errors = {}
 for name in ("broken", "loose"):
     try:
-        try_out(load(Path(sys.argv[1]), [f"control.scheme={name}"]))
+        dry_run(load(Path(sys.argv[1]), [f"control.scheme={name}"]))
     except ConfigurationError as fault:
         errors[name] = str(fault)
 ratios = sorted({round(output / decoded, 3) for decoded, output in told})

@@ -17,7 +17,7 @@ from weberlink.figures.journal import Journal
 from weberlink.figures.paths import paths_of
 from weberlink.protocol.aio.paths import PathFacts
 from weberlink.protocol.states import State
-from weberlink.session.log_file import LogFile
+from weberlink.session.targets import LogFile
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
 
@@ -220,7 +220,7 @@ def test_a_full_disk_tears_no_line_that_comes_later(tmp_path: Path) -> None:
     """The limit on the size of a file stands for the disk: a write that meets it is cut off, then refused."""
     path = tmp_path / "log"
     script = (
-        "import resource, signal, sys; from pathlib import Path; from weberlink.session.log_file import LogFile\n"
+        "import resource, signal, sys; from pathlib import Path; from weberlink.session.targets import LogFile\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "log = LogFile(Path(sys.argv[1]))\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (25, resource.RLIM_INFINITY))\n"

@@ -11,8 +11,7 @@ from weberlink.control.tuning import LiveSettings
 from weberlink.figures.channel import in_session
 from weberlink.figures.session import Records, SessionScore
 from weberlink.session.composition.channels import banks, force_deadband, measures_in, measures_of
-from weberlink.session.simulate import build_simulation
-from weberlink.session.simulation import as_array
+from weberlink.session.simulation import as_array, build_simulation
 
 WEBERS = (0.25, 0.05)
 SHAPES = ("cone", "level_crossing")

@@ -14,8 +14,7 @@ from typing import Any
 from weberlink.config import Configuration
 from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.events import Address
-from weberlink.session.simulate import build_simulation
-from weberlink.session.simulation import Simulation
+from weberlink.session.simulation import Simulation, build_simulation
 
 Hold = Callable[[float], float | None]
 """Departure [s] of a datagram to the age [s] at which it arrives; None for one that is not held."""

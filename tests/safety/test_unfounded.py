@@ -9,7 +9,7 @@ from tests.session.systems import configuration
 from trials.safety.unfounded import Cell, Finding, found, records, run
 from weberlink.figures.session import score_of
 from weberlink.session.channels import UNREACHED_S
-from weberlink.session.simulate import build_simulation
+from weberlink.session.simulation import build_simulation
 from weberlink.telemetry.fault import Fault
 
 DELAY_S = 0.05

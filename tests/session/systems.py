@@ -8,8 +8,7 @@ from typing import Any
 
 from weberlink.config import Configuration, load
 from weberlink.config.loading import Part
-from weberlink.session.simulate import build_simulation
-from weberlink.session.simulation import Simulation
+from weberlink.session.simulation import Simulation, build_simulation
 from weberlink.telemetry.record import Record
 
 CONFIGS = Path(__file__).parents[2] / "configs"

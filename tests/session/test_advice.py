@@ -16,12 +16,12 @@ from weberlink.session.advice import (
     USUAL_RATE_HZ,
     Parts,
     borne_round_trip,
+    dry_run,
     on_measured_delay,
     placeholders,
     tick_rate,
     uncontrolled_delay,
 )
-from weberlink.session.composition.trial import try_out
 from weberlink.session.tick_cost import measured_tick_s
 
 
@@ -34,7 +34,7 @@ from weberlink.session.tick_cost import measured_tick_s
 def test_none_bears_the_delay_up_to_which_hand_and_wall_are_passive(
     damping: float, wall: float, wall_damping: float, rate: float
 ) -> None:
-    parts = try_out(
+    parts = dry_run(
         configuration(
             f"master.device.hand.damping_n_s_m={damping!r}",
             f"rate_hz={rate!r}",
@@ -54,7 +54,7 @@ def test_none_bears_the_delay_up_to_which_hand_and_wall_are_passive(
 
 def test_of_a_hand_that_is_not_known_none_bears_little() -> None:
     addresses = ("link.listen=127.0.0.1:47011", "link.slave=127.0.0.1:47011")
-    assert borne_round_trip(try_out(load(CONFIGS / "loopback.yaml", addresses, [SLAVE]))) == UNKNOWN_BORNE
+    assert borne_round_trip(dry_run(load(CONFIGS / "loopback.yaml", addresses, [SLAVE]))) == UNKNOWN_BORNE
 
 
 @pytest.mark.parametrize(
@@ -69,7 +69,7 @@ def test_of_a_hand_that_is_not_known_none_bears_little() -> None:
 def test_a_measured_delay_that_the_contact_does_not_bear_is_said(
     overrides: tuple[str, ...], round_trip: float, is_said: bool
 ) -> None:
-    assert (on_measured_delay(try_out(configuration(*overrides)))(round_trip) is not None) is is_said
+    assert (on_measured_delay(dry_run(configuration(*overrides)))(round_trip) is not None) is is_said
 
 
 # --- a rate that the machine can hardly hold, and addresses that nobody has

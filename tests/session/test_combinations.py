@@ -12,7 +12,7 @@ from tests.session.systems import configuration, output, raw, steps
 from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.geometry.vector import norm
 from weberlink.protocol.states import State
-from weberlink.session.simulate import build_simulation
+from weberlink.session.simulation import build_simulation
 
 pytestmark = pytest.mark.hypothesis  # so that `make hunt` runs it
 

@@ -11,8 +11,7 @@ from weberlink.control.contract import CREDIT_STEP
 from weberlink.figures.energy import Records, accounts_in
 from weberlink.figures.session import SessionScore
 from weberlink.protocol.states import State
-from weberlink.session.simulate import build_simulation
-from weberlink.session.simulation import Simulation, as_array
+from weberlink.session.simulation import Simulation, as_array, build_simulation
 
 TICK = 1e-3
 BANK = ("zoh", "linear", "plane", "sphere")

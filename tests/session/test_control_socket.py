@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Thread
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -22,9 +22,8 @@ from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.session import description
 from weberlink.session.composition.link import build_link
 from weberlink.session.control_socket import ControlSocket, ask, path_beside
-from weberlink.session.daemon import STOP_SLACK_S, stop_limit_s
+from weberlink.session.daemon import STOP_SLACK_S, LiveLink, stop_limit_s
 from weberlink.session.launcher import STOP_LIMIT_S
-from weberlink.session.live_link import LiveLink
 
 
 class Unchanging:
@@ -48,7 +47,7 @@ class Unchanging:
 def daemon(ring: Path, link: LiveLink | None = None) -> Iterator[Unchanging]:
     """A control socket in a thread, as that of a daemon."""
     loop, side = asyncio.new_event_loop(), Unchanging()
-    control = ControlSocket(ring, side, link)
+    control = ControlSocket(ring, cast(Any, side), link)
     control.open(loop)
     thread = Thread(target=loop.run_forever)
     thread.start()

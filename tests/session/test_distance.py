@@ -6,7 +6,7 @@ import pytest
 
 from weberlink.config import load
 from weberlink.figures.verdict import verdict
-from weberlink.session.simulate import simulate
+from weberlink.session.simulation import simulate
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 KEYLESS = ("link.listen=127.0.0.1:47000", "link.slave=127.0.0.1:47000", "link.security=none")

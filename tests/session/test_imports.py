@@ -47,7 +47,7 @@ for arguments in json.loads(sys.argv[1]):
 """
 """Builds each case in a process of its own, forked from one that has imported what every daemon imports."""
 OBSERVERS = {
-    *(f"weberlink.{name}" for name in ("cli", "apps", "watching", "system.launcher")),
+    *(f"weberlink.{name}" for name in ("cli", "figures", "watching", "session.launcher")),
     *(f"weberlink_{name}" for name in ("anywhere", "arms", "foxglove", "franka", "ros2", "studies")),
     *("matplotlib", "scipy"),
     *("aioice", "twisted", "wormhole", "foxglove", "pylibfranka", "rosbags", "websockets", "zenoh"),
@@ -102,7 +102,7 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
         "weberlink.protocol.psk": secured,
         "weberlink.protocol.checksum": not secured,
         "weberlink.control.bounded": scheme == "bounded" and not arms,
-        **dict.fromkeys(("weberlink.codec.bundle", "weberlink_mujoco"), arms),
+        "weberlink_mujoco": arms,
         "weberlink.master.leader_port": arms and master,
         "weberlink.slave.follower_port": arms and slave,
         "weberlink.geometry.rotation": turns or mapped,

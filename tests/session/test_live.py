@@ -20,8 +20,7 @@ from tests.strangers import as_stranger, read_file
 from tests.terminals import WIDTH, on_terminal
 from tests.wait import PATIENCE, until
 from weberlink.session import description
-from weberlink.session.advice import advise
-from weberlink.session.composition.trial import try_out
+from weberlink.session.advice import advise, dry_run
 from weberlink.session.control_socket import ask, path_beside
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.ring import default_path, process_started
@@ -123,7 +122,7 @@ def test_session_ends_in_order_with_its_advice_on_standard_error(session: Sessio
     """Said once, though there are two daemons."""
     status, output, errors = session.ended
     assert status == 0
-    assert errors.splitlines() == [f"weberlink: note: {line}" for line in advise(try_out(configuration(*SETTINGS)))]
+    assert errors.splitlines() == [f"weberlink: note: {line}" for line in advise(dry_run(configuration(*SETTINGS)))]
     assert errors
     assert "the visitor left" in output
     assert all(len(line) <= WIDTH for line in output.splitlines())

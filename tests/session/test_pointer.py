@@ -11,8 +11,7 @@ from weberlink.figures.energy import Records
 from weberlink.figures.session import SessionScore
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.pointer import PointerDevice
-from weberlink.session.simulate import build_simulation
-from weberlink.session.simulation import as_array
+from weberlink.session.simulation import as_array, build_simulation
 
 WALL, HAND = 1500.0, 150.0
 """Stiffness of the scenes and of the hand [N/m]."""

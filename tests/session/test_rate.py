@@ -2,7 +2,7 @@
 
 from tests.session.systems import configuration
 from weberlink.codec.rate import LEAST_BURST
-from weberlink.session.simulate import simulate
+from weberlink.session.simulation import simulate
 
 FILE = "rotation.yaml"
 MOST = 5.0

@@ -13,7 +13,7 @@ from weberlink.figures.session import SessionScore
 from weberlink.figures.verdict import verdict
 from weberlink.protocol.emulation import Emulation
 from weberlink.session.composition.channels import banks
-from weberlink.session.simulate import simulate
+from weberlink.session.simulation import simulate
 
 PAGE = (ROOT / "docs" / "operation" / "logs.md").read_text(encoding="utf-8")
 ROWS = {

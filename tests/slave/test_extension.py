@@ -15,7 +15,7 @@ from typing import Literal
 from pydantic import BaseModel
 
 from weberlink.slave.integrators import IntegrationScheme, MassState
-from weberlink.slave.integrators.contact_force import contact_force
+from weberlink.slave.integrators.problem import contact_force
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 from weberlink.slave.scenes.shape import SceneShapeSettings
 
@@ -93,7 +93,7 @@ import json
 import sys
 from pathlib import Path
 from weberlink.config import load
-from weberlink.session.simulate import simulate
+from weberlink.session.simulation import simulate
 
 SLAB = "{shape: toy_slab, height_m: 0.0, stiffness_n_m: 500}"
 felt = []

@@ -23,8 +23,7 @@ from tests.session.systems import configuration
 from weberlink.codec.predictors import ADAPTIVE, HYBRID, PREDICTORS
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
 from weberlink.figures.session import Records
-from weberlink.session.simulate import build_simulation
-from weberlink.session.simulation import Simulation, as_array
+from weberlink.session.simulation import Simulation, as_array, build_simulation
 from weberlink.telemetry.fault import Fault
 
 SECONDS = 4.0

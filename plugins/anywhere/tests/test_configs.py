@@ -8,7 +8,7 @@ from plugins.anywhere.tests import FILE
 from tests.program import weberlink
 from weberlink.cli.shipped import copy
 from weberlink.config import ConfigurationError, load
-from weberlink.session.simulate import simulate
+from weberlink.session.simulation import simulate
 
 HERE = ("link.finder=null", "link.listen=127.0.0.1:47000", "link.security=none")
 

@@ -10,7 +10,7 @@ import pytest
 from tests.program import weberlink
 from tests.session.systems import configuration
 from tests.test_operation import assert_accepted_and_little_exposed, assert_starts_a_command
-from weberlink.session.simulate import simulate
+from weberlink.session.simulation import simulate
 from weberlink_page.scenes import SCENES
 
 UNIT = Path(__file__).parents[1] / "configs" / "weberlink-monitor.service"

@@ -15,7 +15,7 @@ from tests.program import ENGAGED, PATIENT, Program, document, weberlink
 from tests.session.systems import CONFIGS, configuration
 from tests.wait import until
 from weberlink.config import load
-from weberlink.session.simulate import simulate
+from weberlink.session.simulation import simulate
 from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT
 from weberlink.telemetry.record import COUNTERS, FIELDS
 from weberlink_recording.export import describe

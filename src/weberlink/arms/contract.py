@@ -6,7 +6,7 @@ position control of its joints. The axes are the joints in order and, where the 
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 from pydantic import BaseModel
 
@@ -89,7 +89,8 @@ class ArmReading(NamedTuple):
 class Arm(Protocol):
     """What leaders and followers share. `latest` never blocks; `open` and `close` end in bounded time.
 
-    `spec` is readable before `open`.
+    `spec` is readable before `open`. `trouble` and `guarded` are looked for as on a device
+    (`weberlink.master.devices.contract.Device`).
     """
 
     @property
@@ -136,25 +137,8 @@ class FollowerArm(Arm, Protocol):
         ...
 
 
-@runtime_checkable
-class ExplainsArm(Protocol):
-    """An arm that can say why samples are missing."""
-
-    @property
-    def trouble(self) -> str | None:
-        """What was wrong with the last attempt; None if nothing."""
-        ...
-
-
-class LeaderDriver(Protocol):
-    """A driver class: its options, and an arm built from them and the tick period [s]."""
+class ArmDriver(Protocol):
+    """A driver class: its options, and a leader or a follower built from them and the tick period [s]."""
 
     Options: ClassVar[type[BaseModel]]
-    __call__: Callable[[Any, float], LeaderArm]
-
-
-class FollowerDriver(Protocol):
-    """A driver class: its options, and an arm built from them and the tick period [s]."""
-
-    Options: ClassVar[type[BaseModel]]
-    __call__: Callable[[Any, float], FollowerArm]
+    __call__: Callable[[Any, float], Any]

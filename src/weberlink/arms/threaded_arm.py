@@ -1,15 +1,13 @@
 """An arm on a blocking bus behind the non-blocking `Arm` contract: its exchange runs in a thread of its own."""
 
 from collections.abc import Callable
-from typing import Generic, NamedTuple, TypeVar
+from typing import Generic, NamedTuple
 
 from weberlink.arms.contract import ArmFault, ArmReading, ArmSpec
 from weberlink.arms.interpolation import Interpolation, TimedValues
 from weberlink.geometry.joints import Joints, is_finite
-from weberlink.hardware.fault import HardwareFault
-from weberlink.hardware.worker import Exchange, GuardedExchange, Worker
-
-Command = TypeVar("Command")
+from weberlink.hardware.threaded import ThreadedDriver
+from weberlink.hardware.worker import Command, Exchange, Worker
 
 
 class ArmSample(NamedTuple):
@@ -24,19 +22,20 @@ class ArmSample(NamedTuple):
         return TimedValues(self.at, self.angles + self.torques)
 
 
-class ThreadedArm(Generic[Command]):
-    """Readings are interpolated between the cycles of the bus, late by the lag of the spec. Times are of
-    `time.monotonic` [s].
+class ThreadedArm(ThreadedDriver[Command, ArmSample]):
+    """Readings are interpolated between the cycles of the bus, late by the lag of the spec.
 
     Args:
         spec: Of the arm; its `rate_hz` is the rate of the bus.
-        exchange: Takes a command, and gives a sample; see `weberlink.hardware.worker.Exchange` for its exceptions.
+        exchange: Takes a command, and gives a sample.
         rest: The command that is safe at any time.
         stale: Age beyond which a command no longer counts [s].
         bad_replies: How many in a row end the session.
         reconnect: How long to look for the arm when it is gone [s].
         scale: Gives a share of a command, 0 to 1, for the ramp after an interruption; None for no ramp.
     """
+
+    FAULT = ArmFault
 
     def __init__(
         self,
@@ -51,7 +50,7 @@ class ThreadedArm(Generic[Command]):
     ) -> None:
         self.spec = spec
         self._interpolation = Interpolation(spec.lag_s)
-        self._worker: Worker[Command, ArmSample] = Worker(
+        worker: Worker[Command, ArmSample] = Worker(
             _Recorded(exchange, self._interpolation),
             rest=rest,
             period=1.0 / spec.rate_hz,
@@ -61,30 +60,11 @@ class ThreadedArm(Generic[Command]):
             reconnect=reconnect,
             scale=scale,
         )
-        self._is_open = False
+        super().__init__(spec.name, exchange, worker)
         self._answer: tuple[float, ArmReading] | None = None
 
-    @property
-    def guarded(self) -> bool:
-        """Whether a guardian process takes the torque off when this process stops."""
-        return self._worker.guarded
-
-    @property
-    def trouble(self) -> str | None:
-        return self._worker.trouble
-
-    def open(self, now: float) -> None:  # noqa: ARG002
-        self.close()
-        try:
-            self._worker.start()
-        except HardwareFault as fault:
-            raise self._fault(str(fault)) from None
-        self._is_open = True
-
     def latest(self, now: float) -> ArmReading:
-        if not self._is_open:
-            raise self._fault("not open")
-        self._worker.check(self._fault)
+        self._check()
         if self._answer is None or now > self._answer[0]:
             at, values = self._interpolation.at(now)
             axes = self.spec.axes
@@ -100,14 +80,8 @@ class ThreadedArm(Generic[Command]):
             self._worker.command(command, now)
 
     def close(self) -> None:
-        self._is_open = False
         self._answer = None
-        self._worker.stop()
-
-    def _fault(self, why: str) -> ArmFault:
-        """The fault with the driver's name in front, once."""
-        name = f"{self.spec.name}: "
-        return ArmFault(name + why.removeprefix(name))
+        super().close()
 
 
 class _Recorded(Generic[Command]):
@@ -116,7 +90,8 @@ class _Recorded(Generic[Command]):
     def __init__(self, exchange: Exchange[Command, ArmSample], interpolation: Interpolation) -> None:
         self._exchange = exchange
         self._interpolation = interpolation
-        self.guardian = exchange.guardian if isinstance(exchange, GuardedExchange) else None
+        self.guardian = getattr(exchange, "guardian", None)
+        self.close = exchange.close
 
     def open(self) -> ArmSample:
         sample = self._exchange.open()
@@ -127,6 +102,3 @@ class _Recorded(Generic[Command]):
         sample = self._exchange.exchange(command)
         self._interpolation.add(sample.flat)
         return sample
-
-    def close(self) -> None:
-        self._exchange.close()

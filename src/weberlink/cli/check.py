@@ -7,24 +7,25 @@ from collections.abc import Iterator
 from math import cos, pi, sin
 from statistics import median
 from time import perf_counter
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 from weberlink.codec import Channel
 from weberlink.codec.replay import code
 from weberlink.config import Configuration, System
-from weberlink.config.model import ControlSettings, MappingSettings, PredictedSettings
+from weberlink.config.model import ControlSettings, MappingSettings
 from weberlink.control.table import SCHEMES
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.contract import Device
 from weberlink.protocol.wire import UpdateLayout
-from weberlink.session.advice import advise
-from weberlink.session.composition.channels import channels, streams
+from weberlink.session.advice import advise, dry_run
+from weberlink.session.composition.channels import streams
 from weberlink.session.composition.link import build_security
-from weberlink.session.composition.master import build_device
-from weberlink.session.composition.slave import build_robot, build_scene
-from weberlink.session.composition.trial import try_out
+from weberlink.session.composition.slave import build_scene
 from weberlink.slave.robots.contract import Robot, RobotSpec, TimedRobot
 from weberlink.slave.scenes.scene import Scene
+
+if TYPE_CHECKING:
+    from weberlink.arms.contract import ArmSpec
 
 UDP_IP_BYTES = 28
 SAMPLES = 2000
@@ -38,63 +39,59 @@ class Described(Protocol):
     def description(self) -> str: ...
 
 
+class Stream(NamedTuple):
+    """A coded signal, in words: what it is called, how it is coded, and at most how often it is sent."""
+
+    title: str
+    coding: str
+    most: float | None
+    channel: Channel
+
+
 def describe(configuration: Configuration) -> Iterator[str]:
     """Describe a configuration, line by line.
 
     Raises:
         ConfigurationError: a part cannot be built as the file asks.
     """
-    system = configuration.system
-    advice = advise(try_out(configuration))
-    security = build_security(configuration)
+    system, parts = configuration.system, dry_run(configuration)
+    advice = advise(parts)
+    tag = build_security(configuration).tag_size
     yield f"{configuration.path}: valid"
-    if system.codec.joints is None:
-        yield from _hand_and_tool(configuration, security.tag_size)
+    if parts.is_of_arms:
+        yield from _arms(system, parts.leader, parts.follower)
+        coded = list(_streams_of_arms(system))
     else:
-        from weberlink.cli.check_arms import arms  # noqa: PLC0415 - for arms alone
-
-        yield from arms(configuration, security.tag_size, _link(system))
+        yield from _hand_and_tool(system, parts.device, parts.robot)
+        coded = list(_streams(system))
+    yield from _link(system)
+    carries_credit = not parts.is_of_arms and SCHEMES[system.control.scheme].carries_credit
+    octets = 0
+    for title, coding, most, channel in coded:
+        layout = UpdateLayout(channel.forms, carries_credit=carries_credit, acks=len(coded) // 2)
+        shortest, longest = (size + tag for size in layout.lengths)
+        octets += shortest + UDP_IP_BYTES
+        yield f"{title:<10}{coding}" + ("" if most is None else f"; at most {most:g} updates/s")
+        yield f"          update of {shortest} to {longest} bytes of UDP payload"
+    if not parts.is_of_arms:
+        yield from _cost(configuration)
+    uncoded = octets * 8 * system.rate_hz / 1e3
+    yield f"          an update every tick would be {uncoded:.0f} kbit/s both ways, IP headers included"
     for warning in advice:
         yield f"warning   {warning}"
 
 
-def _hand_and_tool(configuration: Configuration, tag: int) -> Iterator[str]:
-    system = configuration.system
-    device = None if configuration.device is None else build_device(configuration)
-    robot = None if configuration.robot is None else build_robot(configuration)
-    if isinstance(robot, TimedRobot):
-        robot.measure_steps(perf_counter)  # as the daemon does
-    forward, backward = channels(system)
-    shape = backward.deadband.describe()
-    scene = build_scene(configuration)
-    yield from _sides(system, device, robot)
-    yield from _link(system)
-    yield f"force     {_coding(system.codec.force.predictor, backward)}; k = {system.codec.force.weber:g}, " + (
-        f"floor {system.codec.force.floor_n:g} N, reference {system.codec.force.reference}"
-        + ("" if shape == "isotropic" else f"; {shape}")
-        + _most(system.codec.force)
-    )
-    yield f"          update of {_sizes(backward, tag, system)} bytes of UDP payload"
-    position = system.codec.position
-    yield f"position  {_coding(position.predictor, forward)}; bound {1e3 * position.bound_m:g} mm{_most(position)}"
-    yield f"          update of {_sizes(forward, tag, system)} bytes of UDP payload"
-    yield from _rotation(system, tag)
-    yield f"cost      codec {_codec_us(backward):.1f} us per tick (force channel, encode and decode)"
-    if system.codec.rotation is not None:
-        torque_us = _codec_us(streams(system)[1][1])
-        yield f"          codec {torque_us:.1f} us per tick more (torque channel)"
-    if scene is not None:
-        yield f"          scene {_scene_us(scene):.1f} us per tick at its surface"
-    uncoded = _uncoded_kbit(system, tag)
-    yield f"          an update every tick would be {uncoded:.0f} kbit/s both ways, IP headers included"
+# --- what is at the two ends, and between them
 
 
-def _sides(system: System, device: Device | None, robot: Robot | None) -> Iterator[str]:
+def _hand_and_tool(system: System, device: Device | None, robot: Robot | None) -> Iterator[str]:
     yield f"rate      {system.rate_hz:g} Hz, axes {system.axes}"
     if device is not None:
-        yield (f"master    device {system.master.device.driver}{_detail(device)}, {_displayed(system, device)}")
+        yield f"master    device {system.master.device.driver}{_detail(device)}, {_displayed(system, device)}"
         if system.master.mapping is not None:
             yield f"          mapped: {_mapping(system.master.mapping)}"
+    if isinstance(robot, TimedRobot):
+        robot.measure_steps(perf_counter)  # as the daemon does
     if robot is not None:
         silence = system.slave.limits.on_silence
         yield f"slave     robot {system.slave.robot.driver}{_detail(robot)}; on silence {silence}"
@@ -135,6 +132,36 @@ def _measured(spec: RobotSpec) -> Iterator[str]:
         yield f"          force known to +-({absolute:.2g} N + {100 * relative:.0f} %)"
 
 
+def _arms(system: System, leader: "ArmSpec | None", follower: "ArmSpec | None") -> Iterator[str]:
+    from weberlink.session.composition.following import angle_limits  # noqa: PLC0415 - for arms alone
+    from weberlink.session.composition.leading import torque_limits  # noqa: PLC0415 - likewise
+
+    joints = system.codec.joints
+    assert joints is not None
+    axes = f"{len(joints.names)} joints" + ("" if system.codec.gripper is None else " and a gripper")
+    yield f"rate      {system.rate_hz:g} Hz, {axes}"
+    if leader is not None:
+        yield f"master    leader {system.master.device.driver}, {_bus(leader)}"
+        yield f"          torque at most {_each(torque_limits(system, leader)[0])} N m"
+    if follower is not None:
+        yield f"slave     follower {system.slave.robot.driver}, {_bus(follower)}"
+        lower, upper = angle_limits(system, follower)
+        yield f"          angles from {_each(lower)}"
+        yield f"          to {_each(upper)} rad"
+        if follower.torque_error_nm > 0.0:
+            yield f"          torque known to +-{follower.torque_error_nm:.2g} N m"
+
+
+def _bus(spec: "ArmSpec") -> str:
+    lag = f", readings lag by {1e3 * spec.lag_s:.1f} ms" if spec.lag_s > 0.0 else ""
+    return f"{spec.name} at {spec.rate_hz:g} Hz{lag}"
+
+
+def _each(setting: float | tuple[float, ...]) -> str:
+    values = setting if isinstance(setting, tuple) else (setting,)
+    return ", ".join(f"{value:.3g}" for value in (values if len(set(values)) > 1 else values[:1]))
+
+
 def _link(system: System) -> Iterator[str]:
     link = system.link
     finder = link.finder
@@ -158,49 +185,53 @@ def _control(control: ControlSettings, *, turns: bool) -> Iterator[str]:
         yield f"          integrated, more than it gave, beside what the scene gives{'; as much by torques' * turns}"
 
 
-def _coding(predictor: str, channel: Channel) -> str:
+# --- how the signals are coded
+
+
+def _streams(system: System) -> Iterator[Stream]:
+    forward, backward = streams(system)
+    force, position, rotation = system.codec.force, system.codec.position, system.codec.rotation
+    shape = backward[0].deadband.describe()
+    coding = f"k = {force.weber:g}, floor {force.floor_n:g} N, reference {force.reference}"
+    coding += "" if shape == "isotropic" else f"; {shape}"
+    yield Stream("force", f"{_choice(force.predictor, backward[0])}; {coding}", force.max_updates_per_s, backward[0])
+    coding = f"{_choice(position.predictor, forward[0])}; bound {1e3 * position.bound_m:g} mm"
+    yield Stream("position", coding, position.max_updates_per_s, forward[0])
+    if rotation is not None:
+        torque, turn = rotation.torque, rotation.orientation
+        coding = f"torque {_choice(torque.predictor, backward[1])}; k = {torque.weber:g}, "
+        coding += f"floor {torque.floor_nm:g} N m, reference {torque.reference}"
+        yield Stream("rotation", coding, torque.max_updates_per_s, backward[1])
+        coding = f"orientation {_choice(turn.predictor, forward[1])}; bound {turn.bound_rad:g} rad"
+        yield Stream("", coding, turn.max_updates_per_s, forward[1])
+
+
+def _choice(predictor: str, channel: Channel) -> str:
     return predictor if len(channel.bank) == 1 else f"{predictor} of {', '.join(channel.bank)}"
 
 
-def _most(settings: PredictedSettings) -> str:
-    """The bounded rate of updates, if there is one."""
-    most = settings.max_updates_per_s
-    return "" if most is None else f"; at most {most:g} updates/s"
+def _streams_of_arms(system: System) -> Iterator[Stream]:
+
+    parts = {"joints": system.codec.joints, "gripper": system.codec.gripper}
+    used = [(name, part.angle, part.torque) for name, part in parts.items() if part is not None]
+    for (name, angle, torque), forward, backward in zip(used, *streams(system), strict=True):
+        coding = f"angles {angle.predictor}; bound {_each(angle.bound_rad)} rad"
+        yield Stream(name, coding, angle.max_updates_per_s, forward)
+        coding = f"torques {torque.predictor}; k = {torque.weber:g}, floor {_each(torque.floor_nm)} N m"
+        yield Stream("", coding, torque.max_updates_per_s, backward)
 
 
-def _sizes(channel: Channel, tag: int, system: System) -> str:
-    shortest, longest = (size + tag for size in _layout(channel, system).lengths)
-    return f"{shortest} to {longest}"
+# --- what they cost
 
 
-def _layout(channel: Channel, system: System) -> UpdateLayout:
-    return UpdateLayout(
-        channel.forms,
-        carries_credit=SCHEMES[system.control.scheme].carries_credit,
-        acks=1 if system.codec.rotation is None else 2,
-    )
-
-
-def _rotation(system: System, tag: int) -> Iterator[str]:
-    """The channels of the rotation."""
-    coded = system.codec.rotation
-    if coded is None:
-        return
-    (_, orientation), (_, torque) = streams(system)
-    yield (
-        f"rotation  torque {_coding(coded.torque.predictor, torque)}; k = {coded.torque.weber:g}, "
-        f"floor {coded.torque.floor_nm:g} N m, reference {coded.torque.reference}{_most(coded.torque)}"
-    )
-    yield f"          update of {_sizes(torque, tag, system)} bytes of UDP payload"
-    bound = f"bound {coded.orientation.bound_rad:g} rad{_most(coded.orientation)}"
-    yield f"          orientation {_coding(coded.orientation.predictor, orientation)}; {bound}"
-    yield f"          update of {_sizes(orientation, tag, system)} bytes of UDP payload"
-
-
-def _uncoded_kbit(system: System, tag: int) -> float:
-    sizes = [UpdateLayout(each.forms).lengths[0] for way in streams(system) for each in way]
-    octets = sum(size + tag + UDP_IP_BYTES for size in sizes)
-    return octets * 8 * system.rate_hz / 1e3
+def _cost(configuration: Configuration) -> Iterator[str]:
+    _, backward = streams(configuration.system)
+    scene = build_scene(configuration)
+    yield f"cost      codec {_codec_us(backward[0]):.1f} us per tick (force channel, encode and decode)"
+    for torque in backward[1:]:
+        yield f"          codec {_codec_us(torque):.1f} us per tick more (torque channel)"
+    if scene is not None:
+        yield f"          scene {_scene_us(scene):.1f} us per tick at its surface"
 
 
 def _codec_us(channel: Channel) -> float:

@@ -124,9 +124,9 @@ def simulate(
     60 s of it by default, in about 12 s. Ctrl-C ends it with the report of the simulated time so far.
     """
     from weberlink.config import ConfigurationError, load  # noqa: PLC0415
-    from weberlink.session.composition.trial import try_out  # noqa: PLC0415
-    from weberlink.session.simulate import refuse_live  # noqa: PLC0415
-    from weberlink.session.simulate import simulate as run  # noqa: PLC0415
+    from weberlink.session.advice import dry_run  # noqa: PLC0415
+    from weberlink.session.simulation import refuse_live  # noqa: PLC0415
+    from weberlink.session.simulation import simulate as run  # noqa: PLC0415
 
     configuration = load(file, set_ or ())
     if trace is not None and configuration.system.codec.joints is not None:
@@ -134,7 +134,7 @@ def simulate(
             f"--trace: {file}: an arm has joints, not one position; use --record and weberlink record export"
         )
     refuse_live(configuration)
-    say_advice(try_out(configuration))
+    say_advice(dry_run(configuration))
     with progress_bar() as progress:
         summary, recorder = run(configuration, duration, record, progress, tell)
     problem = None if trace is None else attempt(lambda: recorder.save(trace), trace)
@@ -157,7 +157,7 @@ def _live(
     take_over: bool = False,
 ) -> None:
     from weberlink.config import load  # noqa: PLC0415
-    from weberlink.session.composition.trial import try_out  # noqa: PLC0415
+    from weberlink.session.advice import dry_run  # noqa: PLC0415
     from weberlink.session.launcher import Session  # noqa: PLC0415
     from weberlink.telemetry.runtime_directory import directory  # noqa: PLC0415
 
@@ -165,7 +165,7 @@ def _live(
         with errors(lambda trace: None if journal_at is None else journal_at(0.0).trace(trace)):
             overrides = [*(given or ()), *added()]
             configuration = load(path, overrides, sides)
-            parts = try_out(configuration)
+            parts = dry_run(configuration)
             directory()
             if record is not None:
                 from weberlink.session.recorder import format_for  # noqa: PLC0415
@@ -218,7 +218,7 @@ def journals_to(log: Path | None, json_out: Path | None) -> Iterator[Any]:
         yield None
         return
     from weberlink.figures.journal import Journal  # noqa: PLC0415
-    from weberlink.session.log_file import LogFile  # noqa: PLC0415
+    from weberlink.session.targets import LogFile  # noqa: PLC0415
 
     if log == json_out == STANDARD_OUTPUT:
         fail("--log -: standard output is taken by --json -; write one of them to a file", MISCONFIGURED)

@@ -18,17 +18,24 @@ from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import urlsplit
 
 from weberlink.codec.predictors import BANKS, PREDICTORS
-from weberlink.config import Configuration, System
+from weberlink.config import Configuration, ConfigurationError, System
 from weberlink.config.model import (
     PERCEPTUAL_WEBER_LIMIT,
     EmulationSettings,
     is_loopback,
     is_placeholder,
+    split_address,
 )
+from weberlink.control.contract import MasterControl, SlaveControl
 from weberlink.control.passivity import passivity_limit
+from weberlink.control.table import SCHEMES
 from weberlink.figures.verdict import PLACEHOLDER
 from weberlink.master.devices.contract import Device
+from weberlink.registry import check_contract, import_part
 from weberlink.session.composition.coupling import FIT_MARGIN, STATED
+from weberlink.session.composition.link import build_driver, build_security, with_file_name
+from weberlink.session.composition.master import build_device
+from weberlink.session.composition.slave import build_robot, workspace_of
 from weberlink.slave.robots.contract import Robot
 from weberlink.slave.scenes.settings import ObjectSettings
 
@@ -71,6 +78,60 @@ class Parts(NamedTuple):
     @property
     def is_of_arms(self) -> bool:
         return self.system.codec.joints is not None
+
+
+def dry_run(configuration: Configuration) -> Parts:
+    """Build what a run would build, so that every error of the file shows before a process is started.
+
+    Raises:
+        ConfigurationError: as the builders do; or for a port that nobody could find, or a key that nobody else has,
+            where one side runs alone.
+    """
+    build_security(configuration)
+    _check_scheme(configuration)
+    parts = _build(configuration)
+    link = configuration.system.link
+    for field, address, other in (
+        ("link.slave", link.slave, configuration.robot),
+        ("link.listen", link.listen, configuration.device),
+    ):
+        if other is None and split_address(address)[1] == 0:
+            raise ConfigurationError(
+                f"{configuration.path}: {field}: port 0 is for loopback; expected the port that both sides know"
+            )
+    if link.security == "session" and (configuration.robot is None or configuration.device is None):
+        raise ConfigurationError(
+            f"{configuration.path}: link.security: session is for weberlink loopback, which runs both sides; "
+            "for one side write psk, with key_file (weberlink keygen KEYFILE)"
+        )
+    return parts
+
+
+def _build(configuration: Configuration) -> Parts:
+    has_device, has_robot = configuration.device is not None, configuration.robot is not None
+    if configuration.system.codec.joints is not None:
+        from weberlink.session.composition.following import build_follower  # noqa: PLC0415 - for arms alone
+        from weberlink.session.composition.leading import build_leader  # noqa: PLC0415 - likewise
+
+        leader = build_leader(configuration).spec if has_device else None
+        return Parts(configuration, None, None, leader, build_follower(configuration).spec if has_robot else None)
+    device = build_device(configuration) if has_device else None
+    robot = build_robot(configuration) if has_robot else None
+    if robot is not None:
+        workspace_of(configuration, robot)
+    return Parts(configuration, device, robot)
+
+
+@with_file_name
+def _check_scheme(configuration: Configuration) -> None:
+    """See that the control scheme can be imported and has its methods, where another distribution brings it."""
+    name = configuration.system.control.scheme
+    if name in SCHEMES.built_in:
+        return
+    scheme, what = build_driver("control.scheme", SCHEMES.load, name), f"control scheme {SCHEMES.owned(name)}"
+    for place, contract in ((scheme.master, MasterControl), (scheme.slave, SlaveControl)):
+        made = build_driver("control.scheme", import_part, what, place)
+        build_driver("control.scheme", check_contract, what, made, contract)
 
 
 Rule = Callable[[Parts], Iterator[str]]

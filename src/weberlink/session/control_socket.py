@@ -10,7 +10,7 @@ from collections.abc import Awaitable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from weberlink.bounded_json import parse
 from weberlink.telemetry.runtime_directory import ForeignFileError, check, listening_socket
@@ -18,9 +18,9 @@ from weberlink.telemetry.runtime_directory import ForeignFileError, check, liste
 if TYPE_CHECKING:  # who only asks needs no event loop
     import asyncio
 
-    from weberlink.control.tuning import Tuning
-    from weberlink.realtime.shell import Transport
-    from weberlink.session.live_link import LiveLink
+    from weberlink.realtime.loop import Transport
+    from weberlink.session.daemon import LiveLink
+    from weberlink.session.side import Side
 
 LONGEST_QUESTION = 1024
 LONGEST_ANSWER = 4096
@@ -37,18 +37,6 @@ NO_EMULATION = "this session emulates no link: add emulate: {} under link in its
 
 class LiveChangeError(RuntimeError):
     """No daemon answered, or the answer cannot be read; one line."""
-
-
-class Controllable(Protocol):
-    """A side whose settings can be changed, and that can be stopped."""
-
-    tuning: "Tuning"
-
-    def propose(self, change: Mapping[str, object], now: float) -> str | None: ...
-
-    def stop(self, now: float, reason: str) -> None: ...
-
-    def emergency(self, now: float) -> None: ...
 
 
 def path_beside(ring: str | Path) -> Path:
@@ -102,7 +90,7 @@ def ask(ring: str | Path, request: Mapping[str, Any], patience_s: float = 2.0) -
 class ControlSocket:
     """The daemon's end: takes requests between ticks and hands them to its side."""
 
-    def __init__(self, ring: str | Path, side: Controllable, link: "LiveLink | None" = None) -> None:
+    def __init__(self, ring: str | Path, side: "Side", link: "LiveLink | None" = None) -> None:
         self._path = path_beside(ring)
         self._side = side
         self._link = link
@@ -110,7 +98,6 @@ class ControlSocket:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._waiting: str | bytes | None = None
         """Who waits for the answer of the peer; there is one at most, because there is one change at a time."""
-        self._timer: asyncio.TimerHandle | None = None
 
     def open(self, loop: "asyncio.AbstractEventLoop") -> None:
         """Listen.
@@ -120,7 +107,7 @@ class ControlSocket:
         """
         listener = listening_socket(self._path)
         self._socket, self._loop = listener, loop
-        loop.add_reader(listener.fileno(), self._on_question)
+        loop.add_reader(listener.fileno(), self._on_questions)
 
     def close(self) -> None:
         """Stop listening; may be repeated."""
@@ -132,7 +119,7 @@ class ControlSocket:
         self._socket = None
         self._path.unlink(missing_ok=True)
 
-    def _on_question(self) -> None:
+    def _on_questions(self) -> None:
         for _ in range(QUESTIONS_A_LOOK):
             if self._socket is None:
                 return
@@ -144,11 +131,11 @@ class ControlSocket:
                 request = parse(data, LONGEST_QUESTION)
             except ValueError:
                 request = None
-            self._take(request if isinstance(request, dict) else None, sender)
+            self._on_question(request, sender)
 
-    def _take(self, request: dict[str, object] | None, sender: str | bytes) -> None:
-        self._tell_result()  # before another change takes its place
-        if request is None:
+    def _on_question(self, request: Any, sender: str | bytes) -> None:
+        self._answer_waiting()  # before another change takes its place
+        if not isinstance(request, dict):
             self._answer(sender, {"accepted": False, "why": "a question is a JSON object"})
         elif not request:
             self._answer(sender, {})
@@ -162,37 +149,31 @@ class ControlSocket:
 
     def _do(self, request: dict[str, object]) -> str | None:
         """Begin what is asked; why not, or None."""
+        now = monotonic()
         if "emergency" in request:  # first, and whatever else is asked for
-            return self._emergency(request["emergency"])
-        if "stop" in request:
-            return self._stop(request["stop"]) if len(request) == 1 else "ask for stop alone"
-        if not set(request).isdisjoint(AT_ONCE):
+            if request["emergency"] is not True:
+                return f"emergency must be true, not {request['emergency']!r}"
+            self._side.emergency(now)
+        elif "stop" in request:
+            reason = request["stop"]
+            if len(request) > 1:
+                return "ask for stop alone"
+            if not (isinstance(reason, str) and 0 < len(reason) <= LONGEST_REASON and reason.isprintable()):
+                return f"stop must be the outcome in words, 1 to {LONGEST_REASON} printable characters"
+            self._side.stop(now, reason)
+        elif set(request).isdisjoint(AT_ONCE):
+            return self._side.propose(request, now)
+        else:
             return NO_EMULATION if self._link is None else self._link.change(request)
-        return self._side.propose(request, monotonic())
-
-    def _emergency(self, value: object) -> str | None:
-        if value is not True:
-            return f"emergency must be true, not {value!r}"
-        self._side.emergency(monotonic())
-        return None
-
-    def _stop(self, reason: object) -> str | None:
-        if not (isinstance(reason, str) and 0 < len(reason) <= LONGEST_REASON and reason.isprintable()):
-            return f"stop must be the outcome in words, 1 to {LONGEST_REASON} printable characters"
-        self._side.stop(monotonic(), reason)
         return None
 
     def _look(self) -> None:
         """Answer who waits, now or as soon as the peer has answered."""
-        self._tell_result()
-        if self._waiting is not None and self._timer is None and self._loop is not None and self._socket is not None:
-            self._timer = self._loop.call_later(LOOK_S, self._on_timer)
+        self._answer_waiting()
+        if self._waiting is not None and self._loop is not None and self._socket is not None:
+            self._loop.call_later(LOOK_S, self._look)
 
-    def _on_timer(self) -> None:
-        self._timer = None
-        self._look()
-
-    def _tell_result(self) -> None:
+    def _answer_waiting(self) -> None:
         result = self._side.tuning.result
         if self._waiting is None or result is None:
             return
@@ -203,11 +184,10 @@ class ControlSocket:
 
     def _answer(self, sender: str | bytes, content: dict[str, object]) -> None:
         tuning = self._side.tuning
-        pending = None if tuning.pending is None else tuning.pending._asdict()
         in_force = {
             "settings": tuning.settings._asdict(),
             "generation": tuning.generation,
-            "pending": pending,
+            "pending": None if tuning.pending is None else tuning.pending._asdict(),
             "link": None if self._link is None else self._link.in_force,
         }
         if self._socket is not None:

@@ -6,7 +6,7 @@ The launcher starts it with a `DaemonOrder` as JSON; it answers with a summary a
 import json
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from random import Random
@@ -14,29 +14,30 @@ from signal import SIG_SETMASK, SIG_UNBLOCK, SIGHUP, Signals, pthread_sigmask, s
 from time import monotonic, perf_counter, time_ns
 from traceback import format_exception, print_exception
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from weberlink.config import MASTER, Configuration, ConfigurationError, System, load
-from weberlink.config.errors import trace_of
+from weberlink.config.errors import trace_of, validated
 from weberlink.config.finders import PathFinder, finder_of, finding
-from weberlink.config.model import split_address
+from weberlink.config.model import DirectionFaults, split_address
 from weberlink.order import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS
-from weberlink.protocol.aio.paths import MakePaths, peer_address
+from weberlink.protocol.aio.paths import peer_address
 from weberlink.protocol.aio.udp import UdpShell
+from weberlink.protocol.emulation import EmulatedLink
+from weberlink.protocol.events import Address
 from weberlink.realtime.garbage import GarbageSchedule
-from weberlink.realtime.process import Grants, die_with_parent, prepare
-from weberlink.realtime.shell import REASONS, Run, Transport, run
+from weberlink.realtime.loop import REASONS, AfterTick, TickLoop
+from weberlink.realtime.process import die_with_parent, prepare
 from weberlink.registry import fault_of, in_words
 from weberlink.session import description
-from weberlink.session.composition.link import Identity, build_link, build_security
+from weberlink.session.composition.link import Identity, build_link, build_security, emulation_of
 from weberlink.session.control_socket import ControlSocket, WithControlSocket
-from weberlink.session.daemon_order import DaemonOrder, failure
+from weberlink.session.description import DaemonOrder, failure
 from weberlink.session.side import Side
 from weberlink.telemetry.ring import RingWriter
 
-if TYPE_CHECKING:
-    from weberlink.session.live_link import LiveLink
-
+LINK_SETTINGS = ("delay_ms", "jitter_ms", "loss")
+"""What may be changed of an emulated link; as of `link.emulate`."""
 RING_SECONDS = 10.0
 GARBAGE_EVERY_S = 1.0
 STOP_SLACK_S, STOP_FADES = 1.0, 2.0
@@ -98,20 +99,53 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
         # After the imports of the side: with real-time rights they would hold up the other side.
         grants = prepare(realtime.priority, realtime.lock_memory, cpu, wakeful=realtime.wakeful)
         link = emulated_link(order.side, system, epoch)
-        udp = _transport(order.side, system, side, link, paths)
-        transport = WithControlSocket(udp, ControlSocket(order.ring, side, link))
-        capacity = int(RING_SECONDS * system.rate_hz)
+        udp = UdpShell(
+            side.endpoint,
+            now=monotonic,
+            listen=("", 0) if order.side == MASTER else split_address(system.link.listen),
+            link=None if link is None else link.link,
+            dscp=system.link.dscp,
+            paths=paths,
+            on_no_path=lambda why: side.give_up(monotonic(), why),
+        )
         described = description.Description(order.ring, description.describe(configuration, order.side, side.port))
         described.publish(paths=udp.paths)
         stack.callback(described.remove)
+        ring = RingWriter.create(
+            order.ring, side=order.side, rate_hz=system.rate_hz, capacity=int(RING_SECONDS * system.rate_hz)
+        )
+        # Launcher and recorder may be slow to start: the launcher removes the file when both have read it.
+        stack.callback(lambda: ring.close(unlink=os.getppid() != order.parent))
         try:
-            ring = RingWriter.create(order.ring, side=order.side, rate_hz=system.rate_hz, capacity=capacity)
-            # Launcher and recorder may be slow to start: the launcher removes the file when both have read it.
-            stack.callback(lambda: ring.close(unlink=os.getppid() != order.parent))
-            run_ = _drive(side, udp, transport, configuration, order, epoch, ring, described)
+            with _interruptible():
+                side.open(monotonic())
+        except side.port.fault as fault:
+            raise StartError(str(fault)) from fault
         except Stopped as stopped:
+            side.close()
             return failure(str(stopped)) | {"failed": False, "realtime": grants.as_dict()}
-    return _summary(run_, side, udp, grants)
+        stack.callback(side.close)
+        ran = TickLoop(
+            side,
+            WithControlSocket(udp, ControlSocket(order.ring, side, link)),
+            system.tick_period,
+            duration_s=order.duration_s,
+            start_at=epoch,
+            stop_limit_s=stop_limit_s(system, order.side),
+            after_tick=_after_tick(side, udp, ring, described),
+            garbage=GarbageSchedule(max(1, int(GARBAGE_EVERY_S * system.rate_hz))),
+            busy_poll=system.realtime.busy_poll,
+        ).run()
+    return {
+        "outcome": side.outcome or ran.outcome,
+        "failed": side.failure is not None or not ran.orderly,
+        "faults": side.faults,
+        "drops": side.drops,
+        "peer": side.peer._asdict(),
+        "paths": [path._asdict() for path in udp.paths],
+        "realtime": grants.as_dict(),
+        "garbage": None if ran.garbage is None else ran.garbage.summary(),
+    }
 
 
 def _build(order: DaemonOrder, configuration: Configuration, epoch: float, finder: PathFinder | None) -> Side:
@@ -138,42 +172,8 @@ def _build(order: DaemonOrder, configuration: Configuration, epoch: float, finde
     return build_slave(configuration, live=True, **common)
 
 
-def emulated_link(name: str, system: System, epoch: float) -> "LiveLink | None":
-    """The faults of what this side sends, with its own random numbers; None where the file asks for none."""
-    emulate = system.link.emulate
-    if emulate is None:
-        return None
-    from weberlink.session.live_link import LiveLink  # noqa: PLC0415 - only where a file asks for it
-
-    to_slave, to_master = emulate.directions
-    faults = to_slave if name == MASTER else to_master
-    uniform = Random(f"{emulate.seed}/{name}").random  # noqa: S311
-    fixed = None if system.control.live_changes else "the link is fixed in this session: control.live_changes is off"
-    return LiveLink(faults, build_link(faults, uniform, epoch), fixed)
-
-
-def _transport(name: str, system: System, side: Side, link: "LiveLink | None", paths: MakePaths) -> UdpShell:
-    return UdpShell(
-        side.endpoint,
-        now=monotonic,
-        listen=("", 0) if name == MASTER else split_address(system.link.listen),
-        link=None if link is None else link.link,
-        dscp=system.link.dscp,
-        paths=paths,
-        on_no_path=lambda why: side.give_up(monotonic(), why),
-    )
-
-
-def _drive(
-    side: Side,
-    udp: UdpShell,
-    transport: Transport,
-    configuration: Configuration,
-    order: DaemonOrder,
-    epoch: float,
-    ring: RingWriter,
-    described: description.Description,
-) -> Run:
+def _after_tick(side: Side, udp: UdpShell, ring: RingWriter, described: description.Description) -> AfterTick:
+    """Writes the record of a tick, and what has changed of peer and paths."""
     missed = 0
     last_index: int | None = None
     peer, paths = side.peer, udp.paths
@@ -188,29 +188,55 @@ def _drive(
             with suppress(OSError):  # no space in memory; telemetry has its own already
                 described.publish(peer._asdict(), paths)
 
-    system = configuration.system
-    try:
-        with _interruptible():
-            side.open(monotonic())
-    except side.port.fault as fault:
-        raise StartError(str(fault)) from fault
-    except Stopped:
-        side.close()
-        raise
-    try:
-        return run(
-            side,
-            transport=transport,
-            ticker_period=system.tick_period,
-            duration_s=order.duration_s,
-            start_at=epoch,
-            stop_limit_s=stop_limit_s(system, order.side),
-            after_tick=write,
-            garbage=GarbageSchedule(max(1, int(GARBAGE_EVERY_S * system.rate_hz))),
-            busy_poll=system.realtime.busy_poll,
-        )
-    finally:
-        side.close()
+    return write
+
+
+class LiveLink:
+    """The emulated link of one direction, and its present faults, which may change while a session runs.
+
+    Args:
+        faults: of the file.
+        link: what carries the datagrams.
+        fixed: why nothing may be changed; None if it may.
+    """
+
+    def __init__(self, faults: DirectionFaults, link: EmulatedLink[Address], fixed: str | None = None) -> None:
+        self.link = link
+        self._faults = {name: getattr(faults, name) for name in DirectionFaults.model_fields}
+        self._fixed = fixed
+
+    @property
+    def in_force(self) -> dict[str, float]:
+        return {name: self._faults[name] for name in LINK_SETTINGS}
+
+    def change(self, settings: Mapping[str, object]) -> str | None:
+        """Apply settings to what is sent from now on; why not, or None.
+
+        What is under way arrives as before, and what is sent later does not overtake it.
+        """
+        if self._fixed is not None:
+            return self._fixed
+        if unknown := [name for name in settings if name not in LINK_SETTINGS]:
+            return f"{unknown[0]} is no setting of the link; known are {', '.join(LINK_SETTINGS)}"
+        try:
+            faults = validated(DirectionFaults, self._faults | dict(settings), strict=True)
+            self.link.change(emulation_of(faults))
+        except ValueError as error:
+            return str(error)
+        self._faults = dict(faults)
+        return None
+
+
+def emulated_link(name: str, system: System, epoch: float) -> LiveLink | None:
+    """The faults of what this side sends, with its own random numbers; None where the file asks for none."""
+    emulate = system.link.emulate
+    if emulate is None:
+        return None
+    to_slave, to_master = emulate.directions
+    faults = to_slave if name == MASTER else to_master
+    uniform = Random(f"{emulate.seed}/{name}").random  # noqa: S311
+    fixed = None if system.control.live_changes else "the link is fixed in this session: control.live_changes is off"
+    return LiveLink(faults, build_link(faults, uniform, epoch), fixed)
 
 
 def stop_limit_s(system: System, side: str) -> float:
@@ -234,19 +260,6 @@ def _interruptible() -> Iterator[None]:
         pthread_sigmask(SIG_SETMASK, held_back)  # from here on they wait for the loop
         for number, handler in before.items():
             signal(number, handler)
-
-
-def _summary(run_: Run, side: Side, udp: UdpShell, grants: Grants) -> dict[str, Any]:
-    return {
-        "outcome": side.outcome or run_.outcome,
-        "failed": side.failure is not None or not run_.orderly,
-        "faults": side.faults,
-        "drops": side.drops,
-        "peer": side.peer._asdict(),
-        "paths": [path._asdict() for path in udp.paths],
-        "realtime": grants.as_dict(),
-        "garbage": None if run_.garbage is None else run_.garbage.summary(),
-    }
 
 
 def _complain(order: DaemonOrder, text: str, status: int, trace: Sequence[str]) -> int:

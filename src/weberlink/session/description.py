@@ -1,26 +1,26 @@
-"""The description of a running daemon: a small file beside its ring, for observers.
+"""What passes between a daemon and others: the order that starts it, its description while it runs, how it failed.
 
-It holds the configuration, the names of numbers in the telemetry, what the side knows of its peer, and the paths to it.
-It is written
-before the ring appears and removed after it, so that every ring has a description.
+The description is a small file beside the ring with the configuration, the names of numbers in the telemetry, and what
+the side knows of its peer and of the paths to it. It is written before the ring appears and removed after it.
 """
 
 import json
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from getpass import getuser
 from pathlib import Path
 from socket import gethostname
 from tempfile import mkstemp
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any
 
 from weberlink.bounded_json import parse
+from weberlink.child_process import Order
 from weberlink.config import SLAVE, Configuration
 from weberlink.config.model import split_address
-from weberlink.geometry.joints import Joints
 from weberlink.protocol.handshake import LONGEST_NAME
 from weberlink.session.composition.channels import banks, motion_bank
-from weberlink.session.composition.link import permitted
+from weberlink.session.composition.link import live_choices
 from weberlink.session.port import Port
 from weberlink.telemetry.runtime_directory import open_file
 
@@ -29,19 +29,39 @@ if TYPE_CHECKING:
 
 LONGEST = 1_000_000
 """Largest description [bytes]; the shipped configurations take up to 10 kB."""
+RANGE = ("lower_rad", "upper_rad")
+"""Of an arm: least and largest angles that the follower is commanded, axis by axis; where they are known."""
+
+
+@dataclass(frozen=True)
+class DaemonOrder(Order):
+    """What a daemon runs.
+
+    Args:
+        side: one of `SIDES`.
+        file: the configuration.
+        overrides: as of `--set`.
+        ring: where to write telemetry.
+        duration_s: length of the run; None to run until it is stopped.
+        take_over: whether a master replaces another one that the slave serves.
+    """
+
+    side: str
+    file: str
+    overrides: tuple[str, ...]
+    ring: str
+    duration_s: float | None = None
+    take_over: bool = False
+
+
+def failure(outcome: str, trace: Sequence[str] = ()) -> dict[str, Any]:
+    """The summary of a daemon without a first tick, or one that could not report its end; `trace` of what it raised."""
+    unknown: dict[str, Any] = {"faults": {}, "drops": {}, "peer": None, "paths": [], "realtime": None}
+    return {"outcome": outcome, "trace": list(trace), "failed": True} | unknown
 
 
 def path_beside(ring: str | Path) -> Path:
     return Path(ring).with_suffix(".json")
-
-
-@runtime_checkable
-class HasAngleRange(Protocol):
-    """The port of an arm."""
-
-    @property
-    def angle_range(self) -> tuple[Joints, Joints]:
-        """Least and largest angles of all axes in the frame of the follower [rad]."""
 
 
 def describe(configuration: Configuration, side: str, port: Port | None = None) -> dict[str, Any]:
@@ -56,6 +76,7 @@ def describe(configuration: Configuration, side: str, port: Port | None = None) 
     force, torque = banks(system)
     options = {} if system.link.finder is None else system.link.finder.options
     secret: dict[str, Any] = {"key_file": True, "finder": {name: True for name in options if name != "peer"}}
+    angles = getattr(port, "angle_range", None)
     return {
         "side": side,
         "name": getattr(system.link.names, side) or default_name(side, system.link.listen),
@@ -67,12 +88,8 @@ def describe(configuration: Configuration, side: str, port: Port | None = None) 
         "bank": list(force),
         "position_bank": list(motion_bank(system)),
         **({} if torque is None else {"torque_bank": list(torque)}),
-        "changes": sorted(permitted(system)),
-        **(
-            dict(zip(("lower_rad", "upper_rad"), port.angle_range, strict=True))
-            if isinstance(port, HasAngleRange)
-            else {}
-        ),
+        "changes": sorted(live_choices(system)),
+        **({} if angles is None else dict(zip(RANGE, angles, strict=True))),
     }
 
 

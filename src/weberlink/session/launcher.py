@@ -22,12 +22,12 @@ from weberlink.child_process import Child, python
 from weberlink.config import MASTER, SIDES, SLAVE, Configuration
 from weberlink.figures.paths import notable, paths_of
 from weberlink.figures.verdict import verdict
-from weberlink.master.devices import pointer_link, remote_link
+from weberlink.master.devices import target_link
 from weberlink.order import MISCONFIGURED, NOTE, STOP_SIGNALS
 from weberlink.protocol.keys import generate
 from weberlink.session import control_socket, description
 from weberlink.session.composition.channels import lookahead_ms
-from weberlink.session.daemon_order import DaemonOrder, failure
+from weberlink.session.description import DaemonOrder, failure
 from weberlink.telemetry.ring import default_path, process_started
 from weberlink.telemetry.runtime_directory import directories, directory
 
@@ -124,8 +124,8 @@ class Daemon:
             self._ring,
             description.path_beside(self._ring),
             control_socket.path_beside(self._ring),
-            pointer_link.socket_path(self.pid),
-            remote_link.target_path(self.pid),
+            target_link.link_path(self.pid, target_link.POINTER),
+            target_link.link_path(self.pid, target_link.LEADER),
         ):
             left.unlink(missing_ok=True)
 
@@ -279,7 +279,7 @@ class Session:
         if self._key is not None and all(daemon.begun for daemon in self.daemons.values()):
             self._key.unlink(missing_ok=True)
             self._key = None
-        self._host.look(records)
+        self._host.add(records)
         self._look_at_recorder()
         none = next(iter(records.values()))[:0]
         self.score.add(records.get(MASTER, none), records.get(SLAVE, none))

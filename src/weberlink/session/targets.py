@@ -1,16 +1,21 @@
-"""Checks of files and folders that a long run writes at its end: what cannot be written is refused before the start."""
+"""What a long run writes: files and folders are checked before the start, and the log never blocks or raises."""
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+import select
+import sys
+from contextlib import suppress
 from errno import EDQUOT, ENAMETOOLONG, ENOENT, ENOSPC
 from pathlib import Path
 from tempfile import NamedTemporaryFile
+from types import TracebackType
+from typing import Self
 
 STANDARD_OUTPUT = Path("-")
 """For the options that can write there."""
 BLOCK = bytes(4096)
 """Written on trial, since a file system that is full still creates empty files."""
+LONGEST_LINE = 4096
+"""A pipe that accepts data takes so many bytes at once (PIPE_BUF of Linux, pipe(7))."""
 
 
 class TargetError(ValueError):
@@ -27,13 +32,20 @@ def check_file(path: Path) -> None:
     try:
         if path.is_dir():
             raise TargetError(f"{path} is a folder; give the name of a file")
-        if path.exists():
-            _check_existing(path)
-            return
-        if not path.parent.is_dir():
+        if path.is_file():
+            os.close(os.open(path, os.O_WRONLY | os.O_CLOEXEC))
+        elif path.exists():  # a FIFO, whose opening would wait for a reader, or a terminal
+            if not os.access(path, os.W_OK):
+                raise TargetError(f"{path} cannot be written: Permission denied; give another place")
+        elif not path.parent.is_dir():
             raise TargetError(f"{path.parent} is not a folder; create it first")
-        with _created(path) as descriptor:
-            os.write(descriptor, BLOCK)
+        else:
+            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+            try:
+                os.write(descriptor, BLOCK)
+            finally:
+                os.close(descriptor)
+                path.unlink(missing_ok=True)
     except OSError as error:
         raise TargetError(_words(path, error)) from None
 
@@ -61,24 +73,6 @@ def _refuse_standard_output(path: Path, kind: str) -> None:
         raise TargetError(f"{path} is standard output, for --json and --log alone; give the name of a {kind}")
 
 
-def _check_existing(path: Path) -> None:
-    if path.is_file():
-        os.close(os.open(path, os.O_WRONLY | os.O_CLOEXEC))
-    elif not os.access(path, os.W_OK):  # a FIFO, whose opening would wait for a reader, or a terminal
-        raise TargetError(f"{path} cannot be written: Permission denied; give another place")
-
-
-@contextmanager
-def _created(path: Path) -> Iterator[int]:
-    """A new file for the time of a block; its descriptor."""
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
-    try:
-        yield descriptor
-    finally:
-        os.close(descriptor)
-        path.unlink(missing_ok=True)
-
-
 def _words(path: Path, error: OSError) -> str:
     advice = {
         ENOSPC: "free some space, or give another place",
@@ -87,3 +81,58 @@ def _words(path: Path, error: OSError) -> str:
         ENOENT: "give a place where files can be created",
     }.get(error.errno or 0, "give another place, or change its permissions")
     return f"{path} cannot be written: {error.strerror}; {advice}"
+
+
+class LogFile:
+    """Appends lines to a file or to standard output; a context manager.
+
+    Once it is open, a full disk, a closed pipe and a stopped reader cost lines, which are counted.
+
+    Args:
+        target: a path, or "-" for standard output.
+
+    Raises:
+        ConfigurationError: the file cannot be opened.
+    """
+
+    def __init__(self, target: Path) -> None:
+        self.lost = 0
+        """Lines that could not be written."""
+        self._own = target != STANDARD_OUTPUT
+        self._torn = False
+        try:
+            # O_NONBLOCK: a FIFO without a reader is refused instead of waited for.
+            flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC | os.O_NONBLOCK
+            self._fd = os.open(target, flags, 0o640) if self._own else sys.stdout.fileno()
+        except OSError as error:
+            from weberlink.config import ConfigurationError  # noqa: PLC0415 - who checks targets needs no configuration
+
+            raise ConfigurationError(f"--log: {target}: {error.strerror}") from None
+
+    def write(self, line: str) -> bool:
+        """Append a line, given without its end; returns whether all of it was written."""
+        data = line.encode() + b"\n"
+        if self._torn:  # an earlier line was written in part
+            data = b"\n" + data
+        done = 0
+        if self._fd >= 0 and len(data) <= LONGEST_LINE:
+            with suppress(OSError):
+                look = select.poll()
+                look.register(self._fd, select.POLLOUT)
+                done = os.write(self._fd, data) if look.poll(0) else 0
+        self._torn = (self._torn and done <= 0) or 0 < done < len(data)
+        if done < len(data):
+            self.lost += 1
+        return done == len(data)
+
+    def close(self) -> None:
+        """Close the file; may be repeated."""
+        if self._own and self._fd >= 0:
+            os.close(self._fd)
+        self._fd = -1
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()

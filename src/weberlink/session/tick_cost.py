@@ -8,7 +8,7 @@ from weberlink.config import Configuration, ConfigurationError
 from weberlink.config.loading import Part
 from weberlink.config.model import MasterSettings, SlaveSettings
 from weberlink.master.devices import DEVICES
-from weberlink.session.simulate import build_simulation
+from weberlink.session.simulation import build_simulation
 from weberlink.slave.robots import ROBOTS
 
 TICKS = 600

@@ -97,7 +97,17 @@ def _answers() -> dict[str, Any]:
     }
 
 
-def look(row: str, here: Machine, needs: Needs | None = None) -> dict[str, Finding]:
-    """Findings of one row of the table by the name of their check."""
-    report = examine(needs or Needs(), here, [each for each in CHECKS if each.name == row])
-    return {each.check: each for each in report.findings}
+ROWS = {
+    **dict.fromkeys(("scheduling", "memory lock", "idle latency", "timer slack", "punctuality"), "rights"),
+    **dict.fromkeys(("driver", "device"), "devices"),
+    **dict.fromkeys(("Python", "build", "uvloop", "guests"), "software"),
+    "wakeful": "host",
+}
+"""Rows of the table by the name of their findings, where that is another one."""
+
+
+def look(check: str, here: Machine, needs: Needs | None = None) -> Finding:
+    """The finding of a check."""
+    rows = [each for each in CHECKS if each.name == ROWS.get(check, check)]
+    (found,) = (each for each in examine(needs or Needs(), here, rows).findings if each.check == check)
+    return found

@@ -174,8 +174,7 @@ CASES = [
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.check}-{case.grade}")
 def test_check_on_emulated_machine_gives_grade_and_fix(case: Case, tmp_path: Path) -> None:
-    row = "devices" if case.check in ("driver", "device") else case.check
-    found = look(row, machine(tmp_path, case.files, **case.answers), case.needs)[case.check]
+    found = look(case.check, machine(tmp_path, case.files, **case.answers), case.needs)
     assert found.grade is case.grade, found
     assert case.words in f"{found.found} {found.fix}"
     assert found.fix is not None if found.grade in (ADVICE, PROBLEM) else found.grade is UNKNOWN or found.fix is None
@@ -195,7 +194,7 @@ def test_key_file_problems_come_with_fixes_and_no_key(tmp_path: Path) -> None:
         (good, stranger, PROBLEM, "sudo chown"),
         (tmp_path, Machine(), PROBLEM, ""),
     ):
-        finding = look("key file", here, Needs(file=Path("x.yaml"), key_file=path))["key file"]
+        finding = look("key file", here, Needs(file=Path("x.yaml"), key_file=path))
         assert (finding.grade, fix in (finding.fix or "")) == (grade, True)
         assert good.read_text().split()[1] not in repr(finding)
 
@@ -205,6 +204,6 @@ def test_failed_trial_is_reported_once_and_unknown(tmp_path: Path) -> None:
     trials["host_trial"] = lambda **_: HostTrial(failure="not permitted")
     report = examine(Needs(), machine(tmp_path, **trials), [row for row in CHECKS if row.area in ("rights", "host")])
     assert [(each.check, each.grade, each.found) for each in report.findings] == [
-        ("scheduling", UNKNOWN, "scheduling: no processes"),
+        ("rights", UNKNOWN, "rights: no processes"),
         ("host", UNKNOWN, "host: its share of missed ticks: not permitted"),
     ]

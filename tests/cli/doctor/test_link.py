@@ -11,9 +11,8 @@ from pydantic import BaseModel
 from tests.protocol.harness import AGREEMENT, KEY, MASTER, SLAVE, TICK, Pair, Side, forms
 from tests.session.systems import CONFIGS
 from weberlink.cli.doctor import DoctorReport, Grade
-from weberlink.cli.doctor.link_figures import LinkTrial, Way, figures, lost_answers, lost_questions
-from weberlink.cli.doctor.link_report import WayOut, judge
-from weberlink.cli.doctor.link_trial import PERIOD_S, Measurement, received
+from weberlink.cli.doctor.link import Way, WayOut, figures, judge, lost_answers, lost_questions
+from weberlink.cli.doctor.link_trial import PERIOD_S, LinkTrial, Measurement, received
 from weberlink.cli.doctor.report import problem
 from weberlink.config import MASTER as LEADS
 from weberlink.config import load

@@ -7,8 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.session.systems import ARMS, CONFIGS, HAS_ARMS
-from weberlink.cli.doctor.link_advice import recommend, silence_needs
-from weberlink.cli.doctor.link_figures import LinkFigures, Way
+from weberlink.cli.doctor.link import LinkFigures, Way, recommend, silence_needs
 from weberlink.cli.doctor.report import Finding, Grade
 from weberlink.config import MASTER, load
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from tests.cli.doctor.machines import GRANTS, machine
-from weberlink.cli.doctor.machine import Unreadable
-from weberlink.cli.doctor.trial import PAIRS, run_host_trial, run_rights_trial
+from weberlink.cli.doctor.machine import Machine, Unreadable
+from weberlink.cli.doctor.trial import PAIRS
 
 
 def test_files_are_read_or_say_why_not(tmp_path: Path) -> None:
@@ -22,10 +22,10 @@ def test_files_are_read_or_say_why_not(tmp_path: Path) -> None:
 
 def test_real_trials_measure_or_say_why_not_and_change_nothing_here() -> None:
     before = os.sched_getscheduler(0), os.sched_getaffinity(0)
-    trial = run_rights_trial(priority=1, lock_memory=True, wakeful=False, cpu=None, rate_hz=200.0)
+    trial = Machine().rights_trial(priority=1, lock_memory=True, wakeful=False, cpu=None, rate_hz=200.0)
     assert (trial.failure, set(trial.grants), trial.grants["cpu"]["granted"]) == (None, set(GRANTS), False)
     assert 0.0 <= trial.lateness_us["p50"] <= trial.lateness_us["p99"]
-    result = run_host_trial(priority=1, processors=sorted(os.sched_getaffinity(0)), rate_hz=1000.0)
+    result = Machine().host_trial(priority=1, processors=sorted(os.sched_getaffinity(0)), rate_hz=1000.0)
     assert (os.sched_getscheduler(0), os.sched_getaffinity(0)) == before
     if result.failure is not None:
         assert "SCHED_FIFO 1 not permitted" in result.failure
@@ -37,6 +37,6 @@ def test_real_trials_measure_or_say_why_not_and_change_nothing_here() -> None:
 
 
 def test_failure_of_the_child_is_reported() -> None:
-    rights = run_rights_trial(priority=1000, lock_memory=False, wakeful=False, cpu=None, rate_hz=1000.0)
-    for failure in (run_host_trial(priority=1000, processors=[0], rate_hz=1000.0).failure, rights.failure):
+    rights = Machine().rights_trial(priority=1000, lock_memory=False, wakeful=False, cpu=None, rate_hz=1000.0)
+    for failure in (Machine().host_trial(priority=1000, processors=[0], rate_hz=1000.0).failure, rights.failure):
         assert "priority must be" in str(failure)

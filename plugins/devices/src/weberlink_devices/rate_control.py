@@ -17,13 +17,13 @@ from typing import NamedTuple, Self
 
 from pydantic import Field, model_validator
 
-from weberlink.geometry.cube import check_home, cube
 from weberlink.geometry.rotation import IDENTITY, product, quaternion, unit_quaternion
-from weberlink.geometry.vector import ZERO, Vector, scale
+from weberlink.geometry.vector import ZERO, Vector, check_home, cube, scale
+from weberlink.hardware.threaded import ThreadedDriver
 from weberlink.hardware.worker import Exchange, Worker
-from weberlink.master.devices.contract import DeviceReading, DeviceSpec
+from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, check_finite
 from weberlink.master.devices.force_device import PortOptions
-from weberlink.master.devices.threaded_device import STALE_S, WorkedDevice
+from weberlink.master.devices.threaded_device import STALE_S
 
 PERIOD_S = 0.001
 """Least time between two looks at the device [s]."""
@@ -84,7 +84,7 @@ def moved(at: Vector, deflection: Vector, force: Vector, step: float, options: R
     return (x, y, z)
 
 
-class RateDevice(WorkedDevice[Vector, Deflection]):
+class RateDevice(ThreadedDriver[Vector, Deflection]):
     """A device whose deflection moves a position.
 
     The exchange takes the force on the hand [N], for a device that can show it somehow; each is of at most `WAIT_S` or
@@ -99,6 +99,8 @@ class RateDevice(WorkedDevice[Vector, Deflection]):
         spin: rate of turning at full deflection [rad/s]; None for a device without orientation.
     """
 
+    FAULT = DeviceFault
+
     def __init__(
         self,
         name: str,
@@ -109,7 +111,7 @@ class RateDevice(WorkedDevice[Vector, Deflection]):
         buttons: int,
         spin: float | None = None,
     ) -> None:
-        spec = DeviceSpec(
+        self.spec = DeviceSpec(
             name=name,
             axes="xyz",
             force_n=0.0,
@@ -131,7 +133,7 @@ class RateDevice(WorkedDevice[Vector, Deflection]):
             bad_replies=1,
             reconnect=options.reconnect_s,
         )
-        super().__init__(spec, exchange, worker)
+        super().__init__(name, exchange, worker)
         self._options = options
         self._longest_step = max(LONGEST_STEP, LONGEST_TICKS * tick_period)
         self._spin = spin
@@ -158,7 +160,7 @@ class RateDevice(WorkedDevice[Vector, Deflection]):
         return self._reading
 
     def command(self, force: Vector, now: float) -> None:
-        self._check_finite(force, "force")
+        check_finite(self.spec.name, "force", force)
         if self._is_open:
             self._felt = force
             self._worker.command(force, now)

@@ -51,7 +51,7 @@ def monitor(
 
     Until Ctrl-C. The same address has figures for Prometheus.
     """
-    from weberlink.config.extras import need  # noqa: PLC0415 - each command imports what it needs
+    from weberlink.config.errors import require_package  # noqa: PLC0415 - each command imports what it needs
     from weberlink_page.address import MonitorError  # noqa: PLC0415
     from weberlink_page.camera import ViewError, parse_view  # noqa: PLC0415
     from weberlink_page.program import MonitorSettings, run  # noqa: PLC0415
@@ -60,7 +60,7 @@ def monitor(
     if not is_loopback(listen):
         tell(f"warning: {listen}: not encrypted, and everybody who can reach it sees everything")
     if view is not None:
-        need("cv2", "page[camera]", "--view")
+        require_package("cv2", "page[camera]", "--view")
     with failing(ViewError, MISCONFIGURED):
         shown = None if view is None else parse_view(view)
     with failing(MonitorError):

@@ -16,12 +16,12 @@ from rich.console import Console
 from rich.text import Text
 
 from weberlink.config import ConfigurationError
-from weberlink.config.extras import need
+from weberlink.config.errors import require_package
 from weberlink.figures.report import session_report
 from weberlink.figures.session import Records
 from weberlink.figures.verdict import verdict
 from weberlink.master.trace import COLUMNS, TraceError, read_trace
-from weberlink.session.recorder import RANGE
+from weberlink.session.description import RANGE
 from weberlink.telemetry.record import AXES, JOINTS
 from weberlink.telemetry.recorders import BEGUN, COMPLETE
 from weberlink_recording.lerobot_frames import NoFramesError, frames_of
@@ -111,7 +111,7 @@ def export(paths: Sequence[Path], to: str, folder: Path | None, dataset: Dataset
     if to not in FORMATS:
         raise ConfigurationError(f"--to: {to!r} is none of {', '.join(FORMATS)}")
     if to in ARROW:
-        need("pyarrow", "recording[parquet]", f"--to {to}")
+        require_package("pyarrow", "recording[parquet]", f"--to {to}")
     recordings, session = _read(paths)
     target = folder if folder is not None else paths[0].parent
     outputs = dict(_outputs(recordings, session, to, dataset))

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 from rich.console import RenderableType
 
 from weberlink.config import ConfigurationError
-from weberlink.config.extras import need
+from weberlink.config.errors import require_package
 from weberlink.figures.environment import environment, footer
 from weberlink_studies.parallel import Progress, gather, parallel_map
 from weberlink_studies.result import StudyResult, how_much
@@ -162,7 +162,7 @@ def check_resources(workers: int | None, dask: str | None) -> None:
         ConfigurationError: a package is missing, or both kinds of workers are asked for.
     """
     if dask is not None:
-        need("distributed", "studies[dask]", "--dask")
+        require_package("distributed", "studies[dask]", "--dask")
         if workers is not None:
             raise ConfigurationError("--workers: is for this machine; with --dask it is the cluster that has workers")
 

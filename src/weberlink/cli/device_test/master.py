@@ -11,7 +11,7 @@ from pydantic import BaseModel
 
 from weberlink.cli.device_test.dialog import DeviceTestError, Dialog, View, described, uninterrupted
 from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale, subtract
-from weberlink.master.devices.contract import Device, DeviceReading, ReportsTrouble
+from weberlink.master.devices.contract import Device, DeviceReading
 from weberlink.registry import is_hardware
 
 Frame = Mapping[str, str]
@@ -117,8 +117,8 @@ def view_of(device: Device) -> View:
         if buttons:
             pressed = [str(button) for button in range(buttons) if reading.buttons >> button & 1]
             yield f"buttons pressed: {', '.join(pressed) or 'none'} (of 0 to {buttons - 1})"
-        if isinstance(device, ReportsTrouble) and device.trouble:
-            yield device.trouble
+        if trouble := getattr(device, "trouble", None):
+            yield trouble
 
     return View(device.latest, details, lambda: getattr(device, "round_trip_s", None))
 

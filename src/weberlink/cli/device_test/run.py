@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
 from weberlink.cli.device_test.dialog import DeviceTestError, Dialog, StoppedByUser
 from weberlink.cli.device_test.master import try_master
@@ -12,12 +12,11 @@ from weberlink.cli.device_test.robot import try_robot
 from weberlink.cli.devices import ARMS, SECTIONS, SIDES
 from weberlink.config import MASTER, ConfigurationError, load
 from weberlink.config.document import override
-from weberlink.config.errors import describe
-from weberlink.config.extras import need
+from weberlink.config.errors import require_package, validated
 from weberlink.config.loading import make_absolute
 from weberlink.installation import absence
 from weberlink.master.devices.contract import DeviceFault
-from weberlink.session.composition.link import construct
+from weberlink.session.composition.link import build_driver
 from weberlink.slave.robots.contract import RobotFault
 
 RATE_HZ = 1000.0
@@ -53,7 +52,7 @@ def run(name: str, dialog: Dialog, file: Path | None = None, overrides: Sequence
     driver, options, tick_period = _alone(name, side, overrides) if file is None else _of(file, name, side, overrides)
 
     def build(*arguments: Any) -> Any:
-        return construct(section, driver, *arguments, tick_period)
+        return build_driver(section, driver, *arguments, tick_period)
 
     try:
         if side == MASTER:
@@ -89,11 +88,8 @@ def _alone(name: str, side: str, overrides: Sequence[str]) -> tuple[Any, BaseMod
         raise ConfigurationError(why) from None
     if hasattr(driver, "NEEDS"):
         package, extra = driver.NEEDS
-        need(package, extra, name)
+        require_package(package, extra, name)
     content: dict[str, Any] = {}
     overridden = {override(content, text) for text in overrides}
-    try:
-        options = driver.Options.model_validate(content)
-    except ValidationError as error:
-        raise ConfigurationError(describe(error, driver.Options, (name,))) from None
+    options = validated(driver.Options, content, name)
     return driver, make_absolute(options, Path.cwd(), overridden), 1.0 / RATE_HZ

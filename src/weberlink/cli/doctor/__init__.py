@@ -1,11 +1,8 @@
-"""The `doctor` command: check this machine for real-time problems and suggest fixes.
+"""The `doctor` command: check this machine for real-time problems and suggest fixes."""
 
-Each row of `checks.CHECKS` reads the machine through a `Machine` and compares it with a `Needs`. None changes anything.
-"""
-
-from weberlink.cli.doctor.checks import CHECKS, Check, examine
+from weberlink.cli.doctor import kernel as _kernel  # noqa: F401 - the first checks of the table
+from weberlink.cli.doctor import network as _network  # noqa: F401 - and the others
 from weberlink.cli.doctor.machine import Machine
-from weberlink.cli.doctor.needs import Needs
-from weberlink.cli.doctor.report import DoctorReport, Finding, Grade
+from weberlink.cli.doctor.report import CHECKS, Check, DoctorReport, Finding, Grade, Needs, examine
 
 __all__ = ["CHECKS", "Check", "DoctorReport", "Finding", "Grade", "Machine", "Needs", "examine"]

@@ -1,17 +1,21 @@
-"""Kernel, clocks and processors: preemption, timers, clock source, isolation, frequency, idle states, quotas."""
+"""Checks of kernel, clocks, processors, rights, the host of a virtual machine, and memory."""
 
 import gzip
 import re
-from collections.abc import Iterator
+import resource
+from collections.abc import Iterator, Sequence
 
-from weberlink.cli.doctor.machine import Machine
-from weberlink.cli.doctor.needs import Needs
-from weberlink.cli.doctor.report import Finding, advice, ok, problem, unknown
+from weberlink.cli.doctor.machine import Machine, Unreadable
+from weberlink.cli.doctor.report import Finding, Needs, advice, check, ok, problem, unknown
+from weberlink.cli.doctor.trial import HostTrial, RightsTrial, Stretch
+from weberlink.realtime.process import HIGHEST_PRIORITY, LATENCY_REQUEST
+from weberlink.session.daemon import RING_SECONDS
+from weberlink.telemetry.ring import RECORDS_AT, SLOT_BYTES
+from weberlink.telemetry.runtime_directory import Places
+
+# --- kernel and clocks
 
 DYNAMIC = "/sys/kernel/debug/sched/preempt"
-PROMPT = ("full", "lazy")
-"""Models under which a real-time task preempts kernel code at once: `lazy` delays ordinary tasks only
-(Documentation/scheduler/sched-preemption.rst)."""
 LEAST_SHARE = 0.5
 """Of a processor that real-time tasks should get: two daemons may share one."""
 SOURCES = "/sys/devices/system/clocksource/clocksource0"
@@ -21,49 +25,43 @@ REAL_TIME_KERNELS = {
     "ubuntu": "sudo pro enable realtime-kernel    (Ubuntu LTS with Ubuntu Pro), then restart",
     "debian": "sudo apt install linux-image-rt-amd64    (or -arm64), then restart",
 }
-OTHER_KERNEL = "install the PREEMPT_RT kernel of this distribution, then restart"
-CPUS = "/sys/devices/system/cpu"
-GOVERNORS = f"{CPUS}/cpu*/cpufreq/scaling_governor"
-WAKE_SHARE = 0.1
-"""Share of a tick that waking up from an idle state may take."""
 
 
+@check("kernel", "preemption")
 def preemption(machine: Machine, _needs: Needs) -> Finding:
     version = machine.read("/proc/version")
     release = version.split()[2] if len(version.split()) > 2 else "of unknown release"
     if machine.read("/sys/kernel/realtime", "") == "1" or "PREEMPT_RT" in version:
         return ok(f"kernel {release}, PREEMPT_RT")
-    model, dynamic = _model(machine, version)
-    if model is None:
+    dynamic, options = "PREEMPT_DYNAMIC" in version, build_options(machine)
+    chosen = re.search(r"\((\w+)\)", machine.read(DYNAMIC, ""))
+    chosen = chosen or re.search(r"\bpreempt=(\w+)", machine.read("/proc/cmdline", ""))
+    built = [name for name in ("none", "voluntary", "lazy") if options.get(f"CONFIG_PREEMPT_{name.upper()}") == "y"]
+    if dynamic and chosen is not None:
+        model = chosen[1]
+    elif built:
+        model = built[0]
+    elif options.get("CONFIG_PREEMPT") == "y" or (not dynamic and re.search(r"\bPREEMPT\b", version)):
+        model = "full"
+    elif dynamic or not options:
         return unknown(f"kernel {release}: its preemption model cannot be read without root", f"sudo cat {DYNAMIC}")
-    if model in PROMPT:
+    else:
+        model = "none"
+    # A real-time task preempts kernel code at once; `lazy` delays ordinary tasks only (sched-preemption.rst).
+    if model in ("full", "lazy"):
         return ok(f"kernel {release}, preemption {model}")
     system = re.search(r"^ID=(\w+)$", machine.read("/etc/os-release", ""), re.M)
-    fix = REAL_TIME_KERNELS.get(system[1] if system else "", OTHER_KERNEL)
+    fix = REAL_TIME_KERNELS.get(
+        system[1] if system else "", "install the PREEMPT_RT kernel of this distribution, then restart"
+    )
     if dynamic:
-        to_keep = "kernel parameter preempt=full"
-        at_once = f"echo full | sudo tee {DYNAMIC}    (to keep: {to_keep})"
-        fix = at_once if machine.may_have(DYNAMIC) else f"{to_keep}, then restart"  # debugfs need not be mounted
+        fix = "kernel parameter preempt=full, then restart"
+        if machine.may_have(DYNAMIC):  # debugfs need not be mounted
+            fix = f"echo full | sudo tee {DYNAMIC}    (to keep: kernel parameter preempt=full)"
     return advice(f"preemption {model}: kernel code may delay a tick ({release})", fix)
 
 
-def _model(machine: Machine, version: str) -> tuple[str | None, bool]:
-    """The preemption model (None if unknown), and whether it can be changed at run time."""
-    dynamic = "PREEMPT_DYNAMIC" in version
-    chosen = re.search(r"\((\w+)\)", machine.read(DYNAMIC, ""))
-    chosen = chosen or re.search(r"\bpreempt=(\w+)", machine.read("/proc/cmdline", ""))
-    if dynamic and chosen is not None:
-        return chosen[1], True
-    options = _build_options(machine)
-    for name in ("none", "voluntary", "lazy"):
-        if options.get(f"CONFIG_PREEMPT_{name.upper()}") == "y":
-            return name, dynamic
-    if options.get("CONFIG_PREEMPT") == "y" or (not dynamic and re.search(r"\bPREEMPT\b", version)):
-        return "full", dynamic
-    return (None if dynamic or not options else "none"), dynamic
-
-
-def _build_options(machine: Machine) -> dict[str, str]:
+def build_options(machine: Machine) -> dict[str, str]:
     """The options that this kernel was built with; empty if they cannot be read."""
     text = machine.read(f"/boot/config-{machine.read('/proc/sys/kernel/osrelease', '')}", "")
     if not text:
@@ -74,14 +72,16 @@ def _build_options(machine: Machine) -> dict[str, str]:
     return dict(re.findall(r"^(CONFIG_\w+)=(.*)$", text, re.M))
 
 
+@check("kernel", "timers", "remove highres=off and nohz=off from the kernel parameters, then restart")
 def timers(machine: Machine, _needs: Needs) -> Finding:
-    hertz, resolution_ns = _build_options(machine).get("CONFIG_HZ"), machine.resolution_ns()
+    hertz, resolution_ns = build_options(machine).get("CONFIG_HZ"), machine.resolution_ns()
     tick = f", kernel tick {hertz} Hz" if hertz else ""
     if resolution_ns <= 1000:
         return ok(f"high-resolution timers ({resolution_ns:g} ns){tick}")
     return problem(f"timer resolution is only {resolution_ns / 1e6:g} ms{tick}")
 
 
+@check("kernel", "throttling")
 def throttling(machine: Machine, needs: Needs) -> Finding:
     runtime, period = (machine.number(f"/proc/sys/kernel/sched_rt_{name}_us") for name in ("runtime", "period"))
     if runtime < 0:
@@ -96,6 +96,7 @@ def throttling(machine: Machine, needs: Needs) -> Finding:
     return grade(found, f"sudo sysctl -w kernel.sched_rt_runtime_us={round(0.95 * max(period, 1))}")
 
 
+@check("clocks", "clock source")
 def clock_source(machine: Machine, _needs: Needs) -> Finding:
     current = machine.read(f"{SOURCES}/current_clocksource")
     if current not in SLOW:
@@ -108,12 +109,22 @@ def clock_source(machine: Machine, _needs: Needs) -> Finding:
     return problem(f"clock source {current}: reading the time is slow", fix)
 
 
+@check("clocks", "wall clock", "sudo timedatectl set-ntp true    (needs systemd-timesyncd or chrony)")
 def wall_clock(machine: Machine, _needs: Needs) -> Finding:
     if machine.clock_is_synchronised():
         return ok("wall clock synchronised")
     return advice("wall clock not synchronised; only logs and recordings are dated by it")
 
 
+# --- processors
+
+CPUS = "/sys/devices/system/cpu"
+GOVERNORS = f"{CPUS}/cpu*/cpufreq/scaling_governor"
+WAKE_SHARE = 0.1
+"""Share of a tick that waking up from an idle state may take."""
+
+
+@check("processors", "processors")
 def processors(machine: Machine, needs: Needs) -> Finding:
     allowed = machine.affinity()
     online = f"{len(allowed)} processor{'' if len(allowed) == 1 else 's'} for this process"
@@ -134,10 +145,13 @@ def processors(machine: Machine, needs: Needs) -> Finding:
     return ok(online)
 
 
+@check("processors", "isolation")
 def isolation(machine: Machine, needs: Needs) -> Finding:
     """Whether other tasks are kept off the processors that daemons are pinned to."""
-    isolated = cpu_list(machine.read(f"{CPUS}/isolated", ""))
-    pinned = frozenset(needs.pinned.values())
+    # The kernel writes a set of processors as "0-3,8".
+    parts = [re.fullmatch(r"(\d+)(?:-(\d+))?", part) for part in machine.read(f"{CPUS}/isolated", "").split(",")]
+    isolated = {number for part in parts if part for number in range(int(part[1]), int(part[2] or part[1]) + 1)}
+    pinned = set(needs.pinned.values())
     names = ", ".join(map(str, sorted(isolated)))
     if pinned and pinned <= isolated:
         return ok(f"daemons pinned to isolated processors {names}")
@@ -157,12 +171,7 @@ def isolation(machine: Machine, needs: Needs) -> Finding:
     return ok("no processor isolated, no daemon pinned")
 
 
-def cpu_list(text: str) -> frozenset[int]:
-    """Parse a set of processors as the kernel writes it: "0-3,8"."""
-    parts = [re.fullmatch(r"(\d+)(?:-(\d+))?", part.strip()) for part in text.split(",")]
-    return frozenset(number for part in parts if part for number in range(int(part[1]), int(part[2] or part[1]) + 1))
-
-
+@check("processors", "governor", f"echo performance | sudo tee {GOVERNORS}")
 def governor(machine: Machine, _needs: Needs) -> Finding:
     names = [machine.read(path) for path in machine.find(GOVERNORS)]
     if not names:
@@ -172,6 +181,7 @@ def governor(machine: Machine, _needs: Needs) -> Finding:
     return advice(f"frequency governor {', '.join(sorted(set(names)))}: a tick may start at a low frequency")
 
 
+@check("processors", "idle states", "in the file: realtime: {wakeful: true}")
 def idle_states(machine: Machine, needs: Needs) -> Finding:
     """Whether waking up is slow, and daemons do not prevent it."""
     slow = ", ".join(slow_states(machine, needs))
@@ -189,13 +199,11 @@ def slow_states(machine: Machine, needs: Needs) -> list[str]:
     """Idle states in use that take more than a tenth of a tick to leave, with their latency."""
     paths = machine.find(f"{CPUS}/cpu0/cpuidle/state[0-9]*")
     latencies_us = {path: machine.number(f"{path}/latency") for path in paths if machine.read(f"{path}/disable") == "0"}
-    return [
-        f"{machine.read(f'{path}/name')} ({latency_us} us)"
-        for path, latency_us in latencies_us.items()
-        if latency_us > WAKE_SHARE * needs.period_us
-    ]
+    slow = {path: us for path, us in latencies_us.items() if us > WAKE_SHARE * needs.period_us}
+    return [f"{machine.read(f'{path}/name')} ({latency_us} us)" for path, latency_us in slow.items()]
 
 
+@check("processors", "cpu quota", "podman/docker: run without --cpus; systemd: CPUQuota= (empty) in the unit")
 def control_group(machine: Machine, needs: Needs) -> Iterator[Finding]:
     """Whether a control group limits processor time. A quota holds for ordinary tasks, not for SCHED_FIFO."""
     groups: dict[str, str] = {}  # by controller; that of version 2 under the empty name
@@ -219,3 +227,220 @@ def control_group(machine: Machine, needs: Needs) -> Iterator[Finding]:
     if needs.priority and machine.read(budget, "") == "0":  # only kernels with real-time groups have one
         found = "the control group has no real-time budget: SCHED_FIFO is refused"
         yield problem(found, f"echo 950000 | sudo tee {budget}", "real-time group")
+
+
+# --- what a daemon of this user is granted, and how punctual it is
+
+LIMITS_FILE = "/etc/security/limits.d/weberlink.conf"
+LATENCY_RULE = 'KERNEL=="cpu_dma_latency", GROUP="dialout", MODE="0660"'
+LATENCY_RULES_FILE = "/etc/udev/rules.d/48-weberlink-latency.rules"
+PUNCTUAL, LATE = 0.25, 1.0
+"""Shares of a period: the 99th percentile of lateness should stay below the first, and must below the second."""
+FIRST_PERSON = 1000
+"""User ids below are those of the system (Debian, login.defs)."""
+ROOM = 4
+"""A limit should allow so many times the memory at the start: a ring, a robot's library and threads come on top."""
+MEGABYTE = 1e6
+CAP_IPC_LOCK = 14
+"""Number of the capability that overrides the limit of locked memory."""
+
+
+@check("rights", "rights")
+def rights(machine: Machine, needs: Needs) -> Iterator[Finding]:
+    trial = machine.rights_trial(
+        priority=needs.priority,
+        lock_memory=needs.lock_memory,
+        wakeful=needs.wakeful,
+        cpu=next((cpu for cpu in needs.pinned.values() if cpu in machine.affinity()), None),
+        rate_hz=needs.rate_hz,
+        encrypted=needs.encrypted,
+    )
+    if trial.failure is not None:
+        raise Unreadable(trial.failure)
+    yield _scheduling(machine, needs, trial)
+    yield _memory_lock(machine, needs, trial)
+    if needs.wakeful:
+        yield _idle_latency(machine, needs, trial)
+    detail = str(trial.grants["timer_slack"]["detail"])
+    refused = unknown(f"timer slack of 1 ns: {detail}", check="timer slack")
+    yield refused if refusal(trial, "timer_slack") else ok(detail, "timer slack")
+    lateness = trial.lateness_us
+    late = "/".join(f"{lateness[name]:.0f}" for name in ("p50", "p99", "max"))
+    found = f"timer at {needs.rate_hz:g} Hz: late p50/p99/max {late} us, {trial.missed} missed"
+    if lateness["p99"] <= PUNCTUAL * needs.period_us and not trial.missed:
+        yield ok(found, "punctuality")
+    else:
+        grade = problem if lateness["p99"] > LATE * needs.period_us else advice
+        yield grade(found, "fix the problems above first; then look for other load: top -H -d 1", "punctuality")
+
+
+def refusal(trial: RightsTrial, name: str) -> str:
+    """Either "not permitted" or "not possible"; empty if granted. What the right needs is left to the fix."""
+    grant = trial.grants[name]
+    return "" if grant["granted"] else str(grant["detail"]).partition(":")[0]
+
+
+def raise_limit(machine: Machine, limit: str, unit: str, container: str) -> str:
+    """How to raise a limit where this process runs."""
+    if machine.in_container:
+        return f"podman/docker run {container} ..."
+    if "INVOCATION_ID" in machine.variables and 0 < machine.user < FIRST_PERSON:  # a unit of the system
+        return f"in the unit, under [Service]: {unit}"
+    user = next(filter(None, (machine.variables.get(name) for name in ("SUDO_USER", "USER", "LOGNAME"))), "USER")
+    return f"echo '{user} - {limit}' | sudo tee -a {LIMITS_FILE}    (then log in again)"
+
+
+def _scheduling(machine: Machine, needs: Needs, trial: RightsTrial) -> Finding:
+    name = "scheduling"
+    if not needs.priority:
+        found = "the file asks for the ordinary scheduler (priority 0)"
+        return advice(found, "in the file: realtime: {priority: 50}", name)
+    if not (refused := refusal(trial, "priority")):
+        return ok(f"{trial.grants['priority']['detail']} granted", name)
+    found = f"SCHED_FIFO {needs.priority} {refused} (rtprio limit {machine.limit(resource.RLIMIT_RTPRIO)})"
+    fix = raise_limit(machine, "rtprio 98", "LimitRTPRIO=98", "--cap-add SYS_NICE --ulimit rtprio=98")
+    return problem(found, fix, name)
+
+
+def _memory_lock(machine: Machine, needs: Needs, trial: RightsTrial) -> Finding:
+    """Whether memory can be locked, and later allocations too: they fail when the limit is nearly full."""
+    name, needed = "memory lock", trial.memory_bytes
+    if not needs.lock_memory:
+        return advice("the file does not ask for locked memory", "in the file: realtime: {lock_memory: true}", name)
+    capabilities = re.search(r"^CapEff:\s*([0-9a-f]+)", machine.read("/proc/self/status", ""), re.M)
+    overridden = capabilities is not None and bool(int(capabilities[1], 16) >> CAP_IPC_LOCK & 1)
+    limit = -1 if overridden else machine.limit(resource.RLIMIT_MEMLOCK)
+    takes = f"{needed / MEGABYTE:.0f} MB"
+    allowed = "no limit" if limit < 0 else f"memlock limit {limit / MEGABYTE:.0f} MB"
+    locked = f"memory locked, {takes} for a daemon at its start"
+    fix = raise_limit(machine, "memlock unlimited", "LimitMEMLOCK=infinity", "--ulimit memlock=-1")
+    if refused := refusal(trial, "memory"):
+        return problem(f"memory lock {refused}: a daemon takes {takes}, {allowed}", fix, name)
+    if 0 <= limit < ROOM * needed:
+        return advice(f"{locked}, but {allowed}", fix, name)
+    return ok(f"{locked}, {allowed}", name)
+
+
+def _idle_latency(machine: Machine, needs: Needs, trial: RightsTrial) -> Finding:
+    """Whether daemons may keep processors out of deep idle states."""
+    name = "idle latency"
+    if not refusal(trial, "wakeful"):
+        return ok("daemons may keep processors out of deep idle states", name)
+    found = f"daemons may not keep processors awake ({LATENCY_REQUEST})"
+    try:
+        slow = slow_states(machine, needs)
+    except Unreadable:  # the check of idle states reports it
+        slow = []
+    if not slow:
+        return ok(f"{found}, which is not needed: no idle state is slow", name)
+    if machine.in_container:
+        return advice(found, f"podman/docker run --device {LATENCY_REQUEST} ...", name)
+    return advice(found, f"echo '{LATENCY_RULE}' | sudo tee {LATENCY_RULES_FILE}    (then restart)", name)
+
+
+# --- the host of a virtual machine
+
+TOLERATED = 0.01
+"""Share of ticks, or of processor time, that the host may take."""
+LATENESS_MARGIN = 0.05
+"""Difference of the 99th percentiles of lateness that counts, as a share of a tick."""
+STEAL_MARGIN = 0.02
+"""Difference of steal that counts; the kernel counts in steps of 10 ms, about this share of a stretch."""
+
+
+@check("host", "host", "give this machine processors of its own (pinned, not shared), and stop other load on its host")
+def host(machine: Machine, needs: Needs) -> Iterator[Finding]:
+    """What the host takes with processors kept awake or not, as the file has it, and which of both is better."""
+    allowed = machine.affinity()
+    trial = machine.host_trial(
+        priority=min(needs.priority + 1, HIGHEST_PRIORITY),  # above daemons, which may run meanwhile
+        processors=sorted(set(needs.pinned.values()) & allowed or allowed),
+        rate_hz=needs.rate_hz,
+    )
+    if trial.failure is not None:
+        raise Unreadable(f"its share of missed ticks: {trial.failure}")
+    stretches = trial.awake if needs.wakeful and trial.awake else trial.asleep
+    missed, steal = mean(stretches, "missed") or 0.0, mean(stretches, "steal")
+    counted = "not counted here" if steal is None else f"{100 * steal:.1f} %"
+    found = f"the host makes {100 * missed:.2f} % of ticks at {needs.rate_hz:g} Hz be missed; steal {counted}"
+    yield ok(found) if max(missed, steal or 0.0) <= TOLERATED else advice(found)
+
+    name = "wakeful"
+    if trial.not_awake is not None:
+        yield unknown(f"processors awake or not, which is better: {trial.not_awake}", check=name)
+        return
+    late = [mean(each, "p99_us") or 0.0 for each in (trial.awake, trial.asleep)]
+    found = f"processors awake/not: late p99 {late[0]:.0f}/{late[1]:.0f} us"
+    awake, asleep = mean(trial.awake, "steal"), mean(trial.asleep, "steal")
+    if awake is not None and asleep is not None:
+        found += f", steal {100 * awake:.1f}/{100 * asleep:.1f} %"
+    better = awake_is_better(trial, needs.period_us)
+    if better is None:
+        yield ok(f"{found}: no clear difference", name)
+        return
+    found += f": {'awake' if better else 'not awake'} is better"
+    setting = f"in the file: realtime: {{wakeful: {str(better).lower()}}}"
+    yield ok(found, name) if better == needs.wakeful else advice(found, setting, name)
+
+
+def awake_is_better(trial: HostTrial, period_us: float) -> bool | None:
+    """Whether processors should be kept awake; None if there is no clear difference.
+
+    Lateness decides; where it makes no difference, steal. A difference is clear if its mean exceeds the margin and no
+    pair of neighbouring stretches has it the other way round: the load of a host changes from second to second.
+    """
+    for name, margin in (("p99_us", LATENESS_MARGIN * period_us), ("steal", STEAL_MARGIN)):
+        pairs = [(asleep[name], awake[name]) for asleep, awake in zip(trial.asleep, trial.awake, strict=True)]
+        gains = [asleep - awake for asleep, awake in pairs if asleep is not None and awake is not None]
+        if gains and abs(sum(gains)) > margin * len(gains) and (min(gains) >= 0.0 or max(gains) <= 0.0):
+            return sum(gains) > 0.0
+    return None
+
+
+def mean(stretches: Sequence[Stretch], name: str) -> float | None:
+    """Mean of a figure of the stretches; None if it was not measured."""
+    values = [value for each in stretches if (value := each[name]) is not None]
+    return sum(values) / len(values) if values else None
+
+
+# --- memory
+
+HUGE_PAGES = "/sys/kernel/mm/transparent_hugepage/enabled"
+
+
+@check("memory", "swap", "in the file: realtime: {lock_memory: true}, or: sudo swapoff -a")
+def swap(machine: Machine, needs: Needs) -> Finding:
+    areas = machine.read("/proc/swaps").splitlines()[1:]
+    size = f"{sum(int(line.split()[2]) for line in areas) * 1024 / MEGABYTE:.0f} MB of swap"
+    if not areas:
+        return ok("no swap")
+    if needs.lock_memory:
+        return ok(f"{size}; daemons lock their memory where that is granted")
+    return advice(f"{size}, and the file does not lock memory")
+
+
+@check("memory", "huge pages", f"echo madvise | sudo tee {HUGE_PAGES}")
+def huge_pages(machine: Machine, _needs: Needs) -> Finding:
+    chosen = re.search(r"\[(\w+)\]", machine.read(HUGE_PAGES))
+    name = chosen[1] if chosen else "unknown"
+    if name != "always":
+        return ok(f"transparent huge pages {name}")
+    return advice("transparent huge pages always: the kernel moves pages while daemons run")
+
+
+@check("memory", "shared memory")
+def shared_memory(machine: Machine, needs: Needs) -> Finding:
+    """Whether there is room for the telemetry rings."""
+    wanted = len(needs.sides) * (RECORDS_AT + int(RING_SECONDS * needs.rate_hz) * SLOT_BYTES)
+    root = machine.root
+    folder = Places(machine.variables, root / "run/user", root / "dev/shm", root / "proc/self/mountinfo").memory()
+    where = f"/{folder.relative_to(root)}" if folder.is_relative_to(root) else str(folder)
+    if not folder.is_dir():
+        return problem(f"there is no {where}", f"sudo mount -t tmpfs tmpfs {where}")
+    total, free = machine.space(folder)
+    room = f"{free / MEGABYTE:.0f} of {total / MEGABYTE:.0f} MB free"
+    found = f"{where}: {room}, telemetry takes {wanted / MEGABYTE:.1f} MB"
+    if free >= wanted:
+        return ok(found)
+    enlarge = f"sudo mount -o remount,size=256M {where}"
+    return problem(found, "podman/docker run --shm-size=256m ..." if machine.in_container else enlarge)

@@ -9,14 +9,13 @@ import json
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from time import monotonic, time_ns
 from typing import Any
 
 import uvloop
 
-from weberlink.cli.doctor.link_figures import LinkTrial
 from weberlink.cli.doctor.trial import run_child
 from weberlink.config import MASTER, Configuration, ConfigurationError, load
 from weberlink.config.finders import PathFinder, finder_of, finding
@@ -27,7 +26,6 @@ from weberlink.protocol.aio.udp import UdpShell
 from weberlink.protocol.probing import Heard, ProbingEndpoint
 from weberlink.realtime.process import prepare
 from weberlink.session.composition.channels import streams
-from weberlink.session.composition.joint_channels import joint_streams
 from weberlink.session.composition.link import Identity, build_endpoint, build_security
 from weberlink.session.daemon import emulated_link
 from weberlink.session.description import default_name
@@ -42,6 +40,29 @@ ANSWER_S = 5.0
 """Longest time until the slave answers a call."""
 PATH_S = 40.0
 """Longest time until a path is found."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkTrial:
+    """What a measurement recorded; times on the clock of the master [s].
+
+    Args:
+        asked: departure of each question.
+        heard: every datagram of the slave; those before the first question tell only how the numbers go on.
+        jitters: as the endpoint measured it, in order.
+        silences: how often the session fell silent, at the limit of the file.
+        paths: in use at the end.
+        priority: what came of real-time rights.
+        failure: why there is no result.
+    """
+
+    asked: Sequence[float] = ()
+    heard: Sequence[Heard] = ()
+    jitters: Sequence[float] = ()
+    silences: int = 0
+    paths: list[dict[str, Any]] = field(default_factory=list)
+    priority: str = ""
+    failure: str | None = None
 
 
 class Measurement:
@@ -70,24 +91,37 @@ class Measurement:
 
     def service(self, now: float) -> float:
         """Do what is due; returns when to be called again [s]."""
-        endpoint = self._endpoint
-        self._hear()
+        endpoint, clock = self._endpoint, self._endpoint.clock
+        while (event := endpoint.next_event()) is not None:
+            match event:
+                case PeerSilent():
+                    self._silences += self._first_at is not None
+                case Refused(message):
+                    self.failure, self.is_done = f"refused: {message}", True
+                case PeerClosed(reason) if self._first_at is not None:
+                    self.failure, self.is_done = f"the slave left: {reason}", True
         endpoint.report_encoding(now, is_encoding=False)
         if self._first_at is None and not self.is_done:
-            self._wait(now)
+            self._wait_for_session(now)
         if self._first_at is None or self.is_done:
             return now + PERIOD_S
         last_at = self._first_at + self._seconds
-        clock = endpoint.clock
         if now > last_at + max(0.1, 2.0 * ((clock.rtt or 0.0) + clock.jitter)):  # the last answers have come
             self.finish(now)
         elif self._due <= min(now, last_at):
             endpoint.ask(now)
-            if endpoint.clock.rtt is not None:
-                self._jitters.append(endpoint.clock.jitter)
+            if clock.rtt is not None:
+                self._jitters.append(clock.jitter)
             # What this process was too late for is left out: questions in a heap would measure its own stall.
             self._due = max(self._due + PERIOD_S, now)
         return max(self._due, now + LEAST_PAUSE_S)
+
+    def _wait_for_session(self, now: float) -> None:
+        if self._endpoint.state is State.ENGAGED and self._endpoint.clock.peer_time(now) is not None:
+            self._due = self._first_at = now + WARM_UP_S
+        elif now > self._give_up_at:
+            why = f"the slave did not answer in {self._patience:g} s: is it started, with the same file and key?"
+            self.finish(now, why)
 
     def finish(self, now: float, failure: str | None = None) -> None:
         """Leave the session."""
@@ -99,24 +133,6 @@ class Measurement:
     def result(self, paths: Sequence[Any] = (), priority: str = "") -> LinkTrial:
         endpoint, used = self._endpoint, [path._asdict() for path in paths]
         return LinkTrial(endpoint.asked, endpoint.heard, self._jitters, self._silences, used, priority, self.failure)
-
-    def _wait(self, now: float) -> None:
-        endpoint = self._endpoint
-        if endpoint.state is State.ENGAGED and endpoint.clock.peer_time(now) is not None:
-            self._due = self._first_at = now + WARM_UP_S
-        elif now > self._give_up_at:
-            why = f"the slave did not answer in {self._patience:g} s: is it started, with the same file and key?"
-            self.finish(now, why)
-
-    def _hear(self) -> None:
-        while (event := self._endpoint.next_event()) is not None:
-            match event:
-                case PeerSilent():
-                    self._silences += self._first_at is not None
-                case Refused(message):
-                    self.failure, self.is_done = f"refused: {message}", True
-                case PeerClosed(reason) if self._first_at is not None:
-                    self.failure, self.is_done = f"the slave left: {reason}", True
 
 
 def run_link_trial(file: Path, overrides: Sequence[str], seconds: float) -> LinkTrial:
@@ -140,7 +156,7 @@ def build_probe(configuration: Configuration, epoch: float, finder: PathFinder |
     name, expects = default_name(MASTER, link.listen), ""
     if finder is not None:
         name, expects = finder.own, finder.expects
-    forward, backward = streams(system) if system.codec.joints is None else joint_streams(system)
+    forward, backward = streams(system)
     endpoint = build_endpoint(
         system,
         Role.INITIATOR,
@@ -157,22 +173,21 @@ def build_probe(configuration: Configuration, epoch: float, finder: PathFinder |
     return endpoint
 
 
-async def _measure(measurement: Measurement, shell: UdpShell) -> None:
-    """Run a measurement to its end. Raises OSError if the port cannot be opened, or a name does not resolve."""
-    await shell.open(asyncio.get_running_loop())
-    try:
-        while not measurement.is_done:
-            now = monotonic()
-            shell.service(now)
-            due = measurement.service(now)
-            shell.flush(now)
-            await asyncio.sleep(due - now)
-    finally:
-        shell.close()
-
-
 def trial(file: str, overrides: Sequence[str], seconds: float) -> LinkTrial:
     """Measure; changes the scheduling class of this process."""
+
+    async def measure() -> None:
+        await shell.open(asyncio.get_running_loop())
+        try:
+            while not measurement.is_done:
+                now = monotonic()
+                shell.service(now)
+                due = measurement.service(now)
+                shell.flush(now)
+                await asyncio.sleep(due - now)
+        finally:
+            shell.close()
+
     try:
         configuration = load(Path(file), overrides, sides=[MASTER])
         system, epoch = configuration.system, monotonic()
@@ -192,10 +207,10 @@ def trial(file: str, overrides: Sequence[str], seconds: float) -> LinkTrial:
                 on_no_path=lambda why: measurement.finish(monotonic(), why),
             )
             with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-                runner.run(_measure(measurement, shell))
+                runner.run(measure())
             granted = "in real time" if grant else "not in real time"
             return measurement.result(shell.paths, f"{granted}: {grant.detail}")
-    except (ConfigurationError, OSError) as error:
+    except (ConfigurationError, OSError) as error:  # the port cannot be opened, or a name does not resolve
         return LinkTrial(failure=getattr(error, "strerror", None) or str(error))
 
 

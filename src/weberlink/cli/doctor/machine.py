@@ -19,7 +19,8 @@ from time import CLOCK_MONOTONIC, clock_getres
 from typing import Any
 
 from weberlink.cli.devices import DriverStatus, survey
-from weberlink.cli.doctor.trial import run_host_trial, run_rights_trial
+from weberlink.cli.doctor import trial
+from weberlink.cli.doctor.trial import HostTrial, RightsTrial, run_child
 from weberlink.compiled import is_compiled
 
 LOOK_UP_LIMIT_S = 3.0
@@ -81,6 +82,29 @@ class Machine:
     def in_container(self) -> bool:
         return self.may_have("/.dockerenv") or self.may_have("/run/.containerenv")
 
+    def command_that_holds(self, sockets: set[str]) -> str:
+        """The command line of the process that has one of these sockets; empty if this user may not see it."""
+        for link in (self.root / "proc").glob("[0-9]*/fd/*"):
+            try:
+                if str(link.readlink()) in sockets:
+                    command = (link.parents[1] / "cmdline").read_bytes()
+                    return command.decode(errors="replace").replace("\0", " ").strip()
+            except OSError:
+                continue
+        return ""
+
+    # System calls, programs and libraries of this machine, for tests to replace.
+    which = staticmethod(shutil.which)
+    is_compiled = staticmethod(is_compiled)
+
+    def rights_trial(self, **request: Any) -> RightsTrial:
+        """Run that trial in a child process; a failure is in the result."""
+        return run_child(trial.__name__, RightsTrial, "rights", request)
+
+    def host_trial(self, **request: Any) -> HostTrial:
+        """Run that trial in a child process; a failure is in the result."""
+        return run_child(trial.__name__, HostTrial, "host", request)
+
     def affinity(self) -> frozenset[int]:
         """Processors that this process may run on."""
         return frozenset(os.sched_getaffinity(0))
@@ -92,12 +116,6 @@ class Machine:
     def resolution_ns(self) -> float:
         """Resolution of the kernel's timers."""
         return 1e9 * clock_getres(CLOCK_MONOTONIC)
-
-    # Programs and libraries of this machine; static, for tests to replace.
-    rights_trial = staticmethod(run_rights_trial)
-    host_trial = staticmethod(run_host_trial)
-    which = staticmethod(shutil.which)
-    is_compiled = staticmethod(is_compiled)
 
     def drivers(self) -> Sequence[DriverStatus]:
         return survey().drivers

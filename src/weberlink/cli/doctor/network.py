@@ -1,15 +1,19 @@
-"""Network and key file: receive buffer, port, slave address, firewall, pre-shared key."""
+"""Checks of network, key, devices and software."""
 
 import shlex
 import stat
+from collections.abc import Iterator
 from ipaddress import ip_address
 
+from weberlink.cli.devices import BROKEN, NO_EXTRA, NOTHING, READY, UNSEEN, DriverStatus
 from weberlink.cli.doctor.machine import Machine
-from weberlink.cli.doctor.needs import Needs
-from weberlink.cli.doctor.report import Finding, advice, ok, problem, unknown
+from weberlink.cli.doctor.report import Finding, Needs, advice, check, ok, problem, unknown
 from weberlink.config.model import is_placeholder
+from weberlink.installation import all_guests, pip_install
 from weberlink.protocol import keys
 from weberlink.telemetry.runtime_directory import user_name
+
+# --- network and key
 
 CHARGED_BYTES = 832
 """What the kernel charges a receive buffer for a datagram of ours that came over loopback (Linux 6.18, x86-64: 256 of
@@ -23,6 +27,7 @@ FIREWALL_TOOLS = {
 """How to see whether a UDP port is open, by tool; the first one installed is named."""
 
 
+@check("network", "receive buffer")
 def receive_buffer(machine: Machine, needs: Needs) -> Finding:
     """Whether the socket holds all updates of a stall as long as the silence limit, at one update per tick."""
     size, largest = (machine.number(f"/proc/sys/net/core/rmem_{name}") for name in ("default", "max"))
@@ -34,6 +39,7 @@ def receive_buffer(machine: Machine, needs: Needs) -> Finding:
     return advice(found, f"sudo sysctl -w net.core.rmem_default={wanted}")
 
 
+@check("network", "port", "in the file: link.listen, with 0.0.0.0 or an address of `ip -brief address`")
 def port(machine: Machine, needs: Needs) -> Finding:
     """Whether the slave's port is free, or which process has it."""
     if needs.listen is None:
@@ -46,7 +52,7 @@ def port(machine: Machine, needs: Needs) -> Finding:
         lines = [line for path in ("udp", "udp6") for line in machine.read(f"/proc/net/{path}", "").splitlines()[1:]]
         rows = [row for line in lines if len(row := line.split()) > 9]
         sockets = {f"socket:[{row[9]}]" for row in rows if row[1].endswith(f":{number:04X}")}
-        holder = _holder(machine, sockets)
+        holder = machine.command_that_holds(sockets)
         if "weberlink.session.daemon" in holder:
             return ok(f"UDP port {number} is held by a running weberlink daemon")
         if sockets:
@@ -56,17 +62,7 @@ def port(machine: Machine, needs: Needs) -> Finding:
     return ok(f"UDP port {number} is free")
 
 
-def _holder(machine: Machine, sockets: set[str]) -> str:
-    """The command line of the process that has one of these sockets; empty if this user may not see it."""
-    for link in (machine.root / "proc").glob("[0-9]*/fd/*"):
-        try:
-            if str(link.readlink()) in sockets:
-                return (link.parents[1] / "cmdline").read_bytes().decode(errors="replace").replace("\0", " ").strip()
-        except OSError:
-            continue
-    return ""
-
-
+@check("network", "slave address")
 def slave_address(machine: Machine, needs: Needs) -> Finding:  # noqa: PLR0911 - one for each finding
     """Whether the master can reach the slave's host."""
     if needs.slave is None:
@@ -94,6 +90,7 @@ def slave_address(machine: Machine, needs: Needs) -> Finding:  # noqa: PLR0911 -
     return unknown(f"{found}; no answer to a ping, perhaps because of a firewall", f"ping -c 3 {address}")
 
 
+@check("network", "firewall")
 def firewall(machine: Machine, needs: Needs) -> Finding:
     """Which command shows whether the slave's port is open; rules are not read here."""
     if needs.listen is None:
@@ -107,6 +104,7 @@ def firewall(machine: Machine, needs: Needs) -> Finding:
     return unknown(f"UDP port {number} must be open; not checked here", FIREWALL_TOOLS[tool].format(port=number))
 
 
+@check("key", "key file")
 def key_file(machine: Machine, needs: Needs) -> Finding:  # noqa: PLR0911 - one for each finding
     """Whether a daemon of this user can read the pre-shared key; its content is never shown."""
     path = needs.key_file
@@ -135,3 +133,63 @@ def key_file(machine: Machine, needs: Needs) -> Finding:  # noqa: PLR0911 - one 
         fix = f"chmod 600 {quoted}" if status.st_mode & 0o077 else fix
         return problem(found, fix or f"weberlink keygen {quoted}.new")
     return ok(f"{name}: mode 0600, a key of {8 * keys.KEY_BYTES} bits")
+
+
+# --- devices and software
+
+
+@check("devices", "devices")
+def devices(machine: Machine, needs: Needs) -> Iterator[Finding]:
+    """State of the drivers that the file names, and of other devices plugged in."""
+    named = dict(needs.drivers)
+    others = 0
+    for each in machine.drivers():
+        if named.get(each.side) == each.driver:
+            yield _named(each)
+        elif each.plugged:
+            others += 1
+            found = f"{each.driver} at {', '.join(device.path for device in each.plugged)}: {each.state}"
+            helps = each.advice and each.state not in (NO_EXTRA, BROKEN)
+            yield advice(found, each.advice[0], "device") if helps else ok(found, "device")
+    if not others:
+        yield ok(f"nothing {'else ' if named else ''}plugged in that a driver knows")
+
+
+def _named(status: DriverStatus) -> Finding:
+    """The finding on a driver that the file names."""
+    name, check = f"{status.side} {status.driver}", "driver"
+    first = next(iter(status.advice), None)
+    if status.state == READY:
+        name += f" at {status.plugged[0].path}" if status.plugged else f", {status.kind}"
+        return advice(name, first, check) if first else ok(f"{name}: ready", check)
+    if status.state == UNSEEN:
+        return ok(f"{name}: cannot be listed; to try it: weberlink device test {status.driver}", check)
+    if status.state == NOTHING:
+        fix = "plug it in and switch it on, then: weberlink device list"
+        return problem(f"{name}: no such device plugged in", fix, check)
+    return problem(f"{name}: {status.state}", first or "weberlink device list", check)
+
+
+@check("software", "software")
+def software(machine: Machine, _needs: Needs) -> Iterator[Finding]:
+    build = machine.python()
+    name = f"Python {build['number']}"
+    if build["is_debug"]:
+        yield problem(f"{name} is a debug build, several times slower", "use a release build of Python", "Python")
+    elif build["is_dev_mode"]:
+        found = f"{name} in development mode, which is slow"
+        yield advice(found, "unset PYTHONDEVMODE; run without -X dev", "Python")
+    elif build["is_free_threaded"]:
+        found = f"{name} is a free-threaded build, which is untested"
+        yield advice(found, "use the ordinary build of Python", "Python")
+    else:
+        yield ok(name, "Python")
+    is_compiled = machine.is_compiled()
+    yield ok("weberlink is compiled" if is_compiled else "weberlink is not compiled: a tick takes longer", "build")
+    number = machine.version("uvloop")
+    fix = f"{pip_install()} uvloop"
+    yield ok(f"uvloop {number}", "uvloop") if number else problem("uvloop is not installed", fix, "uvloop")
+    known = all_guests()
+    missing = [name for name in sorted(known) if machine.version(f"weberlink-{name}") is None]
+    absent = f"guests not installed: {', '.join(missing)}"
+    yield ok(absent if missing else f"all {len(known)} guests are installed", "guests")

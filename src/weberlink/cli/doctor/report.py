@@ -1,16 +1,96 @@
-"""Findings on a machine or a link, and the report that shows them as text or JSON."""
+"""What a session needs of the machine, the table of checks that compare the two, and the report of their findings."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from itertools import groupby
+from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
 from rich.console import Console
 from rich.text import Text
 
-from weberlink.cli.doctor.needs import Needs
+from weberlink.cli.doctor.machine import Machine, Unreadable
+from weberlink.config import MASTER, SIDES, SLAVE, Configuration
+from weberlink.config.model import RealtimeSettings, split_address
+from weberlink.protocol.aio.sockets import numeric
+
+DEFAULTS = RealtimeSettings()
+INDENT = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Needs:
+    """Requirements that the checks compare the machine with; the defaults are those without a configuration."""
+
+    file: Path | None = None
+    sides: Sequence[str] = SIDES
+    """Those that run on this machine."""
+    rate_hz: float = 1000.0
+    priority: int = DEFAULTS.priority
+    """Of SCHED_FIFO; 0 for the ordinary scheduler."""
+    lock_memory: bool = DEFAULTS.lock_memory
+    wakeful: bool = DEFAULTS.wakeful
+    """Whether daemons keep processors out of deep idle states."""
+    busy_poll: bool = DEFAULTS.busy_poll
+    """Whether each daemon takes a processor."""
+    cpus: tuple[int, int] | None = None
+    """Processors of the master and the slave."""
+    listen: tuple[str, int] | None = None
+    """Address that the slave binds; None if it does not run here, or binds any free port."""
+    slave: tuple[str, int] | None = None
+    """Address that the master calls; None if it does not run here."""
+    key_file: Path | None = None
+    encrypted: bool = True
+    silence_s: float = 0.1
+    drivers: tuple[tuple[str, str], ...] = ()
+    """Pairs of side and driver."""
+
+    @classmethod
+    def of(cls, configuration: Configuration, sides: Sequence[str] = SIDES) -> "Needs":
+        """The needs of a configuration."""
+        system = configuration.system
+        link, realtime = system.link, system.realtime
+        listen, slave = split_address(link.listen), split_address(link.slave)
+        names = {MASTER: system.master.device.driver, SLAVE: system.slave.robot.driver}
+        return cls(
+            file=configuration.path,
+            sides=tuple(sides),
+            rate_hz=system.rate_hz,
+            priority=realtime.priority,
+            lock_memory=realtime.lock_memory,
+            wakeful=realtime.wakeful,
+            busy_poll=realtime.busy_poll,
+            cpus=realtime.cpus,
+            listen=listen if SLAVE in sides and listen[1] else None,
+            slave=slave if MASTER in sides and slave[1] else None,
+            key_file=link.key_file if link.security == "psk" else None,
+            encrypted=link.security != "none",
+            silence_s=link.silence_ms * 1e-3,
+            drivers=tuple((side, names[side]) for side in sides),
+        )
+
+    @property
+    def period_us(self) -> float:
+        return 1e6 / self.rate_hz
+
+    @property
+    def pinned(self) -> dict[str, int]:
+        """The processor that each local side is pinned to; empty where the file pins none."""
+        return {} if self.cpus is None else {side: self.cpus[SIDES.index(side)] for side in self.sides}
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """For JSON; of the key it says only whether one is used."""
+        document = asdict(self) | {
+            "file": None if self.file is None else str(self.file),
+            "listen": None if self.listen is None else numeric(self.listen),
+            "slave": None if self.slave is None else numeric(self.slave),
+            "drivers": dict(self.drivers),
+        }
+        del document["key_file"]
+        return document
 
 
 class Grade(StrEnum):
@@ -23,6 +103,9 @@ class Grade(StrEnum):
     """The session does not work as configured, or not in time."""
     UNKNOWN = "unknown"
     """It could not be read; the text says why."""
+
+
+COLOURS = {Grade.OK: "green", Grade.ADVICE: "yellow", Grade.PROBLEM: "bold red", Grade.UNKNOWN: "magenta"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,10 +143,6 @@ def unknown(found: str, fix: str | None = None, check: str = "") -> Finding:
     return Finding(Grade.UNKNOWN, found, fix, check)
 
 
-INDENT = 10
-COLOURS = {Grade.OK: "green", Grade.ADVICE: "yellow", Grade.PROBLEM: "bold red", Grade.UNKNOWN: "magenta"}
-
-
 @dataclass(frozen=True, slots=True)
 class DoctorReport:
     """Findings in the order of their areas, the needs that they were compared with, and further figures for JSON."""
@@ -87,11 +166,12 @@ class DoctorReport:
 
     def show(self, console: Console) -> None:
         """Print each finding, and below it its fix, unwrapped so that it can be copied."""
-        width = console.width - INDENT
         for area, findings in groupby(self.findings, lambda each: each.area):
             console.print(Text(area, style="bold"))
             for each in findings:
-                first, *others = wrap(each.found, width, break_long_words=False, break_on_hyphens=False)
+                first, *others = wrap(
+                    each.found, console.width - INDENT, break_long_words=False, break_on_hyphens=False
+                )
                 head = Text.assemble("  ", (f"{each.grade.value:{INDENT - 2}}", COLOURS[each.grade]), first)
                 console.print(head, *(Text(" " * INDENT + line) for line in others), sep="\n", soft_wrap=True)
                 if each.fix is not None:
@@ -99,3 +179,57 @@ class DoctorReport:
         problems, tips, dark = (self.count(grade) for grade in (Grade.PROBLEM, Grade.ADVICE, Grade.UNKNOWN))
         summary = f"{problems} problem{'' if problems == 1 else 's'}, {tips} advice, {dark} unknown"
         console.print(Text(summary, style="bold red" if problems else "bold green"))
+
+
+# --- the table of checks
+
+Judge = Callable[[Machine, Needs], Finding | Iterable[Finding] | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One row of the table.
+
+    Args:
+        area: heading of the report.
+        name: of the row; its findings have the same, or one of their own.
+        judge: reads the machine and compares it with the needs, without changing anything.
+        fix: of advice and problems for which `judge` names no other.
+    """
+
+    area: str
+    name: str
+    judge: Judge
+    fix: str | None = None
+
+
+CHECKS: list[Check] = []
+"""In the order of the report, filled by `check`."""
+
+
+def check(area: str, name: str, fix: str | None = None) -> Callable[[Judge], Judge]:
+    """Add a function to the table; arguments as of `Check`."""
+
+    def add(judge: Judge) -> Judge:
+        CHECKS.append(Check(area, name, judge, fix))
+        return judge
+
+    return add
+
+
+def examine(needs: Needs, machine: Machine | None = None, checks: Sequence[Check] = CHECKS) -> DoctorReport:
+    """Run the checks on a machine; default: this one."""
+    here = machine or Machine()
+    return DoctorReport(needs, [each for row in checks for each in _findings(row, here, needs)])
+
+
+def _findings(row: Check, machine: Machine, needs: Needs) -> Iterator[Finding]:
+    """The findings of a row; an error becomes the last of them, so that it hides no other row."""
+    try:
+        found = row.judge(machine, needs)
+        for each in [found] if isinstance(found, Finding) else found or ():
+            fix = each.fix or (row.fix if each.grade in (Grade.ADVICE, Grade.PROBLEM) else None)
+            yield replace(each, area=row.area, check=each.check or row.name, fix=fix)
+    except Exception as error:  # a machine that no test covers must not stop the report
+        kind = "" if isinstance(error, Unreadable) else f"{type(error).__name__}: "
+        yield Finding(Grade.UNKNOWN, f"{row.name}: {kind}{' '.join(str(error).split())}", None, row.name, row.area)

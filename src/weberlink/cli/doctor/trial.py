@@ -11,8 +11,7 @@ import select
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from math import ceil
 from pathlib import Path
@@ -80,16 +79,6 @@ class HostTrial:
     """Why there is no result."""
 
 
-def run_rights_trial(**request: Any) -> RightsTrial:
-    """Run `rights_trial` in a child process; a failure is in the result."""
-    return run_child(__name__, RightsTrial, "rights", request)
-
-
-def run_host_trial(**request: Any) -> HostTrial:
-    """Run `host_trial` in a child process; a failure is in the result."""
-    return run_child(__name__, HostTrial, "host", request)
-
-
 def run_child(module: str, answer: Callable[..., T], name: str, request: Any, limit_s: float = LIMIT_S) -> T:
     """Run a module as a program.
 
@@ -116,7 +105,7 @@ def run_child(module: str, answer: Callable[..., T], name: str, request: Any, li
 def rights_trial(
     priority: int, *, lock_memory: bool, wakeful: bool, cpu: int | None, rate_hz: float, encrypted: bool = False
 ) -> RightsTrial:
-    """Take the rights that a configuration asks for, and measure.
+    """Take the rights that a configuration asks for, and measure wake-ups from a timer.
 
     Args:
         cpu: to pin this process to.
@@ -125,25 +114,13 @@ def rights_trial(
     for name in (*IMPORTS, *(["weberlink.protocol.psk"] if encrypted else [])):
         __import__(name)
     grants = prepare(priority, lock_memory, cpu, wakeful=wakeful).as_dict()
-    lateness, missed = measure(rate_hz)
-    lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
-    memory = next((1024 * int(line.split()[1]) for line in lines if line.startswith("VmSize:")), 0)
-    late = {"p50": nearest_rank(lateness, 0.5), "p99": nearest_rank(lateness, 0.99), "max": max(lateness)}
-    return RightsTrial(grants, memory, late, missed)
-
-
-def measure(rate_hz: float, seconds: float = MEASURE_S) -> tuple[list[float], int]:
-    """Lateness of wake-ups from a timer at this rate [us], and how many deadlines passed without one."""
-    lateness: list[float] = []
-    missed = 0
+    lateness, missed, index = list[float](), 0, -1
     period_ns = round(1e9 / rate_hz)
     start_ns = monotonic_ns() + period_ns
-    count = max(2, int(seconds * rate_hz))
-    index = -1
     fd = timerfd.create()
     try:
         timerfd.arm(fd, start_ns, period_ns)
-        while index < count - 1:
+        while index < max(2, int(MEASURE_S * rate_hz)) - 1:
             select.select([fd], [], [])
             now = monotonic_ns()
             passed = timerfd.expirations(fd)
@@ -152,7 +129,10 @@ def measure(rate_hz: float, seconds: float = MEASURE_S) -> tuple[list[float], in
             lateness.append((now - start_ns - index * period_ns) * 1e-3)
     finally:
         os.close(fd)
-    return lateness, missed
+    lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
+    memory = next((1024 * int(line.split()[1]) for line in lines if line.startswith("VmSize:")), 0)
+    late = {"p50": nearest_rank(lateness, 0.5), "p99": nearest_rank(lateness, 0.99), "max": max(lateness)}
+    return RightsTrial(grants, memory, late, missed)
 
 
 def nearest_rank(values: Sequence[float], share: float) -> float:
@@ -170,44 +150,33 @@ def host_trial(priority: int, processors: Sequence[int], rate_hz: float) -> Host
     grant = prepare(priority, lock_memory=False, cpu=None).priority
     if not grant:
         return HostTrial(failure=f"SCHED_FIFO {priority} {grant.detail}")
-    chosen, period = processors[:MOST_PROCESSORS], 1.0 / rate_hz
-    found = HostTrial(not_awake=_cannot_keep_awake())
+    chosen, period, not_awake = processors[:MOST_PROCESSORS], 1.0 / rate_hz, None
+    try:
+        with Path(LATENCY_REQUEST).open("r+b", buffering=0) as device:
+            if int.from_bytes(device.read(4), sys.byteorder) == AWAKE_US:
+                not_awake = "another program keeps them awake"
+    except OSError as error:
+        not_awake = f"{LATENCY_REQUEST}: {error.strerror}"
+    found = HostTrial(not_awake=not_awake)
     for pair in range(PAIRS):
         for awake in (False, True) if pair % 2 else (True, False):
             if not awake:
                 found.asleep.append(stretch(chosen, period))
-            elif found.not_awake is None:
-                with kept_awake():
+            elif not_awake is None:
+                with Path(LATENCY_REQUEST).open("wb", buffering=0) as device:  # as a daemon with `wakeful` does
+                    device.write(AWAKE_US.to_bytes(4, sys.byteorder))
                     found.awake.append(stretch(chosen, period))
     return found
 
 
-def _cannot_keep_awake() -> str | None:
-    """Why processors cannot be kept awake and not, in turns; None if they can."""
-    try:
-        with Path(LATENCY_REQUEST).open("r+b", buffering=0) as device:
-            in_force = int.from_bytes(device.read(4), sys.byteorder)
-    except OSError as error:
-        return f"{LATENCY_REQUEST}: {error.strerror}"
-    return "another program keeps them awake" if in_force == AWAKE_US else None
-
-
-@contextmanager
-def kept_awake() -> Iterator[None]:
-    """Hold the request that a daemon makes with `realtime: {wakeful: true}`."""
-    with Path(LATENCY_REQUEST).open("wb", buffering=0) as device:
-        device.write(AWAKE_US.to_bytes(4, sys.byteorder))
-        yield
-
-
-def stretch(processors: Sequence[int], period: float, seconds: float = STRETCH_S) -> Stretch:
+def stretch(processors: Sequence[int], period: float) -> Stretch:
     """One stretch of wake-ups on each processor at once."""
     first = monotonic() + LEAD_S
     seen: list[WakeUp] = []
 
     def watch(processor: int) -> None:
         os.sched_setaffinity(0, {processor})  # of this thread
-        seen.extend(list(wake_ups(first, period, first + seconds)))
+        seen.extend(list(wake_ups(first, period, first + STRETCH_S)))
 
     before = Steal.read(processors)
     watchers = [threading.Thread(target=watch, args=(processor,)) for processor in processors]

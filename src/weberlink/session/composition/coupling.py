@@ -10,7 +10,7 @@ from weberlink.config import Configuration, ConfigurationError, System
 from weberlink.config.loading import load_device
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.master.devices.contract import Device
-from weberlink.session.composition.link import construct
+from weberlink.session.composition.link import build_driver
 from weberlink.slave.robots.contract import Robot
 from weberlink.slave.robots.virtual import STIFFEST, UNSTATED
 
@@ -40,7 +40,7 @@ def coupling(configuration: Configuration, device: Device | None = None) -> floa
             scale = mapping.scale * mapping.force_scale
         try:
             part = load_device(configuration)
-            device = construct("master.device", part.driver, part.options, system.tick_period)
+            device = build_driver("master.device", part.driver, part.options, system.tick_period)
         except (ConfigurationError, OSError) as error:
             raise ConfigurationError(
                 f"slave.robot.{STATED}: follows the device by default, which cannot be built on this host ({error}); "

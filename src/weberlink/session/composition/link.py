@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from functools import wraps
 from secrets import token_bytes
-from typing import TYPE_CHECKING, Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
 from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.predictors import BANKS
@@ -21,7 +21,6 @@ from weberlink.registry import check_contract, fault_of
 from weberlink.session.composition.channels import account, force_deadband, longest_round_trip, signal_delay
 
 if TYPE_CHECKING:
-    from weberlink.codec.bundle import BundleChannel
     from weberlink.protocol.emulation import EmulatedLink, Emulation
 
 Entropy = Callable[[int], bytes]
@@ -46,36 +45,46 @@ class Identity(NamedTuple):
 
 ANONYMOUS = Identity()
 
-P = ParamSpec("P")
-R = TypeVar("R")
+F = TypeVar("F", bound=Callable[..., Any])
 ControlEnd = TypeVar("ControlEnd")
 
 
-def located(build: Callable[Concatenate[Configuration, P], R]) -> Callable[Concatenate[Configuration, P], R]:
-    """Errors of a builder with the file in front."""
+def with_file_name(build: F) -> F:
+    """A builder whose errors have the name of the file in front."""
 
     @wraps(build)
-    def build_located(configuration: Configuration, /, *args: P.args, **kwargs: P.kwargs) -> R:
+    def named(configuration: Configuration, *args: Any, **kwargs: Any) -> Any:
         try:
             return build(configuration, *args, **kwargs)
         except ConfigurationError as error:
             raise ConfigurationError(f"{configuration.path}: {error}") from None
 
-    return build_located
+    return cast(F, named)
 
 
 def agreement(system: System) -> dict[str, object]:
-    """What both ends must hold alike, by the path of the field."""
+    """What both ends must hold alike, by the path of the field; without parts of the codec that are not used."""
+    codec = system.codec
+    unused = {name for name in ("rotation", "joints", "gripper") if getattr(codec, name) is None}
+    if codec.joints is not None:
+        unused |= {"force", "position"}
     return {
         "rate_hz": system.rate_hz,
         "axes": system.axes,
         "link.silence_ms": system.link.silence_ms,
         **_flat(system.control.model_dump(mode="json"), "control."),
-        **_flat(system.codec.model_dump(mode="json", exclude=_unused(system)), "codec."),
+        **_flat(codec.model_dump(mode="json", exclude=unused), "codec."),
     }
 
 
-@located
+def _flat(tree: dict[str, Any], prefix: str) -> dict[str, object]:
+    leaves: dict[str, object] = {}
+    for key, value in tree.items():
+        leaves |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
+    return leaves
+
+
+@with_file_name
 def build_security(configuration: Configuration) -> Security:
     """The security suite that the file asks for; only that one is imported. With a key, no core is dumped any more.
 
@@ -83,8 +92,9 @@ def build_security(configuration: Configuration) -> Security:
         ConfigurationError: if the key file cannot be used, or the peer is not known.
     """
     link = configuration.system.link
-    sides = loaded_sides(configuration)
-    if len(sides) == 1 and (finder := finder_of(configuration, *sides)) is not None:
+    parts = {MASTER: configuration.device, SLAVE: configuration.robot}
+    loaded = [side for side, part in parts.items() if part is not None]
+    if len(loaded) == 1 and (finder := finder_of(configuration, *loaded)) is not None:  # a process runs one side
         return finder.security
     if link.security == "none":
         from weberlink.protocol.checksum import Checksum  # noqa: PLC0415
@@ -103,19 +113,14 @@ def build_security(configuration: Configuration) -> Security:
         raise ConfigurationError(f"link.key_file: {error}") from None
 
 
-def loaded_sides(configuration: Configuration) -> list[str]:
-    """The sides that were loaded, of which a process that runs alone has one."""
-    return [side for side, part in ((MASTER, configuration.device), (SLAVE, configuration.robot)) if part is not None]
-
-
 def build_endpoint(
     system: System,
     role: Role,
     security: Security,
     entropy: Entropy,
     epoch: float,
-    outgoing: "Sequence[Channel | BundleChannel]",
-    incoming: "Sequence[Channel | BundleChannel]",
+    outgoing: Sequence[Channel],
+    incoming: Sequence[Channel],
     peer: Address | None,
     identity: Identity = ANONYMOUS,
     kind: type[Endpoint] = Endpoint,
@@ -143,11 +148,9 @@ def build_endpoint(
     )
 
 
-@located
+@with_file_name
 def build_control(
-    configuration: Configuration,
-    build: Callable[[str, SchemeParameters], ControlEnd],
-    coupling: float,
+    configuration: Configuration, build: Callable[[str, SchemeParameters], ControlEnd], coupling: float
 ) -> ControlEnd:
     """One end of the control scheme.
 
@@ -167,7 +170,7 @@ def build_control(
         delay=signal_delay(system),
         longest=longest_round_trip(system) + signal_delay(system),
     )
-    return cast(ControlEnd, construct("control.scheme", build, system.control.scheme, settings))
+    return cast(ControlEnd, build_driver("control.scheme", build, system.control.scheme, settings))
 
 
 def free_force(system: System) -> float:
@@ -176,7 +179,7 @@ def free_force(system: System) -> float:
     return FREE_FORCE if mapping is None else FREE_FORCE / mapping.force_scale
 
 
-def construct(where: str, driver: Any, *arguments: Any, contract: type | None = None) -> Any:
+def build_driver(where: str, driver: Any, *arguments: Any, contract: type | None = None) -> Any:
     """A driver from its options; what it cannot accept is an error of its place in the file.
 
     Args:
@@ -193,8 +196,7 @@ def construct(where: str, driver: Any, *arguments: Any, contract: type | None = 
         if contract is not None:
             check_contract(where, made, contract)
     except ValueError as error:
-        text = str(error)
-        raise ConfigurationError(text if text.startswith(f"{where}:") else f"{where}: {text}") from None
+        raise ConfigurationError(f"{where}: {str(error).removeprefix(f'{where}: ')}") from None
     except Exception as error:
         fault = fault_of(error)
         if fault is not None and fault.is_foreign:
@@ -216,37 +218,6 @@ def check_axes(where: str, axes: str, system: System) -> None:
         raise ConfigurationError(f"axes: {where} has no axis {', '.join(missing)}; it has {axes}")
 
 
-def _unused(system: System) -> set[str]:
-    """Parts of the codec without use in this session, of which nothing is said to the peer."""
-    if system.codec.joints is not None:
-        return {"force", "position", "rotation"} | ({"gripper"} if system.codec.gripper is None else set())
-    return {"joints", "gripper"} | ({"rotation"} if system.codec.rotation is None else set())
-
-
-def _flat(tree: dict[str, Any], prefix: str) -> dict[str, object]:
-    leaves: dict[str, object] = {}
-    for key, value in tree.items():
-        if isinstance(value, dict):
-            leaves |= _flat(value, f"{prefix}{key}.")
-        else:
-            leaves[f"{prefix}{key}"] = value
-    return leaves
-
-
-def permitted(system: System) -> dict[str, tuple[str, ...]]:
-    """What may be changed in a session of this file, and to which names; k to any number from 0 to 1.
-
-    The bank that was agreed holds every predictor that may be chosen, so an update says by its selector what it needs.
-    """
-    if not system.control.live_changes:
-        return {}
-    choices: dict[str, tuple[str, ...]] = {"weber": ()}
-    force = system.codec.force
-    if system.codec.joints is None and force.predictor in BANKS and len(force.bank) > 1:
-        choices["predictor"] = (*force.bank, force.predictor)
-    return choices
-
-
 def build_tuning(system: System, coder: Encoder | Decoder) -> Tuning:
     """The tuning of a side, which encodes or decodes the force."""
     force = system.codec.force
@@ -263,20 +234,22 @@ def build_tuning(system: System, coder: Encoder | Decoder) -> Tuning:
 
 
 def tuning_of(system: System, retune: Callable[[LiveSettings, float], None], *, leads: bool) -> Tuning:
-    """The tuning of a side.
+    """The tuning of a side: `retune` takes settings into the codec from a tick of the peer on."""
+    felt = system.codec.force if system.codec.joints is None else system.codec.joints.torque
+    return Tuning(LiveSettings(felt.weber, felt.predictor), live_choices(system), retune, leads=leads)
 
-    Args:
-        system: of both sides.
-        retune: takes settings into the codec from a tick of the peer on.
-        leads: whether this is the operator's end.
+
+def live_choices(system: System) -> dict[str, tuple[str, ...]]:
+    """What may be changed in a session of this file, and to which names; k to any number from 0 to 1.
+
+    The bank that was agreed holds every predictor that may be chosen, so an update says by its selector what it needs.
     """
-    return Tuning(_of_file(system), permitted(system), retune, leads=leads)
-
-
-def _of_file(system: System) -> LiveSettings:
-    joints = system.codec.joints
-    felt = system.codec.force if joints is None else joints.torque
-    return LiveSettings(felt.weber, felt.predictor)
+    if not system.control.live_changes:
+        return {}
+    force = system.codec.force
+    if system.codec.joints is None and force.predictor in BANKS and len(force.bank) > 1:
+        return {"weber": (), "predictor": (*force.bank, force.predictor)}
+    return {"weber": ()}
 
 
 def build_link(settings: DirectionFaults, uniform: Callable[[], float], epoch: float) -> "EmulatedLink[Address]":

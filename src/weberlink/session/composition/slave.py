@@ -19,11 +19,11 @@ from weberlink.session.composition.link import (
     Identity,
     Stopwatch,
     build_control,
+    build_driver,
     build_endpoint,
     build_tuning,
     check_axes,
-    construct,
-    located,
+    with_file_name,
 )
 from weberlink.session.side import Side
 from weberlink.slave.robot_port import RobotPort
@@ -130,7 +130,7 @@ def _tool_orientation(system: System, robot: Robot) -> "ToolOrientation":
     )
 
 
-@located
+@with_file_name
 def build_robot(configuration: Configuration) -> Robot:
     """The robot with the scene that it touches, not yet open.
 
@@ -143,7 +143,7 @@ def build_robot(configuration: Configuration) -> Robot:
     options = part.options
     if getattr(options, STATED, 0.0) is None:
         options = options.model_copy(update={STATED: coupling(configuration)})
-    robot: Robot = construct("slave.robot", part.driver, options, _scene(system), system.tick_period, contract=Robot)
+    robot: Robot = build_driver("slave.robot", part.driver, options, _scene(system), system.tick_period, contract=Robot)
     check_axes("slave.robot", robot.spec.axes, system)
     force = streams(system)[1][0].value_quantizer.limit
     if robot.spec.force_n > force:
@@ -172,7 +172,7 @@ def _check_rotation(system: System, robot: Robot) -> None:
         )
 
 
-@located
+@with_file_name
 def build_scene(configuration: Configuration) -> Scene | None:
     """What there is to touch; None where the file names nothing.
 
@@ -191,7 +191,7 @@ def _scene(system: System) -> Scene | None:
         raise ConfigurationError(f"slave.scene: {error}") from None
 
 
-@located
+@with_file_name
 def workspace_of(configuration: Configuration, robot: Robot) -> Workspace:
     """Where the robot may be commanded to: its own workspace within that of the file."""
     allowed = configuration.system.slave.limits.workspace_m

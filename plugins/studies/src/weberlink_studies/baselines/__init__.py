@@ -10,8 +10,7 @@ from dataclasses import replace
 
 from weberlink.config import Configuration
 from weberlink.control.table import BUILT_IN, Scheme
-from weberlink.session.simulate import build_simulation
-from weberlink.session.simulation import Simulation
+from weberlink.session.simulation import Simulation, build_simulation
 
 BASELINES = {
     "baseline-tdpa": Scheme(

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TextIO
 
 from weberlink.config import MASTER, ConfigurationError, load
-from weberlink.config.extras import need
+from weberlink.config.errors import require_package
 from weberlink.figures.environment import environment
 from weberlink.registry import is_scripted
 from weberlink.session.recorder import format_for
@@ -77,7 +77,7 @@ def run(
     signals = TrialSignals(request.file, tuple(request.overrides))
     signals.try_out()
     if request.record and not request.simulate:  # before a number is taken
-        need("mcap", "recording", "a recording of each trial (leave it out with --no-record)")
+        require_package("mcap", "recording", "a recording of each trial (leave it out with --no-record)")
     analyse = f"analyse them with: weberlink study ratings {shlex.quote(str(request.folder))}"
     try:
         with opened(_path(request)) as ledger:

@@ -11,9 +11,9 @@ from typing import Any
 
 from weberlink.config import SIDES, Configuration, ConfigurationError, load
 from weberlink.figures.session import score_of
-from weberlink.session.composition.trial import try_out
+from weberlink.session.advice import dry_run
 from weberlink.session.launcher import Session
-from weberlink.session.simulate import build_simulation
+from weberlink.session.simulation import build_simulation
 from weberlink_studies.experiment.conduct import Elapsed, FeltTrial, TrialResult
 from weberlink_studies.experiment.plan import REFERENCES, CodingCondition, TrialPlan
 from weberlink_studies.paper.claims import PREDICTORS
@@ -84,7 +84,7 @@ class TrialSignals:
         """
         every = (CodingCondition(predictor, 0.1) for predictor in PREDICTORS)
         for condition in (*every, *(reference.condition for reference in REFERENCES)):
-            try_out(load(self.file, self.with_condition(condition)))
+            dry_run(load(self.file, self.with_condition(condition)))
 
     def with_condition(self, condition: CodingCondition, *further: str) -> list[str]:
         """Overrides for a condition."""

@@ -16,7 +16,7 @@ from rich.console import RenderableType
 from weberlink.config import Configuration, load
 from weberlink.figures.session import score_of
 from weberlink.master.trace import Trace
-from weberlink.session.simulate import TraceRecorder, build_simulation
+from weberlink.session.simulation import TraceRecorder, build_simulation
 from weberlink_studies import recordings
 from weberlink_studies.evaluate.study import EvaluationStudy
 from weberlink_studies.evaluate.traces import FILES, NamedTrace, read_traces

@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from weberlink.figures.host import Gap, HostShare, missed_by_host
 from weberlink.realtime.host import WakeUp
+from weberlink.session.host_watch import Gap, HostShare, missed_by_host
 from weberlink.telemetry.reader import DTYPE
 
 PERIOD = 1e-3
