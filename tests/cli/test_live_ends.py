@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 
 from tests.cli.arm_rings import REMOTE, SYSTEM, ArmRings, arm_rings
-from weberlink.cli.axis_units import AxisUnits
-from weberlink.cli.live_ends import NoSessionError, find_end
-from weberlink.cli.remote_lead import NotRemoteError, RemoteLead
+from weberlink.cli.live_ends import AxisUnits, NoSessionError, NotRemoteError, RemoteLead, find_end
 from weberlink.master.devices.target_link import TargetMemory
 
 
