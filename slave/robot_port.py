@@ -8,7 +8,7 @@ from typing import ClassVar, Final, Protocol
 from weberlink.control.contract import SlaveControl
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.protocol.endpoint import Endpoint
-from weberlink.slave.robots.contract import Explaining, Robot, RobotFault, RobotReading
+from weberlink.slave.robots.contract import Robot, RobotFault, RobotReading
 from weberlink.slave.safety import CommandGuard, PressLimit
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
@@ -144,7 +144,8 @@ class RobotPort:
 
     @property
     def trouble(self) -> str | None:
-        return self.robot.trouble if isinstance(self.robot, Explaining) else None
+        trouble: str | None = getattr(self.robot, "trouble", None)
+        return trouble
 
     @property
     def tripped(self) -> bool:
