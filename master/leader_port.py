@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from weberlink.arms.contract import ArmFault, ArmReading, LeaderArm
 from weberlink.arms.sensor import AxesSensor, sensors
-from weberlink.control.contract import AxesMaster
+from weberlink.control.ends import AxesMaster
 from weberlink.geometry.joints import Joints, is_finite
 from weberlink.master.operator_end import OperatorEnd
 from weberlink.master.safety import ContactLimiter, ForceGate, TorqueLimiter

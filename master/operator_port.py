@@ -6,7 +6,8 @@ from typing import Any, ClassVar
 
 from weberlink.codec.decoder import Decoder
 from weberlink.codec.sample import Sample
-from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, UNREACHED_S, AxesMaster, Control, MasterControl
+from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, UNREACHED_S
+from weberlink.control.ends import AxesMaster, Control, MasterControl
 from weberlink.control.sent import SentCommands
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading
@@ -265,7 +266,7 @@ class OperatorPort(OperatorEnd):
     def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002 - energy is booked in every tick
         endpoint, control = self._endpoint, self._control
         self._tick = tick
-        control.observe(self.hand.value, elapsed, tick, endpoint.credit.known, endpoint.clock)
+        control.observe(self.hand.value, elapsed, tick, endpoint.credit.known, endpoint.clock.rtt)
         if self._turning is not None:
             turning, turned = self._turning
             turning.observe(turned(), elapsed)

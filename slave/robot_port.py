@@ -5,7 +5,7 @@ from contextlib import suppress
 from math import inf
 from typing import ClassVar, Final, Protocol
 
-from weberlink.control.contract import SlaveControl
+from weberlink.control.ends import SlaveControl
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.slave.robots.contract import Robot, RobotFault, RobotReading
@@ -239,7 +239,7 @@ class RobotPort:
         else:
             self.commanded = commanded
             endpoint = self._endpoint
-            wanted = self._control.follow(commanded, self.applied, elapsed, endpoint.credit.known, endpoint.clock)
+            wanted = self._control.follow(commanded, self.applied, elapsed, endpoint.credit.known, endpoint.clock.rtt)
             goal = self._press_limit.bounded(wanted, self.applied, self._where, self.force.value, step)
             self.contact_ticks += goal != wanted
             self.applied = guard.follow(goal, step)

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 from weberlink.codec import Decoder, Encoder
 from weberlink.codec.predictors.model import UNFITTED, Hold, ModelRecord
-from weberlink.control.contract import UNREACHED_S, MasterControl
+from weberlink.control.contract import UNREACHED_S
+from weberlink.control.ends import MasterControl
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.session.port import Sensor
 from weberlink.update import Update

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.sample import INT16_MAX
 from weberlink.config import Configuration, ConfigurationError, System
-from weberlink.control.contract import AxesMaster
+from weberlink.control.ends import AxesMaster
 from weberlink.control.sent import SentCommands
 from weberlink.control.table import build_master_control
 from weberlink.geometry.vector import Vector
