@@ -33,7 +33,7 @@ from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.table import SchemeName
 from weberlink.protocol.endpoint import MOST_TICKS
 from weberlink.protocol.handshake import check_name
-from weberlink.protocol.round_trip import LONGEST as LONGEST_ROUND_TRIP
+from weberlink.protocol.negotiation import LONGEST as LONGEST_ROUND_TRIP
 from weberlink.protocol.session import LONGEST_SILENCE
 from weberlink.slave.scenes.settings import SceneSettings
 from weberlink.update import MAX_SELECTOR
@@ -423,7 +423,8 @@ class MasterLimits(Settings):
     torque_nm: float = Field(default=0.5, ge=1e-3, le=1e4)
     """Largest torque [N m], on top of the device's own limit; with `codec.rotation`."""
     slew_n_s: float | None = Field(default=None, ge=1e-3, le=1e9)
-    """Fastest change of force [N/s]; by default that of the device's stiffest wall, touched at 1 m/s."""
+    """Fastest change of force [N/s], but for a fade to zero; by default that of the device's stiffest wall, touched at
+    1 m/s."""
     slew_nm_s: float | None = Field(default=None, ge=1e-3, le=1e9)
     """Fastest change of torque [N m/s]; by default torque may rise to its largest in the time in which force may."""
     ramp_ms: float = Field(default=50.0, gt=0, le=5000)
