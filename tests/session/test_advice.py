@@ -17,12 +17,12 @@ from weberlink.session.advice import (
     Parts,
     borne_round_trip,
     dry_run,
+    measured_tick_s,
     on_measured_delay,
     placeholders,
     tick_rate,
     uncontrolled_delay,
 )
-from weberlink.session.tick_cost import measured_tick_s
 
 
 @given(

@@ -26,7 +26,6 @@ from weberlink.slave.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from weberlink.arms.contract import ArmSpec
-    from weberlink.codec.bundle import BundleChannel
 
 UDP_IP_BYTES = 28
 SAMPLES = 2000
@@ -46,7 +45,7 @@ class Stream(NamedTuple):
     title: str
     coding: str
     most: float | None
-    channel: "Channel | BundleChannel"
+    channel: Channel
 
 
 def describe(configuration: Configuration) -> Iterator[str]:
@@ -212,11 +211,10 @@ def _choice(predictor: str, channel: Channel) -> str:
 
 
 def _streams_of_arms(system: System) -> Iterator[Stream]:
-    from weberlink.session.composition.joint_channels import joint_streams  # noqa: PLC0415 - for arms alone
 
     parts = {"joints": system.codec.joints, "gripper": system.codec.gripper}
     used = [(name, part.angle, part.torque) for name, part in parts.items() if part is not None]
-    for (name, angle, torque), forward, backward in zip(used, *joint_streams(system), strict=True):
+    for (name, angle, torque), forward, backward in zip(used, *streams(system), strict=True):
         coding = f"angles {angle.predictor}; bound {_each(angle.bound_rad)} rad"
         yield Stream(name, coding, angle.max_updates_per_s, forward)
         coding = f"torques {torque.predictor}; k = {torque.weber:g}, floor {_each(torque.floor_nm)} N m"

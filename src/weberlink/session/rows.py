@@ -35,17 +35,16 @@ class CartesianRows:
 
     def fill(self, row: Row, statistics: Statistics) -> None:
         outgoing, incoming = self._outgoing[0], self._incoming[0]
-        encoder = outgoing.encoder
+        encoder: Any = outgoing.encoder
         sends, hears = encoder.mirror.selected, incoming.decoder.selected
         if self._leads:
-            force, row.selected, row.position_selected = incoming.model, hears, sends
+            force, row.selected, row.position_selected = incoming.decoder.record, hears, sends
         else:
-            force, row.selected, row.position_selected = outgoing.model, sends, hears
-            row.decoded = outgoing.held or ZERO
+            force, row.selected, row.position_selected = encoder.mirror.record, sends, hears
+            row.decoded = encoder.held or ZERO
         row.raw = outgoing.sensor.value
-        predicted: Any = encoder.predicted
-        row.predicted = predicted or UNKNOWN
-        row.coded = outgoing.coded
+        row.predicted = encoder.predicted or UNKNOWN
+        row.coded = encoder.coded
         row.bound = encoder.bound
         row.model, row.surface, row.surface_size, row.surface_stiffness = force
         row.sent = outgoing.update is not None
@@ -60,7 +59,8 @@ class CartesianRows:
             row.rotation_selected = incoming.decoder.selected
         else:
             row.rotation_selected = rotation.encoder.mirror.selected
-            row.rotation_decoded = rotation.held or ZERO
+            held: Any = rotation.encoder.held
+            row.rotation_decoded = held or ZERO
         row.rotation_updates_sent = statistics.updates_sent[1]
         row.rotation_updates_received = statistics.updates_received[1]
         row.rotation_raw = rotation.sensor.value
@@ -91,7 +91,7 @@ class JointRows:
         held: Joints = ()
         for channel, count in zip(self._outgoing, self._counts, strict=True):
             predicted += channel.encoder.predicted or (nan,) * count
-            held += channel.held or (0.0,) * count
+            held += channel.encoder.held or (0.0,) * count
         row.joint_predicted = placed(predicted, self._counts[0])
         if not self._leads:
             row.joint_decoded = placed(held, self._counts[0])

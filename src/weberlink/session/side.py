@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from weberlink.control.contract import CREDIT_STEP
 from weberlink.control.tuning import LEAD_TICKS, Tuning, lead
+from weberlink.geometry.vector import ZERO
 from weberlink.order import EMERGENCY
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import (
@@ -92,7 +93,6 @@ class Side:
     ) -> None:
         self.port = port
         self.outgoing, self.incoming = outgoing, incoming
-        self._channels: list[OutgoingChannel | IncomingChannel] = [*outgoing, *incoming]
         self._sensors = tuple(channel.sensor for channel in outgoing)
         self.tuning = tuning
         self.endpoint = endpoint
@@ -348,10 +348,13 @@ class Side:
         try:
             return take(*contents)
         except Exception:
-            self._faults.note(Fault.UPDATE)
-            self._forget()
-            self.endpoint.request_full_state()
+            self._on_bad_contents()
             return None
+
+    def _on_bad_contents(self) -> None:
+        self._faults.note(Fault.UPDATE)
+        self._forget()
+        self.endpoint.request_full_state()
 
     def _answer(self, proposal: ChangeProposed, now: float) -> None:
         refusal = self.tuning.hear(proposal.tick, proposal.body, self._answered_at(now))
@@ -387,8 +390,10 @@ class Side:
     def _forget(self) -> None:
         """Drop all samples and models."""
         self._waiting.clear()
-        for channel in self._channels:
-            channel.reset()
+        for outgoing in self.outgoing:
+            outgoing.encoder.reset()
+        for incoming in self.incoming:
+            incoming.decoder.reset()
         self.port.reset()
         self._encodes = self.engaged = self._is_paused = False
 
@@ -516,7 +521,8 @@ class Side:
         endpoint.grant(self.port.account(elapsed, self._peer_tick, encodes=self._encodes))
         if not self._encodes:
             for channel in self.outgoing:
-                channel.idle(index)
+                channel.update = None
+                channel.encoder.idle(index, channel.sensor.value, channel.sensor.sample()[1])
             return
         began = self._stopwatch()
         for channel in self.outgoing:
@@ -539,7 +545,12 @@ class Side:
         began = self._stopwatch()
         values, tick = [], self._peer_tick - self._playout
         for channel in self.incoming:
-            values.append(self._guarded(channel.decode, tick))  # noqa: PERF401 - a comprehension costs a call
+            value, place = None, channel.place
+            try:  # as `_guarded`, without a call
+                value = channel.value(tick, ZERO if place is None else place.value)
+            except Exception:
+                self._on_bad_contents()
+            values.append(value)
         self.codec_time += self._stopwatch() - began
         self.port.actuate(values, now, elapsed, self.pace.step, engaged=self.engaged)
         faults, port = self._faults, self.port
