@@ -29,11 +29,10 @@ COMPILED = (
     "session/channels.py",
     "session/rows.py",
     "session/side.py",
-    "master/operator_end.py",
     "master/operator_port.py",
     "master/leader_port.py",
     "master/rotation.py",
-    "master/safety.py",
+    "master/gate.py",
     "master/mapping/*.py",
     "master/devices/hand.py",
     "master/devices/hand_device.py",
@@ -56,10 +55,10 @@ Not there: modules that define pydantic models (mypyc drops their annotations), 
 """
 PYTHON = {
     "codec/replay.py": "takes lists of numbers for vectors",
-    "control/contract.py": "protocols, whose members weberlink.registry lists",
+    "control/contract.py": "a protocol, from which compiled code would ask its classes to inherit",
     "control/table.py": "a type made of the table",
     "protocol/keys.py": "runs once",
-    "protocol/noise.py": "copies objects with copy(), which objects of compiled classes refuse",
+    "protocol/noise.py": "runs in a handshake only",
     "protocol/security.py": "compiled code takes only classes that inherit from a compiled protocol",
 }
 """What stays Python of those, and why; packages (`__init__.py`) do too, as they hold names and tables only."""

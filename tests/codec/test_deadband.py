@@ -32,7 +32,7 @@ every = pytest.mark.parametrize("name", DEADBANDS)
 
 def make(name: str, weber: float = K, floor: float = FLOOR) -> Deadband:
     shape = DEADBANDS[name]
-    return shape.configured(DeadbandSetup(weber, floor, "actual", 1e-3, shape.defaults()))
+    return shape.configured(DeadbandSetup(weber, floor, "actual", 1e-3, shape.Options()))
 
 
 def at(degrees: float, size: float = 1.0) -> Vector:

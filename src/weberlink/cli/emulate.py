@@ -15,11 +15,10 @@ from time import monotonic
 from typing import Any, TextIO
 
 import yaml
-from pydantic import ValidationError
 
 from weberlink.config import ConfigurationError
 from weberlink.config.document import override
-from weberlink.config.errors import describe
+from weberlink.config.errors import validated
 from weberlink.hardware.emulator import EMULATORS, WireFaults
 from weberlink.hardware.fault import HardwareFault
 from weberlink.master.devices import DEVICES
@@ -128,9 +127,9 @@ def _build(name: str, overrides: Sequence[str]) -> Any:
     for text in overrides:
         override(content, text)
     try:
-        return emulator_class(emulator_class.Options.model_validate(content))
-    except ValidationError as error:
-        raise ConfigurationError(f"--set {describe(error, emulator_class.Options, ())}") from None
+        return emulator_class(validated(emulator_class.Options, content))
+    except ConfigurationError as error:
+        raise ConfigurationError(f"--set {error}") from None
 
 
 def _connect(stack: ExitStack, name: str, emulator: Any, link: Path | None) -> tuple[ServedDevice, str, dict[str, str]]:

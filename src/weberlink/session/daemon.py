@@ -16,10 +16,8 @@ from traceback import format_exception, print_exception
 from types import FrameType
 from typing import Any
 
-from pydantic import ValidationError
-
 from weberlink.config import MASTER, Configuration, ConfigurationError, System, load
-from weberlink.config.errors import describe, trace_of
+from weberlink.config.errors import trace_of, validated
 from weberlink.config.finders import PathFinder, finder_of, finding
 from weberlink.config.model import DirectionFaults, split_address
 from weberlink.order import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS
@@ -32,7 +30,7 @@ from weberlink.realtime.loop import REASONS, AfterTick, TickLoop
 from weberlink.realtime.process import die_with_parent, prepare
 from weberlink.registry import fault_of, in_words
 from weberlink.session import description
-from weberlink.session.composition.link import Identity, build_link, build_security, emulation_of
+from weberlink.session.composition.link import Identity, build_security
 from weberlink.session.control_socket import ControlSocket, WithControlSocket
 from weberlink.session.description import DaemonOrder, failure
 from weberlink.session.side import Side
@@ -225,11 +223,9 @@ class LiveLink:
         if unknown := [name for name in settings if name not in LINK_SETTINGS]:
             return f"{unknown[0]} is no setting of the link; known are {', '.join(LINK_SETTINGS)}"
         try:
-            faults = DirectionFaults.model_validate(self._faults | dict(settings), strict=True)
-            self.link.change(emulation_of(faults))
-        except ValidationError as error:
-            return describe(error, DirectionFaults, ())
-        except ValueError as error:  # of several settings, such as a loss that these bursts cannot have
+            faults = validated(DirectionFaults, self._faults | dict(settings), strict=True)
+            self.link.change(faults.emulation())
+        except ValueError as error:
             return str(error)
         self._faults = dict(faults)
         return None
@@ -244,7 +240,7 @@ def emulated_link(name: str, system: System, epoch: float) -> LiveLink | None:
     faults = to_slave if name == MASTER else to_master
     uniform = Random(f"{emulate.seed}/{name}").random  # noqa: S311
     fixed = None if system.control.live_changes else "the link is fixed in this session: control.live_changes is off"
-    return LiveLink(faults, build_link(faults, uniform, epoch), fixed)
+    return LiveLink(faults, EmulatedLink(faults.emulation(), uniform, epoch), fixed)
 
 
 def stop_limit_s(system: System, side: str) -> float:

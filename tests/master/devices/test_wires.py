@@ -6,7 +6,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.master.devices import pointer_link
+from weberlink.master.devices import target_link
 from weberlink.master.devices.polhem.protocol import (
     LONG,
     LONGEST,
@@ -56,10 +56,10 @@ long_sensors = st.builds(
     st.booleans(),
 )
 targets = st.builds(
-    pointer_link.PointerTarget, three(finite), st.booleans(), st.integers(0, 2**64 - 1), three(st.floats(-3.6, 3.6))
+    target_link.PointerTarget, three(finite), st.booleans(), st.integers(0, 2**64 - 1), three(st.floats(-3.6, 3.6))
 )
-mark = pointer_link.MARK
-datagram = pointer_link.LAYOUT.pack
+mark = target_link.MARK
+datagram = target_link.LAYOUT.pack
 
 MESSAGES = {
     "polhem currents": Message(
@@ -85,8 +85,8 @@ MESSAGES = {
     ),
     "pointer": Message(
         targets,
-        lambda target: pointer_link.pack(*target),
-        pointer_link.unpack,
+        lambda target: target_link.pack(*target),
+        target_link.unpack,
         refused=(
             b"WLP1" + datagram(mark, 3, True, *HERE, *HERE)[4:],
             datagram(mark, 3, True, nan, 0.0, 0.0, *HERE),

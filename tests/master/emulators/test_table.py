@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from weberlink.hardware.emulator import EMULATORS, WireFaults
-from weberlink.master import devices
-from weberlink.master.devices import leaders
+from weberlink.master.devices import DEVICES
+from weberlink.master.devices.leaders import LEADERS
 from weberlink.master.devices.polhem.protocol import LONG, SHORT, encode_command, encode_currents
 
-DRIVERS = {**devices.drivers(), **leaders.drivers()}
-every_emulator = pytest.mark.parametrize("name", sorted(set(EMULATORS) & set(DRIVERS)))
+DRIVERS = {*DEVICES, *LEADERS}
+every_emulator = pytest.mark.parametrize("name", sorted(set(EMULATORS) & DRIVERS))
 
 
 @every_emulator

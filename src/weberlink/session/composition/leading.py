@@ -3,14 +3,15 @@
 from collections.abc import Callable
 
 from weberlink.arms.contract import ArmSpec, LeaderArm
+from weberlink.arms.sensor import sensors
 from weberlink.codec import Decoder, Encoder
 from weberlink.config import Configuration, System
 from weberlink.config.joints import AngleCodecSettings, LeaderLimits, per_axis
 from weberlink.control.axes import LEVER, build_axes
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
 from weberlink.geometry.joints import Joints
+from weberlink.master.gate import Bound, ContactLimiter, ContactWatch, OutputGate
 from weberlink.master.leader_port import LeaderPort, PressedAxes
-from weberlink.master.safety import ContactLimiter, ForceGate
 from weberlink.protocol import Role
 from weberlink.protocol.events import Address
 from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
@@ -65,23 +66,22 @@ def build_leading(
     control = build_axes(system.control.scheme, LEVER, account(system.control, system.master.mapping))
     endpoint = build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity)
     silence, engage = system.link.silence_ms * 1e-3, system.master.engage
-    joints = len(joint_names(system))
+    axes_of = sensors("angles", len(leader.spec.joints), leader.spec.axes)
+    least, delay, ramp = _least(system), signal_delay(system), limits.ramp_ms * 1e-3
+    bounds = []
+    for sensor in axes_of:
+        limiter = ContactLimiter(max(sensor.part(most)), FREE_FORCE * LEVER, longest_round_trip(system) + delay)
+        contact = ContactWatch(limiter, endpoint, sensor.part(least), delay)
+        bounds.append(Bound(sensor.part(most), sensor.part(slew), ramp, width=1, contact=contact))
     port = LeaderPort(
-        arm=leader,
+        leader,
         control=control,
         endpoint=endpoint,
-        gate=ForceGate(ramp=limits.ramp_ms * 1e-3, silence=silence, fade_share=FADE_SHARE),
-        most=most,
-        slew=slew,
+        gate=OutputGate(bounds, ramp=ramp, silence=silence, fade_share=FADE_SHARE),
+        sensors=axes_of,
         button=None if engage is None else engage.button,
         pressed=_pressed(system, lambda: tuning.settings.weber),
-        contacts=[
-            ContactLimiter(max(axes), FREE_FORCE * LEVER, longest_round_trip(system) + signal_delay(system))
-            for axes in (most[:joints], most[joints:])
-            if axes
-        ],
-        least=_least(system),
-        delay=signal_delay(system),
+        displays_torque=any(limit > 0.0 for limit in most),
     )
 
     tuning = tuning_of(system, lambda settings, tick: None, leads=True)  # noqa: ARG005 - decoders of joints need not know
@@ -90,7 +90,7 @@ def build_leading(
         outgoing=[
             OutgoingChannel(name, stream, Encoder(channel), sensor)
             for stream, (name, channel, sensor) in enumerate(
-                zip(("joint_angle", "gripper_angle"), forward, filter(None, (port.joints, port.gripper)), strict=False)
+                zip(("joint_angle", "gripper_angle"), forward, axes_of, strict=False)
             )
         ],
         incoming=[

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import yaml
 
-from weberlink.master.devices import load
+from weberlink.master.devices import DEVICES
 from weberlink.master.devices.polhem.mechanism import Wiring
 from weberlink.master.devices.polhem.options import PolhemHidOptions
 from weberlink.master.devices.polhem.parameters import PARAMETERS, MechanismParameters
@@ -58,5 +58,5 @@ EXAMPLES = [block.split("```")[0] for block in PAGE.split("```yaml\n")[1:]]
 @pytest.mark.parametrize("example", EXAMPLES)
 def test_examples_are_options_of_their_driver(example: str) -> None:
     settings: dict[str, Any] = yaml.safe_load(example)["master"]["device"]
-    driver: Any = load(settings.pop("driver"))
+    driver: Any = DEVICES.load(settings.pop("driver"))
     assert driver(driver.Options(**settings), 0.001).spec.name
