@@ -1,9 +1,9 @@
 """The scene of a configuration file: its settings, and the `Scene` that they describe."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
-from typing import Annotated, Any, TypeVar, Union, cast
+from typing import Annotated, Any, Union, cast
 
 from pydantic import (
     BaseModel,
@@ -11,11 +11,10 @@ from pydantic import (
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     TypeAdapter,
-    ValidationError,
     create_model,
 )
 from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic_core import PydanticCustomError
 from pydantic_core.core_schema import CoreSchema, no_info_plain_validator_function
 
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject, Sway
@@ -23,54 +22,37 @@ from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.shape import SHAPES, CarvableSettings, SceneShapeSettings
 from weberlink.slave.scenes.solids import CarvedShape
 
-M = TypeVar("M", bound=BaseModel)
-
 
 class ByShape:
     """Validates settings by the model of their `shape`; only shapes that are named are imported.
 
     Args:
         find: the model of a shape; raises ValueError where there is none.
+        built_in: the shapes of the kernel.
     """
 
-    def __init__(self, find: Callable[[str], type[SceneShapeSettings]]) -> None:
+    def __init__(self, find: Callable[[str], type[BaseModel]], built_in: Iterable[str] = SHAPES.built_in) -> None:
         self._find = find
+        self._built_in = built_in
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return no_info_plain_validator_function(self._validate)
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        union: Any = Union[tuple(built_in(self._find))]  # noqa: UP007 - of a table
+        found = []
+        for name in self._built_in:
+            with suppress(ValueError):  # of a shape that cannot be carved
+                found.append(self._find(name))
+        union: Any = Union[tuple(found)]  # noqa: UP007 - of a table
         return handler(TypeAdapter(Annotated[union, Field(discriminator="shape")]).core_schema)
 
-    def _validate(self, value: object) -> SceneShapeSettings:
+    def _validate(self, value: object) -> BaseModel:
         name = value.get("shape") if isinstance(value, Mapping) else getattr(value, "shape", None)
         if name is None and not isinstance(value, Mapping):
             raise PydanticCustomError("model_attributes_type", "should be a mapping of keys")
         if name is None:
             raise PydanticCustomError("union_tag_not_found", "shape is missing")
-        return validated(str(name) if name in SHAPES.built_in else None, self._find(str(name)), value)
-
-
-def validated(tag: str | None, model: type[M], value: object) -> M:
-    """Settings of a model; errors have the tag, if any, in their location, as those of a tagged union have."""
-    try:
-        return model.model_validate(value)
-    except ValidationError as error:
-        if tag is None:
-            raise
-        details = [
-            InitErrorDetails(type=each["type"], loc=(tag, *each["loc"]), input=each["input"], ctx=each.get("ctx", {}))
-            for each in error.errors(include_url=False)
-        ]
-        raise ValidationError.from_exception_data(error.title, details) from None
-
-
-def built_in(find: Callable[[str], type[SceneShapeSettings]]) -> Iterator[type[SceneShapeSettings]]:
-    """The models of the shapes of the kernel, without those that `find` refuses."""
-    for name in SHAPES.built_in:
-        with suppress(ValueError):
-            yield find(name)
+        return self._find(str(name)).model_validate(value)
 
 
 def carvable(name: str) -> type[CarvableSettings]:
@@ -83,11 +65,6 @@ def carvable(name: str) -> type[CarvableSettings]:
 class CutSettings(CarvableSettings):
     """A shape that is cut out of another one."""
 
-    @classmethod
-    def variants(cls) -> list[type[SceneShapeSettings]]:
-        """For messages."""
-        return list(built_in(carvable))
-
 
 class ObjectSettings(SceneShapeSettings):
     """The properties of an object's surface. What is not given is not computed."""
@@ -99,11 +76,6 @@ class ObjectSettings(SceneShapeSettings):
     carve: tuple[Annotated[CutSettings, ByShape(carvable)], ...] = Field(
         default=(), description="shapes cut out of this one"
     )
-
-    @classmethod
-    def variants(cls) -> list[type[SceneShapeSettings]]:
-        """For messages."""
-        return list(built_in(object_model))
 
     def thing(self) -> SceneObject:
         shape = self.solid()

@@ -3,19 +3,19 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from math import sin, tau
-from typing import ClassVar
+from typing import ClassVar, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from weberlink.geometry.vector import ZERO, Vector, subtract
 from weberlink.hardware.emulator import FaultyDevice
 from weberlink.master.devices.polhem.options import SetName, Signs
 from weberlink.master.devices.polhem.parameters import PARAMETERS
+from weberlink.master.devices.polhem.protocol import Counts6
 from weberlink.master.emulators.handle import Handle, HandleOptions
 from weberlink.master.emulators.polhem.host_wiring import HostWiring
 
 Currents = tuple[float, float, float]
-Counts6 = tuple[int, int, int, int, int, int]
 
 OFF: Currents = (0.0, 0.0, 0.0)
 WRIST_RAD = 0.3
@@ -50,14 +50,25 @@ class BoardOptions(BaseModel):
     )
     processing_s: float = Field(default=0.0002, ge=0.0, le=0.1, description="from a message to what it causes")
 
+    @property
+    def set_name(self) -> str:
+        return self.parameters or "woodenhaptics_2015"
+
+    def wiring(self) -> HostWiring:
+        """As a published host expects it; raises ValueError where none is published."""
+        raise NotImplementedError
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        self.wiring()
+        return self
+
 
 class PolhemBoard(FaultyDevice):
     """The board of an emulated device (see `weberlink.hardware.emulator`); subclasses speak the wire formats.
 
     Args:
         options: of the device.
-        name: of the parameter set of its mechanism.
-        wiring: as a published host expects it.
         watchdog_s: how long the amplifiers stay on after a message [s].
 
     Raises:
@@ -72,22 +83,21 @@ class PolhemBoard(FaultyDevice):
         **dict.fromkeys(("x_mm", "y_mm", "z_mm"), FARTHEST_MM),
     }
 
-    def __init__(self, options: BoardOptions, name: str, wiring: HostWiring, watchdog_s: float) -> None:
+    def __init__(self, options: BoardOptions, watchdog_s: float) -> None:
         super().__init__()
         self.messages = 0
         """Messages that came, right or wrong."""
         self.errors = 0
         """Wrong ones among them."""
-        self._parameters = PARAMETERS[name]
+        self._parameters = PARAMETERS[options.set_name]
         mechanism, (a, b, c) = self._parameters.mechanism, options.encoder_signs
-        if options.weight and mechanism.weight is None:
+        if options.weight and not mechanism.linkage.masses:
             raise ValueError("weight: no masses are published for this mechanism")
-        drive = wiring.wire(mechanism.drive)
-        d, e, f = drive.encoder_directions
-        g, h, i = drive.home_counts
+        wiring = options.wiring().on(mechanism.drive)
+        (d, e, f), (g, h, i) = wiring.encoder, wiring.home_counts
         # The home pose stays where it is: an encoder that counts the other way has its zero on the other side.
-        drive = replace(drive, encoder_directions=(a * d, b * e, c * f), home_counts=(a * g, b * h, c * i))
-        self.mechanism = replace(mechanism, drive=drive)
+        wiring = replace(wiring, encoder=(a * d, b * e, c * f), home_counts=(a * g, b * h, c * i))
+        self.mechanism = mechanism.driven(wiring=wiring)
         self.handle = Handle(options.handle)
         self.currents_ma: Currents = OFF
         """Currents in the motors now [mA]."""

@@ -8,21 +8,22 @@ Assumed: an amplifier follows its input to the end of the range, 3.75 A where 90
 from collections import deque
 from collections.abc import Mapping
 from math import floor, inf, nextafter
-from typing import ClassVar, Literal, Self
+from typing import ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from weberlink.hardware.umockdev import HidIdentity
-from weberlink.master.devices.polhem.hid_protocol import (
+from weberlink.hardware.emulator import HidIdentity
+from weberlink.master.devices.polhem.protocol import (
+    HID_WATCHDOG_S,
     LONG,
     SHORT,
-    WATCHDOG_S,
+    Counts6,
     Sensors,
     SetCounters,
     decode_command,
     encode_sensors,
 )
-from weberlink.master.emulators.polhem.board import FAULTS, OFF, BoardOptions, Counts6, PolhemBoard
+from weberlink.master.emulators.polhem.board import FAULTS, OFF, BoardOptions, PolhemBoard
 from weberlink.master.emulators.polhem.host_wiring import Host, HostWiring, host_wiring
 
 VENDOR, PRODUCT = 0x1234, 0x0006
@@ -44,17 +45,8 @@ class PolhemHidEmulatorOptions(BoardOptions):
     )
     serial_number: str = Field(default="0123456789", description="by which two alike can be told apart")
 
-    @property
-    def set_name(self) -> str:
-        return self.parameters or "woodenhaptics_2015"
-
     def wiring(self) -> HostWiring:
         return host_wiring(self.set_name, "hid14" if self.report == LONG else "hid8", self.host)
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        self.wiring()
-        return self
 
 
 class PolhemHidEmulator(PolhemBoard):
@@ -69,7 +61,7 @@ class PolhemHidEmulator(PolhemBoard):
 
     def __init__(self, options: PolhemHidEmulatorOptions | None = None) -> None:
         options = PolhemHidEmulatorOptions() if options is None else options
-        super().__init__(options, options.set_name, options.wiring(), WATCHDOG_S)
+        super().__init__(options, HID_WATCHDOG_S)
         self.identity = HidIdentity(
             VENDOR, PRODUCT, "HID DEVICE", descriptor(options.report), options.report,
             options.serial_number, "mbed.org",

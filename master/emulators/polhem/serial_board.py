@@ -7,20 +7,21 @@ they are answered with errors 8 and 256. One sensor of the gimbal is read per me
 
 import re
 from collections.abc import Mapping
-from typing import ClassVar, NamedTuple, Self
+from typing import ClassVar
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from weberlink.master.devices.polhem.options import Model
 from weberlink.master.devices.polhem.parameters import MODEL_SETS
-from weberlink.master.devices.polhem.serial_protocol import (
+from weberlink.master.devices.polhem.protocol import (
     CURRENT_LIMIT_MA,
     MODELS,
-    WATCHDOG_S,
-    SerialStatus,
+    SERIAL_WATCHDOG_S,
+    Counts6,
+    Sensors,
     encode_status,
 )
-from weberlink.master.emulators.polhem.board import FAULTS, BoardOptions, Counts6, Currents, PolhemBoard
+from weberlink.master.emulators.polhem.board import FAULTS, BoardOptions, Currents, PolhemBoard
 from weberlink.master.emulators.polhem.host_wiring import HostWiring, host_wiring
 
 BUFFER = 127
@@ -31,13 +32,6 @@ NUMBERS = {name: number for number, name in MODELS.items()}
 NO_COUNTS: Counts6 = (0, 0, 0, 0, 0, 0)
 
 _THREE = re.compile(rb"\[\s*([+-]?\d+),\s*([+-]?\d+),\s*([+-]?\d+)")
-
-
-class BracketMessage(NamedTuple):
-    """Bytes up to a closing bracket, and their error."""
-
-    text: bytes
-    error: int
 
 
 class PolhemSerialEmulatorOptions(BoardOptions):
@@ -51,11 +45,6 @@ class PolhemSerialEmulatorOptions(BoardOptions):
 
     def wiring(self) -> HostWiring:
         return host_wiring(self.set_name, "serial")
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        self.wiring()
-        return self
 
 
 class PolhemSerialEmulator(PolhemBoard):
@@ -73,10 +62,11 @@ class PolhemSerialEmulator(PolhemBoard):
         options = PolhemSerialEmulatorOptions() if options is None else options
         self.model = self._true_model = NUMBERS[options.model]
         """Model number that it reports."""
-        super().__init__(options, options.set_name, options.wiring(), WATCHDOG_S)
+        super().__init__(options, SERIAL_WATCHDOG_S)
         self._waiting = b""
         self._buffer = b""
-        self._work: tuple[float, BracketMessage] | None = None
+        self._work: tuple[float, bytes, int] | None = None
+        """When a message takes effect, its bytes up to the closing bracket, and their error."""
         self._answers: list[bytes] = []
         self._loops = 0
         self._counts = NO_COUNTS
@@ -89,11 +79,11 @@ class PolhemSerialEmulator(PolhemBoard):
 
     def advance(self, now: float) -> None:
         while self._work is not None and self._work[0] <= now:
-            at, message = self._work
+            at, text, error = self._work
             self._work = None
             self._advance_to(at)
             self._calibrate()
-            self._answer(message, at)
+            self._answer(text, error, at)
             self._begin(at)
         self._advance_to(now)
         self.take_faults()
@@ -117,26 +107,30 @@ class PolhemSerialEmulator(PolhemBoard):
         self._waiting = self._waiting[taken:]
         if end < 0 and len(self._buffer) < BUFFER:
             return
-        message, self._buffer = BracketMessage(self._buffer, FULL if end < 0 else _framing(self._buffer)), b""
-        if end >= 0 and not message.error:
+        text, self._buffer, error = self._buffer, b"", 0
+        if end < 0:
+            error = FULL
+        elif b"[" not in text:
+            error = NO_BEGINNING
+        elif text.count(b",") != 2:  # commas before its beginning count too
+            error = NOT_THREE
+        else:
             waiting = self._waiting.lstrip(FILLING)  # dropped, as far as it has come by now
-            if waiting:
-                message = message._replace(error=TRAILING)
+            error = TRAILING if waiting else 0
             self._waiting = waiting[1:]
-        self._work = (now + self._processing, message)
+        self._work = (now + self._processing, text, error)
 
-    def _answer(self, message: BracketMessage, now: float) -> None:
+    def _answer(self, text: bytes, error: int, now: float) -> None:
         self.messages += 1
         self._loops += 1
-        error = message.error
-        currents = None if error else _currents(message.text)
+        currents = None if error else _currents(text)
         if currents is None:
             error = error or UNREADABLE
             self.errors += 1
         else:
             self._drive(currents, now)
             error = self._measure()
-        self._answers.append(encode_status(SerialStatus(self.model, self._counts, error)))
+        self._answers.append(encode_status(Sensors(self._counts, model=self.model, error=error)))
 
     def _measure(self) -> int:
         """Read the motor encoders and one gimbal sensor in turn; gives the error bit of that sensor."""
@@ -167,21 +161,10 @@ class PolhemSerialEmulator(PolhemBoard):
         super().apply_fault(name, value)
 
 
-def _framing(text: bytes) -> int:
-    """The error of a message that ends with a bracket; commas before its beginning count too."""
-    if b"[" not in text:
-        return NO_BEGINNING
-    return 0 if text.count(b",") == 2 else NOT_THREE
-
-
 def _currents(text: bytes) -> Currents | None:
     """Currents [mA] as `sscanf` reads them from the last bracket on, 0 if too large; None if unreadable."""
     match = _THREE.match(text[text.rfind(b"[") :].split(b"\0")[0])
     if match is None:
         return None
-    a, b, c = (int(part) for part in match.groups())
-    return (_allowed(a), _allowed(b), _allowed(c))
-
-
-def _allowed(current_ma: int) -> float:
-    return float(current_ma) if abs(current_ma) <= CURRENT_LIMIT_MA else 0.0
+    a, b, c = (current if abs(current := float(part)) <= CURRENT_LIMIT_MA else 0.0 for part in match.groups())
+    return (a, b, c)

@@ -35,7 +35,6 @@ def loopback(
 ) -> None:
     """Run both sides as two processes over UDP on 127.0.0.1."""
     path = file or Path(str(files("weberlink.configs") / "loopback.yaml"))
-
     _live("loopback", path, set_, lambda: one_host(path, set_ or ()), SIDES, duration, json_out, record, log)
 
 
@@ -109,15 +108,31 @@ def acquainted(
 
 
 def one_host(path: Path, overrides: Sequence[str]) -> list[str]:
-    """Overrides by which both sides meet on this host. Raises ConfigurationError for a file of two that pair."""
-    from weberlink.config import ConfigurationError, load  # noqa: PLC0415
+    """Overrides by which both sides meet on this host, several loopbacks at once too: a port that is free replaces 0.
 
-    if load(path, overrides).finder is not None:
+    Raises:
+        ConfigurationError: the file is wrong, or of two hosts that pair.
+    """
+    import socket  # noqa: PLC0415
+
+    from weberlink.config import ConfigurationError, load  # noqa: PLC0415
+    from weberlink.config.model import split_address  # noqa: PLC0415
+
+    configuration = load(path, overrides)
+    if configuration.finder is not None:
         raise ConfigurationError(
             f"{path}: link.finder is for two hosts; for weberlink loopback add --set link.finder=null "
             "--set link.security=session --set link.listen=127.0.0.1:47000"
         )
-    return free_port(path, overrides)
+    host, port = split_address(configuration.system.link.listen)
+    if port != 0:
+        return []
+    is_v6 = ":" in host
+    with socket.socket(socket.AF_INET6 if is_v6 else socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind((host, 0))
+        port = probe.getsockname()[1]
+    address = json.dumps(f"[{host}]:{port}" if is_v6 else f"{host}:{port}")  # quoted, for YAML
+    return [f"link.listen={address}", f"link.slave={address}"]
 
 
 def simulate(
@@ -238,25 +253,3 @@ def journals_to(log: Path | None, json_out: Path | None) -> Iterator[Any]:
         fail("--log -: standard output is taken by --json -; write one of them to a file", MISCONFIGURED)
     with LogFile(log) as file:
         yield partial(Journal, file.write)
-
-
-def free_port(path: Path, overrides: Sequence[str]) -> list[str]:
-    """Overrides that replace port 0 by one that is free now, so that several loopbacks can run at once.
-
-    Raises:
-        ConfigurationError: the file is wrong.
-    """
-    import socket  # noqa: PLC0415
-
-    from weberlink.config import load  # noqa: PLC0415
-    from weberlink.config.model import split_address  # noqa: PLC0415
-
-    host, port = split_address(load(path, overrides).system.link.listen)
-    if port != 0:
-        return []
-    is_v6 = ":" in host
-    with socket.socket(socket.AF_INET6 if is_v6 else socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind((host, 0))
-        port = probe.getsockname()[1]
-    address = json.dumps(f"[{host}]:{port}" if is_v6 else f"{host}:{port}")  # quoted, for YAML
-    return [f"link.listen={address}", f"link.slave={address}"]

@@ -73,14 +73,6 @@ class PathFinder(Protocol):
 FINDERS: Registry[type[PathFinder]] = Registry("path finder", {}, "weberlink.path_finders")
 
 
-def load(name: str) -> type[PathFinder]:
-    """The class; raises ValueError for an unknown name."""
-    try:
-        return FINDERS.load(name)
-    except ValueError as error:
-        raise ValueError(f"driver: {error}") from None
-
-
 def finder_of(configuration: "Configuration", side: str) -> PathFinder | None:
     """The finder that the file asks for, if it does. As there are keys, no core is dumped any more.
 

@@ -18,7 +18,7 @@ from pydantic import ValidationError
 
 from weberlink.child_process import python
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, norm
-from weberlink.master.devices import load
+from weberlink.master.devices import DEVICES
 from weberlink.master.devices.contract import Device, DeviceFault, TorqueDevice
 from weberlink.master.devices.threaded_device import RAMP_S
 from weberlink.session.composition.master import check_force_ends
@@ -74,7 +74,7 @@ class DeviceBench:
 
 def armed(name: str, /, *, checked: bool = True, **options: Any) -> Device:
     """A device that may have force: its signs count as checked, unless told otherwise."""
-    driver: Any = load(name)
+    driver: Any = DEVICES.load(name)
     if checked and hasattr(driver, "fingerprint"):
         options["signs_checked"] = driver.fingerprint(driver.Options(**options))
     device: Device = driver(driver.Options(**options), TICK)
@@ -125,7 +125,7 @@ class DeviceContract(BenchedDevice):
         check_force_ends(bench.device, spec.name, None)
 
     def test_options_are_refused_by_name_or_taken(self, bench: DeviceBench) -> None:
-        driver: Any = load(self.NAME)
+        driver: Any = DEVICES.load(self.NAME)
         for options in self.TAKEN:
             assert driver(driver.Options.model_validate({**bench.options, **options}), TICK).spec.name == self.NAME
         for options, named in self.REFUSED:
@@ -227,7 +227,7 @@ class ForceDeviceContract(DeviceContract):
         assert bench.displayed == 0.0
 
     def test_without_checked_signs_the_motors_stay_off(self, tmp_path: Path) -> None:
-        driver: Any = load(self.NAME)
+        driver: Any = DEVICES.load(self.NAME)
         if not hasattr(driver, "fingerprint"):
             pytest.skip("the driver has no check of signs")
         settings = [{**self.OPTIONS, **each} for each in ({}, *self.SIGNS)]
@@ -282,7 +282,7 @@ class ForceDeviceContract(DeviceContract):
         bench.push(PUSH, lambda: bench.displayed > 0.9)
 
     def test_replugged_device_goes_on_and_its_force_ramps_from_zero(self, tmp_path: Path) -> None:
-        driver: Any = load(self.NAME)
+        driver: Any = DEVICES.load(self.NAME)
         if "reconnect_s" not in driver.Options.model_fields:
             pytest.skip("the driver does not reconnect")
         with self.make_bench(tmp_path, reconnect_s=60.0) as bench:

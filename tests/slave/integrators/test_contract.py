@@ -12,7 +12,7 @@ from tests.slave.integrators.problems import BODY, UP, ball, corner, difference,
 from tests.slave.scenes.solids import scenes
 from weberlink.geometry.vector import ZERO
 from weberlink.slave.integrators import INTEGRATORS, ControlledMass, MassState
-from weberlink.slave.integrators.contact_force import contact_force
+from weberlink.slave.integrators.problem import contact_force
 from weberlink.slave.scenes.contact import FrictionCone
 from weberlink.slave.scenes.scene import Scene
 

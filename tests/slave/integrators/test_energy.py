@@ -10,7 +10,7 @@ from tests.slave.scenes.solids import SHAPES
 from weberlink.geometry.vector import Vector, dot, is_finite, norm, subtract
 from weberlink.slave.integrators import INTEGRATORS, ControlledMass, MassState
 from weberlink.slave.integrators.choice import chosen
-from weberlink.slave.integrators.contact_force import contact_force
+from weberlink.slave.integrators.problem import contact_force
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject, Touch
 from weberlink.slave.scenes.scene import Scene, SceneState
 from weberlink.slave.scenes.shape import Shape

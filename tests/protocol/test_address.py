@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from tests.protocol.harness import Pair, Side
 from weberlink.protocol import Address, Connected, State
-from weberlink.protocol.path import OVERTAKEN, Path
+from weberlink.protocol.address import OVERTAKEN, AddressCheck
 from weberlink.protocol.wire import Kind, kind_of
 from weberlink.update import Update
 
@@ -16,35 +16,35 @@ ELSEWHERE: Address = ("203.0.113.9", 9)
 QUIET = 0.02
 
 
-def at_home() -> Path:
-    path = Path(HOME, Random(1).randbytes, QUIET)
-    path.on_datagram(HOME, 0.0, is_fresh=True)
-    assert path.challenge(0.0) is None
-    return path
+def at_home() -> AddressCheck:
+    check = AddressCheck(HOME, Random(1).randbytes, QUIET)
+    check.on_datagram(HOME, 0.0, is_fresh=True)
+    assert check.challenge(0.0) is None
+    return check
 
 
 @given(st.lists(st.floats(1e-4, 0.05), min_size=1, max_size=200), st.floats(1e-5, QUIET))
 def test_copies_never_move_the_address(gaps: list[float], ahead: float) -> None:
     """Every copy comes first, its original follows; the attacker even answers the challenge."""
-    path, now = at_home(), 0.0
+    check, now = at_home(), 0.0
     for gap in gaps:
         now += gap
-        path.on_datagram(ELSEWHERE, now, is_fresh=True)
-        if (challenge := path.challenge(now)) is not None:
-            path.on_answer(challenge[0], now)
-        path.on_datagram(HOME, now + min(ahead, 0.9 * gap), is_fresh=False)
-        assert path.address == HOME
+        check.on_datagram(ELSEWHERE, now, is_fresh=True)
+        if (challenge := check.challenge(now)) is not None:
+            check.on_answer(challenge[0], now)
+        check.on_datagram(HOME, now + min(ahead, 0.9 * gap), is_fresh=False)
+        assert check.address == HOME
 
 
 @given(st.floats(1e-3, 0.05))
 def test_peer_that_moved_is_followed_once_it_has_answered(gap: float) -> None:
-    path, now, steps = at_home(), 0.0, 0
-    while path.address == HOME:
+    check, now, steps = at_home(), 0.0, 0
+    while check.address == HOME:
         now, steps = now + gap, steps + 1
-        path.on_datagram(ELSEWHERE, now, is_fresh=True)
-        if (challenge := path.challenge(now)) is not None:
+        check.on_datagram(ELSEWHERE, now, is_fresh=True)
+        if (challenge := check.challenge(now)) is not None:
             assert challenge[1] == ELSEWHERE
-            path.on_answer(challenge[0], now)
+            check.on_answer(challenge[0], now)
     assert steps >= OVERTAKEN
     assert now <= max(OVERTAKEN + 1, QUIET / gap + 2) * gap
 
@@ -72,14 +72,14 @@ def test_attacker_who_copies_datagrams_gets_only_challenges() -> None:
 
 
 def test_only_the_token_proves_an_address_and_the_present_one_must_be_quiet() -> None:
-    path = at_home()
+    check = at_home()
     for step in range(1, 6):
-        path.on_datagram(ELSEWHERE, 0.001 * step, is_fresh=True)
-    challenge = path.challenge(0.005)
+        check.on_datagram(ELSEWHERE, 0.001 * step, is_fresh=True)
+    challenge = check.challenge(0.005)
     assert challenge is not None
-    path.on_answer(b"another", 0.5)
-    assert path.address == HOME
-    path.on_answer(challenge[0], 0.9 * QUIET)
-    assert path.address == HOME
-    path.on_datagram(ELSEWHERE, 1.1 * QUIET, is_fresh=True)
-    assert path.address == ELSEWHERE
+    check.on_answer(b"another", 0.5)
+    assert check.address == HOME
+    check.on_answer(challenge[0], 0.9 * QUIET)
+    assert check.address == HOME
+    check.on_datagram(ELSEWHERE, 1.1 * QUIET, is_fresh=True)
+    assert check.address == ELSEWHERE

@@ -12,16 +12,16 @@ import struct
 import subprocess
 import termios
 import tty
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass
 from fcntl import ioctl
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
-from weberlink.hardware.emulator import Emulator, PtyDevice, serve
+from weberlink.hardware.emulator import EV_ABS, EV_KEY, EV_SYN, Emulator, HidIdentity, InputIdentity
 from weberlink.hardware.fault import HardwareFault
+from weberlink.testing.serving import PtyDevice, serve
 
 LONGEST_DESCRIPTOR = 4096
 WRAPPER = "umockdev-wrapper"
@@ -37,80 +37,114 @@ TORN_S = 0.05
 """After this time the rest of a report is not expected any more [s]."""
 LITERAL, END = b"\x16", b"\x04"
 
+KEY_BYTES, NAME_BYTES = 96, 256
+"""Sizes that python-evdev asks for, of bit maps and texts; umockdev gives less than was asked for as nothing."""
+USB_BUS = 3
+BUS = "/devices/pci0000:00/0000:00:14.0/usb1"
 
-class Identity(Protocol):
-    """What an emulated device says of itself, and where it appears."""
-
-    def node(self, number: int) -> str:
-        """Path of its node for processes that see the testbed; `number` counts the nodes that are plugged in."""
-        ...
-
-    def paths(self, number: int, instance: int) -> tuple[str, ...]:
-        """Its paths in /sys from the outside in; `instance` counts pluggings."""
-        ...
-
-    def description(self, number: int, instance: int) -> str:
-        """The device in the text format of umockdev, without a node in /dev, which umockdev could not remove again."""
-        ...
-
-    def ioctls(self, number: int) -> str:
-        """Answers of the node to requests, in the text format of umockdev."""
-        ...
+Identity = HidIdentity | InputIdentity
 
 
-@dataclass(frozen=True, slots=True)
-class HidIdentity:
-    """A USB device with one HID interface.
+class Pluggable:
+    """A device as umockdev is told of it, while it is plugged in.
 
     Args:
-        vendor: 16 bits.
-        product: 16 bits.
-        name: of the product.
-        report_descriptor: its bytes.
-        report_size: of a report to the device, without its number [bytes].
-        serial_number: empty for none.
-        manufacturer: empty for none.
+        identity: what it says of itself.
+        number: of its node.
+        instance: counts pluggings.
+
+    Attributes:
+        node: its path for processes that see the testbed.
+        paths: in /sys, from the outside in.
+        description: in the text format of umockdev, without a node in /dev, which umockdev could not remove again.
+        ioctls: answers of the node to requests, likewise.
     """
 
-    vendor: int
-    product: int
-    name: str
-    report_descriptor: bytes
-    report_size: int
-    serial_number: str = ""
-    manufacturer: str = ""
-
-    def node(self, number: int) -> str:
-        return f"/dev/hidraw{number}"
-
-    def paths(self, number: int, instance: int) -> tuple[str, ...]:
-        usb = f"/devices/pci0000:00/0000:00:14.0/usb1/1-{instance}"
+    def __init__(self, identity: Identity, number: int, instance: int) -> None:
+        self.identity = identity
+        usb = f"{BUS}/1-{instance}"
         interface = f"{usb}/1-{instance}:1.0"
-        hid = f"{interface}/0003:{self.vendor:04X}:{self.product:04X}.{instance:04X}"
-        return usb, interface, hid, f"{hid}/hidraw/hidraw{number}"
+        if isinstance(identity, HidIdentity):
+            self.node = f"/dev/hidraw{number}"
+            hid = f"{interface}/0003:{identity.vendor:04X}:{identity.product:04X}.{instance:04X}"
+            self.paths: tuple[str, ...] = usb, interface, hid, f"{hid}/hidraw/hidraw{number}"
+            self.description, self.ioctls = self._hid(identity, number, instance), self._hid_ioctls(identity)
+        else:
+            self.node = f"/dev/input/event{number}"
+            device = f"{interface}/input/input{instance}"
+            self.paths = device, f"{device}/event{number}"
+            self.description, self.ioctls = self._input(identity, number, instance), self._input_ioctls(identity)
 
-    def description(self, number: int, instance: int) -> str:
-        usb, interface, hid, node = self.paths(number, instance)
-        product = f"E: PRODUCT={self.vendor:x}/{self.product:x}/100"
-        name = " ".join(filter(None, (self.manufacturer, self.name)))
+    def _hid(self, identity: HidIdentity, number: int, instance: int) -> str:
+        usb, interface, hid, node = self.paths
+        vendor, product = identity.vendor, identity.product
+        usb_id = f"E: PRODUCT={vendor:x}/{product:x}/100"
+        name = " ".join(filter(None, (identity.manufacturer, identity.name)))
         lines = [
-            *(f"P: {usb}", "E: DEVTYPE=usb_device", "E: SUBSYSTEM=usb", product),
-            *(f"A: idVendor={self.vendor:04x}", f"A: idProduct={self.product:04x}", "A: bcdDevice=0100"),
-            f"A: product={self.name}",
-            *([f"A: manufacturer={self.manufacturer}"] if self.manufacturer else []),
-            *([f"A: serial={self.serial_number}"] if self.serial_number else []),
-            *("", f"P: {interface}", "E: DEVTYPE=usb_interface", "E: SUBSYSTEM=usb", product, "A: bInterfaceNumber=00"),
-            *("", f"P: {hid}", "E: SUBSYSTEM=hid", f"E: HID_ID=0003:{self.vendor:08X}:{self.product:08X}"),
-            *(f"E: HID_NAME={name}", f"E: HID_PHYS=usb-{instance}/input0", f"E: HID_UNIQ={self.serial_number}"),
-            *("", f"P: {node}", f"E: DEVNAME={self.node(number)}", "E: SUBSYSTEM=hidraw", "E: MAJOR=240"),
+            *(f"P: {usb}", "E: DEVTYPE=usb_device", "E: SUBSYSTEM=usb", usb_id),
+            *(f"A: idVendor={vendor:04x}", f"A: idProduct={product:04x}", "A: bcdDevice=0100"),
+            f"A: product={identity.name}",
+            *([f"A: manufacturer={identity.manufacturer}"] if identity.manufacturer else []),
+            *([f"A: serial={identity.serial_number}"] if identity.serial_number else []),
+            *("", f"P: {interface}", "E: DEVTYPE=usb_interface", "E: SUBSYSTEM=usb", usb_id, "A: bInterfaceNumber=00"),
+            *("", f"P: {hid}", "E: SUBSYSTEM=hid", f"E: HID_ID=0003:{vendor:08X}:{product:08X}"),
+            *(f"E: HID_NAME={name}", f"E: HID_PHYS=usb-{instance}/input0", f"E: HID_UNIQ={identity.serial_number}"),
+            *("", f"P: {node}", f"E: DEVNAME={self.node}", "E: SUBSYSTEM=hidraw", "E: MAJOR=240"),
             f"E: MINOR={number}",
         ]
         return "\n".join(lines) + "\n"
 
-    def ioctls(self, number: int) -> str:
-        size = len(self.report_descriptor).to_bytes(4, "little").hex().upper()
-        padded = self.report_descriptor.ljust(LONGEST_DESCRIPTOR, b"\0").hex().upper()
-        return f"@DEV {self.node(number)}\nHIDIOCGRDESCSIZE 0 {size}\nHIDIOCGRDESC 0 {size}{padded}\n"
+    def _hid_ioctls(self, identity: HidIdentity) -> str:
+        descriptor = identity.report_descriptor
+        size = _hex(len(descriptor).to_bytes(4, "little"))
+        padded = _hex(descriptor.ljust(LONGEST_DESCRIPTOR, b"\0"))
+        return f"@DEV {self.node}\nHIDIOCGRDESCSIZE 0 {size}\nHIDIOCGRDESC 0 {size}{padded}\n"
+
+    def _input(self, identity: InputIdentity, number: int, instance: int) -> str:
+        device, node = self.paths
+        size = struct.calcsize("l")
+        bits = _bitmap(identity.keys, KEY_BYTES)
+        words = [f"{int.from_bytes(bits[at : at + size], 'little'):x}" for at in range(0, KEY_BYTES, size)]
+        keys = " ".join(reversed(words)).lstrip("0 ") or "0"
+        lines = [
+            *(f"P: {device}", "E: SUBSYSTEM=input", f'E: NAME="{identity.name}"'),
+            *("E: ID_INPUT=1", "E: ID_INPUT_JOYSTICK=1"),
+            *(f"A: name={identity.name}", f"A: uniq={identity.serial_number}", f"A: capabilities/key={keys}"),
+            *("", f"P: {node}", f"E: DEVNAME={self.node}", "E: SUBSYSTEM=input", "E: MAJOR=13"),
+            *(f"E: MINOR={64 + number}", f"L: device=../../input{instance}"),
+        ]
+        return "\n".join(lines) + "\n"
+
+    def _input_ioctls(self, identity: InputIdentity) -> str:
+        """Of the size that python-evdev asks for."""
+        usb_id = b"".join(part.to_bytes(2, "little") for part in (USB_BUS, identity.vendor, identity.product, 0x0100))
+        name = identity.name.encode()[: NAME_BYTES - 1]
+        texts = {"EVIOCGNAME": name, "EVIOCGPHYS": b"usb/input0", "EVIOCGUNIQ": identity.serial_number.encode()}
+        lines = [
+            f"@DEV {self.node}",
+            "EVIOCGVERSION 0 01000100",
+            f"EVIOCGID 0 {_hex(usb_id)}",
+            "EVIOCGEFFECTS 0 00000000",
+            *(f"{name}(0) {len(text) + 1} {_hex(text.ljust(NAME_BYTES, bytes(1)))}" for name, text in texts.items()),
+            f"EVIOCGBIT(0) 4 {_hex(_bitmap((EV_SYN, EV_KEY, EV_ABS), 4))}",
+            f"EVIOCGBIT({EV_KEY}) {KEY_BYTES} {_hex(_bitmap(identity.keys, KEY_BYTES))}",
+            f"EVIOCGBIT({EV_ABS}) {KEY_BYTES} {_hex(_bitmap(identity.axes, KEY_BYTES))}",
+            f"EVIOCGKEY(0) {KEY_BYTES} {_hex(bytes(KEY_BYTES))}",
+            *(
+                f"EVIOCGABS({code}) 0 {_hex(struct.pack('<6i', axis.value, axis.least, axis.most, 0, 0, 0))}"
+                for code, axis in identity.axes.items()
+            ),
+        ]
+        return "\n".join(lines) + "\n"
+
+
+def _hex(data: bytes) -> str:
+    return data.hex().upper()
+
+
+def _bitmap(codes: Iterable[int], size: int) -> bytes:
+    """Bit i of the `size` bytes is set for each code i."""
+    return sum(1 << code for code in codes).to_bytes(size, "little")
 
 
 def missing() -> str | None:
@@ -138,7 +172,7 @@ class Testbed:
         self._priority = priority
         self._process: subprocess.Popen[str] | None = None
         self._instances = 0
-        self._plugged: dict[int, tuple[Identity, int]] = {}
+        self._plugged: dict[int, Pluggable] = {}
         self._described: dict[int, Identity] = {}
         self.root = Path()
         """Replaces / for the processes that see the testbed."""
@@ -163,12 +197,11 @@ class Testbed:
         )
         try:
             answer = self._answer()
+            if "root" not in answer:
+                raise HardwareFault(ADVICE)  # noqa: TRY301
         except BaseException:
             self._end()
             raise
-        if "root" not in answer:
-            self._end()
-            raise HardwareFault(ADVICE)
         self.root = Path(answer["root"])
         (self.root / "dev").mkdir(exist_ok=True)
         return self
@@ -180,25 +213,20 @@ class Testbed:
         """Number of the next node, as the kernel would count."""
         return next(number for number in range(len(self._plugged) + 1) if number not in self._plugged)
 
-    def path(self, node: str) -> Path:
-        """Path of a node for processes that do not see the testbed."""
-        return self.root / node.removeprefix("/")
-
     def plug(self, identity: Identity, number: int) -> None:
         """Let the device appear; the caller makes its node in /dev."""
         self._instances += 1
+        device = Pluggable(identity, number, self._instances)
         is_new = self._described.get(number) != identity
-        added = identity.description(number, self._instances)
-        self._ask({"add": added, "ioctls": identity.ioctls(number) if is_new else ""})
+        self._ask({"add": device.description, "ioctls": device.ioctls if is_new else ""})
         self._described[number] = identity
-        self._plugged[number] = (identity, self._instances)
+        self._plugged[number] = device
 
     def unplug(self, number: int) -> None:
         """Let the device disappear; may be called again."""
         if number in self._plugged:
-            identity, instance = self._plugged.pop(number)
             # From the inside out: umockdev forgets some links within the device that it removes.
-            self._ask({"remove": [f"/sys{path}" for path in reversed(identity.paths(number, instance))]})
+            self._ask({"remove": [f"/sys{path}" for path in reversed(self._plugged.pop(number).paths)]})
 
     def _ask(self, request: dict[str, Any]) -> None:
         assert self._process is not None
@@ -243,29 +271,25 @@ class Testbed:
 class TestbedNode(PtyDevice):
     """While in the `with`, the device is plugged into a testbed: a pseudo terminal in place of its node.
 
+    Reports of a HID device are kept apart as the kernel does, and come to the emulator without their number; a reader
+    gets one report per read. Unlike with the kernel, whoever opens the node first reads what was sent while nobody had
+    it open.
+
     Args:
         testbed: to plug it into.
-        emulator: the device.
-        identity: what it says of itself.
+        emulator: the device, which has `identity`.
         begin: see `PtyDevice`.
     """
 
     __test__ = False
 
-    def __init__(
-        self,
-        testbed: Testbed,
-        emulator: Emulator,
-        identity: Identity,
-        *,
-        begin: Callable[[], object] = lambda: None,
-    ) -> None:
+    def __init__(self, testbed: Testbed, emulator: Any, *, begin: Callable[[], object] = lambda: None) -> None:
         self._number = testbed.free_number()
-        self.node = identity.node(self._number)
+        self._identity: Identity = emulator.identity
+        self.node = Pluggable(self._identity, self._number, 0).node
         """Its path for processes that see the testbed."""
-        super().__init__(emulator, testbed.path(self.node), begin=begin)
+        super().__init__(emulator, testbed.root / self.node.removeprefix("/"), begin=begin)
         self._testbed = testbed
-        self._identity = identity
 
     def plug(self) -> None:
         self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -280,31 +304,25 @@ class TestbedNode(PtyDevice):
         self._testbed.unplug(self._number)
         super().unplug()
 
-
-class HidNode(TestbedNode):
-    """A HID device: keeps reports apart as the kernel does; they come to the emulator without their number.
-
-    A reader gets one report per read. Unlike with the kernel, whoever opens the node first reads what was sent while
-    nobody had it open.
-    """
-
-    _identity: HidIdentity
-
     def _prepare(self, far: int) -> None:
         """Reports as lines: each ended by an end-of-file character, its bytes made literal by one in front."""
         tty.setraw(far)
-        settings = termios.tcgetattr(far)
-        settings[3] |= termios.ICANON | termios.IEXTEN
-        special = [b"\0"] * len(settings[6])  # none of them
-        special[termios.VLNEXT], special[termios.VEOF] = LITERAL, END
-        settings[6] = special
-        termios.tcsetattr(far, termios.TCSANOW, settings)
+        if isinstance(self._identity, HidIdentity):
+            settings = termios.tcgetattr(far)
+            settings[3] |= termios.ICANON | termios.IEXTEN
+            special = [b"\0"] * len(settings[6])  # none of them
+            special[termios.VLNEXT], special[termios.VEOF] = LITERAL, END
+            settings[6] = special
+            termios.tcsetattr(far, termios.TCSANOW, settings)
 
     def _serve(self) -> None:
-        device = _Reports(self.emulator, self._identity.report_size)
-        serve(device, self._near, self._stopping.is_set, encode=self._encode)
+        if isinstance(self._identity, HidIdentity):
+            device = _Reports(self.emulator, self._identity.report_size)
+            serve(device, self._near, self._stopping.is_set, encode=self._encode_report)
+        else:
+            super()._serve()
 
-    def _encode(self, message: bytes) -> bytes:
+    def _encode_report(self, message: bytes) -> bytes:
         (waiting,) = struct.unpack("i", ioctl(self._far, termios.FIONREAD, bytes(4)))
         if waiting >= QUEUE * len(message):
             return b""
@@ -330,9 +348,3 @@ class _Reports:
         while len(self._rest) >= self._size:
             report, self._rest = self._rest[1 : self._size], self._rest[self._size :]
             self._device.receive(report, now)
-
-
-def plugged_into(testbed: Testbed, emulator: Any, begin: Callable[[], object] = lambda: None) -> TestbedNode:
-    """The node of an emulator whose class names its transport, `hid` or `evdev`."""
-    kind = HidNode if emulator.transport == "hid" else TestbedNode
-    return kind(testbed, emulator, emulator.identity, begin=begin)

@@ -8,7 +8,7 @@ import signal
 import pytest
 
 from weberlink.realtime.garbage import GarbageSchedule
-from weberlink.realtime.shell import run
+from weberlink.realtime.loop import TickLoop
 
 PERIOD = 0.001
 
@@ -63,7 +63,7 @@ class Transport:
 
 
 def go(side, *, opening=None, transport=None, **options):
-    return run(side, transport=transport or Transport(side.journal, opening), ticker_period=PERIOD, **options)
+    return TickLoop(side, transport or Transport(side.journal, opening), PERIOD, **options).run()
 
 
 def send(number):

@@ -1,15 +1,92 @@
-"""Commands that set a host up: device, keygen, configs."""
+"""Commands that look at a file or a machine (check, doctor, bridge), and that set one up (device, keygen, configs).
+
+Each imports what it needs when it runs.
+"""
 
 import sys
+from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated
+from textwrap import wrap
+from typing import Annotated, Literal
 
 import typer
 
-from weberlink.cli.arguments import CommandGroup, Json, file_target
+from weberlink.cli.arguments import CommandGroup, File, Json, Set, file_target
 from weberlink.cli.output import fail, failing, tell, write
-from weberlink.order import MISCONFIGURED
+from weberlink.order import COMPLETED, FAILED, MASTER, MISCONFIGURED, SIDES
 from weberlink.session.targets import STANDARD_OUTPUT
+
+
+class Bridges(CommandGroup):
+    """Those of other distributions."""
+
+    extended_by = "weberlink.bridges"
+
+
+bridge = typer.Typer(name="bridge", cls=Bridges, help="Carry a running session to other systems.", no_args_is_help=True)
+
+
+def check(file: File, set_: Set = None) -> None:
+    """Validate FILE; print its parts, their cost and warnings."""
+    from weberlink.cli.check import describe  # noqa: PLC0415
+    from weberlink.config import load  # noqa: PLC0415
+
+    for line in list(describe(load(file, set_ or ()))):
+        typer.echo(
+            "\n".join(wrap(line, 80, subsequent_indent=" " * 10, break_long_words=False, break_on_hyphens=False))
+        )
+
+
+def doctor(
+    file: Annotated[
+        Path | None, typer.Argument(metavar="[FILE]", help="Configuration whose needs are checked; default: the usual.")
+    ] = None,
+    side: Annotated[
+        Literal["master", "slave"] | None, typer.Option("--side", help="Check what this side needs; default: both.")
+    ] = None,
+    link: Annotated[
+        str | None,
+        typer.Option(
+            "--link",
+            metavar="PEER|HOST",
+            help="Measure the link to the waiting slave instead, and name settings that suit it: of a known peer where "
+            "link.finder finds a path, else of HOST or HOST:PORT. No device is opened, and the robot does not move.",
+        ),
+    ] = None,
+    seconds: Annotated[
+        float, typer.Option("--duration", metavar="S", min=1.0, max=600.0, help="Of the measurement of the link [s].")
+    ] = 10.0,
+    json_out: Json = None,
+    set_: Set = None,
+) -> None:
+    """Check this machine, or the link to the robot.
+
+    For real time, with FILE for what that needs; or with --link the link. Suggests fixes, takes some seconds.
+    """
+    from rich.console import Console  # noqa: PLC0415
+
+    from weberlink.cli.doctor import Grade, Needs, examine  # noqa: PLC0415
+    from weberlink.config import load  # noqa: PLC0415
+
+    overrides, sides = set_ or [], SIDES if side is None else (side,)
+    if file is None and (link is not None or overrides):
+        fail(f"{'--set' if link is None else '--link'}: needs a FILE", MISCONFIGURED)
+    console = Console(stderr=True)
+    waiting = console.status("measuring for some seconds") if console.is_terminal else nullcontext()
+    if link is None or file is None:
+        needs = Needs(sides=sides) if file is None else Needs.of(load(file, overrides, sides), sides)
+        with waiting:
+            found = examine(needs)
+    else:
+        from weberlink.cli.doctor.link import examine_link, towards  # noqa: PLC0415
+
+        overrides = towards(link, load(file, overrides, [MASTER]), overrides)
+        configuration = load(file, overrides, [MASTER])
+        with waiting:
+            found = examine_link(configuration, overrides, seconds)
+    write(found.document, json_out, found.show)
+    raise typer.Exit(FAILED if found.count(Grade.PROBLEM) else COMPLETED)
+
 
 device = typer.Typer(
     name="device", cls=CommandGroup, help="List, test or emulate devices and robots.", no_args_is_help=True
@@ -17,8 +94,6 @@ device = typer.Typer(
 Options = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set an option of the driver; may be repeated.")
 ]
-
-# Each command imports what it needs when it runs.
 
 
 @device.command("list")
@@ -45,7 +120,8 @@ def device_test(
 
     It shows the readings, checks signs without force and, after a yes, with a gentle force.
     """
-    from weberlink.cli.device_test import DeviceTestError, Dialog, run  # noqa: PLC0415
+    from weberlink.cli.device_test import DeviceTestError, run  # noqa: PLC0415
+    from weberlink.cli.dialog import Dialog  # noqa: PLC0415
 
     with failing(DeviceTestError):
         run(name, Dialog(sys.stdin, sys.stdout, yes=yes), config, set_ or ())
@@ -104,12 +180,12 @@ def configs(
     ] = None,
 ) -> None:
     """List the shipped files; copy one, with the files it names."""
-    from weberlink.cli.shipped import copy, listing, text_of  # noqa: PLC0415
+    from weberlink.cli.shipped import copy, show, text_of  # noqa: PLC0415
 
     if name is None:
         if out is not None:
             fail("--out: is for one file: weberlink configs NAME --out FILE", MISCONFIGURED)
-        write({}, None, listing().show)
+        write({}, None, show)
     elif out == STANDARD_OUTPUT:
         typer.echo(text_of(name), nl=False)
     else:

@@ -8,17 +8,18 @@ come from it. A relay that forwards everything both ways cannot be told from the
 
 from collections.abc import Callable
 from math import inf
+from typing import Final
 
 from weberlink.protocol.events import Address
 from weberlink.protocol.wire import TOKEN_BYTES
 
-PACE = 0.02
+PACE: Final = 0.02
 """Least time between two challenges [s]."""
-OVERTAKEN = 3
+OVERTAKEN: Final = 3
 """Fresh datagrams in a row from the candidate before the present address is quiet: an original follows its copy."""
 
 
-class Path:
+class AddressCheck:
     """The address of one session's peer, and a candidate for it. Another address is used when nothing has come from the
     present one for `quiet` [s]."""
 
@@ -41,7 +42,7 @@ class Path:
             if source != self._candidate:
                 self._candidate, self._answered, self._in_a_row, self._token = source, False, 0, b""
             self._in_a_row += 1
-            self._settle(now)
+            self._move(now)
 
     def challenge(self, now: float) -> tuple[bytes, Address] | None:
         """Token to send now, and the address to send it to; None if no question is due."""
@@ -55,12 +56,11 @@ class Path:
         """Take the answer to a challenge, from any address: only the receiver at the candidate knows the token."""
         if self._token and token == self._token:
             self._answered = True
-            self._settle(now)
+            self._move(now)
 
-    def _settle(self, now: float) -> None:
+    def _move(self, now: float) -> None:
         """Use the candidate once it has answered and the present address has gone quiet."""
-        if self._candidate is None or not self._answered:
-            return
-        if self._in_a_row >= OVERTAKEN and now - self._heard_at >= self._quiet:
+        is_quiet = self._in_a_row >= OVERTAKEN and now - self._heard_at >= self._quiet
+        if self._candidate is not None and self._answered and is_quiet:
             self.address, self._heard_at = self._candidate, now
             self._candidate, self._answered, self._token = None, False, b""

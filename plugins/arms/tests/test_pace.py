@@ -3,7 +3,7 @@
 import pytest
 
 from weberlink.hardware.fault import HardwareFault
-from weberlink.hardware.pace import TRIES, check_pace
+from weberlink_arms.servo.pace import TRIES, check_pace
 
 RATE_HZ = 256.0
 PERIOD_S = 1.0 / RATE_HZ

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import inf
 from signal import SIG_UNBLOCK, SIGHUP, SIGINT, SIGTERM, Signals, pthread_sigmask
 from time import monotonic
-from typing import Any, Protocol
+from typing import Protocol
 
 import uvloop
 
@@ -19,7 +19,7 @@ AfterTick = Callable[[int, float, float, float], None]
 
 
 class Ticking(Protocol):
-    """One end of the system, as the shell sees it. Times are of `time.monotonic` [s]."""
+    """One end of the system, as the loop sees it. Times are of `time.monotonic` [s]."""
 
     @property
     def stopped(self) -> bool:
@@ -57,7 +57,7 @@ class Transport(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Ticks done and missed, passes of the collector, and how the run ended."""
+    """Ticks done and missed, passes of the collector, how the run ended, and whether without `Ticking.fail`."""
 
     ticks: int
     missed: int
@@ -66,20 +66,8 @@ class Run:
     garbage: GarbageSchedule | None = None
 
 
-def run(
-    side: Ticking,
-    *,
-    transport: Transport,
-    ticker_period: float,
-    stop_signals: tuple[Signals, ...] = (SIGINT, SIGTERM, SIGHUP),
-    duration_s: float | None = None,
-    start_at: float | None = None,
-    stop_limit_s: float = 1.0,
-    after_tick: AfterTick | None = None,
-    garbage: GarbageSchedule | None = None,
-    busy_poll: bool = False,
-) -> Run:
-    """Run a side in this process until it has stopped.
+class TickLoop:
+    """Runs a side in this process until it has stopped.
 
     In a tick: `transport.service`, `side.tick`, `transport.flush`, `after_tick`, then garbage collection if there is
     slack. A run ends when the side is `stopped`: by itself, or after `side.stop` at the first signal ("interrupted",
@@ -87,41 +75,31 @@ def run(
     stop that takes too long, ends it at once through `side.fail`.
 
     Args:
-        ticker_period: time between ticks [s].
-        stop_signals: begin a stop; must be () outside the main thread.
+        side: what ticks.
+        transport: of its datagrams.
+        period: time between ticks [s].
         duration_s: from the first tick to the stop [s]; None for no end.
         start_at: the first deadline [s, `time.monotonic`]; None for one period after opening.
         stop_limit_s: hard bound on an orderly stop [s].
         after_tick: receives index, deadline, now [s] and the time from now to the end of `flush` [us]; for telemetry.
         garbage: schedule for the collector, which is then frozen during the run; None leaves the collector alone.
         busy_poll: poll sockets and clock instead of sleeping between ticks (`Ticker`); takes a processor.
-
-    Returns:
-        The figures of the run; `orderly` is False if it ended through `side.fail`.
-
-    Raises:
-        BaseException: whatever the side, the transport or a callback of the loop raised. By then `side.fail` has been
-            called and the transport is closed.
     """
-    shell = _Shell(side, transport, ticker_period, duration_s, start_at, stop_limit_s, after_tick, garbage, busy_poll)
-    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-        return runner.run(shell.main(stop_signals))
 
-
-class _Shell:
     def __init__(
         self,
         side: Ticking,
         transport: Transport,
-        period_s: float,
-        duration_s: float | None,
-        start_at: float | None,
-        stop_limit_s: float,
-        after_tick: AfterTick | None,
-        garbage: GarbageSchedule | None,
-        busy_poll: bool,
+        period: float,
+        *,
+        duration_s: float | None = None,
+        start_at: float | None = None,
+        stop_limit_s: float = 1.0,
+        after_tick: AfterTick | None = None,
+        garbage: GarbageSchedule | None = None,
+        busy_poll: bool = False,
     ) -> None:
-        self._ticker = Ticker(period_s, self._tick, start_at=start_at, on_error=self._fault, polls=busy_poll)
+        self._ticker = Ticker(period, self._tick, start_at=start_at, on_error=self._fault, polls=busy_poll)
         self._side = side
         self._transport = transport
         self._period = self._ticker.period_s
@@ -138,16 +116,38 @@ class _Shell:
         self._signalled = False
         self._done = asyncio.Event()
 
-    async def main(self, stop_signals: tuple[Signals, ...]) -> Run:
+    def run(self, stop_signals: tuple[Signals, ...] = (SIGINT, SIGTERM, SIGHUP)) -> Run:
+        """Run to the end; once for each object.
+
+        Args:
+            stop_signals: begin a stop; must be () outside the main thread.
+
+        Raises:
+            BaseException: whatever the side, the transport or a callback of the loop raised. By then `side.fail` has
+                been called and the transport is closed.
+        """
+        with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+            runner.run(self._run(stop_signals))
+        if self._error is not None:
+            raise self._error
+        outcome = self._side.outcome or self._reason
+        return Run(self._ticks, self._ticker.missed, outcome, not self._failed, self._garbage)
+
+    async def _run(self, stop_signals: tuple[Signals, ...]) -> None:
         loop = asyncio.get_running_loop()
-        loop.set_exception_handler(self._loop_fault)
+        loop.set_exception_handler(
+            lambda _loop, context: self._fault(context.get("exception") or RuntimeError(context["message"]))
+        )
         for number in stop_signals:
             loop.add_signal_handler(number, self._signal, number)
         # A parent may have blocked them until there is a handler.
         pthread_sigmask(SIG_UNBLOCK, stop_signals)
         try:
-            await self._open(loop)
-            await self._live()
+            opening = self._transport.open(loop)
+            if opening is not None:
+                await self._unless_stopped(opening)
+            if not self._done.is_set():
+                await self._live()
         except BaseException as error:
             self._fault(error)
         finally:
@@ -155,21 +155,9 @@ class _Shell:
             for number in stop_signals:
                 loop.remove_signal_handler(number)
             self._transport.close()
-        if self._error is not None:
-            raise self._error
-        return Run(
-            ticks=self._ticks,
-            missed=self._ticker.missed,
-            outcome=self._side.outcome or self._reason,
-            orderly=not self._failed,
-            garbage=self._garbage,
-        )
 
-    async def _open(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Open the transport, unless a stop comes first: looking up a host may take long."""
-        opening = self._transport.open(loop)
-        if opening is None:
-            return
+    async def _unless_stopped(self, opening: Awaitable[None]) -> None:
+        """Wait for the transport, unless a stop comes first: looking up a host may take long."""
         ready, ended = asyncio.ensure_future(opening), asyncio.ensure_future(self._done.wait())
         try:
             await asyncio.wait((ready, ended), return_when=asyncio.FIRST_COMPLETED)
@@ -181,8 +169,6 @@ class _Shell:
             await asyncio.gather(ready, ended, return_exceptions=True)
 
     async def _live(self) -> None:
-        if self._done.is_set():
-            return
         if self._garbage is not None:
             freeze_garbage()
         try:
@@ -219,9 +205,8 @@ class _Shell:
     def _signal(self, number: Signals) -> None:
         reason = REASONS.get(number, "terminated")
         if self._signalled:
-            if number == SIGHUP:
-                return
-            self._abandon(InterruptedError(f"{reason} a second time"))
+            if number != SIGHUP:
+                self._abandon(InterruptedError(f"{reason} a second time"))
             return
         self._signalled = True
         if self._reason is None:
@@ -229,29 +214,21 @@ class _Shell:
         if not self._ticker.running:
             self._finish()  # nothing has moved yet, and there is no tick that would finish the stop
 
-    def _abandon(self, error: Exception) -> None:
-        self._fail(error)
-        self._finish()
-
     def _fault(self, error: BaseException) -> None:
         if self._error is None:
             self._error = error
-        self._fail(error)
+        self._abandon(error)
+
+    def _abandon(self, error: BaseException) -> None:
+        if not self._failed:
+            self._failed = True
+            now = monotonic()
+            # Best effort: what failed first is what must be reported.
+            with suppress(Exception):
+                self._side.fail(now, error)
+            with suppress(Exception):
+                self._transport.flush(now)
         self._finish()
-
-    def _loop_fault(self, _loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        self._fault(context.get("exception") or RuntimeError(context["message"]))
-
-    def _fail(self, error: BaseException) -> None:
-        if self._failed:
-            return
-        self._failed = True
-        now = monotonic()
-        # Best effort: what failed first is what must be reported.
-        with suppress(Exception):
-            self._side.fail(now, error)
-        with suppress(Exception):
-            self._transport.flush(now)
 
     def _finish(self) -> None:
         self._ticker.stop()
