@@ -29,11 +29,10 @@ COMPILED = (
     "session/channels.py",
     "session/rows.py",
     "session/side.py",
-    "master/operator_end.py",
     "master/operator_port.py",
     "master/leader_port.py",
     "master/rotation.py",
-    "master/safety.py",
+    "master/gate.py",
     "master/mapping/*.py",
     "master/devices/hand.py",
     "master/devices/hand_device.py",
@@ -52,14 +51,14 @@ COMPILED = (
 """What a tick runs, for simulated devices and robots; the drivers of real ones wait for their hardware.
 
 Not there: modules that define pydantic models (mypyc drops their annotations), scenes, which deepcopy() copies, and
-`realtime/shell.py`: compiled, its `await` in a `finally` clause raised an earlier exception again.
+`realtime/loop.py`: compiled, its `await` in a `finally` clause raised an earlier exception again.
 """
 PYTHON = {
     "codec/replay.py": "takes lists of numbers for vectors",
-    "control/contract.py": "protocols, whose members weberlink.registry lists",
+    "control/contract.py": "a protocol, from which compiled code would ask its classes to inherit",
     "control/table.py": "a type made of the table",
     "protocol/keys.py": "runs once",
-    "protocol/noise.py": "copies objects with copy(), which objects of compiled classes refuse",
+    "protocol/noise.py": "runs in a handshake only",
     "protocol/security.py": "compiled code takes only classes that inherit from a compiled protocol",
 }
 """What stays Python of those, and why; packages (`__init__.py`) do too, as they hold names and tables only."""

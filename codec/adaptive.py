@@ -155,7 +155,7 @@ class AdaptiveChoice:
         for shadow in self._shadows:
             if shadow.follow(tick, actual, place, bound, deadband):
                 if sample is None:
-                    sample = grid.sample(tick, grid.levels(actual, place))
+                    _, sample = grid.quantize(tick, actual, place)
                 shadow.send(sample, bound, history, ahead)
 
     def choose(

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from math import inf
 
 from weberlink.codec.deadband import Deadband, ForceDeadband, PositionDeadband, Reference
+from weberlink.codec.deadband.per_axis import PerAxisDeadband
 from weberlink.codec.predictors import (
     ADAPTIVE,
     ADAPTIVE_BANK,
@@ -18,8 +19,12 @@ from weberlink.codec.predictors import (
 from weberlink.codec.rate import UpdateRate
 from weberlink.codec.sample import Quantizer, Sample, SampleGrid
 from weberlink.compiled import mypyc_attr
+from weberlink.geometry.joints import PART, Joints, parts
 from weberlink.geometry.vector import ZERO, Vector, is_finite, within
 from weberlink.update import MAX_SELECTOR, UpdateForm
+
+ROUNDING = 0.5 * (1.0 + 1e-9)
+"""Largest rounding error of the wire [steps], with that of the arithmetic."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +64,10 @@ class Smoothing:
 @mypyc_attr(allow_interpreted_subclasses=True)
 @dataclass(frozen=True)
 class Channel:
-    """One coded direction.
+    """One coded stream: a vector of the hand, or the joints of an arm, three to a part.
+
+    One decision is made for a whole stream: where one part leaves its deadband, all are sent. So an update restores
+    the whole decoder, and the joints of an arm are always of the same moment.
 
     Args:
         bank: names of the predictors; a selector is an index in it. One name unless hybrid or adaptive.
@@ -76,6 +84,9 @@ class Channel:
         every_position: whether every update carries the position, because somebody beside the predictors reads it.
         tick_period: time between ticks [s], > 0.
         lookahead: number of ticks by which the encoder looks ahead and the decoder displays late, >= 0.
+        joints: number of values, where they are those of an arm's joints; 0 for a vector.
+        more: the further parts of an arm of more than three joints. They differ in axes and thresholds only, and the
+            errors of all parts are in one unit.
 
     Raises:
         ValueError: for a negative look-ahead; for an unknown, repeated or missing predictor, or one that does not suit
@@ -94,6 +105,8 @@ class Channel:
     every_position: bool = False
     tick_period: float = 1e-3
     lookahead: int = 0
+    joints: int = 0
+    more: tuple["Channel", ...] = ()
 
     def __post_init__(self) -> None:
         if self.lookahead < 0:
@@ -110,6 +123,8 @@ class Channel:
             if geometric:
                 raise ValueError(f"{', '.join(geometric)}: predicts forces from positions; not for a position channel")
         estimated = [name for name in self.bank if PREDICTORS[name].estimated]
+        if estimated and self.joints:
+            raise ValueError(f"{', '.join(estimated)}: sends parameters; joints need a predictor such as zoh or linear")
         if estimated and len(self.bank) > 1 and not self.adaptive:
             raise ValueError(f"{', '.join(estimated)}: not for {HYBRID}, which sends no parameters; use {ADAPTIVE}")
 
@@ -130,6 +145,9 @@ class Channel:
         the ramp begins at the value of the model before, whichever that is.
         """
         predictors, grid = self.predictors, self.grid
+        if self.joints:
+            sizes = (grid.value.size, *[part.value_quantizer.size for part in self.more])
+            return tuple(UpdateForm(sizes, sizes) for _ in predictors)
         everywhere = self.every_position or (self.smoothing is not None and any(each.geometric for each in predictors))
         return tuple(
             UpdateForm(
@@ -145,14 +163,58 @@ class Channel:
 
     def displayable(self, predicted: Vector, newest: Sample) -> Vector:
         """A prediction saturated as a measured value is; the newest sample if the prediction is not finite."""
-        quantizer = self.value_quantizer
-        if quantizer.in_range(predicted):
+        x, y, z = predicted
+        low, high = self.value_quantizer.lowest, self.value_quantizer.highest
+        if low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]:
             return predicted
-        return quantizer.confine(predicted) if is_finite(predicted) else newest.value
+        return self.value_quantizer.confine(predicted) if is_finite(predicted) else newest.value
 
     def place(self, position: Vector) -> Vector:
         """The position at which a model is evaluated [m]: saturated as the position of a sample is."""
         return position if self.position_quantizer is None else self.position_quantizer.confine(position)
+
+
+def joint_channel(
+    *,
+    bounds: Joints,
+    step: float,
+    predictor: str = "linear",
+    weber: float = 0.0,
+    tick_period: float = 1e-3,
+    rest: Joints | None = None,
+    rate: UpdateRate | None = None,
+) -> Channel:
+    """Make the channel of a vector of joint values.
+
+    Args:
+        bounds: absolute threshold of each axis, > 0: the deadband of an angle [rad], the floor of a torque [N m].
+        step: wire step, > 0 [rad or N m].
+        predictor: a name of `PREDICTORS` that reads no position and sends no parameters.
+        weber: Weber factor of the value on its own axis, >= 0; 0 for angles.
+        tick_period, rest, rate: as of `Channel`; `rest` has a value for each axis.
+
+    Raises:
+        ValueError: as `Channel`, or for a number out of its range.
+    """
+    if rest is not None and len(rest) != len(bounds):
+        raise ValueError(f"rest has {len(rest)} axes, bounds {len(bounds)}")
+    more: tuple[Channel, ...] = ()
+    # The last part first: the first one holds the others. An axis that a part does not have is never beyond its bound.
+    for start in reversed(range(0, len(bounds), PART)):
+        width = min(PART, len(bounds) - start)
+        x, y, z = (*bounds[start:], inf, inf)[:PART]
+        made = Channel(
+            (predictor,),
+            PerAxisDeadband(weber, (x, y, z), ROUNDING * step),
+            Quantizer(step, "xyz"[:width]),
+            rest=None if rest is None else parts(rest)[start // PART],
+            rate=rate,
+            tick_period=tick_period,
+            joints=len(bounds) if start == 0 else width,
+            more=more if start == 0 else (),
+        )
+        more = (made, *more)
+    return made
 
 
 def force_channel(

@@ -5,11 +5,12 @@ from typing import Any, NamedTuple
 
 from weberlink.codec.channel import Channel
 from weberlink.codec.deadband import Deadband
-from weberlink.codec.predictors import ContactSurface, Model
-from weberlink.codec.predictors.model import UNFITTED, ModelRecord
+from weberlink.codec.predictors.contract import Predictor
+from weberlink.codec.predictors.model import UNFITTED, ContactSurface, Model, ModelRecord
 from weberlink.codec.sample import Sample
+from weberlink.geometry.joints import PART, Joints, joined
 from weberlink.geometry.vector import ZERO, Vector, add, subtract
-from weberlink.update import Update
+from weberlink.update import PreviousSample, Update
 
 
 class Decoded(NamedTuple):
@@ -32,21 +33,34 @@ class Decoder:
         model: the model of that sample; None before the first.
         selected: index in the bank of the predictor in use.
         first: value of that model at the tick of that sample, without a ramp.
+        record: the model in use, as telemetry records it.
+        is_arm: whether the values are those of an arm's joints.
+        parts: the decoders of the parts; this one is the first, and its other attributes are those of that part.
     """
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
         self._grid = channel.grid
-        self._predictors = channel.predictors
+        self._limits = channel.fit_limits
+        self._predictors: list[Predictor] = [*channel.predictors]
         self._deadband = channel.deadband
-        self._sizes = [sum(form.newest) for form in channel.forms]
+        self._smoothing = channel.smoothing
+        forms = channel.forms
+        self._sizes = [form.newest[0] if channel.more else sum(form.newest) for form in forms]
         self._late = channel.lookahead
+        self.is_arm = channel.joints > 0
+        self._places = channel.position_quantizer
+        self.parts: list[Decoder] = [self, *[Decoder(part) for part in channel.more]]
+        # Levels of each part in those of an update; what the last part gets too much, it refuses.
+        starts = range(0, PART * len(self.parts), PART)
+        self._slices = [slice(start, start + PART if start < starts[-1] else None) for start in starts]
         self.reset()
 
     def reset(self) -> None:
         """Forget the signal: `value` returns the channel's `rest` until the first update. The deadband stays."""
         self._former, self._since = self._deadband, -inf
         self.model: Model | None = None
+        self.record: ModelRecord = UNFITTED
         self._applied: Update | None = None
         self.first: Vector = ZERO
         self._memory: Any = None
@@ -54,21 +68,18 @@ class Decoder:
         self._ramp: Vector | None = None
         self.newest: Sample | None = None
         self.selected = 0
+        for part in self.parts[1:]:
+            part.reset()
 
     @property
-    def state(self) -> tuple[int, Model | None, Sample | None, Any]:
-        """All that a prediction depends on, except a ramp: selector, model, newest sample and memory of the model."""
-        return self.selected, self.model, self.newest, self._memory
+    def state(self) -> list[tuple[int, Model | None, Sample | None, Any]]:
+        """All that a prediction depends on, except a ramp: selector, model, newest sample and memory, of each part."""
+        return [(part.selected, part.model, part.newest, part._memory) for part in self.parts]
 
     @property
     def surface(self) -> ContactSurface | None:
         """The contact surface of the model in use; None if the model describes none."""
         return None if self.model is None else self.model.surface()
-
-    @property
-    def record(self) -> ModelRecord:
-        """The model in use, as telemetry records it."""
-        return UNFITTED if self.model is None else self.model.record()
 
     def retune(self, deadband: Deadband, since: float = -inf) -> None:
         """Size ramps by another deadband, that of the encoder; without smoothing this changes nothing.
@@ -85,37 +96,57 @@ class Decoder:
         Raises:
             ValueError: if selector, number of levels or payload do not fit the channel; the state is unchanged then.
         """
-        if update != self._applied:  # the model of a repeated one has a memory of the positions since
+        if update == self._applied:  # the model of a repeated one has a memory of the positions since
+            return
+        if len(self.parts) == 1:
             self.take(update, self.read(update))
+            return
+        read = []
+        for part, own in zip(self.parts, self._slices, strict=True):
+            payload = update.payload
+            if isinstance(payload, PreviousSample):
+                payload = PreviousSample(payload.gap, payload.levels[own])
+            each = Update(update.tick, update.selector, update.newest[own], payload)
+            read.append((part, each, part.read(each)))
+        for part, each, decoded in read:
+            part.take(each, decoded)
+        self._applied = update
 
-    def read(self, update: Update) -> Decoded:
-        """What an update says; changes nothing and raises as `apply`."""
-        channel, grid = self._channel, self._grid
-        if not 0 <= update.selector < len(self._predictors):
-            raise ValueError(f"update selects predictor {update.selector} of a bank of {len(self._predictors)}")
-        if len(update.newest) != self._sizes[update.selector]:
-            raise ValueError(f"update has {len(update.newest)} levels, expected {self._sizes[update.selector]}")
-        predictor = self._predictors[update.selector]
-        newest = grid.sample(update.tick, update.newest)
-        model = predictor.decode(update.payload, newest, grid, channel.fit_limits)
-        first = channel.displayable(model.first(newest), newest) if predictor.estimated else newest.value
+    def read(self, update: Update, newest: Sample | None = None, previous: Sample | None = None) -> Decoded:
+        """What an update says to the first part; changes nothing and raises as `apply`.
+
+        Args:
+            update: levels of this part alone.
+            newest: the sample of the update, where it is known already; `previous` likewise.
+        """
+        selector, levels, payload = update.selector, update.newest, update.payload
+        if not 0 <= selector < len(self._predictors):
+            raise ValueError(f"update selects predictor {selector} of a bank of {len(self._predictors)}")
+        if len(levels) != self._sizes[selector]:
+            raise ValueError(f"update has {len(levels)} levels, expected {self._sizes[selector]}")
+        predictor, grid = self._predictors[selector], self._grid
+        if newest is None:
+            newest = grid.sample(update.tick, levels)
+        model = predictor.decode(payload, newest, grid, self._limits, previous)
+        first = self._channel.displayable(model.first(newest), newest) if predictor.estimated else newest.value
         return Decoded(newest, model, first)
 
     def take(self, update: Update, decoded: Decoded) -> None:
-        """Replace the state by that of an update that was read."""
+        """Replace the state of the first part by that of an update that was read."""
         newest, model, first = decoded
         before = None
-        if self._channel.smoothing is not None:
+        if self._smoothing is not None:
             if self._noted is not None and self._noted[0] == newest.tick:
                 self._memory = self._noted[1]  # a mirror was asked in this tick already: that change is undone
-            before = self._value(newest.tick, newest.position)
+            before = self.predict(newest.tick, newest.position)
         self.model, self.newest, self.selected, self._applied = model, newest, update.selector, update
         self.first = first
+        self.record = model.record()
         self._memory, self._noted = model.memory, None
         self._ramp = self._ramp_from(before) if before is not None else None
 
     def value(self, tick: float, position: Vector = ZERO) -> Vector | None:
-        """The value to display, finite and within the range of the wire.
+        """The value to display, finite and within the range of the wire; of an arm, that of its first part.
 
         Args:
             tick: the present time on the sender's tick clock; fractional between its ticks.
@@ -125,7 +156,17 @@ class Decoder:
         Returns:
             Force [N] or position [m]; the channel's `rest` before the first update.
         """
-        return self._value(tick - self._late, position)
+        return self.predict(tick - self._late, position)
+
+    def joints(self, tick: float, position: Vector = ZERO) -> Joints | None:  # noqa: ARG002 - as `value`
+        """As `value`, of all joints of an arm [rad or N m]."""
+        values: list[Vector] = []
+        for part in self.parts:
+            value = part.predict(tick, ZERO)
+            if value is None:
+                return None
+            values.append(value)
+        return joined(values, self._channel.joints)
 
     def stated(self, tick: float, position: Vector) -> Vector:
         """As `value`, for another place or tick, and without the memory; zero before the first update."""
@@ -134,41 +175,40 @@ class Decoder:
             return ZERO
         return channel.displayable(model.at(tick - self._late, channel.place(position)), newest)
 
-    def _value(self, tick: float, position: Vector) -> Vector | None:
-        """The prediction for a tick of the signal."""
+    def predict(self, tick: float, position: Vector) -> Vector | None:
+        """The value of the first part for a tick of the signal, which look-ahead displays later."""
         newest, model, channel = self.newest, self.model, self._channel
         if newest is None or model is None:
             return channel.rest
         if tick == newest.tick:
             value = self.first
-        elif self._memory is None:
-            value = channel.displayable(model.at(tick, channel.place(position)), newest)
         else:
-            if self._noted is None or self._noted[0] != tick:
-                self._noted = tick, self._memory
-            predicted, self._memory = model.advance(tick, channel.place(position), self._memory)
-            value = channel.displayable(predicted, newest)
-        return value if self._ramp is None else self._smoothed(value, tick)
-
-    def _ramp_from(self, before: Vector) -> Vector | None:
-        """The ramp starts within a share of the deadband around the sample, even if the model starts elsewhere."""
-        channel, first, newest = self._channel, self.first, self.newest
-        assert channel.smoothing is not None
-        assert newest is not None
-        sample = newest.value
-        deadband = self._deadband if newest.tick + self._late >= self._since else self._former
-        kept = channel.smoothing.kept(subtract(before, sample), deadband.bound(sample, sample, sample, 0.0))
-        ramp = subtract(add(sample, kept), first)
-        return ramp if ramp != ZERO else None
-
-    def _smoothed(self, value: Vector, tick: float) -> Vector:
-        newest, ramp, channel = self.newest, self._ramp, self._channel
-        assert newest is not None
-        assert ramp is not None
-        assert channel.smoothing is not None
-        left = channel.smoothing.remaining(tick - newest.tick)
+            if self._places is not None:
+                position = self._places.confine(position)
+            if self._memory is None:
+                value = channel.displayable(model.at(tick, position), newest)
+            else:
+                if self._noted is None or self._noted[0] != tick:
+                    self._noted = tick, self._memory
+                predicted, self._memory = model.advance(tick, position, self._memory)
+                value = channel.displayable(predicted, newest)
+        ramp, smoothing = self._ramp, self._smoothing
+        if ramp is None or smoothing is None:
+            return value
+        left = smoothing.remaining(tick - newest.tick)
         if left == 0.0:
             self._ramp = None
             return value
         shown = (value[0] + left * ramp[0], value[1] + left * ramp[1], value[2] + left * ramp[2])
         return channel.displayable(shown, newest)
+
+    def _ramp_from(self, before: Vector) -> Vector | None:
+        """The ramp starts within a share of the deadband around the sample, even if the model starts elsewhere."""
+        first, newest, smoothing = self.first, self.newest, self._smoothing
+        assert smoothing is not None
+        assert newest is not None
+        sample = newest.value
+        deadband = self._deadband if newest.tick + self._late >= self._since else self._former
+        kept = smoothing.kept(subtract(before, sample), deadband.bound(sample, sample, sample, 0.0))
+        ramp = subtract(add(sample, kept), first)
+        return ramp if ramp != ZERO else None

@@ -8,18 +8,21 @@ from typing import TYPE_CHECKING, NamedTuple
 from weberlink.codec.channel import Channel
 from weberlink.codec.deadband import Deadband
 from weberlink.codec.decoder import Decoder
-from weberlink.codec.predictors.contract import FittedPredictor
+from weberlink.codec.predictors.contract import EstimatedPredictor, FittedPredictor
 from weberlink.codec.predictors.estimation import NOTHING, Ahead
+from weberlink.codec.predictors.model import Hold, Model
 from weberlink.codec.rate import TokenBucket
-from weberlink.codec.sample import Sample
+from weberlink.codec.sample import UNKNOWN, Sample
+from weberlink.geometry.joints import Joints, joined, parts
+from weberlink.geometry.joints import is_finite as are_finite
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
-from weberlink.update import MAX_GAP, Update
+from weberlink.update import MAX_GAP, Payload, PreviousSample, Update
 
 if TYPE_CHECKING:
     from weberlink.codec.adaptive import AdaptiveChoice
 
 
-class Taken(NamedTuple):
+class PendingSample(NamedTuple):
     """A measured sample that waits for its decision; `bound` is its deadband if it were displayed and sent."""
 
     tick: int
@@ -27,45 +30,22 @@ class Taken(NamedTuple):
     actual: Vector
     position: Vector
     most: float
-    bound: float = 0.0
+    bound: float
 
 
-class Window:
-    """The samples that are known and not yet decided on: the decision on one waits for the next `length` ticks.
+class Part:
+    """Up to three axes of a stream at its sending end: their grid, their deadband, and what was sent of them."""
 
-    A tick without a sample gets no decision, and neither does a sample whose time passed while nothing was encoded.
-    """
+    __slots__ = ("deadband", "grid", "levels", "mirror", "newest", "previous", "quantizer")
 
-    def __init__(self, length: int) -> None:
-        self.length = length
-        self._samples: deque[Taken] = deque()
-
-    def clear(self) -> None:
-        self._samples.clear()
-
-    def take(self, sample: Taken) -> None:
-        """Add the sample of a tick. One that does not rise (the sender's ticks began anew) clears the window."""
-        samples = self._samples
-        if samples and sample.tick <= samples[-1].tick:
-            samples.clear()
-        samples.append(sample)
-
-    def due(self, tick: int) -> Taken | None:
-        """Remove and return the sample of `length` ticks before this one; None if there was none."""
-        samples, due = self._samples, tick - self.length
-        while samples and samples[0].tick < due:
-            samples.popleft()
-        return samples.popleft() if samples and samples[0].tick == due else None
-
-    def following(self, tick: int) -> list[Taken]:
-        """The samples that follow a tick without a gap."""
-        run: list[Taken] = []
-        for sample in self._samples:
-            tick += 1
-            if sample.tick != tick:
-                break
-            run.append(sample)
-        return run
+    def __init__(self, channel: Channel, mirror: Decoder) -> None:
+        self.grid = channel.grid
+        self.quantizer = channel.value_quantizer
+        self.deadband = channel.deadband
+        self.mirror = mirror
+        self.newest: Sample | None = None
+        self.previous: Sample | None = None
+        self.levels: tuple[int, ...] = ()
 
 
 class Encoder:
@@ -86,20 +66,24 @@ class Encoder:
     Attributes:
         mirror: the state of the other end if no update was lost.
         coded: the last coded sample as measured; before the first, what the other end starts from.
-        bound: its deadband in the unit of the values, widened by the rate limit; its error if no token was left.
+        bound: its deadband in the unit of the error, widened by the rate limit; its error if no token was left.
         widened: whether the rate of updates widened it.
         predicted: the value at the other end for that sample, before any update; None if it had none.
+        held: what the other end holds after this tick if nothing was lost; None for nothing.
         rejected: number of samples that were not finite, and so were not coded.
     """
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
+        self._joints = channel.joints
+        self._lookahead = channel.lookahead
         self._predictors = channel.predictors
         self._fitted = [each for each in channel.predictors if isinstance(each, FittedPredictor)]
-        self._grid = channel.grid
         self._sizes = [sum(form.newest) for form in channel.forms]
         self.mirror = Decoder(channel)
-        self._quantizer = channel.value_quantizer
+        self._parts = [
+            Part(each, mirror) for each, mirror in zip((channel, *channel.more), self.mirror.parts, strict=True)
+        ]
         self._choice: AdaptiveChoice | None = None
         if channel.estimates:
             from weberlink.codec import adaptive  # noqa: PLC0415 - where a file asks for it
@@ -109,15 +93,14 @@ class Encoder:
         if channel.rate is not None:
             at_rest = channel.deadband.bound(ZERO, ZERO, ZERO, 0.0)
             self._bucket = TokenBucket(channel.rate, max(at_rest, channel.value_quantizer.step))
-        self._deadband = channel.deadband
         self._selectors = tuple(range(len(self._predictors)))
-        self._window = Window(channel.lookahead)
+        self._pending: deque[PendingSample] = deque()
         self.rejected = 0
         self.reset()
 
     def reset(self) -> None:
         """Forget the signal, because the other end started anew. Deadband, predictors selected and tokens stay."""
-        self._window.clear()
+        self._pending.clear()
         self._forget()
 
     def _forget(self) -> None:
@@ -125,15 +108,19 @@ class Encoder:
         self.mirror.reset()
         if self._choice is not None:
             self._choice.reset()
-        self._newest: Sample | None = None
-        self._previous: Sample | None = None
-        self._levels: tuple[int, ...] = ()
+        for part in self._parts:
+            part.newest = part.previous = None
+            part.levels = ()
         self._last: Vector | None = None
         self._arrived: Vector | None = None
         self.bound = 0.0
         self.widened = False
-        self.coded: Vector = self._channel.rest or ZERO
-        self.predicted: Vector | None = None
+        rest: Joints | None = self._channel.rest
+        if self._joints:
+            rest = self.mirror.joints(0.0)
+        self.coded: Joints = rest or (0.0,) * (self._joints or 3)
+        self.predicted: Joints | None = None
+        self.held: Joints | None = None
         self._forced = False
 
     def restart(self) -> None:
@@ -144,7 +131,7 @@ class Encoder:
         self._forget()
         self._forced = True
 
-    def retune(self, deadband: Deadband, selectors: Sequence[int]) -> None:
+    def retune(self, deadband: Deadband, selectors: Sequence[int], more: Sequence[Deadband] = ()) -> None:
         """Change deadband and predictors from the next sample on; the other end needs to know of it for smoothing only.
 
         If the predictor in use is no longer selected, the next sample is sent unconditionally.
@@ -152,6 +139,7 @@ class Encoder:
         Args:
             deadband: the bound on an unsent error.
             selectors: indices in the bank of the predictors to choose among.
+            more: the deadbands of the further parts of an arm.
 
         Raises:
             ValueError: for no selector, or one that is not in the bank; nothing is changed then.
@@ -159,96 +147,143 @@ class Encoder:
         count = len(self._predictors)
         if not selectors or not all(0 <= selector < count for selector in selectors):
             raise ValueError(f"selectors must name some of a bank of {count} predictors, not {list(selectors)!r}")
-        self._deadband = deadband
+        for part, each in zip(self._parts, (deadband, *more), strict=True):
+            part.deadband = each
         if self._choice is not None:
             self._choice.retune(deadband)
         self.mirror.retune(deadband)
         if not deadband.reads_motion:
             self._last = self._arrived = None
         self._selectors = tuple(sorted(set(selectors)))
-        if self._newest is not None:  # without one, what a restart demanded stands
+        if self._parts[0].newest is not None:  # without one, what a restart demanded stands
             self._forced = self.mirror.selected not in self._selectors
 
-    def encode(self, tick: int, value: Vector, position: Vector = ZERO, most: float = inf) -> Update | None:
+    def encode(self, tick: int, value: Joints, position: Vector = ZERO, most: float = inf) -> Update | None:
         """Take the sample of one tick, and code the one of L ticks ago.
 
         Args:
             tick: the sender's tick number, higher in every call.
-            value: measured force [N] or position [m]; saturated at the range of the wire.
+            value: measured force [N], position [m], or values of all joints [rad or N m]; saturated at the range of the
+                wire.
             position: commanded position at which a force was measured [m]; not read on a position channel.
             most: largest error that may stay unsent, where the deadband allows more; a bounded rate widens this too.
 
         Returns:
             The update to send; None if the prediction is good enough, if there is no sample of L ticks ago, or if that
             was not finite (counted in `rejected`).
+
+        Raises:
+            ValueError: the sample has another number of values than the channel.
         """
-        if not (is_finite(value) and is_finite(position)):
+        if self._joints:
+            if len(value) != self._joints:
+                raise ValueError(f"a sample has {len(value)} axes, expected {self._joints}")
+            if not are_finite(value):
+                self.rejected += 1
+                return None
+            confined = [part.quantizer.confine(each) for part, each in zip(self._parts, parts(value), strict=True)]
+            return self._code(tick, tick, value, confined, ZERO, most, NOTHING)
+        x, y, z = value
+        vector = (x, y, z)
+        if not (is_finite(vector) and is_finite(position)):
             self.rejected += 1
             return self.decide(tick)
-        actual = self._quantizer.confine(value)
-        if self._window.length == 0:
-            return self._code(tick, tick, value, actual, position, most, NOTHING)
-        self._window.take(self._taken(tick, value, actual, position, most))
-        return self.decide(tick)
-
-    def _taken(self, tick: int, value: Vector, actual: Vector, position: Vector, most: float) -> Taken:
-        """A sample that waits, with its deadband; what learns from all samples learns from it."""
-        deadband, moved = self._deadband, 0.0
+        actual = self._parts[0].quantizer.confine(vector)
+        if self._lookahead == 0:
+            return self._code(tick, tick, value, [actual], position, most, NOTHING)
+        pending = self._pending
+        if pending and tick <= pending[-1].tick:  # the sender's ticks began anew
+            pending.clear()
+        deadband, moved = self._parts[0].deadband, 0.0
         if deadband.reads_motion:
             place = self._moving(actual, position)
             moved, self._arrived = distance(place, self._arrived if self._arrived is not None else place), place
         bound = min(deadband.bound(actual, actual, actual, moved), most)
         if self._choice is not None:
             self._choice.learn(tick, actual, self._channel.place(position), bound)
-        return Taken(tick, value, actual, position, most, bound)
+        pending.append(PendingSample(tick, vector, actual, position, most, bound))
+        return self.decide(tick)
 
     def decide(self, tick: int) -> Update | None:
-        """Code the sample of L ticks ago in a tick that has none itself, as `encode` does."""
-        sample = self._window.due(tick)
-        if sample is None:
+        """Code the sample of L ticks ago in a tick that has none itself, as `encode` does.
+
+        A tick without a sample gets no decision, and neither does a sample whose time passed while nothing was encoded.
+        """
+        pending, due = self._pending, tick - self._lookahead
+        while pending and pending[0].tick < due:
+            pending.popleft()
+        if not pending or pending[0].tick != due:
             return None
-        coded, value, actual, position, most, _ = sample
-        return self._code(tick, coded, value, actual, position, most, self._ahead(coded))
+        coded, value, actual, position, most, _ = pending.popleft()
+        # What is known follows the sample without a gap.
+        following = [each for step, each in enumerate(pending, 1) if each.tick == coded + step]
+        ahead = Ahead(
+            tuple([each.actual for each in following]),
+            tuple([self._channel.place(each.position) for each in following]),
+            tuple([each.bound for each in following]),
+        )
+        return self._code(tick, coded, value, [actual], position, most, ahead)
+
+    def idle(self, tick: int, value: Joints, position: Vector) -> None:
+        """A tick in which nothing is encoded; `value` is the newest measurement."""
+        self.coded = value
+        self.held = self.mirror.joints(tick) if self._joints else self.mirror.value(tick, position)
 
     def _code(
-        self, now: int, tick: int, value: Vector, actual: Vector, position: Vector, most: float, ahead: Ahead
+        self, now: int, tick: int, value: Joints, confined: list[Vector], position: Vector, most: float, ahead: Ahead
     ) -> Update | None:
-        """Code the sample of `tick`."""
+        """Code the sample of `tick`, which has one vector for each part."""
         self.coded = value
-        deadband, bucket, newest, moved = self._deadband, self._bucket, self._newest, 0.0
-        if deadband.reads_motion:
-            place = self._moving(actual, position)
-            moved, self._last = distance(place, self._last if self._last is not None else place), place
-        displayed = self.predicted = self.mirror.value(now, position)
-        compared = displayed if displayed is not None else actual
-        sent = newest.value if newest is not None else compared
-        allowed = min(deadband.bound(actual, compared, sent, moved), most)
-        self.bound = bound = allowed if bucket is None else bucket.widened(tick, allowed)
-        self.widened = bound > allowed
+        displayed: list[Vector] = []
+        error = inf if self._forced else 0.0
+        for part, actual in zip(self._parts, confined, strict=True):
+            shown = part.mirror.predict(now - self._lookahead, position)
+            if shown is None:
+                self.predicted = self.held = None
+                error = inf
+                break
+            displayed.append(shown)
+            error = max(part.deadband.error(shown, actual), error)
+        else:
+            self.predicted = self.held = joined(displayed, self._joints) if self._joints else displayed[0]
+        actual = confined[0]
+        bound = self._bound(tick, actual, displayed[0] if displayed else actual, position, most)
         if self._choice is not None:
             self._choice.follow(tick, actual, self._channel.place(position), bound, ahead)
-        forced = displayed is None or self._forced
-        error = inf if displayed is None or forced else deadband.error(displayed, actual)
         if error <= bound:
             return None
-        levels = self._grid.levels(actual, position)
-        sample = self._grid.sample(tick, levels)
-        least = deadband.error(sample.value, actual)
+        quantized, least = [], 0.0
+        for part, each in zip(self._parts, confined, strict=True):
+            levels, sample = part.grid.quantize(tick, each, position)
+            quantized.append((levels, sample))
+            least = max(part.deadband.error(sample.value, each), least)
         if error <= least:
             return None
-        if bucket is not None and not bucket.take(forced=forced):
+        if self._bucket is not None and not self._bucket.take(forced=self._forced or not displayed):
             self.bound = error
             return None
-        return self.send(sample, levels, actual, position, ahead, max(bound, least))
+        self._forced = False
+        if self._joints:
+            return self._send_joints(tick, quantized)
+        levels, sample = quantized[0]
+        return self._send(sample, levels, actual, position, ahead, max(bound, least))
 
-    def send(
-        self,
-        sample: Sample,
-        levels: tuple[int, ...],
-        actual: Vector,
-        position: Vector = ZERO,
-        ahead: Ahead = NOTHING,
-        most: float = inf,
+    def _bound(self, tick: int, actual: Vector, displayed: Vector, position: Vector, most: float) -> float:
+        """The deadband in force, widened by the rate limit."""
+        part, moved = self._parts[0], 0.0
+        if part.deadband.reads_motion:
+            place = self._moving(actual, position)
+            moved, self._last = distance(place, self._last if self._last is not None else place), place
+        sent = displayed if part.newest is None else part.newest.value
+        self.bound = bound = min(part.deadband.bound(actual, displayed, sent, moved), most)
+        self.widened = False
+        if self._bucket is not None:
+            self.bound = self._bucket.widened(tick, bound)
+            self.widened = self.bound > bound
+        return self.bound
+
+    def _send(
+        self, sample: Sample, levels: tuple[int, ...], actual: Vector, position: Vector, ahead: Ahead, most: float
     ) -> Update:
         """Make the update of a sample that was decided on, and apply it to the mirror.
 
@@ -258,50 +293,88 @@ class Encoder:
             ahead: the samples that follow.
             most: largest error with which a model may begin; otherwise the sample is held.
         """
-        earlier = self._newest
+        part = self._parts[0]
+        earlier, earlier_levels = part.newest, part.levels
         if earlier is not None and not 0 < sample.tick - earlier.tick <= MAX_GAP:
             earlier = None
+        model: Model | None = None
         if self._choice is None:
-            selector, model = self._choose(sample, actual, position, earlier, ahead), None
+            selector = self._choose(sample, actual, position, earlier, ahead)
         else:
             selector, model = self._choice.choose(self._selectors, sample, earlier, self.bound, ahead)
-        payload = self._predictors[selector].encode(model, sample, earlier, self._levels, self._grid)
-        update = Update(sample.tick, selector, levels[: self._sizes[selector]], payload)
-        self._newest, self._previous, self._levels, self._forced = sample, earlier, levels, False
-        decoded = self.mirror.read(update)
-        if self._deadband.error(decoded.first, actual) > most:
+        payload: Payload = None
+        # The mirror is given the two samples as the update says them: without a position where it carries none.
+        known, before, size = sample, earlier, self._sizes[selector]
+        if len(levels) > size:
+            known = Sample(sample.tick, sample.value, UNKNOWN)
+        predictor = self._predictors[selector]
+        if isinstance(predictor, EstimatedPredictor):
+            if model is not None:
+                payload = predictor.packed(model, sample, part.grid)
+        elif (
+            earlier is not None and isinstance(predictor, FittedPredictor) and predictor.needs_previous(sample, earlier)
+        ):
+            reads = predictor.reads(part.grid)
+            payload = PreviousSample(sample.tick - earlier.tick, earlier_levels[:reads])
+            if len(earlier_levels) > reads:
+                before = Sample(earlier.tick, earlier.value, UNKNOWN)
+        update = Update(sample.tick, selector, levels[:size], payload)
+        part.newest, part.previous, part.levels = sample, earlier, levels
+        decoded = self.mirror.read(update, known, before)
+        if part.deadband.error(decoded.first, actual) > most:
             update = update._replace(payload=None)
-            decoded = self.mirror.read(update)
+            decoded = self.mirror.read(update, known)
         self.mirror.take(update, decoded)
+        self.held = decoded.first
+        return update
+
+    def _send_joints(self, tick: int, quantized: list[tuple[tuple[int, ...], Sample]]) -> Update:
+        """Make the update of all joints, and apply it to the mirror."""
+        predictor, payload = self._fitted[0], None
+        levels: tuple[int, ...] = ()
+        earlier_levels: tuple[int, ...] = ()
+        gap = reads = 0
+        for part, (own, sample) in zip(self._parts, quantized, strict=True):
+            earlier = part.newest
+            if earlier is not None and 0 < tick - earlier.tick <= MAX_GAP:
+                gap = tick - earlier.tick
+                reads += predictor.needs_previous(sample, earlier)
+            levels += own
+            earlier_levels += part.levels
+            part.newest, part.previous, part.levels = sample, earlier, own
+        if reads:  # where one part reads it, it travels for all
+            payload = PreviousSample(gap, earlier_levels)
+        update = Update(tick, 0, levels, payload)
+        self.mirror.apply(update)
+        self.held = joined([part.mirror.first for part in self._parts], self._joints)
         return update
 
     def _moving(self, actual: Vector, position: Vector) -> Vector:
         """The position whose motion the deadband reads [m]."""
         return position if self._channel.position_quantizer is not None else actual
 
-    def _ahead(self, tick: int) -> Ahead:
-        """The samples that follow a tick without a gap."""
-        following, place = self._window.following(tick), self._channel.place
-        return Ahead(
-            tuple(sample.actual for sample in following),
-            tuple(place(sample.position) for sample in following),
-            tuple(sample.bound for sample in following),
-        )
-
     def _choose(self, sample: Sample, actual: Vector, position: Vector, earlier: Sample | None, ahead: Ahead) -> int:
         """The paper's choice: the smallest w_i = |f_pred,i - f| / |f|. The common divisor |f| is left out.
 
         With look-ahead it is made among the predictors whose new models last longest in the known signal.
         """
-        newest, previous, selectors = self._newest, self._previous, self._selectors
+        part, selectors, mirror = self._parts[0], self._selectors, self.mirror
+        newest = part.newest
         if newest is None or len(selectors) == 1:
             return selectors[0]
         channel, predictors = self._channel, self._fitted  # all of the bank: `Channel` sees to it
         place, limits = channel.place(position), channel.fit_limits
         if ahead.values:
             new = [predictors[selector].model(sample, earlier, limits) for selector in selectors]
-            lasts = [ahead.lasts(model, sample.tick, self._deadband.error) for model in new]
+            lasts = [ahead.lasts(model, sample.tick, part.deadband.error) for model in new]
             selectors = tuple(selector for selector, ticks in zip(selectors, lasts, strict=True) if ticks == max(lasts))
-        models = [predictors[selector].model(newest, previous, limits) for selector in selectors]
-        errors = [distance(channel.displayable(model.at(sample.tick, place), newest), actual) for model in models]
-        return selectors[errors.index(min(errors))]
+        best, smallest = selectors[0], inf
+        for selector in selectors:
+            # The mirror has the model of the predictor in use already.
+            model = mirror.model if selector == mirror.selected else None
+            if model is None:
+                model = predictors[selector].fit(newest, part.previous, limits) or Hold(newest.value)
+            error = distance(channel.displayable(model.at(sample.tick, place), newest), actual)
+            if error < smallest:
+                best, smallest = selector, error
+        return best

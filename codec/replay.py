@@ -9,6 +9,7 @@ from weberlink.codec.channel import Channel
 from weberlink.codec.decoder import Decoder
 from weberlink.codec.encoder import Encoder
 from weberlink.codec.predictors import Model
+from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO, Vector, distance
 from weberlink.update import Update
 
@@ -29,7 +30,7 @@ class CodedTick(NamedTuple):
     """
 
     update: Update | None
-    predicted: Vector
+    predicted: Joints
     displayed: Vector
     error: float
     bound: float

@@ -15,38 +15,40 @@ class Quantizer:
     """Uniform mid-tread quantizer on the axes that are sent.
 
     Levels are Python integers. To study the codec without quantization, choose a step far below the noise (1e-12).
+
+    Args:
+        step: distance between two levels, > 0 [N or m].
+        axes: the axes that are sent, a subset of "xyz" in that order; the others are exactly 0.
+        largest_level: saturation, symmetric; with infinity, `LARGEST` is the only limit.
+
+    Attributes:
+        used: indices of the axes that are sent, and `size` their number.
+        limit: largest magnitude on one axis, in the unit of the step.
+        lowest, highest: opposite corners of the box of all values in range.
+
+    Raises:
+        ValueError: for a step or axes that are not so.
     """
 
-    __slots__ = ("highest", "limit", "lowest", "step", "used")
+    __slots__ = ("_places", "_sent", "highest", "limit", "lowest", "size", "step", "used")
 
     def __init__(self, step: float, axes: str = "xyz", *, largest_level: float = INT16_MAX) -> None:
-        """Make the grid.
-
-        Args:
-            step: distance between two levels, > 0 [N or m].
-            axes: the axes that are sent, a subset of "xyz" in that order; the others are exactly 0.
-            largest_level: saturation, symmetric; with infinity, `LARGEST` is the only limit.
-
-        Raises:
-            ValueError: for a step or axes that are not so.
-        """
         if not (step > 0.0 and isfinite(step)):
             raise ValueError(f"quantizer step must be positive and finite, not {step!r}")
         if not axes or axes != "".join(axis for axis in "xyz" if axis in axes):
             raise ValueError(f"axes must be a non-empty subset of 'xyz' in that order, not {axes!r}")
-        self.used: Final = tuple("xyz".index(axis) for axis in axes)
-        """Indices of the axes that are sent."""
+        used = tuple("xyz".index(axis) for axis in axes)
+        self.used: Final = used
+        self.size: Final = len(used)
         self.step: Final = step
         self.limit: Final = min(step * min(largest_level, LARGEST), LARGEST)
-        """Largest magnitude on one axis, in the unit of the step."""
-        self.highest: Final = _corner(self.limit, axes)
-        self.lowest: Final = _corner(-self.limit, axes)
-        """`lowest` and `highest` are opposite corners of the box of all values in range."""
-
-    @property
-    def size(self) -> int:
-        """Number of levels of one vector, 1 to 3."""
-        return len(self.used)
+        x, y, z = (self.limit if axis in axes else 0.0 for axis in "xyz")
+        self.highest: Final = (x, y, z)
+        self.lowest: Final = (-x if x else 0.0, -y if y else 0.0, -z if z else 0.0)
+        # Every subset of three axes is a slice; the place of an axis that is not sent is that of a 0 behind the levels.
+        self._sent: Final = slice(used[0], used[-1] + 1, used[1] - used[0] if len(used) > 1 else 1)
+        i, j, k = (axes.find(axis) for axis in "xyz")
+        self._places: Final = (i, j, k)
 
     def in_range(self, value: Vector) -> bool:
         """Whether `confine` would leave a value as it is; False if it is not finite."""
@@ -60,42 +62,31 @@ class Quantizer:
             return value
         return (_clip(value[0], low[0], high[0]), _clip(value[1], low[1], high[1]), _clip(value[2], low[2], high[2]))
 
-    def levels(self, value: Vector) -> tuple[int, ...]:
-        """Wire levels of a finite value, saturated; within the limit the error is at most half a step per axis."""
-        confined = self.confine(value)
+    def quantize(self, value: Vector) -> tuple[tuple[int, ...], Vector]:
+        """Wire levels of a finite value, saturated, and the value that they stand for.
+
+        Of two levels that are equally near, the even one. Within the limit the error is at most half a step per axis.
+        """
+        x, y, z = self.confine(value)
         step = self.step
-        return tuple([level(confined[index], step) for index in self.used])
+        i, j, k = round(x / step), round(y / step), round(z / step)
+        levels: tuple[int, ...] = (i, j, k)
+        return levels[self._sent], self.confine((i * step, j * step, k * step))
 
     def value(self, levels: tuple[int, ...]) -> Vector:
         """SI value of `size` levels. A level beyond the limit (-32768, which no encoder sends) counts as the limit."""
-        return self.confine(self.vector([each * self.step for each in levels]))
+        step, (i, j, k), padded = self.step, self._places, (*levels, 0)
+        return self.confine((padded[i] * step, padded[j] * step, padded[k] * step))
 
     def components(self, vector: Vector) -> list[float]:
         """The `size` components of a vector on the axes that are sent."""
-        return [vector[index] for index in self.used]
+        components: tuple[float, ...] = vector
+        return list(components[self._sent])
 
     def vector(self, components: Sequence[float]) -> Vector:
         """The vector with these `size` components, and 0 on the other axes; neither rounded nor saturated."""
-        all_axes = [0.0, 0.0, 0.0]
-        for index, each in zip(self.used, components, strict=True):
-            all_axes[index] = each
-        return (all_axes[0], all_axes[1], all_axes[2])
-
-    def rounded(self, value: Vector) -> Vector:
-        """A finite value as the other end decodes it: `value(levels(value))`."""
-        x, y, z = self.confine(value)
-        step = self.step
-        return self.confine((level(x, step) * step, level(y, step) * step, level(z, step) * step))
-
-
-def level(component: float, step: float) -> int:
-    """The nearest level of a finite component; the even one where two are equally near."""
-    return round(component / step)
-
-
-def _corner(limit: float, axes: str) -> Vector:
-    x, y, z = (limit if axis in axes else 0.0 for axis in "xyz")
-    return (x, y, z)
+        (i, j, k), padded = self._places, (*components, 0.0)
+        return (padded[i], padded[j], padded[k])
 
 
 def _clip(component: float, low: float, high: float) -> float:
@@ -121,33 +112,34 @@ class Sample(NamedTuple):
     position: Vector
 
 
-class SampleGrid(NamedTuple):
-    """The grids of value and position (None if that is the value), and the time between ticks [s]."""
+class SampleGrid:
+    """The grids of value and position (None if that is the value), and the time between ticks [s].
 
-    value: Quantizer
-    position: Quantizer | None = None
-    period: float = 1e-3
+    Attributes:
+        groups: numbers of levels of the value and of the position that travels with it; `size` is their sum, 1 to 6.
+    """
 
-    @property
-    def size(self) -> int:
-        """Number of levels of a sample with its position, 1 to 6."""
-        return sum(self.groups)
+    __slots__ = ("groups", "period", "position", "size", "value")
 
-    @property
-    def groups(self) -> tuple[int, ...]:
-        """Numbers of levels of the value and of the position that travels with it."""
-        return (self.value.size,) if self.position is None else (self.value.size, self.position.size)
+    def __init__(self, value: Quantizer, position: Quantizer | None = None, period: float = 1e-3) -> None:
+        self.value: Final = value
+        self.position: Final = position
+        self.period: Final = period
+        self.groups: Final[tuple[int, ...]] = (value.size,) if position is None else (value.size, position.size)
+        self.size: Final = sum(self.groups)
 
-    def levels(self, value: Vector, position: Vector) -> tuple[int, ...]:
-        """Wire levels of a finite sample: those of the value, then those of the position."""
+    def quantize(self, tick: int, value: Vector, position: Vector) -> tuple[tuple[int, ...], Sample]:
+        """Wire levels of a finite sample, those of the value first, and the sample as both ends hold it."""
+        levels, rounded = self.value.quantize(value)
         if self.position is None:
-            return self.value.levels(value)
-        return self.value.levels(value) + self.position.levels(position)
+            return levels, Sample(tick, rounded, rounded)
+        of_position, place = self.position.quantize(position)
+        return levels + of_position, Sample(tick, rounded, place)
 
     def sample(self, tick: int, levels: tuple[int, ...]) -> Sample:
         """The sample of `size` levels, as both ends hold it; without a position if `levels` are those of the value."""
-        value = self.value.value(levels[: self.value.size])
+        size = self.value.size
+        value = self.value.value(levels[:size])
         if self.position is None:
             return Sample(tick, value, value)
-        of_position = levels[self.value.size :]
-        return Sample(tick, value, self.position.value(of_position) if of_position else UNKNOWN)
+        return Sample(tick, value, self.position.value(levels[size:]) if len(levels) > size else UNKNOWN)

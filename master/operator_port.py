@@ -2,23 +2,22 @@
 
 from collections.abc import Callable, Sequence
 from math import hypot, inf
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-from weberlink.codec.decoder import Decoder
-from weberlink.codec.sample import Sample
-from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, UNREACHED_S, AxesMaster, Control, MasterControl
-from weberlink.control.sent import SentCommands
+from weberlink.compiled import mypyc_attr
+from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
+from weberlink.control.ends import AxesMaster, Control, MasterControl
+from weberlink.geometry.joints import Joints
+from weberlink.geometry.joints import is_finite as all_finite
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading
-from weberlink.master.operator_end import OperatorEnd
-from weberlink.master.safety import ContactLimiter, ForceGate, ForceLimiter, SlewLimiter
+from weberlink.master.gate import HandContact, OutputGate
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
 
-LOOK_S = 0.005
-"""A force lasts for so long until the received model is asked for a contact, and a correction of the model is waited
-for so much longer than the round trip and its jitter [s]."""
+if TYPE_CHECKING:
+    from weberlink.arms.contract import LeaderArm
 
 
 class HandPosition:
@@ -37,9 +36,9 @@ class HandPosition:
         self.value: Vector = ZERO
         self.command: Vector = ZERO
         """What was sampled last [m]."""
-        self.displayed: Vector = ZERO
+        self.displayed: Joints = ZERO
         """Force on the hand now [N], drag included."""
-        self.touched: Vector = ZERO
+        self.touched: Joints = ZERO
         """Force of the contact as decoded [N]: in free motion, drag alone does not narrow the deadband."""
         self.asked = 0.0
         """Size of what the control scheme asks for [N]: no drag is larger than `free`, and a model that is felt before
@@ -58,222 +57,153 @@ class HandPosition:
     def sample(self) -> tuple[Vector, Vector, float]:
         control = self._control
         self.command = command = control.command(self.value)
-        shown, touched = self.displayed, self.touched
-        force = hypot(shown[0], shown[1], shown[2])
-        touches = force > LEAST_CONTACT and (
-            self.asked > self._free or hypot(touched[0], touched[1], touched[2]) > LEAST_CONTACT
-        )
+        force = hypot(*self.displayed)
+        touches = force > LEAST_CONTACT and (self.asked > self._free or hypot(*self.touched) > LEAST_CONTACT)
         most = self._force_bound(force) / control.stiffness if touches else inf
         return command, ZERO, most
 
 
-class ContactWatch:
-    """Bounds the force on the hand by whether the robot's end states a contact.
-
-    It states one by an update whose sample has a force; and while it is silent, by the received model, at the place
-    that its silence is about: where the robot was commanded to a round trip ago, since by now a correction of the model
-    for that place would have come. A robot that is elsewhere says so (`weberlink.session.channels.Unreached`).
-
-    Args:
-        limiter: takes the time.
-        decoder: of the force.
-        endpoint: measures the link.
-        least: smallest force that states a contact [N]: less may be left over within the deadband.
-        sent: the commands so far.
-        delay: what look-ahead and play-out add to the round trip [s].
-        playout: how much later than received an update is used [ticks].
-    """
-
-    def __init__(
-        self,
-        limiter: ContactLimiter,
-        decoder: Decoder,
-        endpoint: Endpoint,
-        *,
-        least: float,
-        sent: SentCommands,
-        delay: float,
-        playout: int,
-    ) -> None:
-        self.limiter, self._decoder, self._endpoint = limiter, decoder, endpoint
-        self._least = least
-        self._sent = sent
-        self._delay = delay
-        self._playout = playout
-        self._tick = self._claimed = 0.0
-        self._newest_sample: Sample | None = None
-        self._is_new = False
-
-    def reset(self) -> None:
-        self.limiter.reset()
-        self._sent.reset()
-        self._claimed = 0.0
-
-    def follow(self, command: Vector, tick: float) -> None:
-        """Take in the command of this tick [m], and the present tick of the other side."""
-        self._sent.add(command)
-        self._tick = tick
-        newest = self._decoder.newest
-        self._is_new, self._newest_sample = newest is not self._newest_sample, newest
-
-    def bounded(self, output: Vector, asked: float, elapsed: float) -> Vector:
-        """What may be displayed of a force that needs a contact, or after one that had none.
-
-        Args:
-            output: that is to be displayed [N].
-            asked: its size before slew limit and gate [N].
-            elapsed: time since the last call [s].
-        """
-        rtt = self._endpoint.clock.rtt
-        round_trip = None if rtt is None else rtt + self._delay
-        stated, claimed = self._heard(elapsed, round_trip)
-        most = self.limiter.bound(asked, elapsed, round_trip, stated=stated, claimed=claimed)
-        length = hypot(output[0], output[1], output[2])
-        if length <= most:
-            return output
-        share = most / length
-        return (share * output[0], share * output[1], share * output[2])
-
-    def _heard(self, elapsed: float, round_trip: float | None) -> tuple[float, float]:
-        """How long ago the robot's end stated a contact at the latest, and for how long a model claims one [s]."""
-        newest = self._newest_sample
-        if self._is_new and newest is not None and hypot(*newest.value) > self._least:
-            self._claimed = UNREACHED_S
-            return 0.0, 0.0
-        if self.limiter.lasted < LOOK_S:
-            return inf, 0.0
-        self._claimed = self._claimed + elapsed if self._models(round_trip) else 0.0
-        if self._claimed < UNREACHED_S + LOOK_S:
-            return inf, self._claimed
-        return UNREACHED_S, 0.0
-
-    def _models(self, round_trip: float | None) -> bool:
-        """Whether the received model states a contact where the robot was as the newest news of it left."""
-        waited = 0.0 if round_trip is None else round_trip + self._endpoint.clock.jitter + LOOK_S
-        x, y, z = self._decoder.stated(self._tick - self._playout, self._sent.ago(waited))
-        return hypot(x, y, z) > self._least
-
-
 class Display:
-    """Limits a received force [N] or torque [N m] and displays it.
+    """What is felt of some channels: a force, a torque, or the torques of an arm.
 
     Args:
-        limiter: bounds the magnitude.
-        slew: bounds the rate of change.
+        control: renders what the decoders give.
+        channels: how many axes each channel has; its bounds are at the same place in the gate.
         write: commands the device; None where it cannot display this, and nothing is felt.
-        control: renders the force or torque that the decoder gives; None to display it as it is.
-        contact: ends what no contact founds; None for what is displayed as it is decoded.
+        first: number of the first channel.
 
     Attributes:
-        decoded: before all limits.
-        asked: size of what is to be displayed, before the slew limit.
+        decoded: of all axes, before all limits; nothing where nothing, or nothing finite, was decoded.
         output: as commanded.
     """
 
     def __init__(
         self,
-        limiter: ForceLimiter,
-        slew: SlewLimiter,
-        write: Callable[[Vector, float], None] | None,
-        control: MasterControl | AxesMaster | None = None,
-        contact: ContactWatch | None = None,
+        control: MasterControl | AxesMaster,
+        channels: Sequence[int],
+        write: Callable[[Any, float], None] | None,
+        first: int = 0,
     ) -> None:
-        self.limiter, self.slew, self._write, self._control, self.contact = limiter, slew, write, control, contact
-        self.decoded: Vector = ZERO
-        self.asked = 0.0
-        self.output: Vector = ZERO
+        self._control: Any = control
+        self._first, self._write = first, write
+        self._nothing: list[Joints] = [(0.0,) * axes for axes in channels]
+        self._none: Joints = (0.0,) * sum(channels)
+        self.decoded = self.output = self._none
 
-    def show(self, decoded: Vector, gain: float, step: float | None, now: float) -> bool:
-        """Display a value.
-
-        Args:
-            decoded: the value.
-            gain: the share of it that the gate lets through, 0..1.
-            step: time that the slew limit may go on [s]; None where the gate was closed before this tick.
-            now: [s].
-
-        Returns:
-            Whether the slew limit held it back.
-        """
+    def show(self, values: Sequence[Joints | None], gate: OutputGate, now: float, step: float) -> None:
+        """Display what was decoded of all channels, as far as the gate lets it pass."""
+        decoded: Joints = ()
+        index, count = self._first, len(values)
+        for nothing in self._nothing:
+            value = values[index] if index < count else None
+            decoded += nothing if value is None or not all_finite(value) else value
+            index += 1
         self.decoded = decoded
-        control, slew = self._control, self.slew
-        wanted: Any = decoded if control is None else control.render(decoded)  # three values, of a force or a torque
-        limited = self.limiter.limit(wanted)
-        self.asked = asked = hypot(limited[0], limited[1], limited[2])
-        slewed = slew.place(limited) if step is None else slew.limit(limited, step)
-        output = slewed if gain == 1.0 else (slewed[0] * gain, slewed[1] * gain, slewed[2] * gain)
-        contact = self.contact
-        if contact is not None and step is not None and not (contact.limiter.quiet and asked <= contact.limiter.free):
-            output = contact.bounded(output, asked, step)
+        wanted: Joints = self._control.render(decoded)
+        output: Joints = ()
+        index, axis = self._first, 0
+        for nothing in self._nothing:
+            last = axis + len(nothing)
+            output += gate.passed(index, wanted[axis:last], decoded[axis:last], step)
+            index, axis = index + 1, last
         self.output = output
-        if control is not None:
-            control.displayed(output)
+        self._control.displayed(output)
         if self._write is not None:
             self._write(output, now)
-        return slew.limited
 
     def halt(self, now: float) -> None:
         """Display nothing, at once."""
         if self._write is not None:
-            self._write(ZERO, now)
+            self._write(self._none, now)
 
 
-class OperatorPort(OperatorEnd):
-    """A haptic device; a `weberlink.session.port.Port`.
+@mypyc_attr(allow_interpreted_subclasses=True)
+class OperatorPort:
+    """The operator's end; a `weberlink.session.port.Port`. A subclass says what is sensed, booked and recorded.
 
     Args:
-        device: not yet open.
-        displays: one per incoming channel, the force first.
-        control: the operator's end of the control scheme.
+        source: the device or arm, not yet open.
+        displays: what is felt of all incoming channels.
+        controls: this end of the control scheme; the first one is told what lasts without a contact.
         endpoint: measures the link.
-        hand: the sensor of the position channel.
-        gate: fades all displays in and out.
+        gate: bounds all that is felt, and fades it.
         button: only while it is held, the robot follows and force is displayed; None for always.
-        turning: the operator's end for torques, and what gives the rotation of the handle so far [rad]; None without
-            torques.
+
+    Attributes:
+        buttons: that are pressed, a bit each.
+        unfounded: whether a force is asked for that the robot's end states no contact for.
+        slew_ticks: ticks in which a slew limit held force or torque back.
+        clipped: whether a limit shortened what was displayed in this tick.
     """
 
-    fault: ClassVar[type[DeviceFault]] = DeviceFault
+    kind: Final = "device"
+    leads: Final = True
+    tripped: Final = False
+    fault: ClassVar[type[Exception]] = DeviceFault
 
     def __init__(
         self,
+        source: "Device | LeaderArm",
         *,
-        device: Device,
         displays: Sequence[Display],
-        control: MasterControl,
+        controls: Sequence[Control],
         endpoint: Endpoint,
-        hand: HandPosition,
-        gate: ForceGate,
+        gate: OutputGate,
         button: int | None = None,
-        turning: tuple[AxesMaster, Callable[[], Vector]] | None = None,
     ) -> None:
-        super().__init__(device, gate, button)
-        self.device, self.displays, self._control, self._turning = device, displays, control, turning
-        self.controls: Sequence[Control] = [control] if turning is None else [control, turning[0]]
-        self.hand = hand
+        self._source = source
+        self.name: str = source.spec.name
+        self.displays, self.controls, self.gate = displays, controls, gate
+        self.buttons = 0
+        self.enabled = button is None
+        self.ended = self.unfounded = self.clipped = False
+        self.slew_ticks = 0
         self._endpoint = endpoint
-        self._was_doubtful = False
-        self._contact = displays[0].contact
-        self._tick = 0.0
+        self._button = button
+        self._contacts = [bound.contact for bound in gate.bounds if bound.contact is not None]
 
-    def _forget(self) -> None:
-        super()._forget()
-        if self._contact is not None:
-            self._contact.reset()
-        self._was_doubtful = False
+    @property
+    def trouble(self) -> str | None:
+        return getattr(self._source, "trouble", None)
 
-    def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002 - energy is booked in every tick
-        endpoint, control = self._endpoint, self._control
-        self._tick = tick
-        control.observe(self.hand.value, elapsed, tick, endpoint.credit.known, endpoint.clock)
-        if self._turning is not None:
-            turning, turned = self._turning
-            turning.observe(turned(), elapsed)
-        return control.credit
+    @property
+    def at_rest(self) -> bool:
+        return self.gate.gain == 0.0
+
+    def open(self, now: float) -> None:
+        self._source.open(now)
+
+    def close(self) -> None:
+        self._source.close()
+
+    def latest(self, now: float) -> Any:
+        reading = self._source.latest(now)
+        self.ended = reading.ended
+        return reading
+
+    def accept(self, reading: Any) -> bool:
+        self.buttons = buttons = reading.buttons
+        if self._button is not None:
+            self.enabled = bool(buttons >> self._button & 1)
+        return False
+
+    def settle(self, now: float) -> None: ...
+
+    def reset(self) -> None:
+        self.restart()
+
+    def restart(self) -> None:
+        self.gate.close()
+        self.unfounded = False
+
+    def release(self, *, retreat: bool) -> None: ...
+
+    def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:
+        raise NotImplementedError
 
     def actuate(
         self,
-        values: Sequence[Vector | None],
+        values: Sequence[Any],
         now: float,
         elapsed: float,  # noqa: ARG002
         step: float,
@@ -281,46 +211,95 @@ class OperatorPort(OperatorEnd):
         engaged: bool,
     ) -> None:
         gate = self.gate
-        slew_step = step if gate.gain > 0.0 else None
-        gain = gate.update(engaged=engaged, age=now - self._endpoint.liveness.in_touch_at, elapsed=step)
-        contact = self._contact
-        if contact is not None:
-            contact.follow(self.hand.command, self._tick)
+        gate.fade(engaged=engaged, age=now - self._endpoint.liveness.in_touch_at, step=step)
+        for display in self.displays:
+            display.show(values, gate, now, step)
         held_back = clipped = False
-        for display, value in zip(self.displays, values):  # noqa: B905 - strict costs as much as the loop
-            held_back |= display.show(value or ZERO, gain, slew_step, now)
-            clipped |= display.limiter.clipped
-        hand, force = self.hand, self.displays[0]
-        hand.displayed, hand.touched, hand.asked = force.output, force.decoded, force.asked
+        for bound in gate.bounds:
+            held_back = held_back or bound.is_held_back
+            clipped = clipped or bound.clipped
         self.slew_ticks += held_back
         self.clipped = clipped
-        if contact is not None and (contact.limiter.doubtful or self._was_doubtful):
-            self._doubt(contact.limiter)
-
-    def _doubt(self, limiter: ContactLimiter) -> None:
-        """Have the scheme let go of a model whose force lasts without a contact; at fault, have it begin anew.
-
-        The robot's end is silent while the model of its newest update is right, which the scheme has lost by this. So
-        it is asked for a complete update.
-        """
-        if limiter.doubtful and not self._was_doubtful:
-            self._control.refute()
-            self._endpoint.request_full_state()
-        if limiter.unfounded and not self.unfounded:
-            self._control.resume(self._endpoint.credit.known)
-        self._was_doubtful, self.unfounded = limiter.doubtful, limiter.unfounded
+        unfounded = False
+        for contact in self._contacts:
+            unfounded = unfounded or contact.limiter.unfounded
+        if unfounded and not self.unfounded:  # at fault, the scheme begins anew
+            self.controls[0].resume(self._endpoint.credit.known)
+        self.unfounded = unfounded
 
     def report(self, row: Row, *, is_led: bool) -> None:  # noqa: ARG002 - this end leads
-        force = self.displays[0]
-        row.position, row.raw = self.hand.value, self.hand.command
-        row.decoded, row.output = force.decoded, force.output
         row.slew_ticks, row.clipped = self.slew_ticks, self.clipped
         row.ramping = self.gate.ramping if self.enabled else RELEASED
         row.buttons = self.buttons & 0xFF
-        if len(self.displays) > 1:
-            torque = self.displays[1]
-            row.rotation_decoded, row.rotation_output = torque.decoded, torque.output
 
     def halt(self, now: float) -> None:
         for display in self.displays:
             display.halt(now)
+
+
+class HandPort(OperatorPort):
+    """A haptic device.
+
+    Args: as of `OperatorPort`, and these.
+        device: not yet open.
+        control: the operator's end of the control scheme of the force.
+        hand: the sensor of the position channel.
+        turning: that for torques, and what gives the rotation of the handle so far [rad]; None without torques.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        *,
+        displays: Sequence[Display],
+        control: MasterControl,
+        endpoint: Endpoint,
+        hand: HandPosition,
+        gate: OutputGate,
+        button: int | None = None,
+        turning: tuple[AxesMaster, Callable[[], Vector]] | None = None,
+    ) -> None:
+        controls: list[Control] = [control] if turning is None else [control, turning[0]]
+        super().__init__(device, displays=displays, controls=controls, endpoint=endpoint, gate=gate, button=button)
+        self.hand, self._control, self._turning = hand, control, turning
+        contact = gate.bounds[0].contact
+        self._contact = contact if isinstance(contact, HandContact) else None
+        self._was_doubtful = False
+        self._tick = 0.0
+
+    def restart(self) -> None:
+        super().restart()
+        self._was_doubtful = False
+
+    def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002 - energy is booked in every tick
+        endpoint, control = self._endpoint, self._control
+        self._tick = tick
+        control.observe(self.hand.value, elapsed, tick, endpoint.credit.known, endpoint.clock.rtt)
+        if self._turning is not None:
+            turning, turned = self._turning
+            turning.observe(turned(), elapsed)
+        return control.credit
+
+    def actuate(self, values: Sequence[Any], now: float, elapsed: float, step: float, *, engaged: bool) -> None:
+        contact = self._contact
+        if contact is not None:
+            contact.note_command(self.hand.command, self._tick)
+        super().actuate(values, now, elapsed, step, engaged=engaged)
+        hand, force = self.hand, self.displays[0]
+        hand.displayed, hand.touched, hand.asked = force.output, force.decoded, self.gate.bounds[0].asked
+        if contact is not None:
+            # The scheme lets go of a model whose force lasts without a contact. The robot's end is silent while the
+            # model of its newest update is right, which is lost by this: so it is asked for a complete one.
+            if contact.limiter.doubtful and not self._was_doubtful:
+                self._control.refute()
+                self._endpoint.request_full_state()
+            self._was_doubtful = contact.limiter.doubtful
+
+    def report(self, row: Row, *, is_led: bool) -> None:
+        super().report(row, is_led=is_led)
+        force: Any = self.displays[0]
+        row.position, row.raw = self.hand.value, self.hand.command
+        row.decoded, row.output = force.decoded, force.output
+        if len(self.displays) > 1:
+            torque: Any = self.displays[1]
+            row.rotation_decoded, row.rotation_output = torque.decoded, torque.output

@@ -5,52 +5,40 @@ damaged, reflected, misnumbered or of another session is rejected, as it would b
 """
 
 from hashlib import sha256
-from typing import ClassVar
+from typing import ClassVar, Final
 from zlib import crc32
 
 from weberlink.protocol.security import Protection
 from weberlink.protocol.wire import CLEAR_BYTES
 
-_TAG = 4
-_NONCE = 16
+_TAG: Final = 4
+_NONCE: Final = 16
 
 
 class Checksum:
-    """The `Security` of a trusted link."""
+    """The `Security` of a trusted link. A message is a nonce, the payload and a checksum; the state of a key exchange
+    is all that was said in it."""
 
     tag_size: ClassVar[int] = _TAG
     overhead: ClassVar[int] = _NONCE + _TAG
     private_size: ClassVar[int] = _NONCE
 
-    def call(self, prologue: bytes, private: bytes) -> "Exchange":
-        return Exchange(prologue, private, b"")
+    def call(self, prologue: bytes, private: bytes, payload: bytes) -> tuple[bytes, bytes]:
+        message = _sealed(prologue, private + payload)
+        return message, prologue + message
 
-    def hear(self, prologue: bytes, message: bytes) -> "Exchange | None":
+    def hear(self, prologue: bytes, message: bytes) -> tuple[bytes, bytes] | None:
         payload = _opened(prologue, message)
-        return None if payload is None else Exchange(prologue + message, b"", payload)
+        return None if payload is None else (payload, prologue + message)
 
-
-class Exchange:
-    """Either end's part in one handshake. A message is a nonce, the payload and a checksum."""
-
-    def __init__(self, transcript: bytes, nonce: bytes, payload: bytes) -> None:
-        self.payload = payload
-        self._transcript = transcript
-        self._nonce = nonce
-
-    def hello(self, payload: bytes) -> bytes:
-        message = _sealed(self._transcript, self._nonce + payload)
-        self._transcript += message
-        return message
-
-    def open(self, message: bytes) -> tuple[bytes, Protection] | None:
-        payload = _opened(self._transcript, message)
-        return None if payload is None else (payload, Protection(*_ciphers(self._transcript + message)))
-
-    def answer(self, payload: bytes, private: bytes) -> tuple[bytes, Protection]:
-        message = _sealed(self._transcript, private + payload)
-        forward, backward = _ciphers(self._transcript + message)
+    def answer(self, state: bytes, private: bytes, payload: bytes) -> tuple[bytes, Protection]:
+        message = _sealed(state, private + payload)
+        forward, backward = _ciphers(state + message)
         return message, Protection(backward, forward)
+
+    def open(self, state: bytes, message: bytes) -> tuple[bytes, Protection] | None:
+        payload = _opened(state, message)
+        return None if payload is None else (payload, Protection(*_ciphers(state + message)))
 
 
 def _sealed(before: bytes, content: bytes) -> bytes:
@@ -83,7 +71,8 @@ class ChecksumCipher:
 
     def open(self, sequence: int, datagram: bytes) -> bytes | None:
         clear = datagram[:-_TAG]
-        return clear[CLEAR_BYTES:] if self.seal(sequence, clear) == datagram else None
+        tag = crc32(clear, (self._start + sequence) & 0xFFFF_FFFF).to_bytes(_TAG, "little")
+        return clear[CLEAR_BYTES:] if datagram[-_TAG:] == tag else None
 
     def next(self) -> "ChecksumCipher":
         return ChecksumCipher(crc32(b"weberlink key update", self._start))

@@ -10,16 +10,15 @@ from math import inf
 from typing import Final
 
 from weberlink.protocol import events, handshake, wire
-from weberlink.protocol.calls import Dialer, Listener
+from weberlink.protocol.address import AddressCheck
 from weberlink.protocol.counters import Credit
 from weberlink.protocol.events import Address, DropReason, Event, Statistics
-from weberlink.protocol.handshake import Hello, LocalEnd
+from weberlink.protocol.handshake import Dialer, Hello, Listener
 from weberlink.protocol.liveness import FADE_SHARE, Liveness
-from weberlink.protocol.path import Path
+from weberlink.protocol.negotiation import LONGEST
 from weberlink.protocol.retransmission import copies_needed
-from weberlink.protocol.round_trip import LONGEST, in_ms, rounded_up
-from weberlink.protocol.security import Protection, Security
-from weberlink.protocol.session import LONGEST_SILENCE, Outcome, OwnersOutcome, Parameters, Session
+from weberlink.protocol.security import Security
+from weberlink.protocol.session import LONGEST_SILENCE, LocalEnd, Outcome, Session
 from weberlink.protocol.states import Role, State, moved
 from weberlink.protocol.timing import Clock
 from weberlink.protocol.wire import DirectionLayout, Kind
@@ -114,8 +113,8 @@ class Endpoint:
             raise ValueError("peer: an initiator must be told whom to call")
         if not (tick_period > 0.0 and silence > 0.0):
             raise ValueError(f"tick_period and silence must be positive, not {tick_period} and {silence}")
-        if silence > min(LONGEST_SILENCE, tick_period * MOST_TICKS):
-            most = min(LONGEST_SILENCE, tick_period * MOST_TICKS)
+        most = min(LONGEST_SILENCE, tick_period * MOST_TICKS)
+        if silence > most:
             raise ValueError(f"silence must be at most {most:g} s, not {silence}")
         if not 0.0 <= longest_round_trip <= LONGEST:
             raise ValueError(f"longest_round_trip must be in 0..{LONGEST:g} s, not {longest_round_trip}")
@@ -133,40 +132,42 @@ class Endpoint:
         self.clock = self._no_clock = Clock(epoch, 0.0, epoch)
         self.credit = Credit()
         self._calls = role is Role.INITIATOR
-        self._parameters = Parameters(forward, backward, epoch, tick_period, silence, self._calls)
-        self._longest_loop_age = silence + longest_round_trip
+        self._end = end = LocalEnd(
+            security=security,
+            entropy=entropy,
+            agreement=packed,
+            version=version,
+            name=handshake.check_name(name or role.value),
+            expects=handshake.check_name(expects) if expects else "",
+            calls=self._calls,
+            outgoing=forward,
+            incoming=backward,
+            epoch=epoch,
+            tick_period=tick_period,
+            silence=silence,
+            longest_round_trip=longest_round_trip,
+            statistics=self.statistics,
+        )
         self._encoding_report = max(ENCODING_REPORT_S, ENCODING_REPORT_TICKS * tick_period)
         self._agreement = handshake.read_map(packed) or {}
-        self._entropy = entropy
         self._lengths = backward.lengths(security.tag_size)
         self._datagrams: list[tuple[bytes, Address]] = []
         self._events: deque[Event] = deque()
         self._session: Session | None = None
         self._former: Session | None = None
-        self._path: Path | None = None
+        self._address: AddressCheck | None = None
         self._served: Hello | None = None  # the master of the present session
         self._encoding_reported_at: float | None = None
         self._is_encoding = True
         self._is_peer_heard = False  # true while silent if datagrams of the peer still came as silence fell
         self._due: float | None = None  # read several times a tick; None when it may have changed
-        end = LocalEnd(
-            security,
-            entropy,
-            packed,
-            version,
-            epoch,
-            handshake.check_name(name or role.value),
-            handshake.check_name(expects) if expects else "",
-            longest_round_trip,
-        )
         self._dialer = Dialer(
             end,
             entropy(handshake.INSTANCE_BYTES),
             takes_over=take_over,
             stamp=stamp or (lambda now: max(0, round(now * 1e9))),
-            patience=self._longest_loop_age,
         )
-        self._listener = Listener(end, self._open_session)
+        self._listener = Listener(end)
 
     # --- what the owner reads
 
@@ -192,8 +193,12 @@ class Endpoint:
         return self.liveness.silent_at if self.state is _ENGAGED else inf
 
     def is_peer_encoding(self, now: float) -> bool:
-        """Whether the peer's updates may be executed: each end hears the other, and the peer's encoder runs."""
-        return self.state is _ENGAGED and self.liveness.drives(now)
+        """Whether the peer's updates may be executed: each end hears the other, and the peer's encoder runs.
+
+        Of two streams, an update of one that arrives stands for both: the datagrams do not tell each stream's newest.
+        """
+        liveness = self.liveness
+        return self.state is _ENGAGED and now <= liveness.encodes_until and not liveness.is_opening
 
     # --- what the owner sends
 
@@ -238,9 +243,9 @@ class Endpoint:
         """
         session = self._session
         if session is not None and session.credit.granted != count:
-            session.credit.granted = count
-            session.heartbeats.granted(count)
-            self._due = None
+            session.credit.grant(count)
+            if session.heartbeats.want_credit():
+                self._due = None
 
     def request_full_state(self) -> None:
         """Tell the peer that the owner holds none of its updates any more, so that it sends complete ones."""
@@ -313,12 +318,10 @@ class Endpoint:
             due, session = self._dialer.due, self._session
             if session is not None:
                 is_engaged = self.state is _ENGAGED
-                due = min(
-                    due,
-                    session.next_timer(is_engaged=is_engaged, is_encoding=self._is_encoding),
-                    session.liveness.silent_at if is_engaged else session.expires_at,
-                    self._deaf_at,
-                )
+                ends_at = session.liveness.silent_at if is_engaged else session.expires_at
+                sends_at = session.next_timer(is_engaged=is_engaged, is_encoding=self._is_encoding)
+                deaf_at = session.liveness.heard_at + self._end.silence if self._is_peer_heard else inf
+                due = min(due, sends_at, ends_at, deaf_at)
             self._due = due
         return None if self._due == inf else self._due
 
@@ -329,45 +332,36 @@ class Endpoint:
             return
         self._due = None
         self._watch_silence(now)
-        self._send_due(now)
+        session, is_engaged = self._session, self.state is _ENGAGED
+        if session is not None:
+            if is_engaged:
+                if self._encoding_reported_at is not None and now - self._encoding_reported_at > self._encoding_report:
+                    self._is_encoding = False
+                for stream in session.take_lost(now) if self._is_encoding else ():
+                    self._tell(events.UpdateLost(stream))
+            while data := session.handle_timer(now, is_engaged=is_engaged, is_encoding=self._is_encoding):
+                self._post(data)
         if now >= self._dialer.due:
             self._post(self._dialer.hello(now))
 
-    @property
-    def _deaf_at(self) -> float:
-        """When a peer that was still heard as silence fell is no longer heard either [s]; infinite without one."""
-        return self.liveness.heard_at + self._parameters.silence if self._is_peer_heard else inf
-
     def _watch_silence(self, now: float) -> None:
         """Fall silent when a limit is passed, and end the session some seconds later."""
-        if self._session is None:
+        session, silence = self._session, self._end.silence
+        if session is None:
             return
         if now >= self.silent_at:
-            self._session.silent_since = self.silent_at
+            session.silent_since = self.silent_at
             self.state = moved(self.state, _SILENT)
-            self._session.request_full_state()
-            self._is_peer_heard = now - self.liveness.heard_at < 0.5 * FADE_SHARE * self._parameters.silence
+            session.request_full_state()
+            self._is_peer_heard = now - self.liveness.heard_at < 0.5 * FADE_SHARE * silence
             self._tell(events.PeerSilent(self._is_peer_heard))
             if self._calls:
                 self._call(now)
-        if now >= self._deaf_at:
+        if self._is_peer_heard and now >= self.liveness.heard_at + silence:
             self._is_peer_heard = False
             self._tell(events.PeerSilent(is_heard=False))
-        if self.state is _SILENT and now >= self._session.expires_at:
+        if self.state is _SILENT and now >= session.expires_at:
             self._leave(events.SessionExpired(), now)
-
-    def _send_due(self, now: float) -> None:
-        """Send what is due in the present session, and report lost updates to the owner."""
-        session, is_engaged = self._session, self.state is _ENGAGED
-        if session is None:
-            return
-        if is_engaged:
-            if self._encoding_reported_at is not None and now - self._encoding_reported_at > self._encoding_report:
-                self._is_encoding = False
-            for stream in session.take_lost(now) if self._is_encoding else ():
-                self._tell(events.UpdateLost(stream))
-        while (datagram := session.handle_timer(now, is_engaged=is_engaged, is_encoding=self._is_encoding)) is not None:
-            self._post(datagram)
 
     def _call(self, now: float) -> None:
         self._dialer.start(now)
@@ -377,7 +371,7 @@ class Endpoint:
         """Tell the peer at once if our encoder has started or stopped."""
         session = self._session
         if session is not None and self.state is _ENGAGED and session.said_encoding is not self._is_encoding:
-            session.heartbeats.asked()
+            session.heartbeats.want_answer()
             self._due = None
 
     # --- the network
@@ -388,65 +382,15 @@ class Endpoint:
         if not data:
             self._drop(DropReason.TRUNCATED)
             return
-        kind = wire.kind_of(data)
         if self._calls and address != self.peer:
             self._drop(DropReason.FOREIGN_ADDRESS)
-        elif kind in _HANDSHAKE:
-            if self.state in (State.IDLE, State.CLOSED) or (kind == Kind.WELCOME) is not self._calls:
-                self._drop(DropReason.UNEXPECTED)
-            elif len(data) > wire.LONGEST_DATAGRAM:
-                self._drop(DropReason.WRONG_LENGTH)
-            elif self._calls:
-                self._on_welcome(data, address, now)
-            else:
-                self._on_hello(data, address, now)
-        elif reason := wire.length_fault(data, self._lengths):
+            return
+        if wire.kind_of(data) in _HANDSHAKE:
+            self._on_handshake(data, address, now)
+            return
+        if reason := wire.length_fault(data, self._lengths):
             self._drop(reason)
-        else:
-            self._on_sealed(data, address, now)
-
-    def _on_hello(self, data: bytes, address: Address, now: float) -> None:
-        serving = None if self._session is None else self._served
-        reply = self._listener.on_hello(data, address, now, serving=serving, is_engaged=self.state is _ENGAGED)
-        if isinstance(reply, DropReason):
-            self._drop(reply)
             return
-        welcome, refusal = reply
-        self._post_to(welcome, address)
-        if refusal is None:
-            self._count(data)
-            return
-        self._drop(DropReason.REFUSED)
-        if self._session is None:
-            self._tell(events.Refused(refusal))
-
-    def _on_welcome(self, data: bytes, address: Address, now: float) -> None:
-        answer = self._dialer.on_welcome(data)
-        if isinstance(answer, DropReason):
-            self._drop(answer)
-            return
-        self._count(data)
-        if answer is None:
-            return
-        if isinstance(answer, str):
-            self.state = moved(self.state, State.CLOSED)
-            self._end_session()
-            self._tell(events.Refused(answer))
-            return
-        hello_at = self._parameters.epoch + answer.peer_clock - answer.outward_delay
-        round_trip = now - hello_at
-        if in_ms(round_trip) > in_ms(answer.longest_round_trip):
-            self._dialer.find_too_long(round_trip, now)
-            self._drop(DropReason.STALE)
-            return
-        session = self._open_session(answer.protection, answer.longest_round_trip, answer.peer_clock, now, hello_at)
-        session.liveness.agree(min(rounded_up(round_trip), answer.longest_round_trip), now)
-        session.clock.learn(answer.outward_delay, 0.0, 0.0)
-        session.measure()
-        self._establish(session, address)
-        self._post(session.send_heartbeat(now))
-
-    def _on_sealed(self, data: bytes, address: Address, now: float) -> None:
         session = self._session
         if session is not None and now >= session.expires_at:
             self._watch_silence(now)  # this process has stood still; datagrams that waited may be of any age
@@ -460,10 +404,46 @@ class Endpoint:
             self._count(data)
         self._on_authentic(session, outcome, address, now)
 
+    def _on_handshake(self, data: bytes, address: Address, now: float) -> None:
+        if self.state in (State.IDLE, State.CLOSED) or (wire.kind_of(data) == Kind.WELCOME) is not self._calls:
+            self._drop(DropReason.UNEXPECTED)
+            return
+        if len(data) > wire.LONGEST_DATAGRAM:
+            self._drop(DropReason.WRONG_LENGTH)
+            return
+        if self._calls:
+            self._on_welcome(data, address, now)
+            return
+        serving = None if self._session is None else self._served
+        reply = self._listener.on_hello(data, address, now, serving=serving, is_engaged=self.state is _ENGAGED)
+        if isinstance(reply, DropReason):
+            self._drop(reply)
+            return
+        welcome, refusal = reply
+        self._post(welcome, address)
+        if refusal is None:
+            self._count(data)
+            return
+        self._drop(DropReason.REFUSED)
+        if self._session is None:
+            self._tell(events.Refused(refusal))
+
+    def _on_welcome(self, data: bytes, address: Address, now: float) -> None:
+        answer = self._dialer.on_welcome(data, now)
+        if not isinstance(answer, DropReason) or answer is DropReason.STALE:  # else it was not opened
+            self._count(data)
+        if isinstance(answer, DropReason):
+            self._drop(answer)
+        elif isinstance(answer, Session):
+            self._establish(answer, address)
+            self._post(answer.send_heartbeat(now))
+        elif answer is not None:
+            self._close(events.Refused(answer))
+
     def _on_foreign(self, data: bytes, address: Address, now: float) -> None:
         """Take a datagram that is not of the present session: the first of a pending one makes that the present one."""
-        for session in self._listener.pending:
-            if (opened := session.authenticate(data)) is not None:
+        for pending in self._listener.pending:
+            if (opened := pending.session.authenticate(data)) is not None:
                 break
         else:
             if self._former is not None and self._former.authenticate(data) is not None:
@@ -471,7 +451,8 @@ class Endpoint:
             else:
                 self._drop(DropReason.NO_SESSION if self._session is None else DropReason.BAD_TAG)
             return
-        if now - session.liveness.heard_at > self._longest_loop_age:
+        session, caller, replaced = pending.session, pending.hello, self._served
+        if now - session.liveness.heard_at > self._end.silence + self._end.longest_round_trip:
             self._drop(DropReason.STALE)
             return
         outcome = session.accept(opened, now)
@@ -480,24 +461,24 @@ class Endpoint:
         if not session.is_fresh or now >= session.liveness.silent_at:
             self._drop(outcome if isinstance(outcome, DropReason) else DropReason.STALE)
             return
-        # The master has received the WELCOME at the address that it called from, and so has proved that address.
-        caller, proved = self._listener.confirm(session)
-        replaced, self._served = self._served, caller
+        self._listener.confirm(pending)
+        self._served = caller
         if self._session is not None and replaced is not None and caller.instance != replaced.instance:
             self._post(self._session.send_bye(now, TAKEN_OVER + caller.name))
-        self._establish(session, proved)
+        # The master has received the WELCOME at the address that it called from, and so has proved that address.
+        self._establish(session, pending.address)
         self._on_authentic(session, outcome, address, now)
 
     def _on_authentic(self, session: Session, outcome: Outcome, address: Address, now: float) -> None:
         """Do what an authentic datagram of the present session leads to."""
         self._dialer.confirm()
         session.measure()
-        path = self._path
-        if path is not None:
-            path.on_datagram(address, now, is_fresh=session.is_newest and session.is_fresh)
-            self.peer = path.address
-            if (challenge := path.challenge(now)) is not None:
-                self._post_to(session.send_path(now, challenge[0], is_answer=False), challenge[1])
+        check = self._address
+        if check is not None:
+            check.on_datagram(address, now, is_fresh=session.is_newest and session.is_fresh)
+            self.peer = check.address
+            if (challenge := check.challenge(now)) is not None:
+                self._post(session.send_path(now, challenge[0], is_answer=False), challenge[1])
         if self.state is _SILENT and session.is_fresh and now < session.liveness.silent_at:
             self.state = moved(self.state, _ENGAGED)
             session.silent_since = inf
@@ -505,44 +486,36 @@ class Endpoint:
             self._dialer.stop()
             self._tell_encoding()
             self._tell(events.PeerReturned())
-        if isinstance(outcome, events.PathProbe):
-            if not outcome.is_answer:
-                self._post_to(session.send_path(now, outcome.token, is_answer=True), address)
-            elif path is not None:
-                path.on_answer(outcome.token, now)
-                self.peer = path.address
-        elif outcome is not None:
-            self._on_message(outcome, now)
-
-    def _on_message(self, outcome: OwnersOutcome | DropReason, now: float) -> None:
-        """Tell the owner, and end the session if the peer has left it."""
         if isinstance(outcome, DropReason):
             self._drop(outcome)
-        elif not isinstance(outcome, events.PeerClosed):
-            if isinstance(outcome, events.UpdateReceived):
-                self.statistics.updates_received[outcome.stream] += 1
+        elif isinstance(outcome, events.UpdateReceived):
+            self.statistics.updates_received[outcome.stream] += 1
             self._tell(outcome)
-        elif self._calls and outcome.reason.startswith(TAKEN_OVER):
-            self.state = moved(self.state, State.CLOSED)  # calling again would take the slave back
-            self._end_session()
-            self._tell(events.TakenOver(outcome.reason.removeprefix(TAKEN_OVER)))
+        elif outcome is not None:
+            self._on_message(session, outcome, address, now)
+
+    def _on_message(
+        self,
+        session: Session,
+        outcome: events.PathProbe | events.PeerClosed | events.ChangeProposed | events.ChangeAnswered,
+        address: Address,
+        now: float,
+    ) -> None:
+        if isinstance(outcome, events.PathProbe):
+            if not outcome.is_answer:
+                self._post(session.send_path(now, outcome.token, is_answer=True), address)
+            elif self._address is not None:
+                self._address.on_answer(outcome.token, now)
+                self.peer = self._address.address
+        elif isinstance(outcome, events.PeerClosed):
+            if self._calls and outcome.reason.startswith(TAKEN_OVER):  # calling again would take the slave back
+                self._close(events.TakenOver(outcome.reason.removeprefix(TAKEN_OVER)))
+            else:
+                self._leave(outcome, now)
         else:
-            self._leave(outcome, now)
+            self._tell(outcome)
 
     # --- sessions
-
-    def _open_session(
-        self, protection: Protection, longest: float, peer_clock: float, now: float, confirmed_at: float = -inf
-    ) -> Session:
-        return Session(
-            protection,
-            self._parameters,
-            self.statistics,
-            peer_clock,
-            now,
-            longest_round_trip=longest,
-            confirmed_at=confirmed_at,
-        )
 
     def _establish(self, session: Session, address: Address) -> None:
         self.state = moved(self.state, _ENGAGED)
@@ -553,7 +526,8 @@ class Endpoint:
         self._tell_encoding()
         self.peer = address
         if not self._calls:
-            self._path = Path(address, self._entropy, min(LONGEST_QUIET, QUIET_SHARE * self._parameters.silence))
+            quiet = min(LONGEST_QUIET, QUIET_SHARE * self._end.silence)
+            self._address = AddressCheck(address, self._end.entropy, quiet)
         self._events.clear()  # what has not been read of the session before is void
         self._events.append(events.Connected(address, self._agreement))
 
@@ -564,9 +538,15 @@ class Endpoint:
         self._tell(why)
         self.connect(now)
 
+    def _close(self, why: events.Refused | events.TakenOver) -> None:
+        """End for good, because of the peer."""
+        self.state = moved(self.state, State.CLOSED)
+        self._end_session()
+        self._tell(why)
+
     def _end_session(self) -> None:
         self._dialer.stop()
-        self._path = None
+        self._address = None
         self._is_peer_heard = False
         if self._session is not None:
             self._former, self._session = self._session, None
@@ -574,17 +554,15 @@ class Endpoint:
 
     # --- queues
 
-    def _post(self, datagram: bytes) -> None:
-        """Send to the peer, whose address is known as soon as there is a session, or a call."""
-        if self.peer is not None:
-            self._post_to(datagram, self.peer)
-
-    def _post_to(self, datagram: bytes, address: Address) -> None:
-        statistics = self.statistics
+    def _post(self, datagram: bytes, address: Address | None = None) -> None:
+        """Send to an address, or to the peer, whose address is known as soon as there is a session, or a call."""
+        to, statistics = address or self.peer, self.statistics
+        if to is None:
+            return
         if len(self._datagrams) >= QUEUED_DATAGRAMS:
             del self._datagrams[0]
             statistics.overflowed += 1
-        self._datagrams.append((datagram, address))
+        self._datagrams.append((datagram, to))
         statistics.sent += 1
         statistics.bytes_sent += len(datagram)
 

@@ -1,4 +1,4 @@
-"""The two messages that open a session, and the comparison of the two configurations.
+"""The handshake: two messages that open a session, the comparison of the two configurations, and who is served.
 
 | datagram | in clear, authenticated | then |
 |---|---|---|
@@ -7,50 +7,161 @@
 
 Little endian. The header of the HELLO is the prologue of the key exchange (`weberlink.protocol.security`), so a changed
 header opens no session. The payload of both messages is a msgpack map: that of a HELLO is `Hello`; that of a WELCOME is
-`Welcome`, or `refusal` (text: why there is no session), or `newest` (the stamp that the next HELLO must exceed). Header
-and `refusal` are the same in every version from 2 on, so that two versions can tell each other apart.
+`WELCOME_FIELDS`, or `refusal` (text: why there is no session), or `newest` (the stamp that the next HELLO must exceed).
+Header and `refusal` are the same in every version from 2 on, so that two versions can tell each other apart.
 
 The identity is a hash of the master's name. The stamp [ns] rises with every HELLO of a master, so that a responder
 drops a recorded HELLO for the cost of a look-up. Both messages carry the sender's clock, so the first two datagrams
 already map the clocks.
+
+The initiator calls until the responder answers. Each HELLO is a key exchange of its own, with a fresh ephemeral key,
+because one key must not seal two different HELLOs. The exchanges of the latest HELLOs stay open: on a long path the
+answer to one arrives after the next ones have left.
+
+An answer opens a pending session. It becomes the session of the endpoint when the first datagram under its keys
+arrives, which only the sender of the HELLO can make: a replayed HELLO opens nothing.
+
+A HELLO is processed in this order, from cheap to expensive:
+
+1. Look up its stamp. If it is not above the newest one that this master has proven, it counts as a replay: the HELLO is
+   dropped, or answered with that stamp at a limited rate, because the master's clock may have gone back.
+2. Open its payload. A forgery is dropped, and changes nothing. From here on the stamp counts as proven.
+3. Make a key exchange, rate-limited for each master, or a refusal, rate-limited for all.
+
+A restarted listener knows no stamps, so replays pass step 1 until the first HELLO of the master itself is opened. Its
+stamp is above theirs. From then on they are dropped in step 1, and the master's next HELLO is within the rate limit.
 """
 
+from collections import OrderedDict, deque
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from hashlib import sha256
+from math import inf
 from struct import Struct
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import msgpack
 
-from weberlink.protocol.security import Security
+from weberlink.protocol.events import Address, DropReason
+from weberlink.protocol.negotiation import in_ms, rounded_up
+from weberlink.protocol.security import Protection
+from weberlink.protocol.session import LocalEnd, Session
 from weberlink.protocol.states import Role
 from weberlink.protocol.wire import LONGEST_DATAGRAM, Kind
 
-PROTOCOL_VERSION = 5
-PADDED_HELLO = 512
+PROTOCOL_VERSION: Final = 5
+PADDED_HELLO: Final = 512
 """A HELLO is at least this long, so that an answer with a reason need not be longer than the HELLO."""
-INSTANCE_BYTES = 8
-LONGEST_NAME = 64
+INSTANCE_BYTES: Final = 8
+LONGEST_NAME: Final = 64
 """Characters of the name of an end."""
-LARGEST_STAMP = (1 << 63) - 1
-_HELLO = Struct("<BB8sQ")
-_WELCOME = Struct("<BBQ")
-HELLO_HEADER, WELCOME_HEADER = _HELLO.size, _WELCOME.size
-_LONGEST_CLOCK_US = 1 << 53
+LARGEST_STAMP: Final = (1 << 63) - 1
+HELLO_HEADER = Struct("<BB8sQ")
+WELCOME_HEADER = Struct("<BBQ")
+_LONGEST_CLOCK_US: Final = 1 << 53
 _NOTHING = object()
 
+FIRST_INTERVAL: Final = 0.02
+LONGEST_INTERVAL: Final = 0.1
+"""Pauses between HELLOs, which double [s]. A slave under a flood of calls reads only a part of them; at ten calls per
+second a master gets through."""
+OPEN_CALLS: Final = 16
+"""HELLOs whose answer is still accepted."""
+TOO_LONG_ANSWERS: Final = 3
+TOO_LONG_AFTER: Final = 1.0
+"""How many answers must have been too late, and for how long [s], until the slave is told that the link is too long.
+Only before the first session: a link that was short enough once may be so again."""
+PENDING_LIMIT: Final = 8
+"""Pending sessions of one master. A HELLO repeated before its answer can be back opens a further one."""
+KNOWN_MASTERS: Final = 16
+"""Masters remembered, those with the newest stamps: a replay cannot push out a master that calls now."""
+EXCHANGE_PACE: Final = 0.01
+"""Least time between two key exchanges with one master, each of which takes some 0.2 ms [s]."""
+EXCHANGE_PACE_ENGAGED: Final = 0.1
+"""The same while there is a session whose peer is heard: other callers can wait [s]."""
+REFUSAL_PACE: Final = 0.1
+"""Least time between two refusals, which take a key exchange too [s]."""
+STALE_PACE: Final = 0.25
+"""Least time between two answers to a stamp that is too old [s]."""
 
-class LocalEnd(NamedTuple):
-    """This end, for the handshake: the agreement is packed, the longest round trip that it allows is in s."""
 
-    security: Security
-    entropy: Callable[[int], bytes]
-    agreement: bytes
-    version: int
-    epoch: float
-    name: str
-    expects: str
-    longest_round_trip: float
+# --- names, maps, and what two ends disagree on
+
+
+def identity_of(name: str) -> bytes:
+    return sha256(name.encode()).digest()[:8]
+
+
+def _is_name(name: object) -> bool:
+    return isinstance(name, str) and 1 <= len(name) <= LONGEST_NAME and name.isprintable()
+
+
+def check_name(name: str) -> str:
+    """Return the name of an end if it is valid.
+
+    Raises:
+        ValueError: it is empty, too long, or not printable.
+    """
+    if not _is_name(name):
+        raise ValueError(f"a name has 1 to {LONGEST_NAME} printable characters, not {name!r}")
+    return name
+
+
+def pack_map(body: Mapping[str, object]) -> bytes:
+    packed: bytes = msgpack.packb(dict(body))
+    return packed
+
+
+def read_map(packed: bytes) -> dict[str, object] | None:
+    """A msgpack map with text keys, or None if it is anything else."""
+    try:
+        body = msgpack.unpackb(packed, strict_map_key=True)
+    except (ValueError, OverflowError, RecursionError, msgpack.UnpackException):
+        return None
+    if not isinstance(body, dict) or not all(isinstance(key, str) for key in body):
+        return None
+    return body
+
+
+def pack_agreement(agreement: Mapping[str, object]) -> bytes:
+    """The packed agreement.
+
+    Raises:
+        ValueError: naming the key whose value msgpack cannot carry, or if the whole does not fit a datagram.
+    """
+    for key, value in agreement.items():
+        try:
+            msgpack.packb({key: value})
+        except (TypeError, ValueError, OverflowError) as problem:
+            raise ValueError(f"agreement {key!r}: {value!r} cannot be sent to the peer ({problem})") from None
+    packed = pack_map(agreement)
+    if len(packed) > LONGEST_DATAGRAM - PADDED_HELLO:
+        raise ValueError(f"the agreement takes {len(packed)} bytes, more than {LONGEST_DATAGRAM - PADDED_HELLO}")
+    return packed
+
+
+def differences(role: Role, mine: Mapping[str, object], theirs: Mapping[str, object]) -> str:
+    """Every key on which two agreements differ, with both values; "" if they are the same."""
+    return "; ".join(
+        difference(key, role, mine.get(key, _NOTHING), theirs.get(key, _NOTHING))
+        for key in sorted(mine.keys() | theirs.keys())
+        if mine.get(key, _NOTHING) != theirs.get(key, _NOTHING)
+    )
+
+
+def difference(key: str, role: Role, mine: object, theirs: object) -> str:
+    """Message to the user: what each end has for a key."""
+    held = {role: mine, role.other: theirs}
+    said = {side: "nothing" if value is _NOTHING else repr(value) for side, value in held.items()}
+    master, slave = Role.INITIATOR, Role.RESPONDER
+    return f"{key}: {master.value} has {said[master]}, {slave.value} has {said[slave]}"
+
+
+def _unexpected_slave(expected: str, name: str) -> str:
+    return f"the master expects slave {expected!r}, and {name!r} answered"
+
+
+# --- the messages
 
 
 class Hello(NamedTuple):
@@ -73,69 +184,43 @@ class Hello(NamedTuple):
     round_trip_us: int
 
 
-class Welcome(NamedTuple):
-    """The answer of a responder that agrees; `delta_us` is the raw delay of the HELLO as it saw it."""
-
-    clock_us: int
-    delta_us: int
-    name: str
-    longest_round_trip_us: int
+def _is_clock(value: object) -> bool:
+    return type(value) is int and abs(value) <= _LONGEST_CLOCK_US
 
 
-class HelloHeader(NamedTuple):
-    """The part of a HELLO in clear."""
-
-    version: int
-    identity: bytes
-    stamp: int
-
-    def pack(self) -> bytes:
-        return _HELLO.pack(Kind.HELLO, *self)
-
-    def pack_answer(self) -> bytes:
-        """The header of a WELCOME to this."""
-        return _WELCOME.pack(Kind.WELCOME, self.version, self.stamp)
+def _is_duration(value: object) -> bool:
+    return type(value) is int and 0 <= value <= _LONGEST_CLOCK_US
 
 
-def identity_of(name: str) -> bytes:
-    return sha256(name.encode()).digest()[:8]
+HELLO_FIELDS: Final[Mapping[str, Callable[[object], bool]]] = {
+    "agreement": lambda value: isinstance(value, bytes),
+    "clock_us": _is_clock,
+    "name": _is_name,
+    "instance": lambda value: isinstance(value, bytes) and len(value) == INSTANCE_BYTES,
+    "expects": lambda value: value == "" or _is_name(value),
+    "takes_over": lambda value: isinstance(value, bool),
+    "longest_round_trip_us": _is_duration,
+    "round_trip_us": _is_duration,
+}
+WELCOME_FIELDS: Final[Mapping[str, Callable[[object], bool]]] = {
+    "clock_us": _is_clock,
+    "delta_us": _is_clock,
+    "name": _is_name,
+    "longest_round_trip_us": _is_duration,
+}
+"""Checks of each field; `delta_us` is the raw delay of the HELLO as the responder saw it."""
 
 
-def identity_in(header: bytes) -> bytes:
-    """The identity that the header of a HELLO names."""
-    return bytes(_HELLO.unpack_from(header)[2])
-
-
-def check_name(name: str) -> str:
-    """Return the name of an end if it is valid.
-
-    Raises:
-        ValueError: it is empty, too long, or not printable.
-    """
-    if not _is_name(name):
-        raise ValueError(f"a name has 1 to {LONGEST_NAME} printable characters, not {name!r}")
-    return name
-
-
-def _is_name(name: object) -> bool:
-    return isinstance(name, str) and 1 <= len(name) <= LONGEST_NAME and name.isprintable()
-
-
-def read_hello_header(data: bytes) -> HelloHeader | None:
-    """The header of a HELLO; None for a datagram that is shorter than a HELLO can be."""
-    return HelloHeader(*_HELLO.unpack_from(data)[1:]) if len(data) >= PADDED_HELLO else None
-
-
-def read_answered(data: bytes) -> int | None:
-    """The stamp of the HELLO that a WELCOME answers; None for a datagram that is shorter."""
-    stamp: int | None = _WELCOME.unpack_from(data)[2] if len(data) >= WELCOME_HEADER else None
-    return stamp
+def read_fields(body: Mapping[str, object], checks: Mapping[str, Callable[[object], bool]]) -> list[Any] | None:
+    """The fields of a message in the order of their checks, or None if one of them fails."""
+    values = [body.get(name) for name in checks]
+    return values if all(check(value) for check, value in zip(checks.values(), values, strict=True)) else None
 
 
 def pack_hello(hello: Hello, overhead: int) -> bytes:
     """The payload of a HELLO, padded so that the datagram has `PADDED_HELLO` bytes."""
     body = {**hello._asdict(), "padding": b""}
-    short = PADDED_HELLO - HELLO_HEADER - overhead - len(pack_map(body))
+    short = PADDED_HELLO - HELLO_HEADER.size - overhead - len(pack_map(body))
     return pack_map({**body, "padding": bytes(max(0, short))})
 
 
@@ -148,100 +233,272 @@ def pack_refusal(message: str, room: int) -> bytes:
     return pack_map({"refusal": text.decode(errors="ignore")})
 
 
-def pack_map(body: Mapping[str, object]) -> bytes:
-    packed: bytes = msgpack.packb(dict(body))
-    return packed
+# --- the two ends
 
 
-def read_map(packed: bytes) -> dict[str, object] | None:
-    """A msgpack map with text keys, or None if it is anything else."""
-    try:
-        body = msgpack.unpackb(packed, strict_map_key=True)
-    except (ValueError, OverflowError, RecursionError, msgpack.UnpackException):
-        return None
-    if not isinstance(body, dict) or not all(isinstance(key, str) for key in body):
-        return None
-    return body
+class Dialer:
+    """Calls the slave, again and again until it answers. The next HELLO is `due` then [s], infinity when not calling.
+    `expects` is the name of the slave that is called; the first one that answers sets it."""
+
+    def __init__(
+        self, end: LocalEnd, instance: bytes, *, stamp: Callable[[float], int], takes_over: bool = False
+    ) -> None:
+        """Prepare to call.
+
+        Args:
+            end: the caller.
+            instance: random bytes of this run of it.
+            stamp: wall clock [ns] at `now` [s]; if it goes back, stamps go on rising by one.
+            takes_over: whether to replace a master that the slave serves, until `confirm`: otherwise two masters would
+                take the slave from each other for ever. A slave that has served this run ignores it in any case.
+        """
+        self._end = end
+        self._instance = instance
+        self._stamp = stamp
+        self._newest = 0
+        self._open: OrderedDict[int, Any] = OrderedDict()
+        # Pauses grow from a twentieth to a fifth of the largest loop age, so that the listener still holds the pending
+        # session of a HELLO when its answer arrives.
+        self._first_interval = max(FIRST_INTERVAL, 0.05 * (end.silence + end.longest_round_trip))
+        self._interval = self._first_interval
+        self._too_long = inf
+        self._too_long_since = 0.0
+        self._too_long_answers = 0
+        self._has_served = False
+        self.expects = end.expects
+        self._takes_over = takes_over
+        self.due = inf
+
+    def start(self, now: float) -> None:
+        """Begin a new call; the first HELLO is due at once."""
+        self._open.clear()
+        self._interval = self._first_interval
+        self.due = now
+
+    def stop(self) -> None:
+        """Stop calling, and accept no more answers."""
+        self._open.clear()
+        self.due = inf
+
+    def confirm(self) -> None:
+        """Note that the slave serves this master: it has sent a datagram under the keys of a session."""
+        self._takes_over = False
+        self._has_served = True
+        self._too_long_answers = 0
+
+    def hello(self, now: float) -> bytes:
+        """The next HELLO of this call, and schedule the one after it."""
+        self.due = now + self._interval
+        self._interval = min(2.0 * self._interval, max(LONGEST_INTERVAL, 4.0 * self._first_interval))
+        self._newest = max(self._stamp(now), self._newest + 1)
+        end, security = self._end, self._end.security
+        is_too_long = self._too_long_answers >= TOO_LONG_ANSWERS and now - self._too_long_since >= TOO_LONG_AFTER
+        hello = Hello(
+            end.agreement,
+            round((now - end.epoch) * 1e6),
+            end.name,
+            self._instance,
+            expects=self.expects,
+            takes_over=self._takes_over,
+            longest_round_trip_us=round(end.longest_round_trip * 1e6),
+            round_trip_us=round(self._too_long * 1e6) if is_too_long else 0,
+        )
+        header = HELLO_HEADER.pack(Kind.HELLO, end.version, identity_of(end.name), self._newest)
+        payload = pack_hello(hello, security.overhead)
+        message, self._open[self._newest] = security.call(header, end.entropy(security.private_size), payload)
+        if len(self._open) > OPEN_CALLS:
+            self._open.popitem(last=False)
+        return header + message
+
+    def on_welcome(  # noqa: C901, PLR0911 - each reason to drop
+        self, data: bytes, now: float
+    ) -> Session | str | DropReason | None:
+        """Take a WELCOME: the session that it opens, the text of a refusal, the reason to drop it, or None if it only
+        makes the next HELLO due at once."""
+        if len(data) < WELCOME_HEADER.size:
+            return DropReason.UNEXPECTED
+        state = self._open.get(WELCOME_HEADER.unpack_from(data)[2])
+        if state is None:
+            return DropReason.UNEXPECTED
+        opened = self._end.security.open(state, data[WELCOME_HEADER.size :])
+        if opened is None:
+            return DropReason.UNPROVEN
+        packed, protection = opened
+        body = read_map(packed) or {}
+        if isinstance(refusal := body.get("refusal"), str):
+            return refusal
+        if "newest" in body:  # the slave knows a later stamp of this master, because our clock went back
+            newest = body["newest"]
+            if type(newest) is not int or abs(newest) >= LARGEST_STAMP:
+                return DropReason.MALFORMED
+            if newest <= self._newest:  # it answers an older HELLO
+                return DropReason.SUPERSEDED
+            self._newest = newest
+            self.due = -inf
+            return None
+        welcome = read_fields(body, WELCOME_FIELDS)
+        if welcome is None:
+            return DropReason.MALFORMED
+        clock_us, delta_us, name, longest_us = welcome
+        if self.expects and name != self.expects:
+            return _unexpected_slave(self.expects, name)
+        self.expects = name
+        end, peer_clock, outward_delay = self._end, clock_us * 1e-6, delta_us * 1e-6
+        longest = min(end.longest_round_trip, longest_us * 1e-6)
+        hello_at = end.epoch + peer_clock - outward_delay
+        round_trip = now - hello_at
+        if in_ms(round_trip) > in_ms(longest):
+            if not self._has_served:  # the next HELLOs may tell the slave
+                self._too_long_since = self._too_long_since if self._too_long_answers else now
+                self._too_long_answers += 1
+                self._too_long = min(self._too_long, round_trip)
+            return DropReason.STALE
+        session = Session(end, protection, peer_clock, now, longest_round_trip=longest, confirmed_at=hello_at)
+        session.liveness.agree(min(rounded_up(round_trip), longest), now)
+        session.clock.learn(outward_delay, 0.0, 0.0)
+        session.measure()
+        return session
 
 
-def read_fields(body: Mapping[str, object], checks: Mapping[str, Callable[[object], bool]]) -> list[Any] | None:
-    """The fields of a message in the order of their checks, or None if one of them fails."""
-    values = [body.get(name) for name in checks]
-    return values if all(check(value) for check, value in zip(checks.values(), values, strict=True)) else None
+class Pending(NamedTuple):
+    """A session that no datagram has confirmed yet, with the HELLO that asked for it and where that came from."""
+
+    session: Session
+    hello: Hello
+    address: Address
 
 
-def read_hello(body: Mapping[str, object]) -> Hello | None:
-    """The fields of a HELLO, each of its type and size, or None."""
-    found = read_fields(body, _HELLO_FIELDS)
-    return None if found is None else Hello(*found)
+@dataclass(slots=True)
+class _Master:
+    """A master that has proven the key: newest stamp, latest exchange, instance served last, pending sessions."""
+
+    stamp: int
+    exchanged_at: float = -inf
+    served: bytes = b""
+    pending: deque[Pending] = field(default_factory=lambda: deque(maxlen=PENDING_LIMIT))
 
 
-def read_welcome(body: Mapping[str, object]) -> Welcome | None:
-    """The fields of a WELCOME that agrees, each of its type and size, or None."""
-    found = read_fields(body, _WELCOME_FIELDS)
-    return None if found is None else Welcome(*found)
+class Listener:
+    """Answers HELLOs and keeps the sessions that they may become."""
 
+    def __init__(self, end: LocalEnd) -> None:
+        self._end = end
+        self._agreement = read_map(end.agreement) or {}
+        self._masters: dict[bytes, _Master] = {}
+        self._floor = 0
+        self._refused_at = self._answered_stale_at = -inf
 
-def _is_clock(value: object) -> bool:
-    return type(value) is int and abs(value) <= _LONGEST_CLOCK_US
+    @property
+    def pending(self) -> list[Pending]:
+        return [pending for master in self._masters.values() for pending in master.pending]
 
+    def confirm(self, pending: Pending) -> None:
+        """Serve the caller of a pending session, and discard all pending ones."""
+        self._masters[identity_of(pending.hello.name)].served = pending.hello.instance
+        self.settle()
 
-def _is_duration(value: object) -> bool:
-    return type(value) is int and 0 <= value <= _LONGEST_CLOCK_US
+    def settle(self) -> None:
+        """Discard all pending sessions."""
+        for master in self._masters.values():
+            master.pending.clear()
 
+    def on_hello(  # noqa: C901, PLR0911, PLR0912 - each reason to drop
+        self, data: bytes, address: Address, now: float, *, serving: Hello | None = None, is_engaged: bool = False
+    ) -> tuple[bytes, str | None] | DropReason:
+        """Take a HELLO: the answer to send, never longer than the HELLO, and its text if it refuses; or the reason to
+        drop it.
 
-_HELLO_FIELDS: dict[str, Callable[[object], bool]] = {
-    "agreement": lambda value: isinstance(value, bytes),
-    "clock_us": _is_clock,
-    "name": _is_name,
-    "instance": lambda value: isinstance(value, bytes) and len(value) == INSTANCE_BYTES,
-    "expects": lambda value: value == "" or _is_name(value),
-    "takes_over": lambda value: isinstance(value, bool),
-    "longest_round_trip_us": _is_duration,
-    "round_trip_us": _is_duration,
-}
-_WELCOME_FIELDS: dict[str, Callable[[object], bool]] = {
-    "clock_us": _is_clock,
-    "delta_us": _is_clock,
-    "name": _is_name,
-    "longest_round_trip_us": _is_duration,
-}
+        `serving` is the master of the present session, `is_engaged` whether it is heard."""
+        if len(data) < PADDED_HELLO:
+            return DropReason.TRUNCATED
+        _, version, identity, stamp = HELLO_HEADER.unpack_from(data)
+        end, master = self._end, self._masters.get(identity)
+        newest = self._floor if master is None else master.stamp
+        is_stale = stamp <= newest
+        if is_stale:
+            if stamp == newest or now < self._answered_stale_at + STALE_PACE:
+                return DropReason.REPLAYED
+            self._answered_stale_at = now
+        heard = end.security.hear(data[: HELLO_HEADER.size], data[HELLO_HEADER.size :])
+        if heard is None:
+            return DropReason.UNPROVEN
+        payload, state = heard
+        header = WELCOME_HEADER.pack(Kind.WELCOME, version, stamp)
+        if is_stale:
+            answered = self._answer(state, pack_map({"newest": newest}))
+            return DropReason.MALFORMED if answered is None else (header + answered[0], None)
+        master = self._remember(identity, stamp)
+        if now < master.exchanged_at + (EXCHANGE_PACE_ENGAGED if is_engaged else EXCHANGE_PACE):
+            return DropReason.OVERLOADED
+        body = read_map(payload)
+        if body is None:
+            return DropReason.MALFORMED
+        hello: Hello | None = None
+        if version != end.version:
+            refusal = difference("protocol version", Role.INITIATOR, version, end.version)
+        else:
+            fields = read_fields(body, HELLO_FIELDS)
+            hello = None if fields is None else Hello(*fields)
+            agreement = None if hello is None else read_map(hello.agreement)
+            if hello is None or agreement is None or identity != identity_of(hello.name):
+                return DropReason.MALFORMED
+            if serving is not None and serving.name == hello.name and not is_engaged:
+                serving = None  # a restarted master calls in the silence of its former run
+            refusal = self._objection(hello, agreement, serving, master.served)
+        if refusal or hello is None:
+            if now < self._refused_at + REFUSAL_PACE:
+                return DropReason.OVERLOADED
+            self._refused_at = now
+            room = len(data) - WELCOME_HEADER.size - end.security.overhead
+            answered = self._answer(state, pack_refusal(refusal, room))
+            return DropReason.MALFORMED if answered is None else (header + answered[0], refusal)
+        master.exchanged_at = now
+        clock, departure = now - end.epoch, hello.clock_us * 1e-6
+        welcome = {
+            "clock_us": round(clock * 1e6),
+            "delta_us": round((clock - departure) * 1e6),
+            "name": end.name,
+            "longest_round_trip_us": round(end.longest_round_trip * 1e6),
+        }
+        answered = self._answer(state, pack_map(welcome))
+        if answered is None:
+            return DropReason.MALFORMED
+        message, protection = answered
+        longest = min(end.longest_round_trip, hello.longest_round_trip_us * 1e-6)
+        session = Session(end, protection, departure, now, longest_round_trip=longest)
+        master.pending.append(Pending(session, hello, address))
+        return header + message, None
 
+    def _answer(self, state: Any, payload: bytes) -> tuple[bytes, Protection] | None:
+        return self._end.security.answer(state, self._end.entropy(self._end.security.private_size), payload)
 
-def pack_agreement(agreement: Mapping[str, object]) -> bytes:
-    """The packed agreement.
+    def _remember(self, identity: bytes, stamp: int) -> _Master:
+        """Record a stamp as proven. Of too many masters the one with the oldest stamp is forgotten; unknown masters
+        must exceed its stamp from then on, so that no replay is accepted."""
+        master = self._masters.get(identity)
+        if master is None:
+            if len(self._masters) >= KNOWN_MASTERS:
+                oldest = min(self._masters, key=lambda known: self._masters[known].stamp)
+                self._floor = max(self._floor, self._masters.pop(oldest).stamp)
+            master = self._masters[identity] = _Master(stamp)
+        master.stamp = stamp
+        return master
 
-    Raises:
-        ValueError: naming the key whose value msgpack cannot carry, or if the whole does not fit a datagram.
-    """
-    for key, value in agreement.items():
-        try:
-            msgpack.packb({key: value})
-        except (TypeError, ValueError, OverflowError) as problem:
-            raise ValueError(f"agreement {key!r}: {value!r} cannot be sent to the peer ({problem})") from None
-    packed = pack_map(agreement)
-    if len(packed) > LONGEST_DATAGRAM - PADDED_HELLO:
-        raise ValueError(f"the agreement takes {len(packed)} bytes, more than {LONGEST_DATAGRAM - PADDED_HELLO}")
-    return packed
-
-
-def unexpected_slave(expected: str, name: str) -> str:
-    """Message to the user: another slave than the expected one answered."""
-    return f"the master expects slave {expected!r}, and {name!r} answered"
-
-
-def differences(role: Role, mine: Mapping[str, object], theirs: Mapping[str, object]) -> str:
-    """Every key on which two agreements differ, with both values; "" if they are the same."""
-    return "; ".join(
-        difference(key, role, mine.get(key, _NOTHING), theirs.get(key, _NOTHING))
-        for key in sorted(mine.keys() | theirs.keys())
-        if mine.get(key, _NOTHING) != theirs.get(key, _NOTHING)
-    )
-
-
-def difference(key: str, role: Role, mine: object, theirs: object) -> str:
-    """Message to the user: what each end has for a key."""
-    held = {role: mine, role.other: theirs}
-    said = {side: "nothing" if value is _NOTHING else repr(value) for side, value in held.items()}
-    master, slave = Role.INITIATOR, Role.RESPONDER
-    return f"{key}: {master.value} has {said[master]}, {slave.value} has {said[slave]}"
+    def _objection(self, hello: Hello, agreement: dict[str, object], serving: Hello | None, served: bytes) -> str:
+        """Message to the user: why this master gets no session; "" if it does."""
+        end = self._end
+        if hello.expects and hello.expects != end.name:
+            return _unexpected_slave(hello.expects, end.name)
+        if end.expects and hello.name != end.expects:
+            return f"slave {end.name!r} serves master {end.expects!r} only, and {hello.name!r} called"
+        if message := differences(Role.RESPONDER, self._agreement, agreement):
+            return message
+        longest = min(end.longest_round_trip, hello.longest_round_trip_us * 1e-6)
+        if hello.round_trip_us * 1e-6 > longest:
+            measured = f"{hello.round_trip_us * 1e-3:.0f}"
+            return f"the round trip is {measured} ms, link.longest_round_trip_ms allows {longest * 1e3:g}"
+        was_served = hello.instance == served
+        if serving is None or hello.instance == serving.instance or (hello.takes_over and not was_served):
+            return ""
+        another = "another run of " if hello.name == serving.name else ""
+        return f"slave {end.name!r} serves {another}master {serving.name!r}; to take it over, use --take-over"

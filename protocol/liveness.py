@@ -1,4 +1,4 @@
-"""Measure whether the two ends hear each other, on each end's own clock, against two limits.
+"""Measure whether the two ends hear each other, on each end's own clock, against two limits; and schedule heartbeats.
 
 Reception: something fresh of the peer has come within the silence limit S. This does not depend on the round trip.
 
@@ -6,7 +6,7 @@ Loop age: every datagram echoes the departure of the newest datagram that its se
 time on the receiver's clock. So an end knows the time since the departure of its newest datagram that the peer is known
 to have heard. It contains both delays, the wait at the peer and the time since, needs no common clock, and does not
 depend on how the round trip divides. It bounds the age of whatever the peer has sent. It may be at most S + R, with the
-round trip R that both ends have agreed on (`weberlink.protocol.round_trip`).
+round trip R that both ends have agreed on (`weberlink.protocol.negotiation`).
 
 This is bidirectional forwarding detection (RFC 5880) with the ages of both directions added: hearing the peer is not
 enough, the peer must hear this end too. All times that owners need are derived here, so that they compare with S alone.
@@ -15,9 +15,24 @@ The echo has 8 bits: the departure in units of 1/64 of S + R, rounded down, modu
 S. R may change in a session; a bit beside the echo, the generation, is the parity of the R that its sender uses. The
 echo is unambiguous for almost four times S + R. It has to be for three: what counts is at most S + R old, is echoed for
 at most S, and that echo is at most S + R old; R at most halves in a change.
+
+Any datagram shows that this end is alive, so heartbeats fill the gaps between updates. An end sends early enough for
+the loop age of the *peer*: what the newest datagram of this end echoed had arrived here at some time, and without loss
+the loop age of the peer is at most the time since then plus the round trip. So the next datagram is due when that time
+has become the largest echo age: what round trip, late ticks and questions leave of the largest loop age. If nothing new
+has come from the peer, there is nothing new to echo; then a datagram is due one gap after the last, which the
+extrapolation of motion and the reception limit allow. Two ends at rest need three datagrams per echo age together.
+
+An end whose own loop age is larger than that, or which has heard nothing for longer than the gap of the peer, asks
+every few milliseconds, and is answered at once. The number of questions for which echo age and gap leave room follows
+from the measured loss, so a false alarm needs the loss of a datagram and of all questions after it. With independent
+losses that happens at most `FALSE_ALARMS_PER_S` often.
+
+Where the path is so long that an answer would come too late, the datagrams go out so densely that as many of them as
+there would be questions fit before the limit.
 """
 
-from math import floor, inf
+from math import ceil, floor, inf, log
 from typing import Final
 
 DEAF: Final = 255
@@ -30,6 +45,29 @@ FADE_SHARE: Final = 0.8
 HORIZON_SHARE: Final = 0.6
 """Share of the silence limit for which a motion is extrapolated after the peer's encoder was last known to run."""
 
+LONGEST_ECHO_AGE: Final = 0.4
+LEAST_SHARE: Final = 0.1
+"""Shortest gap, as a share of the silence limit: a limit too short for its path must not cause a flood."""
+LATE_TICKS: Final = 3
+"""How late both ends together send their heartbeats [ticks]."""
+INTRODUCTIONS: Final = 5
+INTRODUCTION_INTERVAL: Final = 0.02
+"""Pace of the first heartbeats, sent beside updates [s]: the peer cannot date our updates before it has a report."""
+REPORT_INTERVAL: Final = 1.0
+"""A heartbeat with a report goes out at least this often, however many updates do [s]."""
+DENSEST: Final = 0.005
+"""Shortest echo age on a lossy link [s], so that at most 200 heartbeats a second are sent."""
+ASK_PACE: Final = 0.004
+"""Least time between two questions [s], so that at most 25 are sent in a silence of 100 ms."""
+LEAST_QUESTIONS: Final = 2
+"""Questions before the silence limit on a link that has lost nothing yet: the first loss must not end a contact."""
+MOST_QUESTIONS: Final = 50
+FALSE_ALARMS_PER_S: Final = 1.0 / 3600.0
+CHANCE_FADES_PER_S: Final = 1.0 / 10.0
+CHANCE_STOPS_PER_S: Final = 1.0
+"""How often losses may cause a needless silence, a needless fade, and a needless stop of an extrapolated motion [1/s].
+Fades and stops end with the next datagram; a false alarm ends the contact."""
+
 
 class Liveness:
     """Both directions of one session. Times are in s; -inf (`generation_heard_at`: inf) stands for never.
@@ -41,8 +79,10 @@ class Liveness:
             known to be missing since its departure.
         encodes_until: until when the peer's encoder counts as running.
         in_touch_at: the end is in touch until then, and fades as time passes since then.
+        silent_at: when one of the limits is passed if nothing more is heard.
         round_trip, generation: R that this end uses now, and its parity.
-        is_agreed: whether there is one; a responder learns it from the first datagrams of the initiator.
+        limit: largest loop age, S + R; nothing is executed, and nothing is repeated, that is older.
+        is_agreed: whether there is a round trip; a responder learns it from the first datagrams of the initiator.
         is_opening: whether nothing that left in this session was confirmed yet, and the path is so long that the first
             confirmation cannot be there in time. Then the session is given time for one round trip, but must not drive.
         opened_at: when the session had a round trip.
@@ -53,7 +93,7 @@ class Liveness:
         """Begin with a handshake datagram of the peer, which left at `departure` on its clock and arrived at `now`.
         `confirmed_at` is the departure of our datagram that it answers; -inf if it answers none."""
         self._epoch = epoch
-        self._silence = silence
+        self._silence = self.limit = silence
         self.round_trip = 0.0
         self._round_trips = [0.0, 0.0]
         self.generation = 0
@@ -65,15 +105,15 @@ class Liveness:
         self.heard_at = now
         self.confirmed_at = confirmed_at
         self.encoder_heard_at = self.encodes_until = self.in_touch_at = -inf
+        self._update()
 
     def agree(self, round_trip: float, now: float) -> None:
         """Begin with this round trip [s], as generation 0."""
         self._round_trips = [round_trip, round_trip]
-        self.round_trip = round_trip
         self.is_agreed = True
         self.is_opening = 2.0 * round_trip > self._silence
-        self.opened_at = now
-        self.generation_heard_at = now
+        self.opened_at = self.generation_heard_at = now
+        self._use(round_trip)
 
     def expect(self, round_trip: float) -> None:
         """Read echoes of the other generation with this round trip [s] from now on."""
@@ -82,21 +122,20 @@ class Liveness:
     def switch(self) -> None:
         """Use the round trip of the other generation, which both ends have agreed on."""
         self.generation = 1 - self.generation
-        self.round_trip = self._round_trips[self.generation]
         self.generation_heard_at = inf
-        self._touch()
+        self._use(self._round_trips[self.generation])
 
-    @property
-    def limit(self) -> float:
-        """Largest loop age, S + R [s]; nothing is executed, and nothing is repeated, that is older."""
-        return self._silence + self.round_trip
+    def _use(self, round_trip: float) -> None:
+        self.round_trip, self.limit = round_trip, self._silence + round_trip
+        self._update()
 
-    @property
-    def silent_at(self) -> float:
-        """Time at which one of the limits is passed if nothing more is heard [s]."""
+    def _update(self) -> None:
+        loop_from = self.confirmed_at + self.round_trip
+        self.in_touch_at = min(loop_from, self.encoder_heard_at)
         if self.is_opening:
-            return self.opened_at + self.limit
-        return min(self.heard_at, self.confirmed_at + self.round_trip) + self._silence
+            self.silent_at = self.opened_at + self.limit
+        else:
+            self.silent_at = min(self.heard_at, loop_from) + self._silence
 
     def is_fresh(self, age: float | None, generation: int) -> bool:
         """Whether a datagram of this age by the mapped clocks counts [s]; also while they are not mapped (None).
@@ -105,10 +144,6 @@ class Liveness:
         smaller one of both ends: otherwise an echo could wrap as R rises.
         """
         return age is None or age <= self._silence + 0.5 * min(self.round_trip, self._round_trips[generation])
-
-    def drives(self, now: float) -> bool:
-        """Whether the peer's updates may be executed, as far as the two limits and the peer's encoder are concerned."""
-        return now <= self.encodes_until and not self.is_opening
 
     def echo(self, now: float) -> int:
         """The echo of a datagram that leaves now."""
@@ -121,28 +156,24 @@ class Liveness:
         unit = self.limit / UNITS
         return self._epoch + (floor(departure / unit) + 1) * unit
 
-    def confirmation(self, echo: int, generation: int, now: float) -> float:
-        """Departure of our newest datagram that the sender of this echo had heard [s]; -inf if it had heard none."""
-        if echo == DEAF:
-            return -inf
-        unit = (self._silence + self._round_trips[generation]) / UNITS
-        latest = floor((now - self._epoch) / unit) + 1  # a rounding may put an echo of just now ahead of now
-        departed = self._epoch + (latest - (latest - echo) % _MODULUS) * unit
-        return departed if departed < now else now
-
     def hear(self, departure: float, echo: int, generation: int, now: float) -> bool:
         """Take a fresh datagram; returns whether its loop age as it arrives is within the limit."""
         self.heard_at = now
         self._departure = departure if departure > self._departure else self._departure
         if generation == self.generation and self.generation_heard_at == inf:
             self.generation_heard_at = now
-        confirmation = self.confirmation(echo, generation, now)
-        if confirmation > self.confirmed_at:
-            self.confirmed_at = confirmation
-            if confirmation + self.limit / UNITS >= self.opened_at:
+        confirmed = -inf  # departure of our newest datagram that the sender of this echo had heard
+        if echo != DEAF:
+            unit = (self._silence + self._round_trips[generation]) / UNITS
+            latest = floor((now - self._epoch) / unit) + 1  # a rounding may put an echo of just now ahead of now
+            confirmed = self._epoch + (latest - (latest - echo) % _MODULUS) * unit
+            confirmed = confirmed if confirmed < now else now
+        if confirmed > self.confirmed_at:
+            self.confirmed_at = confirmed
+            if confirmed + self.limit / UNITS >= self.opened_at:
                 self.is_opening = False
-        self._touch()
-        return now - confirmation <= self.limit
+        self._update()
+        return now - confirmed <= self.limit
 
     def hear_encoder(self, sequence: int, now: float, *, runs: bool) -> None:
         """Take what a fresh datagram of this number says of the peer's encoder: it ran, and this end holds all its
@@ -153,7 +184,157 @@ class Liveness:
             if runs:
                 self.encoder_heard_at = now
             self.encodes_until = self.encoder_heard_at + self._silence if runs else -inf
-            self._touch()
+            self._update()
 
-    def _touch(self) -> None:
-        self.in_touch_at = min(self.confirmed_at + self.round_trip, self.encoder_heard_at)
+
+class HeartbeatSchedule:
+    """Times of the heartbeats of one direction, and whether one asks for an answer.
+
+    Attributes:
+        max_echo_age: longest time from an arrival that was echoed to our next datagram, if there is a newer one [s].
+        max_gap: longest time between two of our datagrams [s].
+        credit_interval: time in which credit that was granted is told [s].
+    """
+
+    def __init__(self, now: float, *, silence: float, tick_period: float) -> None:
+        """Begin with one that is due. A heartbeat may be late by a tick period."""
+        self._fade = FADE_SHARE * silence
+        self._horizon = HORIZON_SHARE * silence
+        self._silence = silence
+        self._tick_period = tick_period
+        self._introductions = INTRODUCTIONS
+        self._answer_wanted = self._credit_wanted = False
+        self._confirmed_at = self._heard_at = self._echoed_at = now
+        self._round_trip = 0.0
+        self._asked_at = -inf
+        self._sent_at = self._heartbeat_at = self._reported_at = now - REPORT_INTERVAL
+        self._due: float | None = None
+        self.adapt(0.0, 0.0, inf, 0.0, 0.0)
+
+    def adapt(self, outgoing: float, incoming: float, rtt: float, jitter: float, round_trip: float) -> None:
+        """Take new measurements of the link: loss of each direction, 0..1; measured round trip, infinite while unknown,
+        and its jitter; the round trip that both ends have agreed on [s]."""
+        path = (0.0 if rtt == inf else rtt) + jitter
+        late = LATE_TICKS * self._tick_period
+        overhead = path + late + (self._silence + round_trip) / UNITS
+        unanswered = 1.0 - (1.0 - outgoing) * (1.0 - incoming)
+        shortest = LEAST_SHARE * self._silence
+        age = min(LONGEST_ECHO_AGE, self._fade + round_trip - overhead)
+        for limit, rate, least in (
+            (self._fade, CHANCE_FADES_PER_S, 0),
+            (self._silence, FALSE_ALARMS_PER_S, LEAST_QUESTIONS),
+        ):
+            needed = max(least, questions_needed(unanswered, rate * shortest))
+            age = min(age, self._longest_pause(limit + round_trip - overhead, needed, needed, path))
+        self.max_echo_age = max(min(DENSEST, 2.0 * shortest) if unanswered > 0.0 else 2.0 * shortest, age)
+        self.credit_interval = max(shortest, 0.5 * self.max_echo_age)
+        self.max_gap = self._longest_gap(outgoing, unanswered, shortest, path, jitter)
+        self._round_trip = round_trip
+        self._ask_after = self.max_echo_age + overhead
+        self._ask_after_quiet = self._longest_gap(incoming, unanswered, shortest, path, jitter) + jitter + late
+        self._answered_in = rtt + jitter + 2.0 * self._tick_period
+        self._due = None
+
+    def _longest_pause(self, room: float, losses: int, questions: int, path: float) -> float:
+        """Longest pause between two datagrams with which a limit that leaves this room for pauses holds, although so
+        many datagrams in a row are lost, and so many questions, whose answers take this path [s]."""
+        asking = questions * (ASK_PACE + self._tick_period) + (path if questions else 0.0)
+        return max(room - asking, room / (1 + losses))
+
+    def _longest_gap(self, loss: float, unanswered: float, shortest: float, path: float, jitter: float) -> float:
+        """Longest time between two datagrams of a direction with this loss, so that its receiver stays in touch [s]."""
+        late = LATE_TICKS * self._tick_period
+        stops = min(1.0, CHANCE_STOPS_PER_S * self.credit_interval)
+        gap = (self._horizon - jitter - late) / (1 + questions_needed(loss, stops))
+        for limit, rate, least in (
+            (self._fade, CHANCE_FADES_PER_S, 0),
+            (self._silence, FALSE_ALARMS_PER_S, LEAST_QUESTIONS),
+        ):
+            losses = max(least, questions_needed(loss, rate * shortest))
+            questions = max(least, questions_needed(unanswered, rate * shortest))
+            gap = min(gap, self._longest_pause(limit - jitter - late, losses, questions, path))
+        return min(self.max_echo_age, max(shortest, gap))
+
+    def heard(self, now: float, confirmed_at: float) -> None:
+        """A fresh datagram of the peer came, and the peer is known to have heard what left at `confirmed_at` [s]."""
+        self._heard_at = now
+        self._confirmed_at = confirmed_at
+        self._due = None
+
+    def sent(self, now: float, heard_at: float) -> None:
+        """A datagram of any kind went out, with the present credit and the echo of one that came at `heard_at`."""
+        self._sent_at = now
+        self._echoed_at = heard_at
+        self._answer_wanted = self._credit_wanted = False
+        self._due = None
+
+    def sent_heartbeat(self, now: float, *, has_reported: bool, is_confirmed: bool) -> None:
+        """The datagram was a heartbeat; `is_confirmed` if the peer was heard under these keys."""
+        if now >= self._ask_due():
+            self._asked_at = now
+        self._heartbeat_at = now
+        if has_reported:
+            self._reported_at = now
+        self._introductions -= is_confirmed and self._introductions > 0
+        self._due = None
+
+    def want_answer(self) -> None:
+        """The peer is to hear something as soon as may be; any datagram will do."""
+        self._answer_wanted = True
+        self._due = None
+
+    def want_credit(self) -> bool:
+        """The peer is to hear of more credit; returns whether that is new."""
+        is_new = not self._credit_wanted
+        if is_new:
+            self._credit_wanted = True
+            self._due = None
+        return is_new
+
+    def asks(self, now: float) -> bool:
+        """Whether a heartbeat sent now asks for an answer: a datagram is missing, and an answer can be in time."""
+        last = max(self._confirmed_at + self._round_trip, self._heard_at) + self._silence - self._answered_in
+        return self._ask_due() <= now <= last
+
+    def reports(self, now: float) -> bool:
+        """Whether a heartbeat sent now must report."""
+        return self._introductions > 0 or now >= self._reported_at + REPORT_INTERVAL
+
+    def due(self, *, is_engaged: bool) -> float:
+        """Time of the next heartbeat if nothing else is sent [s]."""
+        if not is_engaged:
+            return min(self._reported_at + REPORT_INTERVAL, self._sent_at + self.credit_interval)
+        if self._due is not None:  # read several times a tick, changed by a datagram only
+            return self._due
+        due = self._sent_at
+        if not self._answer_wanted:
+            due = min(self._reported_at + REPORT_INTERVAL, self._sent_at + self.max_gap, self._ask_due())
+            if self._heard_at > self._echoed_at:
+                due = min(due, self._echoed_at + self.max_echo_age)
+            if self._credit_wanted:
+                due = min(due, self._sent_at + self.credit_interval)
+            if self._introductions:
+                due = min(due, self._heartbeat_at + INTRODUCTION_INTERVAL)
+        self._due = due
+        return due
+
+    def _ask_due(self) -> float:
+        """When a datagram is missing that was due by either limit, if an answer can come before that limit."""
+        paced, silence = self._asked_at + ASK_PACE, self._silence
+        loop = max(self._confirmed_at + self._ask_after, paced)
+        quiet = max(self._heard_at + self._ask_after_quiet, paced)
+        loop_ends, quiet_ends = self._confirmed_at + silence + self._round_trip, self._heard_at + silence
+        return min(
+            loop if loop + self._answered_in <= loop_ends else inf,
+            quiet if quiet + self._answered_in <= quiet_ends else inf,
+        )
+
+
+def questions_needed(unanswered: float, rate: float) -> int:
+    """The least number of questions for which all of them stay unanswered more rarely than `rate` per interval.
+
+    Losses are taken as independent. Bursts longer than the questions are not covered: no datagram arrives during them.
+    """
+    if unanswered <= rate:
+        return 0
+    return MOST_QUESTIONS if unanswered >= 1.0 else min(MOST_QUESTIONS, ceil(log(rate) / log(unanswered)) - 1)

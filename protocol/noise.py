@@ -2,32 +2,32 @@
 
 Section numbers are those of the Noise Protocol Framework, revision 34. The pattern (sections 7.4 and 9.4):
 
-    -> psk, e       `Initiator.hello`, `Responder.read`
-    <- e, ee        `Initiator.open`, `Responder.answer`
+    -> psk, e       `call`, `hear`
+    <- e, ee        `open_answer`, `answer`
 
 Both messages carry an encrypted payload. The first one proves that its sender held the key at some time; it may be a
 recording. Only the two ends know the derived keys, even if the pre-shared key becomes known later. An ephemeral key
 must never be used for two messages: the payload is encrypted under a key derived from it.
 """
 
-from collections.abc import Callable
-from copy import copy
 from hashlib import sha256
 from hmac import digest
-from typing import Any, NamedTuple
+from typing import Final, NamedTuple
 
 from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey, X25519PublicKey
 from cryptography.hazmat.primitives.ciphers.aead import AESGCM
 
-NAME = b"Noise_NNpsk0_25519_AESGCM_SHA256"
-_FIRST = NAME.ljust(32, b"\0")
+NAME: Final = b"Noise_NNpsk0_25519_AESGCM_SHA256"
+_FIRST: Final = NAME.ljust(32, b"\0")
 """InitializeSymmetric: a name of up to 32 bytes is its own hash, padded with zeros."""
-PSK_BYTES = 32
-PRIVATE_BYTES = 32
-PUBLIC_BYTES = 32
-OVERHEAD = PUBLIC_BYTES + 16
+PSK_BYTES: Final = 32
+PRIVATE_BYTES: Final = 32
+PUBLIC_BYTES: Final = 32
+OVERHEAD: Final = PUBLIC_BYTES + 16
 """Bytes that each message adds to its payload: the public key and the tag."""
+_NONCE: Final = bytes(12)
+"""Section 12.3. Each key encrypts one payload, so the counter is always 0."""
 
 
 class Secrets(NamedTuple):
@@ -40,6 +40,46 @@ class Secrets(NamedTuple):
     """Hash of both messages (section 11.2)."""
 
 
+class Symmetric(NamedTuple):
+    """The SymmetricState of section 5.2, with the key of its CipherState; each step makes a new one."""
+
+    chaining_key: bytes
+    hash: bytes
+    key: bytes
+
+    def mix_hash(self, data: bytes) -> "Symmetric":
+        return Symmetric(self.chaining_key, sha256(self.hash + data).digest(), self.key)
+
+    def mix_key(self, material: bytes) -> "Symmetric":
+        chaining_key, key = hkdf(self.chaining_key, material, 2)
+        return Symmetric(chaining_key, self.hash, key)
+
+    def mix_ephemeral(self, public: bytes) -> "Symmetric":
+        """The token `e` of a pattern with a pre-shared key (section 9.2)."""
+        return self.mix_hash(public).mix_key(public)
+
+    def seal(self, clear: bytes) -> bytes:
+        """EncryptAndHash, but for the hash."""
+        return AESGCM(self.key).encrypt(_NONCE, clear, self.hash)
+
+    def open(self, sealed: bytes) -> bytes | None:
+        """DecryptAndHash, but for the hash; None if it is not authentic."""
+        try:
+            return AESGCM(self.key).decrypt(_NONCE, sealed, self.hash)
+        except InvalidTag:
+            return None
+
+    def split(self) -> Secrets:
+        forward, backward = hkdf(self.chaining_key, b"", 2)
+        return Secrets(forward, backward, self.hash)
+
+
+Waiting = tuple[Symmetric, X25519PrivateKey]
+"""What the initiator holds until the answer comes."""
+Heard = tuple[Symmetric, bytes]
+"""What the responder holds until it answers: with the public key of the initiator."""
+
+
 def hkdf(chaining_key: bytes, material: bytes, count: int) -> list[bytes]:
     """Two or three keys of 32 bytes (section 4.3)."""
     temporary = digest(chaining_key, material, "sha256")
@@ -50,117 +90,58 @@ def hkdf(chaining_key: bytes, material: bytes, count: int) -> list[bytes]:
     return outputs
 
 
-class SharedKey:
+def shared_key(psk: bytes) -> tuple[bytes, bytes]:
     """A pre-shared key after the token `psk` (section 9.2), which comes first and so is the same in every handshake."""
-
-    def __init__(self, psk: bytes) -> None:
-        self.chaining_key, self.mixed, _ = hkdf(_FIRST, psk, 3)
-
-
-class SymmetricState:
-    """Section 5.2, with the CipherState of section 5.1; ready for the first token after `psk`. It may be copied."""
-
-    def __init__(self, shared: SharedKey, prologue: bytes) -> None:
-        self._chaining_key = shared.chaining_key
-        self._hash = sha256(_FIRST + prologue).digest()
-        self.mix_hash(shared.mixed)
-        self._key = b""  # until the token `e`
-        self._nonce = 0
-
-    def mix_key(self, material: bytes) -> None:
-        self._chaining_key, self._key = hkdf(self._chaining_key, material, 2)
-        self._nonce = 0
-
-    def mix_hash(self, data: bytes) -> None:
-        self._hash = sha256(self._hash + data).digest()
-
-    def mix_ephemeral(self, public: bytes) -> None:
-        """The token `e` of a pattern with a pre-shared key (section 9.2)."""
-        self.mix_hash(public)
-        self.mix_key(public)
-
-    def encrypt_and_hash(self, clear: bytes) -> bytes:
-        sealed = AESGCM(self._key).encrypt(self._take_nonce(), clear, self._hash)
-        self.mix_hash(sealed)
-        return sealed
-
-    def decrypt_and_hash(self, sealed: bytes) -> bytes | None:
-        """The clear text; None if it is not authentic, and the state must not be used again."""
-        try:
-            clear = AESGCM(self._key).decrypt(self._take_nonce(), sealed, self._hash)
-        except InvalidTag:
-            return None
-        self.mix_hash(sealed)
-        return clear
-
-    def _take_nonce(self) -> bytes:
-        """Section 12.3: 32 bits of zero, then the counter, big-endian."""
-        nonce = self._nonce.to_bytes(12, "big")
-        self._nonce += 1
-        return nonce
-
-    def split(self) -> Secrets:
-        forward, backward = hkdf(self._chaining_key, b"", 2)
-        return Secrets(forward, backward, self._hash)
+    chaining_key, mixed, _ = hkdf(_FIRST, psk, 3)
+    return chaining_key, mixed
 
 
-class Initiator:
-    """Writes the first message and reads the second."""
-
-    def __init__(self, shared: SharedKey, prologue: bytes, private: bytes, finish: Callable[[Secrets], Any]) -> None:
-        """Prepare. Both ends must have the same prologue, which is not part of the messages; `private` are
-        `PRIVATE_BYTES` random bytes that serve for this message alone; `finish` makes the keys of the session."""
-        self._private = X25519PrivateKey.from_private_bytes(private)
-        self._state = SymmetricState(shared, prologue)
-        self._finish = finish
-
-    def hello(self, payload: bytes) -> bytes:
-        """The message `psk, e`; only once."""
-        public = self._private.public_key().public_bytes_raw()
-        self._state.mix_ephemeral(public)
-        return public + self._state.encrypt_and_hash(payload)
-
-    def open(self, message: bytes) -> tuple[bytes, Any] | None:
-        """Payload of the message `e, ee`, and the keys; None if it is not authentic. May be tried again."""
-        state, public = copy(self._state), message[:PUBLIC_BYTES]
-        state.mix_ephemeral(public)
-        shared = _exchange(self._private, public)
-        if shared is None:
-            return None
-        state.mix_key(shared)
-        payload = state.decrypt_and_hash(message[PUBLIC_BYTES:])
-        return None if payload is None else (payload, self._finish(state.split()))
+def _begin(shared: tuple[bytes, bytes], prologue: bytes) -> Symmetric:
+    chaining_key, mixed = shared
+    return Symmetric(chaining_key, sha256(_FIRST + prologue).digest(), b"").mix_hash(mixed)
 
 
-class Responder:
-    """Has read the first message, with this payload, and writes the second."""
+def call(shared: tuple[bytes, bytes], prologue: bytes, private: bytes, payload: bytes) -> tuple[bytes, Waiting]:
+    """The message `psk, e`. Both ends must have the same prologue, which is not part of the messages; `private` are
+    `PRIVATE_BYTES` random bytes that serve for this message alone."""
+    own = X25519PrivateKey.from_private_bytes(private)
+    public = own.public_key().public_bytes_raw()
+    state = _begin(shared, prologue).mix_ephemeral(public)
+    sealed = state.seal(payload)
+    return public + sealed, (state.mix_hash(sealed), own)
 
-    def __init__(self, state: SymmetricState, peer: bytes, payload: bytes, finish: Callable[[Secrets], Any]) -> None:
-        self.payload = payload
-        self._state = state
-        self._peer = peer
-        self._finish = finish
 
-    @classmethod
-    def read(
-        cls, shared: SharedKey, prologue: bytes, message: bytes, finish: Callable[[Secrets], Any]
-    ) -> "Responder | None":
-        """Read the message `psk, e`; None if it is not authentic. Needs no X25519."""
-        state, public = SymmetricState(shared, prologue), message[:PUBLIC_BYTES]
-        state.mix_ephemeral(public)
-        payload = state.decrypt_and_hash(message[PUBLIC_BYTES:])
-        return None if payload is None else cls(state, public, payload, finish)
+def hear(shared: tuple[bytes, bytes], prologue: bytes, message: bytes) -> tuple[bytes, Heard] | None:
+    """The payload of the message `psk, e`; None if it is not authentic. Needs no X25519."""
+    public, sealed = message[:PUBLIC_BYTES], message[PUBLIC_BYTES:]
+    state = _begin(shared, prologue).mix_ephemeral(public)
+    payload = state.open(sealed)
+    return None if payload is None else (payload, (state.mix_hash(sealed), public))
 
-    def answer(self, payload: bytes, private: bytes) -> tuple[bytes, Any] | None:
-        """The message `e, ee` and the keys; only once. None if the peer's public key is invalid."""
-        ours = X25519PrivateKey.from_private_bytes(private)
-        shared = _exchange(ours, self._peer)
-        if shared is None:
-            return None
-        public = ours.public_key().public_bytes_raw()
-        self._state.mix_ephemeral(public)
-        self._state.mix_key(shared)
-        return public + self._state.encrypt_and_hash(payload), self._finish(self._state.split())
+
+def answer(heard: Heard, private: bytes, payload: bytes) -> tuple[bytes, Secrets] | None:
+    """The message `e, ee` and the secrets; only once. None if the peer's public key is invalid."""
+    state, peer = heard
+    own = X25519PrivateKey.from_private_bytes(private)
+    shared = _exchange(own, peer)
+    if shared is None:
+        return None
+    public = own.public_key().public_bytes_raw()
+    state = state.mix_ephemeral(public).mix_key(shared)
+    sealed = state.seal(payload)
+    return public + sealed, state.mix_hash(sealed).split()
+
+
+def open_answer(waiting: Waiting, message: bytes) -> tuple[bytes, Secrets] | None:
+    """Payload of the message `e, ee`, and the secrets; None if it is not authentic. May be tried again."""
+    state, own = waiting
+    public, sealed = message[:PUBLIC_BYTES], message[PUBLIC_BYTES:]
+    shared = _exchange(own, public)
+    if shared is None:
+        return None
+    state = state.mix_ephemeral(public).mix_key(shared)
+    payload = state.open(sealed)
+    return None if payload is None else (payload, state.mix_hash(sealed).split())
 
 
 def _exchange(private: X25519PrivateKey, public: bytes) -> bytes | None:

@@ -18,9 +18,10 @@ from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.ciphers.aead import AESCCM
 
 from weberlink.compiled import mypyc_attr
-from weberlink.protocol.handshake import identity_in, identity_of
-from weberlink.protocol.noise import OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Initiator, Responder, Secrets, SharedKey
-from weberlink.protocol.security import Incoming, Outgoing, Protection
+from weberlink.protocol import noise
+from weberlink.protocol.handshake import HELLO_HEADER, identity_of
+from weberlink.protocol.noise import OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Heard, Secrets, Waiting
+from weberlink.protocol.security import Protection
 from weberlink.protocol.wire import CLEAR_BYTES
 
 SECRET_BYTES: Final = 32
@@ -45,44 +46,50 @@ class PresharedKey:
         """
         if len(key) != PSK_BYTES:
             raise ValueError(f"a pre-shared key has {PSK_BYTES} bytes, not {len(key)}")
-        self._key = SharedKey(key)
+        self._shared = noise.shared_key(key)
 
-    def call(self, prologue: bytes, private: bytes) -> Initiator:
-        return Initiator(self._key, prologue, private, _initiator_keys)
+    def call(self, prologue: bytes, private: bytes, payload: bytes) -> tuple[bytes, Waiting]:
+        return noise.call(self._shared, prologue, private, payload)
 
-    def hear(self, prologue: bytes, message: bytes) -> Responder | None:
-        return Responder.read(self._key, prologue, message, _responder_keys)
+    def hear(self, prologue: bytes, message: bytes) -> tuple[bytes, Heard] | None:
+        return noise.hear(self._shared, prologue, message)
+
+    def answer(self, state: Heard, private: bytes, payload: bytes) -> tuple[bytes, Protection] | None:
+        answered = noise.answer(state, private, payload)
+        if answered is None:
+            return None
+        message, secrets = answered
+        forward, backward = _ciphers(secrets)
+        return message, Protection(backward, forward)
+
+    def open(self, state: Waiting, message: bytes) -> tuple[bytes, Protection] | None:
+        opened = noise.open_answer(state, message)
+        return None if opened is None else (opened[0], Protection(*_ciphers(opened[1])))
 
 
-class Keyring:
+class Keyring(PresharedKey):
     """The `Security` of a responder that holds a key for each of several peers, by name.
 
     The header of a HELLO names its sender by a hash, which chooses the key. The name in the sealed payload must have
     that hash, so the key of one peer opens no session under the name of another.
     """
 
-    tag_size: ClassVar[int] = PresharedKey.tag_size
-    overhead: ClassVar[int] = PresharedKey.overhead
-    private_size: ClassVar[int] = PresharedKey.private_size
-
     def __init__(self, keys: Mapping[str, bytes]) -> None:
+        # Without a key of its own: `PresharedKey.__init__` is not called, and what needs one fails.
         self._suites = {identity_of(name): PresharedKey(key) for name, key in keys.items()}
 
-    def call(self, prologue: bytes, private: bytes) -> Outgoing:  # noqa: ARG002 - of the contract
+    def call(self, prologue: bytes, private: bytes, payload: bytes) -> tuple[bytes, Waiting]:  # noqa: ARG002 - of the contract
         raise TypeError("a keyring is for the end that is called")
 
-    def hear(self, prologue: bytes, message: bytes) -> Incoming | None:
-        suite = self._suites.get(identity_in(prologue))
+    def hear(self, prologue: bytes, message: bytes) -> tuple[bytes, Heard] | None:
+        suite = self._suites.get(HELLO_HEADER.unpack_from(prologue)[2])
         return None if suite is None else suite.hear(prologue, message)
 
 
-def _initiator_keys(secrets: Secrets) -> Protection:
-    salt, forward, backward = secrets.handshake_hash, secrets.forward, secrets.backward
-    return Protection(CcmCipher(digest(salt, forward, "sha256")), CcmCipher(digest(salt, backward, "sha256")))
-
-
-def _responder_keys(secrets: Secrets) -> Protection:
-    return _initiator_keys(secrets._replace(forward=secrets.backward, backward=secrets.forward))
+def _ciphers(secrets: Secrets) -> "tuple[CcmCipher, CcmCipher]":
+    """Of the direction from the initiator, and of the other direction."""
+    forward, backward, salt = secrets
+    return CcmCipher(digest(salt, forward, "sha256")), CcmCipher(digest(salt, backward, "sha256"))
 
 
 class CcmCipher:

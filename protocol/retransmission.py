@@ -7,8 +7,7 @@ from collections import deque
 from math import ceil, inf, log
 from typing import Final
 
-from weberlink.protocol.counters import ACKNOWLEDGEMENT_MASK
-from weberlink.protocol.wire import UpdateLayout
+from weberlink.protocol.wire import ACKNOWLEDGEMENT_MASK, UpdateLayout
 from weberlink.update import Update
 
 SHORTEST_PACE: Final = 0.005
@@ -31,7 +30,7 @@ STEP_SENT: Final = 50
 """Least time [s] and number of datagrams in which the loss is counted for a step."""
 GROWTH: Final = 1.5
 GROWTH_SLACK: Final = 0.08
-LATE_SLACK: Final = 0.02
+JITTER_SLACK: Final = 0.02
 """The loss, or the delay in queues [s], has grown with the repeats where it exceeds `GROWTH` times that without them
 plus this slack."""
 SHORTEST_HOLD: Final = 2.0
@@ -71,7 +70,7 @@ class Allowance:
         self._tokens = LEAST_EARLY_PER_S
         self._filled_at = -inf
         self._alone: float | None = None  # loss while the rate is at its least
-        self._late_alone = 0.0
+        self._jitter_alone = 0.0
         self._together: float | None = None  # loss since it is higher
         self._lost = self._sent = 0
         self._begun_at = -inf
@@ -91,7 +90,7 @@ class Allowance:
         self.left(now)
         self._tokens -= 1.0
 
-    def adapt(self, lost: int, sent: int, late: float, now: float) -> None:
+    def adapt(self, lost: int, sent: int, jitter: float, now: float) -> None:
         """Count datagrams that the peer has found missing since the last call (negative for late ones that came) of all
         that were sent so far, and watch by how much few datagrams exceed their least delay [s]."""
         if self._begun_at == -inf:
@@ -101,19 +100,17 @@ class Allowance:
         count = sent - self._sent
         if now < self._begun_at + STEP_S or count < STEP_SENT:
             return
-        self._step(min(1.0, max(0, self._lost) / count), late, now)
+        loss = min(1.0, max(0, self._lost) / count)
         self._lost, self._sent, self._begun_at = 0, sent, now
-
-    def _step(self, loss: float, late: float, now: float) -> None:
         if self.rate == LEAST_EARLY_PER_S:
             self._alone = loss if self._alone is None else 0.5 * (self._alone + loss)
-            self._late_alone = late
+            self._jitter_alone = jitter
             if now >= self._held_until and self._alone > RESIDUAL:
                 self.rate, self._together = RAISE * LEAST_EARLY_PER_S, None
             return
         self._together = loss if self._together is None else 0.5 * (self._together + loss)
         has_more_loss = self._together > GROWTH * (self._alone or 0.0) + GROWTH_SLACK
-        if has_more_loss or late > GROWTH * self._late_alone + LATE_SLACK:
+        if has_more_loss or jitter > GROWTH * self._jitter_alone + JITTER_SLACK:
             self.rate, self._alone = LEAST_EARLY_PER_S, None
             self._held_until = now + self._hold
             self._hold = min(LONGEST_HOLD, 2.0 * self._hold)
@@ -139,6 +136,7 @@ class OutgoingStream:
         layout: of the updates.
         update: the newest; None before the first.
         sent_at: when it was last sent [s].
+        is_pending: whether there is an update that is not known to have arrived.
         is_forgotten: whether the peer has said that it no longer holds it.
     """
 
@@ -146,10 +144,10 @@ class OutgoingStream:
         self.layout = layout
         self.update: Update | None = None
         self.sent_at = -inf
-        self.is_forgotten = False
+        self.is_pending = self.is_forgotten = False
         self._allowance = allowance
         self._sequences: deque[int] = deque(maxlen=_REMEMBERED)
-        """Truncated numbers of the datagrams that carried it, until one of them is acknowledged."""
+        """Truncated numbers of the datagrams that carried it."""
         self._begun_at = -inf
         self._count = 0
         self._evidence = False
@@ -157,19 +155,14 @@ class OutgoingStream:
         self._last_ack = 0
         self._acknowledged_by = -1
 
-    @property
-    def is_pending(self) -> bool:
-        """Whether there is an update that is not known to have arrived."""
-        return bool(self._sequences)
-
-    def begin(self, sequence: int, now: float, copies: int = 0) -> None:
+    def begin(self, update: Update, sequence: int, now: float, copies: int = 0) -> None:
         """A new update was sent in the datagram of this number; `copies` early repeats follow, if allowed."""
-        sequences = self._sequences
-        sequences.clear()
-        sequences.append(sequence & ACKNOWLEDGEMENT_MASK)
+        self.update = update
+        self._sequences.clear()
+        self._sequences.append(sequence & ACKNOWLEDGEMENT_MASK)
         self._count = 0
         self._begun_at = self.sent_at = now
-        self._evidence = False
+        self.is_pending, self.is_forgotten, self._evidence = True, False, False
         self._early = min(copies, self._allowance.left(now)) if copies else 0
 
     def repeated(self, sequence: int, now: float) -> None:
@@ -183,10 +176,11 @@ class OutgoingStream:
         self.sent_at = now
         self._evidence = False
 
-    def is_ambiguous(self, sequence: int) -> bool:
-        """Whether this number would be confused with an acknowledgement of nothing, or of 2^16 datagrams ago."""
-        truncated = sequence & ACKNOWLEDGEMENT_MASK
-        return truncated == 0 or truncated == self._last_ack  # noqa: PLR1714 - a tuple costs more
+    def unambiguous(self, sequence: int) -> int:
+        """The next number that is not confused with an acknowledgement of nothing, or of 2^16 datagrams ago."""
+        while sequence & ACKNOWLEDGEMENT_MASK in (0, self._last_ack):
+            sequence += 1
+        return sequence
 
     def acknowledge(self, sequence: int, ack: int | None, *, is_newest: bool) -> bool:
         """Take the acknowledgement in the datagram of this number, None if it has none, so that the newest one still
@@ -199,29 +193,27 @@ class OutgoingStream:
             ack = self._last_ack
         elif sequence > self._acknowledged_by:
             self._last_ack, self._acknowledged_by = ack, sequence
-        sequences = self._sequences
-        if sequences:
-            if ack in sequences:
-                sequences.clear()
-            return not sequences
+        if self.is_pending:
+            self.is_pending = ack not in self._sequences
+            return not self.is_pending
         self.is_forgotten |= is_newest and ack == 0 and self.update is not None
         return True
-
-    def is_late(self, now: float, limit: float) -> bool:
-        """Whether the update is pending although it was first sent longer ago than the limit [s]."""
-        return self.is_pending and now - self._begun_at > limit
-
-    def abandon(self) -> None:
-        """Repeat the update no more."""
-        self._sequences.clear()
 
     def miss(self) -> None:
         """The peer was heard after the update must have arrived, and does not have it."""
         self._evidence = True
 
+    def is_lost(self, now: float, limit: float) -> bool:
+        """Whether the peer needs a new state, because it has forgotten the update, or the update has not arrived and
+        was first sent longer ago than the limit [s]; then it is repeated no more."""
+        if not self.is_forgotten and not (self.is_pending and now - self._begun_at > limit):
+            return False
+        self.is_pending = self.is_forgotten = False
+        return True
+
     def due_at(self, rtt: float, fallback: float) -> float:
         """Time of the next repeat, infinity if there is no need; `fallback` is how long to wait for evidence [s]."""
-        if not self._sequences:
+        if not self.is_pending:
             return inf
         if self._early:
             return self.sent_at + SHORTEST_PACE

@@ -4,7 +4,7 @@ There are two suites: `weberlink.protocol.psk` (default between hosts) and `webe
 This file imports neither, so that a side without a key never loads a crypto library.
 """
 
-from typing import Protocol
+from typing import Any, Protocol
 
 
 class Cipher(Protocol):
@@ -57,30 +57,9 @@ class Protection:
         return self._next
 
 
-class Outgoing(Protocol):
-    """The initiator's part in one key exchange."""
-
-    def hello(self, payload: bytes) -> bytes:
-        """The first message; only once."""
-
-    def open(self, message: bytes) -> tuple[bytes, Protection] | None:
-        """Payload of the second message, and the keys of the session; None if it does not answer the first."""
-
-
-class Incoming(Protocol):
-    """The responder's part in one key exchange, after the first message, whose sender holds or held the secret."""
-
-    payload: bytes
-
-    def answer(self, payload: bytes, private: bytes) -> tuple[bytes, Protection] | None:
-        """The second message and the keys of the session; only once. None if the first held no valid public key.
-
-        `private` are `Security.private_size` random bytes, for this answer alone.
-        """
-
-
 class Security(Protocol):
-    """A suite, with its secret if it has one."""
+    """A suite, with its secret if it has one. A key exchange has two messages; between them each end holds a state of
+    the suite's own. `private` are `private_size` random bytes, for one message alone."""
 
     @property
     def tag_size(self) -> int:
@@ -94,13 +73,18 @@ class Security(Protocol):
     def private_size(self) -> int:
         """Random bytes in an ephemeral private key."""
 
-    def call(self, prologue: bytes, private: bytes) -> Outgoing:
-        """Begin a key exchange.
+    def call(self, prologue: bytes, private: bytes, payload: bytes) -> tuple[bytes, Any]:
+        """The first message, and the state of the initiator.
 
-        Args:
-            prologue: sent in clear beside the messages; the exchange fails if the two ends see different ones.
-            private: `private_size` random bytes, for this call alone.
+        The prologue is sent in clear beside the messages; the exchange fails if the two ends see different ones.
         """
 
-    def hear(self, prologue: bytes, message: bytes) -> Incoming | None:
-        """Open the first message of a key exchange; None if it is not authentic."""
+    def hear(self, prologue: bytes, message: bytes) -> tuple[bytes, Any] | None:
+        """The payload of the first message, whose sender holds or held the secret, and the state of the responder; None
+        if it is not authentic."""
+
+    def answer(self, state: Any, private: bytes, payload: bytes) -> tuple[bytes, Protection] | None:
+        """The second message and the keys of the session; only once. None if the first held no valid public key."""
+
+    def open(self, state: Any, message: bytes) -> tuple[bytes, Protection] | None:
+        """Payload of the second message, and the keys of the session; None if it does not answer the first."""

@@ -1,20 +1,11 @@
 """One session from the keys on: make its datagrams, say when the next one is due, check and read those of the peer."""
 
+from collections.abc import Callable
 from math import inf
 from typing import Final, NamedTuple
 
 from weberlink.protocol import wire
-from weberlink.protocol.bits import MalformedError
-from weberlink.protocol.counters import (
-    ACKNOWLEDGEMENT_MASK,
-    SEQUENCE_BITS,
-    SEQUENCE_MASK,
-    Credit,
-    LossMeter,
-    ReplayWindow,
-    expand_counter,
-    int16,
-)
+from weberlink.protocol.counters import Credit, LossMeter, ReplayWindow, expand_counter
 from weberlink.protocol.events import (
     ChangeAnswered,
     ChangeProposed,
@@ -24,19 +15,17 @@ from weberlink.protocol.events import (
     Statistics,
     UpdateReceived,
 )
-from weberlink.protocol.heartbeat import HeartbeatSchedule
-from weberlink.protocol.liveness import Liveness
-from weberlink.protocol.negotiation import NUMBERS, ParameterNegotiation
+from weberlink.protocol.liveness import HeartbeatSchedule, Liveness
+from weberlink.protocol.negotiation import NUMBERS, Message, Negotiation, RoundTripAgreement, in_ms
 from weberlink.protocol.retransmission import Allowance, OutgoingStream, copies_needed
-from weberlink.protocol.round_trip import RoundTripAgreement, in_ms
-from weberlink.protocol.security import Protection
+from weberlink.protocol.security import Protection, Security
 from weberlink.protocol.timing import Clock
-from weberlink.protocol.wire import Content, DirectionLayout, Envelope, Report
+from weberlink.protocol.wire import ACKNOWLEDGEMENT_MASK, Content, DirectionLayout, Envelope, Report
 from weberlink.update import Update
 
-TICK_LEAD: Final = 1.0
+TICK_AHEAD: Final = 1.0
 """How far a sample tick may lie after the datagram that carries it [s]; the owner's tick grid need not be exact."""
-CHANGE_LEAD: Final = 30.0
+CHANGE_AHEAD: Final = 30.0
 """How far ahead of its datagram a proposed change may lie [s]."""
 TICK_AGE_SLACK: Final = 0.01
 """How much older than the largest loop age a sample may be when its datagram leaves [s]: the owner's ticks may be late.
@@ -58,24 +47,37 @@ section 4.5.3)."""
 _CHANGE_TICK_MASK: Final = (1 << wire.CHANGE_TICK_BITS) - 1
 _TICK_MASK: Final = (1 << wire.TICK_BITS) - 1
 
-OwnersOutcome = UpdateReceived | PeerClosed | ChangeProposed | ChangeAnswered
-Outcome = OwnersOutcome | PathProbe | DropReason | None
+Outcome = UpdateReceived | PeerClosed | ChangeProposed | ChangeAnswered | PathProbe | DropReason | None
 """What an authentic datagram says, or the reason to drop it; None if only the session needs it."""
 Opened = tuple[int, int, bytes]
 """An authentic datagram: full sequence number, first byte, and the rest after the clear part."""
 
 
-class Parameters(NamedTuple):
-    """Parameters that all sessions of an endpoint share: layouts of each direction; when our clock was at 0, tick
-    period and silence limit [s]; whether this end begins the sessions; datagrams after which a key is replaced, if
-    it was not by time."""
+class LocalEnd(NamedTuple):
+    """What its calls and sessions share of an endpoint, which has checked it.
 
+    Args:
+        agreement: packed.
+        epoch: when our clock was at 0 [s].
+        longest_round_trip: that this end allows [s].
+        calls: whether this end begins the sessions.
+        rekey_after: datagrams after which a key is replaced, if it was not by time.
+    """
+
+    security: Security
+    entropy: Callable[[int], bytes]
+    agreement: bytes
+    version: int
+    name: str
+    expects: str
+    calls: bool
     outgoing: DirectionLayout
     incoming: DirectionLayout
     epoch: float
     tick_period: float
     silence: float
-    opens: bool
+    longest_round_trip: float
+    statistics: Statistics
     rekey_after: int = REKEY_AFTER
 
 
@@ -93,9 +95,8 @@ class Session:
 
     def __init__(
         self,
+        end: LocalEnd,
         protection: Protection,
-        parameters: Parameters,
-        statistics: Statistics,
         peer_clock: float,
         now: float,
         *,
@@ -105,19 +106,17 @@ class Session:
     ) -> None:
         """Begin with a handshake datagram of the peer, which left at `peer_clock` on its clock and arrived at `now`.
         `confirmed_at` is the departure of our datagram that it answers; -inf if it answers none."""
+        self._end = end
         self._protection = protection
-        self._parameters = parameters
-        self._incoming = parameters.incoming
-        self._silence, self._tick_period = parameters.silence, parameters.tick_period
-        self._statistics = statistics
-        self.clock = Clock(parameters.epoch, peer_clock, now)
+        self._incoming = end.incoming
+        self._silence, self._tick_period = end.silence, end.tick_period
+        self._statistics = end.statistics
+        self.clock = Clock(end.epoch, peer_clock, now)
         self.credit = Credit()
-        self.liveness = Liveness(parameters.epoch, parameters.silence, peer_clock, now, confirmed_at)
-        self.heartbeats = HeartbeatSchedule(now, silence=parameters.silence, tick_period=parameters.tick_period)
-        self.negotiation = ParameterNegotiation()
-        self.round_trip = RoundTripAgreement(
-            self.liveness, longest_round_trip, parameters.tick_period, proposes=parameters.opens
-        )
+        self.liveness = Liveness(end.epoch, end.silence, peer_clock, now, confirmed_at)
+        self.heartbeats = HeartbeatSchedule(now, silence=end.silence, tick_period=end.tick_period)
+        self.negotiation = Negotiation()
+        self.round_trip = RoundTripAgreement(self.liveness, longest_round_trip, end.tick_period, proposes=end.calls)
         self.silent_since = inf
         self.sequence = 0
         self.is_fresh = self.is_newest = self.is_confirmed = self.said_encoding = False
@@ -128,7 +127,7 @@ class Session:
         self._newest_report = -1
         self._floor = self._mark = -1
         self._marked_at = now
-        streams = len(parameters.incoming.updates)
+        streams = len(end.incoming.updates)
         self._held_ticks = [0] * streams
         self._acks = [0] * streams
         """By stream, number of the newest update received; 0 for none."""
@@ -136,12 +135,12 @@ class Session:
         """The `confirmed_at` that shows that the peer has heard of it."""
         # What this end sends.
         self._allowance = Allowance()
-        self._streams = tuple(OutgoingStream(layout, self._allowance) for layout in parameters.outgoing.updates)
+        self._streams = tuple(OutgoingStream(layout, self._allowance) for layout in end.outgoing.updates)
         self._next_sequence = first_sequence
         _, self._departed = self.clock.stamp(now)
         self._phase = 0
         self._rekey_at = now + REKEY_AFTER_S
-        self._rekey_from = first_sequence + parameters.rekey_after
+        self._rekey_from = first_sequence + end.rekey_after
         self._reported = (0.0, 0.0, 0.0)
         self._lost = 0
 
@@ -159,7 +158,7 @@ class Session:
     def authenticate(self, data: bytes) -> Opened | None:
         """Open a datagram of the right length; None if it is not of this session. Changes nothing."""
         newest = self._replay.newest
-        sequence = expand_counter(wire.sequence_of(data), SEQUENCE_BITS, newest + 1)
+        sequence = expand_counter(wire.sequence_of(data), wire.SEQUENCE_BITS, newest + 1)
         if data[0] & wire.PHASE == self._incoming_phase:
             body = self._protection.open(sequence, data)
         elif sequence > newest:
@@ -168,13 +167,12 @@ class Session:
             body = self._protection.open_previous(sequence, data)
         return None if body is None else (sequence, data[0], body)
 
-    def accept(self, opened: Opened, now: float) -> Outcome:
+    def accept(self, opened: Opened, now: float) -> Outcome:  # noqa: C901, PLR0911, PLR0912 - each reason to drop
         """Take an authentic datagram, whatever it says."""
-        self.sequence, first, body = opened
-        sequence, replay = self.sequence, self._replay
-        self.is_fresh = False
-        self.is_newest = sequence > replay.newest
-        if not replay.is_new(sequence):
+        sequence, first, body = opened
+        newest = self._replay.newest
+        self.sequence, self.is_fresh, self.is_newest = sequence, False, sequence > newest
+        if not self._replay.accept(sequence):
             return DropReason.REPLAYED
         if self.is_newest and first & wire.PHASE != self._incoming_phase:
             self._protection.rekey_incoming()
@@ -182,28 +180,27 @@ class Session:
         # Numbers up to one that was accepted at least one silence limit ago are rejected: they left before that. Time
         # stamps and echoes wrap, so a datagram that was held back for minutes may look new; its number does not.
         if now - self._marked_at >= self._silence:
-            self._floor, self._mark, self._marked_at = self._mark, replay.newest, now
-        replay.mark(sequence)
+            self._floor, self._mark, self._marked_at = self._mark, newest, now
         self._statistics.lost += self._loss.record(sequence)
         self.is_confirmed = True
         try:
             content = self._incoming.read(first, body)
-        except MalformedError:
+        except ValueError:
             return DropReason.MALFORMED
-        return self._take(content, now)
-
-    def _take(self, content: Content, now: float) -> Outcome:
-        clock, sequence = self.clock, self.sequence
+        clock = self.clock
         departure = clock.departure(content.sent, now)
         if not clock.is_plausible(departure, now):
             return DropReason.IMPLAUSIBLE
         if sequence <= self._floor:
             return DropReason.STALE
         clock.record(departure, now)
-        if not self.liveness.is_agreed and not self._opens(content, now):
+        if not self.liveness.is_agreed and not self._open(content.round_trip_ms, now):
             return DropReason.UNTIMED
-        for stream, ack in enumerate(content.acks):
-            self._acknowledged(stream, ack, departure)
+        for stream, ack in zip(self._streams, content.acks, strict=True):
+            if not stream.acknowledge(sequence, ack, is_newest=self.is_newest):
+                arrived = clock.arrival_bound(stream.sent_at)
+                if arrived is not None and departure > arrived + SLACK:
+                    stream.miss()
         if content.kind == wire.BYE:
             return PeerClosed(content.data.decode(errors="replace"))
         if content.report is not None and not self._learn(content.report, now):
@@ -215,20 +212,13 @@ class Session:
             self.credit.learn(sequence, content.credit, bits)
         return outcome
 
-    def _opens(self, content: Content, now: float) -> bool:
-        """Whether a datagram opens the session of a responder: it tells a round trip that both ends allow."""
-        if content.round_trip_ms is None or not self.round_trip.open(content.round_trip_ms, now):
+    def _open(self, round_trip_ms: int | None, now: float) -> bool:
+        """Open the session of a responder with the round trip that a datagram tells, if the user allows it."""
+        if round_trip_ms is None or round_trip_ms > in_ms(self.round_trip.longest):
             return False
+        self.liveness.agree(round_trip_ms * 1e-3, now)
         self._pace()
         return True
-
-    def _acknowledged(self, number: int, ack: int | None, departure: float) -> None:
-        """Take the acknowledgement of a stream in a datagram that left the peer then [s, its clock]."""
-        stream = self._streams[number]
-        if not stream.acknowledge(self.sequence, ack, is_newest=self.is_newest):
-            arrived = self.clock.arrival_bound(stream.sent_at)
-            if arrived is not None and departure > arrived + SLACK:
-                stream.miss()
 
     def _learn(self, report: Report, now: float) -> bool:
         """Take the peer's measurements; False if they cannot be true."""
@@ -240,10 +230,11 @@ class Session:
         self._newest_report = self.sequence
         statistics.outgoing_loss = report.loss_65535 / wire.LOSS_UNITS
         statistics.outgoing_burst = report.burst_256 / wire.BURST_UNITS
-        self._allowance.adapt(int16(report.lost - self._lost), self._next_sequence, clock.late, now)
+        lost = (report.lost - self._lost + 0x8000 & 0xFFFF) - 0x8000
+        self._allowance.adapt(lost, self._next_sequence, clock.outgoing_jitter, now)
         self._lost = report.lost
         if clock.bound is not None:
-            self.round_trip.follow(clock.bound, now - self._parameters.epoch, now)
+            self.round_trip.on_needed(clock.bound, now - self._end.epoch, now)
         self._pace()
         return True
 
@@ -258,7 +249,7 @@ class Session:
             self.liveness.round_trip,
         )
 
-    def _deliver(self, content: Content, departure: float, now: float) -> Outcome:
+    def _deliver(self, content: Content, departure: float, now: float) -> Outcome:  # noqa: C901, PLR0911 - as above
         kind, liveness = content.kind, self.liveness
         age = self.clock.age(departure, now)
         if not liveness.is_fresh(age, content.generation):
@@ -273,7 +264,7 @@ class Session:
             if not runs or content.tick == sum(self._held_ticks) & _TICK_MASK:
                 liveness.hear_encoder(self.sequence, now, runs=runs)
             if content.mark:
-                self.heartbeats.asked()
+                self.heartbeats.want_answer()
             return None
         if kind == wire.PATH:
             return PathProbe(content.data, content.mark)
@@ -281,42 +272,36 @@ class Session:
             return DropReason.UNTIMED if age is None else DropReason.STALE
         if content.update is None:
             return self._deliver_change(content, departure, now)
-        outcome = self._deliver_update(int(kind == wire.SECOND_UPDATE), content.update, departure, age)
-        if isinstance(outcome, UpdateReceived):
-            liveness.hear_encoder(self.sequence, now, runs=True)
-        return outcome
-
-    def _deliver_update(self, stream: int, update: Update, departure: float, age: float) -> UpdateReceived | DropReason:
+        stream = int(kind == wire.SECOND_UPDATE)
         if self.sequence < self._acks[stream]:
             return DropReason.SUPERSEDED
-        lag, selector, newest, payload = update
+        lag, selector, newest, payload = content.update
         tick = round(departure / self._tick_period) - lag
-        lead = tick * self._tick_period - departure
-        if lead > TICK_LEAD or tick < 0:
+        ahead = tick * self._tick_period - departure
+        if ahead > TICK_AHEAD or tick < 0:
             return DropReason.IMPLAUSIBLE
-        if -lead > self.liveness.limit + TICK_AGE_SLACK:
+        if -ahead > liveness.limit + TICK_AGE_SLACK:
             return DropReason.STALE
         self._acknowledge(stream, self.sequence, tick)
+        liveness.hear_encoder(self.sequence, now, runs=True)
         return UpdateReceived(Update(tick, selector, newest, payload), age, stream)
 
-    def _deliver_change(
-        self, content: Content, departure: float, now: float
-    ) -> ChangeProposed | ChangeAnswered | DropReason | None:
+    def _deliver_change(self, content: Content, departure: float, now: float) -> Outcome:
         number, body = content.selector, content.data
         if content.mark:
             if number < NUMBERS:
-                return self.negotiation.heard_answer(number, body)
+                return self.negotiation.on_answer(number, body)
             self.round_trip.take_answer(number, body, now)
             return None
         sent_tick = departure / self._tick_period
         tick = expand_counter(content.tick, wire.CHANGE_TICK_BITS, int(sent_tick))
-        if abs(tick - sent_tick) * self._tick_period > CHANGE_LEAD:
+        if abs(tick - sent_tick) * self._tick_period > CHANGE_AHEAD:
             return DropReason.IMPLAUSIBLE
         if number < NUMBERS:
-            return self.negotiation.heard_proposal(number, tick, body)
+            return self.negotiation.on_proposal(number, tick, body)
         peer_time = self.clock.peer_time(now)
         if peer_time is not None:
-            self.round_trip.take_proposal(number, tick, body, tick * self._tick_period - peer_time, now)
+            self.round_trip.answer_proposal(number, tick, body, tick * self._tick_period - peer_time, now)
         return None
 
     def _acknowledge(self, stream: int, number: int, tick: int) -> None:
@@ -348,36 +333,32 @@ class Session:
             raise ValueError(f"tick must not be negative, not {update.tick}")
         own, statistics = self._streams[stream], self._statistics
         own.layout.check(update)
-        own.is_forgotten = False
-        own.update = update
         sequence, datagram = self._seal_update(own, update, now)
-        own.begin(sequence, now, copies_needed(statistics.outgoing_loss, statistics.outgoing_burst))
+        own.begin(update, sequence, now, copies_needed(statistics.outgoing_loss, statistics.outgoing_burst))
         self.said_encoding = True
         statistics.updates_sent[stream] += 1
         return datagram
 
     def _seal_update(self, stream: OutgoingStream, update: Update, now: float) -> tuple[int, bytes]:
-        while stream.is_ambiguous(self._next_sequence):
-            self._next_sequence += 1
+        self._next_sequence = stream.unambiguous(self._next_sequence)
         envelope, sequence = self._envelope(now)
         lag = round(self._departed / self._tick_period) - update.tick
-        clear = stream.layout.pack(envelope, int16(lag), update, self.credit.granted)
-        return sequence, self._seal(sequence, clear, now)
+        return sequence, self._seal(sequence, stream.layout.pack(envelope, lag, update, self.credit.granted), now)
 
     def send_heartbeat(self, now: float, *, is_encoding: bool = False) -> bytes:
         """The datagram of a heartbeat, which may report our measurements and ask for an answer."""
         asks = self.heartbeats.asks(now)
         report = self._report(must=self.heartbeats.reports(now))
         envelope, sequence = self._envelope(now)
-        self.heartbeats.pulsed(now, has_reported=report is not None, is_confirmed=self.is_confirmed)
+        self.heartbeats.sent_heartbeat(now, has_reported=report is not None, is_confirmed=self.is_confirmed)
         self._statistics.heartbeats += 1
         self.said_encoding = is_encoding
         clear = wire.pack_heartbeat(
             envelope,
             sum(stream.update.tick for stream in self._streams if stream.update is not None) & _TICK_MASK,
             report,
-            self.credit.granted if self._parameters.outgoing.carries_credit else None,
-            round_trip_ms=None if self.is_confirmed or not self._parameters.opens else in_ms(self.liveness.round_trip),
+            self.credit.granted if self._end.outgoing.carries_credit else None,
+            round_trip_ms=None if self.is_confirmed or not self._end.calls else in_ms(self.liveness.round_trip),
             asks=asks,
             is_encoding=is_encoding,
         )
@@ -385,17 +366,17 @@ class Session:
 
     def _report(self, *, must: bool) -> Report | None:
         """Our measurements; None where the link is as the newest report says, unless one must be sent."""
-        minimum, latest, late = self.clock.report()
+        minimum, latest, jitter = self.clock.report()
         least, bound, loss = self._reported
-        is_same = abs(minimum - least) <= SLACK and abs(late - bound) <= max(SLACK, 0.5 * bound)
+        is_same = abs(minimum - least) <= SLACK and abs(jitter - bound) <= max(SLACK, 0.5 * bound)
         if not must and is_same and abs(self._loss.fraction - loss) <= LOSS_STEP:
             return None
-        self._reported = minimum, late, self._loss.fraction
+        self._reported = minimum, jitter, self._loss.fraction
         self._statistics.incoming_burst = self._loss.burst
         return Report(
             round(minimum * 1e6),
             round(latest * 1e6),
-            round(late * 1e6),
+            round(jitter * 1e6),
             round(min(self._loss.fraction, 1.0) * wire.LOSS_UNITS),
             round(self._statistics.incoming_burst * wire.BURST_UNITS),
             self._loss.lost & wire.LOST_MASK,
@@ -414,15 +395,14 @@ class Session:
     def _send_change(self, now: float) -> bytes | None:
         """The message of a negotiation that is due."""
         rtt = self.clock.rtt
-        negotiation = self.negotiation if now >= self.negotiation.due else self.round_trip.negotiation
-        change = negotiation.take(now, UNMEASURED_RTT if rtt is None else rtt + self.clock.jitter)
-        if change is None:
+        negotiation = self.negotiation if now >= self.negotiation.due else self.round_trip
+        message: Message | None = negotiation.take(now, UNMEASURED_RTT if rtt is None else rtt + self.clock.jitter)
+        if message is None:
             return None
+        number, tick, body, is_answer = message
         envelope, sequence = self._envelope(now)
-        tick = change.tick & _CHANGE_TICK_MASK
-        return self._seal(
-            sequence, wire.pack_change(envelope, tick, change.number, change.body, is_answer=change.is_answer), now
-        )
+        clear = wire.pack_change(envelope, tick & _CHANGE_TICK_MASK, number, body, is_answer=is_answer)
+        return self._seal(sequence, clear, now)
 
     def _envelope(self, now: float) -> tuple[Envelope, int]:
         """Envelope of the next datagram, which leaves now, and its number in full."""
@@ -434,15 +414,15 @@ class Session:
         for stream, number in enumerate(self._acks):  # told until the peer is known to have heard it
             acks.append(None if confirmed_at >= froms[stream] else number & ACKNOWLEDGEMENT_MASK)
         stamp, self._departed = self.clock.stamp(now)
-        self.heartbeats.sent(now, liveness.heard_at, self.credit.granted)
-        return (sequence & SEQUENCE_MASK, liveness.generation, stamp, liveness.echo(now), tuple(acks)), sequence
+        self.heartbeats.sent(now, liveness.heard_at)
+        return (sequence & wire.SEQUENCE_MASK, liveness.generation, stamp, liveness.echo(now), tuple(acks)), sequence
 
     def _seal(self, sequence: int, clear: bytes, now: float) -> bytes:
         """The datagram under the present key, which is replaced by time and by count (RFC 9001, section 6)."""
         if now >= self._rekey_at or sequence >= self._rekey_from:
             self._protection.rekey_outgoing()
             self._phase ^= wire.PHASE
-            self._rekey_at, self._rekey_from = now + REKEY_AFTER_S, sequence + self._parameters.rekey_after
+            self._rekey_at, self._rekey_from = now + REKEY_AFTER_S, sequence + self._end.rekey_after
         if self._phase:
             clear = bytes((clear[0] | wire.PHASE,)) + clear[1:]
         return self._protection.seal(sequence, clear)
@@ -454,10 +434,12 @@ class Session:
         due = self.heartbeats.due(is_engaged=is_engaged)
         if not is_engaged:
             return due
-        if is_encoding:
-            for stream in self._streams:
-                due = min(due, -inf if stream.is_forgotten else self._repeat_due(stream))
-        return min(due, self.negotiation.due, self.round_trip.negotiation.due, self.round_trip.switch_at)
+        for stream in self._streams if is_encoding else ():
+            if stream.is_forgotten:
+                return -inf
+            if stream.is_pending:
+                due = min(due, stream.due_at(*self._patience()))
+        return min(due, self.negotiation.due, self.round_trip.due, self.round_trip.switch_at)
 
     def handle_timer(self, now: float, *, is_engaged: bool, is_encoding: bool) -> bytes | None:
         """The next datagram that is due, if any; a silent peer is sent heartbeats only."""
@@ -465,35 +447,26 @@ class Session:
             self._pace()
         if is_engaged:
             for stream in self._streams if is_encoding else ():
-                if stream.update is not None and now >= self._repeat_due(stream):
+                if stream.update is not None and stream.is_pending and now >= stream.due_at(*self._patience()):
                     # The newest update again, with a new number and time stamp.
                     sequence, datagram = self._seal_update(stream, stream.update, now)
                     stream.repeated(sequence, now)
                     self._statistics.repeats += 1
                     return datagram
-            if now >= min(self.negotiation.due, self.round_trip.negotiation.due):
+            if now >= min(self.negotiation.due, self.round_trip.due):
                 return self._send_change(now)
         if now < self.heartbeats.due(is_engaged=is_engaged):
             return None
         return self.send_heartbeat(now, is_encoding=is_engaged and is_encoding)
 
     def take_lost(self, now: float) -> list[int]:
-        """Streams of which the peer needs a new state; their newest update is repeated no more.
+        """Streams of which the peer needs a new state: it has forgotten the newest update, or that has not arrived and
+        is older than what the peer executes."""
+        return [number for number, stream in enumerate(self._streams) if stream.is_lost(now, self.liveness.limit)]
 
-        The peer has forgotten it, or it has not arrived and is older than what the peer executes.
-        """
-        lost = []
-        for number, stream in enumerate(self._streams):
-            if stream.is_forgotten or stream.is_late(now, self.liveness.limit):
-                stream.is_forgotten = False
-                stream.abandon()
-                lost.append(number)
-        return lost
-
-    def _repeat_due(self, stream: OutgoingStream) -> float:
-        if not stream.is_pending:
-            return inf
+    def _patience(self) -> tuple[float, float]:
+        """Round trip, and how long to wait for evidence that an update was lost [s]."""
         rtt = self.clock.rtt
         if rtt is None:
-            return stream.due_at(0.0, UNMEASURED_RTT)
-        return stream.due_at(rtt, rtt + self.clock.late + SLACK + self.heartbeats.gap)
+            return 0.0, UNMEASURED_RTT
+        return rtt, rtt + self.clock.outgoing_jitter + SLACK + self.heartbeats.max_gap

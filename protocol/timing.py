@@ -49,29 +49,27 @@ class SlidingMinimum:
     def record(self, sample: float, now: float) -> None:
         bucket = int(now // _BUCKET)
         if bucket != self._bucket:
-            self._rotate(bucket)
+            for passed in range(min(max(bucket - self._bucket, 0), _BUCKETS)):
+                self._minima[(bucket - passed) % _BUCKETS] = inf
+            self._bucket = bucket
+            self.value = min(self._minima)
         index = bucket % _BUCKETS
         if sample < self._minima[index]:
             self._minima[index] = sample
             self.value = sample if sample < self.value else self.value
         self._newest_at = now
 
-    def _rotate(self, bucket: int) -> None:
-        for passed in range(min(max(bucket - self._bucket, 0), _BUCKETS)):
-            self._minima[(bucket - passed) % _BUCKETS] = inf
-        self._bucket = bucket
-        self.value = min(self._minima)
-
 
 class Clock:
     """Our clock, and the mapping to the peer's. Of a direction that was not measured yet, times are None.
 
     Attributes:
-        late: by how much few datagrams of the outward direction exceed their least delay [s].
+        outgoing_jitter: by how much few of our datagrams exceed their least delay, as the peer measured it [s].
+        incoming_jitter: the same of the peer's datagrams [s].
+        jitter: the larger one of the two [s].
         bound: round trip that few datagrams of the two directions together exceed [s].
         rtt: round trip of the latest datagrams of the two directions [s].
         one_way: delay of the latest datagram of the peer [s].
-        jitter: by how much few datagrams exceed their least delay, in the worse of the two directions [s].
     """
 
     def __init__(self, epoch: float, peer_clock: float, now: float) -> None:
@@ -84,13 +82,12 @@ class Clock:
         self._latest = 0.0
         self._outward: float | None = None
         self._outward_latest = 0.0
-        self.late = 0.0
         self._offset: float | None = None
         self._early_limit = _EARLY_LIMIT_UNMAPPED
+        self.outgoing_jitter = self.incoming_jitter = self.jitter = 0.0
         self.bound: float | None = None
         self.rtt: float | None = None
         self.one_way: float | None = None
-        self.jitter = 0.0
         self.record(peer_clock, now)
 
     def stamp(self, now: float) -> tuple[int, float]:
@@ -100,8 +97,7 @@ class Clock:
 
     def departure(self, stamp: int, now: float) -> float:
         """Time on the peer's clock [s] of a stamp that has just arrived."""
-        near = int((now - self._epoch - self._inward.value) * _STAMPS_PER_S)
-        return expand(stamp, STAMP_BITS, near) * STAMP_UNIT
+        return expand(stamp, STAMP_BITS, int((now - self._epoch - self._inward.value) * _STAMPS_PER_S)) * STAMP_UNIT
 
     def is_plausible(self, departure: float, now: float) -> bool:
         """Whether a datagram can have left then: not much later than it arrived.
@@ -124,20 +120,15 @@ class Clock:
         # The shape of RFC 6298: mean plus four mean deviations is a bound that few datagrams exceed.
         self._variation += (abs(excess - self._excess) - self._variation) / 16
         self._excess += (excess - self._excess) / 16
+        self.incoming_jitter = (self._excess if self._excess > 0.0 else 0.0) + 4.0 * self._variation
         if minimum != before:
             self._map()
         self._measure()
 
-    @property
-    def _late_inward(self) -> float:
-        """By how much few datagrams of the peer exceed their least delay [s]."""
-        excess = self._excess
-        return (excess if excess > 0.0 else 0.0) + 4.0 * self._variation
-
     def report(self) -> tuple[float, float, float]:
         """Raw delays for the peer [s]: the least, and above it the latest and a bound that few datagrams exceed."""
         minimum = self._inward.value
-        return minimum, self._latest - minimum, self._late_inward
+        return minimum, self._latest - minimum, self.incoming_jitter
 
     def learn(self, minimum: float, latest: float, late: float) -> bool:
         """Take the peer's report; False, with nothing changed, if no real link can cause it."""
@@ -145,7 +136,7 @@ class Clock:
             return False
         self._outward = minimum
         self._outward_latest = latest
-        self.late = min(late, LONGEST_RTT)
+        self.outgoing_jitter = min(late, LONGEST_RTT)
         self._map()
         self._measure()
         return True
@@ -164,9 +155,7 @@ class Clock:
 
     def arrival_bound(self, sent_at: float) -> float | None:
         """Time on the peer's clock [s] by which nearly every datagram that we sent at `sent_at` [s] has arrived."""
-        if self._outward is None:
-            return None
-        return sent_at - self._epoch + self._outward + self.late
+        return None if self._outward is None else sent_at - self._epoch + self._outward + self.outgoing_jitter
 
     def _map(self) -> None:
         if self._outward is None:
@@ -182,11 +171,11 @@ class Clock:
 
     def _measure(self) -> None:
         """Compute what is read in every tick and changes with a datagram only."""
-        latest, late = self._latest, self._late_inward
-        outward, offset = self._outward, self._offset
-        rtt = 0.0 if outward is None else latest + outward + self._outward_latest
-        one_way = 0.0 if offset is None else latest + offset
-        self.rtt = None if outward is None else rtt if rtt > 0.0 else 0.0
-        self.one_way = None if offset is None else one_way if one_way > 0.0 else 0.0
-        self.jitter = self.late if self.late > late else late
-        self.bound = None if outward is None else max(0.0, self._inward.value + outward) + self.late + late
+        incoming, outgoing = self.incoming_jitter, self.outgoing_jitter
+        self.jitter = outgoing if outgoing > incoming else incoming
+        if self._outward is None:
+            self.rtt = self.bound = None
+        else:
+            self.rtt = max(0.0, self._latest + self._outward + self._outward_latest)
+            self.bound = max(0.0, self._inward.value + self._outward) + outgoing + incoming
+        self.one_way = None if self._offset is None else max(0.0, self._latest + self._offset)

@@ -1,7 +1,7 @@
 """Layout of the datagrams of a session: `TABLE`, by which they are packed, read and measured.
 
 A session carries one or two streams of updates each way; each stream has its own kind of update. A datagram is a string
-of bits (`weberlink.protocol.bits`), of which each field takes the next ones. Zeros fill the last byte. A field of whole
+of bits, of which each field takes the next ones, highest bit first. Zeros fill the last byte. A field of whole
 bytes begins at a whole byte, and its length follows from that of the datagram. The tag of the security suite comes
 last. The clear part is authenticated and not encrypted; a suite with a key encrypts what follows it.
 
@@ -18,19 +18,6 @@ from collections.abc import Sequence
 from enum import IntEnum
 from typing import Final, NamedTuple
 
-from weberlink.protocol.bits import (
-    WIDTH_BITS,
-    MalformedError,
-    check_end,
-    put_count,
-    put_groups,
-    take,
-    take_count,
-    take_groups,
-    take_rest,
-    to_bytes,
-)
-from weberlink.protocol.counters import ACKNOWLEDGEMENT_BITS, int16
 from weberlink.protocol.events import DropReason
 from weberlink.update import (
     MAX_GAP,
@@ -46,8 +33,10 @@ from weberlink.update import (
 TOKEN_BYTES: Final = 8
 LONGEST_REASON: Final = 64
 LONGEST_CHANGE: Final = 200
+ACKNOWLEDGEMENT_BITS: Final = 16
+_WIDTH_BITS: Final = 4  # how wide the numbers of a group are: 1 to 16
 _LEVEL_BITS: Final = 16
-_GROUP: Final = WIDTH_BITS + _LEVEL_BITS
+_GROUP: Final = _WIDTH_BITS + _LEVEL_BITS
 
 
 class Field(NamedTuple):
@@ -100,20 +89,13 @@ def _widths(part: str) -> tuple[int, ...]:
     return tuple(field.most for field in TABLE if field.part == part)
 
 
-def _span(*parts: str) -> tuple[int, int]:
-    """Fewest and most bits of parts, without groups of levels."""
-    fields = [field for part in parts for field in TABLE if field.part == part]
-    return sum(field.least for field in fields), sum(field.most for field in fields)
-
-
-def _lengths(acks: int, content: tuple[int, int]) -> tuple[int, int]:
-    """Fewest and most bytes of a datagram with content of so many bits, without tag."""
-    head = _span("head", *["ack"] * acks)
-    return CLEAR_BYTES - -(head[0] + content[0]) // 8, CLEAR_BYTES - -(head[1] + content[1]) // 8
-
-
 CLEAR_BYTES: Final = sum(_widths("clear")) // 8
 """Size of kind and sequence number, which are not encrypted."""
+SEQUENCE_BITS: Final = _widths("clear")[-1]
+"""A number is expanded from what came last, so an outage may take up to 2^15 of them. In the longest that a session
+outlives, an end sends far fewer: a silent one sends heartbeats only."""
+SEQUENCE_MASK: Final = (1 << SEQUENCE_BITS) - 1
+ACKNOWLEDGEMENT_MASK: Final = (1 << ACKNOWLEDGEMENT_BITS) - 1
 GENERATION_BITS, SENT_BITS, ECHO_BITS = _widths("head")
 (TICK_BITS,) = _widths("heartbeat")
 CHANGE_TICK_BITS = _widths("change")[0]
@@ -219,10 +201,37 @@ def kind_of(data: bytes) -> int:
 
 def sequence_of(data: bytes) -> int:
     """Truncated sequence number of a datagram of at least `CLEAR_BYTES`."""
-    return int.from_bytes(data[1:CLEAR_BYTES], "little")
+    return data[1] | data[2] << 8
 
 
-def _begun(first: int, envelope: Envelope) -> int:
+# A string that is being made is one integer: a 1, then its bits, so that its length need not be counted beside it.
+
+
+def pack_groups(string: int, groups: Sequence[int], numbers: Sequence[int]) -> int:
+    """A string with groups of so many int16 numbers appended, each group as wide as its largest number needs."""
+    start = 0
+    for count in groups:
+        group = numbers[start : start + count]
+        start += count
+        magnitudes = 0
+        for number in group:
+            magnitudes |= ~number if number < 0 else number
+        width = magnitudes.bit_length() + 1
+        mask = (1 << width) - 1
+        string = string << _WIDTH_BITS | width - 1
+        for number in group:
+            string = string << width | number & mask
+    return string
+
+
+def to_bytes(string: int) -> bytes:
+    """A string, with zeros up to a whole byte."""
+    size = string.bit_length() - 1
+    unused = -size % 8
+    return (string << unused).to_bytes((size + unused) // 8 + 1, "big")[1:]
+
+
+def _pack_head(first: int, envelope: Envelope) -> int:
     """The clear part and the head, as a string of bits."""
     sequence, generation, sent, echo, acks = envelope
     # Low byte first: otherwise the sequence number in the start value of `Checksum` would cancel this one.
@@ -248,7 +257,7 @@ def pack_heartbeat(
 ) -> bytes:
     """A heartbeat; `ticks` is truncated already, `credit` is None where the session carries none."""
     selector = is_encoding * ENCODES | (report is not None) * REPORTS | (round_trip_ms is not None) * OPENS
-    string = _begun(HEARTBEAT | asks * MARK | selector << _SELECTOR_SHIFT, envelope) << TICK_BITS | ticks
+    string = _pack_head(HEARTBEAT | asks * MARK | selector << _SELECTOR_SHIFT, envelope) << TICK_BITS | ticks
     if credit is not None:
         string = string << HEARTBEAT_CREDIT_BITS | credit & (1 << HEARTBEAT_CREDIT_BITS) - 1
     if report is not None:
@@ -264,18 +273,52 @@ def pack_heartbeat(
 def pack_bye(envelope: Envelope, reason: str) -> bytes:
     """A farewell, its reason cut to `LONGEST_REASON` bytes."""
     text = reason.encode(errors="replace")[:LONGEST_REASON].decode(errors="ignore").encode()
-    return to_bytes(_begun(BYE, envelope)) + text
+    return to_bytes(_pack_head(BYE, envelope)) + text
 
 
 def pack_change(envelope: Envelope, tick: int, number: int, body: bytes, *, is_answer: bool) -> bytes:
     """A proposed change, or the answer to one; the tick is truncated already."""
-    begun = _begun(CHANGE | is_answer * MARK | number << _SELECTOR_SHIFT, envelope)
-    return to_bytes(begun << CHANGE_TICK_BITS | tick) + body[:LONGEST_CHANGE]
+    head = _pack_head(CHANGE | is_answer * MARK | number << _SELECTOR_SHIFT, envelope)
+    return to_bytes(head << CHANGE_TICK_BITS | tick) + body[:LONGEST_CHANGE]
 
 
 def pack_path(envelope: Envelope, token: bytes, *, is_answer: bool) -> bytes:
     """The question whether the peer is at an address, or the answer."""
-    return to_bytes(_begun(PATH | is_answer * MARK, envelope)) + token
+    return to_bytes(_pack_head(PATH | is_answer * MARK, envelope)) + token
+
+
+# Of a received string, `bits`, the lowest `left` bits are still to be read. One that ends too early makes `left`
+# negative, and a shift by a negative number is a ValueError: so each reader checks the end for all of its fields.
+
+
+def read_groups(bits: int, left: int, groups: Sequence[int]) -> tuple[tuple[int, ...], int]:
+    """The numbers of `pack_groups`, and how many bits are left.
+
+    Raises:
+        ValueError: the string ends too early.
+    """
+    numbers: list[int] = []
+    for count in groups:
+        left -= _WIDTH_BITS
+        width = (bits >> left & (1 << _WIDTH_BITS) - 1) + 1
+        end = left - width * count
+        half, mask = 1 << width - 1, (1 << width) - 1
+        while left > end:
+            left -= width
+            numbers.append(((bits >> left & mask) ^ half) - half)
+    return tuple(numbers), left
+
+
+def read_rest(bits: int, left: int) -> bytes:
+    """The whole bytes that are left.
+
+    Raises:
+        ValueError: the bits before them are not 0, or the string has ended before.
+    """
+    size = left // 8
+    if bits >> 8 * size & (1 << left % 8) - 1:
+        raise ValueError("bits after the end")
+    return (bits & (1 << 8 * size) - 1).to_bytes(size, "big")
 
 
 class UpdateLayout:
@@ -309,27 +352,10 @@ class UpdateLayout:
             if form.previous is not None and form.previous != form.newest[: len(form.previous)]:
                 raise ValueError(f"a previous sample has the first groups of the newest, not {form.previous}")
         self.forms = tuple(forms)
-        self._sizes = tuple(sum(form.newest) for form in forms)
+        self._sizes = tuple((sum(form.newest), sum(form.previous or ())) for form in forms)
         self._carries_credit = carries_credit
         self._acks = acks
         self._kind = int(kind)
-
-    def pack(self, envelope: Envelope, lag: int, update: Update, credit: int = 0) -> bytes:
-        """An update that `check` accepts, with the tick of `sent` minus that of its sample, -2^15 to 2^15 - 1."""
-        _, selector, newest, payload = update
-        form = self.forms[selector]
-        first = self._kind | selector << _SELECTOR_SHIFT
-        string = _begun(first if payload is None else first | MARK, envelope) << 1
-        if lag:
-            string = put_groups(string | 1, (1,), (lag,))
-        string = put_groups(string, form.newest, newest)
-        if isinstance(payload, PreviousSample):
-            differences = [int16(new - old) for new, old in zip(newest, payload.levels, strict=False)]
-            string = put_groups(put_count(string, payload.gap), form.previous or (), differences)
-        if self._carries_credit:
-            string = string << UPDATE_CREDIT_BITS | credit & (1 << UPDATE_CREDIT_BITS) - 1
-        packed = to_bytes(string)
-        return packed + payload.data if isinstance(payload, ModelParameters) else packed
 
     def check(self, update: Update) -> None:
         """Check that an update can be packed without loss.
@@ -337,51 +363,81 @@ class UpdateLayout:
         Raises:
             ValueError: naming the field and its range.
         """
-        if not 0 <= update.selector < len(self.forms):
-            raise ValueError(f"selector must be in 0..{len(self.forms) - 1}, not {update.selector}")
-        form, payload = self.forms[update.selector], update.payload
-        _check_levels("a sample", update.newest, self._sizes[update.selector])
+        _, selector, newest, payload = update
+        if not 0 <= selector < len(self.forms):
+            raise ValueError(f"selector must be in 0..{len(self.forms) - 1}, not {selector}")
+        size, previous_size = self._sizes[selector]
+        if len(newest) != size or min(newest) < -_LARGEST - 1 or max(newest) > _LARGEST:
+            raise ValueError(f"a sample must be {size} levels of int16, not {newest!r}")
         if payload is None:
             return
-        if isinstance(payload, PreviousSample) is (form.previous is None):
-            expected = "model parameters" if form.previous is None else "a previous sample"
-            raise ValueError(f"an update of selector {update.selector} must carry {expected}, not {payload}")
+        if isinstance(payload, PreviousSample) is (self.forms[selector].previous is None):
+            expected = "model parameters" if self.forms[selector].previous is None else "a previous sample"
+            raise ValueError(f"an update of selector {selector} must carry {expected}, not {payload}")
+        if isinstance(payload, ModelParameters):
+            if len(payload.data) > MOST_PARAMETER_BYTES:
+                raise ValueError(
+                    f"model parameters must have at most {MOST_PARAMETER_BYTES} bytes, not {len(payload.data)}"
+                )
+            return
+        gap, levels = payload
+        if not 1 <= gap <= MAX_GAP:
+            raise ValueError(f"gap must be in 1..{MAX_GAP}, not {gap}")
+        if len(levels) != previous_size or (previous_size and (min(levels) < -_LARGEST - 1 or max(levels) > _LARGEST)):
+            raise ValueError(f"a previous sample must be {previous_size} levels of int16, not {levels!r}")
+
+    def pack(self, envelope: Envelope, lag: int, update: Update, credit: int = 0) -> bytes:
+        """An update that `check` accepts, with the tick of `sent` minus that of its sample, modulo 2^16."""
+        _, selector, newest, payload = update
+        form = self.forms[selector]
+        first = self._kind | selector << _SELECTOR_SHIFT
+        string = _pack_head(first if payload is None else first | MARK, envelope) << 1
+        if lag:
+            string = pack_groups(string | 1, (1,), ((lag + 0x8000 & 0xFFFF) - 0x8000,))
+        string = pack_groups(string, form.newest, newest)
         if isinstance(payload, PreviousSample):
-            if not 1 <= payload.gap <= MAX_GAP:
-                raise ValueError(f"gap must be in 1..{MAX_GAP}, not {payload.gap}")
-            _check_levels("a previous sample", payload.levels, sum(form.previous or ()))
-        elif len(payload.data) > MOST_PARAMETER_BYTES:
-            raise ValueError(
-                f"model parameters must have at most {MOST_PARAMETER_BYTES} bytes, not {len(payload.data)}"
-            )
+            gap, levels = payload
+            width = gap.bit_length() - 1
+            string = (string << _WIDTH_BITS | width) << width | gap - (1 << width)
+            differences = [(new - old + 0x8000 & 0xFFFF) - 0x8000 for new, old in zip(newest, levels, strict=False)]
+            string = pack_groups(string, form.previous or (), differences)
+        if self._carries_credit:
+            string = string << UPDATE_CREDIT_BITS | credit & (1 << UPDATE_CREDIT_BITS) - 1
+        packed = to_bytes(string)
+        return packed + payload.data if isinstance(payload, ModelParameters) else packed
 
     def read(self, bits: int, left: int, selector: int, *, mark: bool) -> tuple[Update, int | None]:
         """The update in the lowest `left` bits, after the head, with its lag as its tick; and the truncated credit.
 
         Raises:
-            MalformedError: if it does not fit its form.
+            ValueError: if it does not fit its form.
         """
         if selector >= len(self.forms):
-            raise MalformedError(f"selector {selector} of {len(self.forms)}")
+            raise ValueError(f"selector {selector} of {len(self.forms)}")
         form = self.forms[selector]
-        lag, left = take(bits, left, 1)
+        left -= 1
+        lag = bits >> left & 1
         if lag:
-            (lag,), left = take_groups(bits, left, (1,))
-        newest, left = take_groups(bits, left, form.newest)
+            (lag,), left = read_groups(bits, left, (1,))
+        newest, left = read_groups(bits, left, form.newest)
         payload: Payload = None
         if mark and form.previous is not None:
-            gap, left = take_count(bits, left)
-            steps, left = take_groups(bits, left, form.previous)
-            payload = PreviousSample(gap, tuple([int16(new - step) for new, step in zip(newest, steps, strict=False)]))
+            left -= _WIDTH_BITS
+            width = bits >> left & (1 << _WIDTH_BITS) - 1
+            left -= width
+            gap = 1 << width | bits >> left & (1 << width) - 1
+            steps, left = read_groups(bits, left, form.previous)
+            levels = [(new - step + 0x8000 & 0xFFFF) - 0x8000 for new, step in zip(newest, steps, strict=False)]
+            payload = PreviousSample(gap, tuple(levels))
         credit: int | None = None
         if self._carries_credit:
-            credit, left = take(bits, left, UPDATE_CREDIT_BITS)
+            left -= UPDATE_CREDIT_BITS
+            credit = bits >> left & (1 << UPDATE_CREDIT_BITS) - 1
+        data = read_rest(bits, left)
         if mark and form.previous is None:
-            payload = ModelParameters(take_rest(bits, left))
-            if len(payload.data) > MOST_PARAMETER_BYTES:
-                raise MalformedError(f"{len(payload.data)} bytes of parameters")
-        else:
-            check_end(bits, left)
+            payload = ModelParameters(data)
+        if len(data) > (MOST_PARAMETER_BYTES if isinstance(payload, ModelParameters) else 0):
+            raise ValueError(f"{len(data)} bytes after the levels")
         return Update(lag, selector, newest, payload), credit
 
     def length(self, update: Update, *, acknowledges: bool = True) -> int:
@@ -396,19 +452,17 @@ class UpdateLayout:
     @property
     def lengths(self) -> tuple[int, int]:
         """Bytes of the shortest and of the longest update, without tag."""
-        always = ("update", *("update_credit",) * self._carries_credit)
-        least, most = [], []
-        for form in self.forms:
-            payload, previous = ("parameters", ()) if form.previous is None else ("previous", form.previous)
-            least.append(_span(*always)[0] + sum(WIDTH_BITS + count for count in form.newest))
-            groups = (*form.newest, *previous)
-            most.append(_span(*always, payload)[1] + sum(WIDTH_BITS + _LEVEL_BITS * count for count in groups))
-        return _lengths(self._acks, (min(least), max(most)))
-
-
-def _check_levels(what: str, levels: Sequence[int], size: int) -> None:
-    if len(levels) != size or (size and (min(levels) < -_LARGEST - 1 or max(levels) > _LARGEST)):
-        raise ValueError(f"{what} must be {size} levels of int16, not {levels!r}")
+        short: Envelope = (0, 0, 0, 0, (None,) * self._acks)
+        long: Envelope = (0, 0, 0, 0, (0,) * self._acks)
+        least, most = LONGEST_DATAGRAM, 0
+        for selector, form in enumerate(self.forms):
+            zeros, widest = (0,) * sum(form.newest), (-_LARGEST - 1,) * sum(form.newest)
+            payload: Payload = ModelParameters(bytes(MOST_PARAMETER_BYTES))
+            if form.previous is not None:
+                payload = PreviousSample(MAX_GAP, (0,) * sum(form.previous))
+            least = min(least, len(self.pack(short, 0, Update(0, selector, zeros))))
+            most = max(most, len(self.pack(long, -_LARGEST - 1, Update(0, selector, widest, payload))))
+        return least, most
 
 
 class DirectionLayout:
@@ -417,11 +471,10 @@ class DirectionLayout:
     Attributes:
         updates: by stream.
         carries_credit: whether each update and heartbeat carries the sender's credit.
-        acks: number of streams of the other direction, which each datagram may acknowledge.
     """
 
     def __init__(self, streams: Sequence[Sequence[UpdateForm]], *, carries_credit: bool = False, acks: int = 1) -> None:
-        """Prepare for streams whose updates have these forms, by selector.
+        """Prepare for streams whose updates have these forms, by selector; `acks` streams of the other direction.
 
         Raises:
             ValueError: for no stream or more than there are kinds of updates, or as `UpdateLayout`.
@@ -429,7 +482,7 @@ class DirectionLayout:
         if not 1 <= len(streams) <= len(UPDATE_KINDS):
             raise ValueError(f"a direction has 1 to {len(UPDATE_KINDS)} streams of updates, not {len(streams)}")
         self.carries_credit = carries_credit
-        self.acks = acks
+        self._acks = acks
         self.updates = tuple(
             UpdateLayout(forms, carries_credit=carries_credit, acks=acks, kind=kind)
             for forms, kind in zip(streams, UPDATE_KINDS, strict=False)
@@ -443,16 +496,19 @@ class DirectionLayout:
             body: what follows `CLEAR_BYTES`, decrypted.
 
         Raises:
-            MalformedError: if it is none that a peer of these layouts sends.
+            ValueError: if it is none that a peer of these layouts sends.
         """
         bits = int.from_bytes(body, "big")
-        word, left = take(bits, 8 * len(body), _TIMES_BITS)
+        left = 8 * len(body) - _TIMES_BITS
+        word = bits >> left & (1 << _TIMES_BITS) - 1
+        generation, sent, echo = word >> SENT_BITS + ECHO_BITS, word >> ECHO_BITS & _SENT_MASK, word & _ECHO_MASK
         acks: list[int | None] = []
-        for _ in range(self.acks):
+        for _ in range(self._acks):
             ack: int | None = None
-            tells, left = take(bits, left, 1)
-            if tells:
-                ack, left = take(bits, left, ACKNOWLEDGEMENT_BITS)
+            left -= 1
+            if bits >> left & 1:
+                left -= ACKNOWLEDGEMENT_BITS
+                ack = bits >> left & ACKNOWLEDGEMENT_MASK
             acks.append(ack)
         kind, mark, selector = first & _KIND_MASK, first & MARK != 0, first >> _SELECTOR_SHIFT & MAX_SELECTOR
         update: Update | None = None
@@ -463,57 +519,62 @@ class DirectionLayout:
         if kind in (UPDATE, SECOND_UPDATE):
             stream = int(kind == SECOND_UPDATE)
             if stream >= len(self.updates):
-                raise MalformedError(f"stream {stream} of {len(self.updates)}")
+                raise ValueError(f"stream {stream} of {len(self.updates)}")
             update, credit = self.updates[stream].read(bits, left, selector, mark=mark)
         elif kind == HEARTBEAT:
-            tick, credit, report, round_trip_ms = self._heartbeat(bits, left, selector)
+            tick, credit, report, round_trip_ms = self._read_heartbeat(bits, left, selector)
         elif kind in (BYE, CHANGE, PATH):
             if kind == CHANGE:
-                tick, left = take(bits, left, CHANGE_TICK_BITS)
-            data = take_rest(bits, left)
+                left -= CHANGE_TICK_BITS
+                tick = bits >> left & (1 << CHANGE_TICK_BITS) - 1
+            data = read_rest(bits, left)
         else:
-            raise MalformedError(f"kind {kind}")
-        generation, sent, echo = word >> SENT_BITS + ECHO_BITS, word >> ECHO_BITS & _SENT_MASK, word & _ECHO_MASK
+            raise ValueError(f"kind {kind}")
         return Content(
             kind, mark, selector, generation, sent, echo, tuple(acks), update, tick, credit, report, round_trip_ms, data
         )
 
-    def _heartbeat(self, bits: int, left: int, selector: int) -> tuple[int, int | None, Report | None, int | None]:
-        tick, left = take(bits, left, TICK_BITS)
+    def _read_heartbeat(self, bits: int, left: int, selector: int) -> tuple[int, int | None, Report | None, int | None]:
         credit: int | None = None
-        if self.carries_credit:
-            credit, left = take(bits, left, HEARTBEAT_CREDIT_BITS)
         report: Report | None = None
+        round_trip_ms: int | None = None
+        left -= TICK_BITS
+        tick = bits >> left & (1 << TICK_BITS) - 1
+        if self.carries_credit:
+            left -= HEARTBEAT_CREDIT_BITS
+            credit = bits >> left & (1 << HEARTBEAT_CREDIT_BITS) - 1
         if selector & REPORTS:
             numbers = []
             for width in _REPORT:
-                number, left = take(bits, left, width)
-                numbers.append(number)
+                left -= width
+                numbers.append(bits >> left & (1 << width) - 1)
             numbers[0] = (numbers[0] ^ _MINIMUM_SIGN) - _MINIMUM_SIGN
             report = Report(*numbers)
-        round_trip_ms: int | None = None
         if selector & OPENS:
-            round_trip_ms, left = take(bits, left, _OPENING_BITS)
-        check_end(bits, left)
+            left -= _OPENING_BITS
+            round_trip_ms = bits >> left & (1 << _OPENING_BITS) - 1
+        if read_rest(bits, left):
+            raise ValueError("bytes after the heartbeat")
         return tick, credit, report, round_trip_ms
 
     def lengths(self, tag_size: int) -> dict[int, tuple[int, int]]:
         """Shortest and longest datagram of each shape (kind and mark) that a peer of these layouts sends."""
-        pulse = ("heartbeat", *("heartbeat_credit",) * self.carries_credit)
-        content = {
-            Kind.HEARTBEAT: (_span(*pulse)[0], _span(*pulse, "report", "opening")[1]),
-            Kind.BYE: _span("bye"),
-            Kind.CHANGE: _span("change"),
-            Kind.PATH: _span("path"),
+        short: Envelope = (0, 0, 0, 0, (None,) * self._acks)
+        long: Envelope = (0, 0, 0, 0, (0,) * self._acks)
+        credit = 0 if self.carries_credit else None
+        longest = pack_heartbeat(long, 0, Report(0, 0, 0, 0, 0, 0), credit, round_trip_ms=0)
+        change, token = bytes(LONGEST_CHANGE), bytes(TOKEN_BYTES)
+        made = {
+            HEARTBEAT: (pack_heartbeat(short, 0, None, credit), longest),
+            BYE: (pack_bye(short, ""), pack_bye(long, "x" * LONGEST_REASON)),
+            CHANGE: tuple(pack_change(*each, is_answer=False) for each in ((short, 0, 0, b"x"), (long, 0, 0, change))),
+            PATH: tuple(pack_path(envelope, token, is_answer=False) for envelope in (short, long)),
         }
-        sizes = {kind: _lengths(self.acks, bits) for kind, bits in content.items()}
-        sizes |= {kind: layout.lengths for kind, layout in zip(UPDATE_KINDS, self.updates, strict=False)}
-        return {
-            kind | mark: (low + tag_size, high + tag_size)
-            for kind, (low, high) in sizes.items()
-            for mark in (0, MARK)
-            if kind | mark != Kind.BYE | MARK
-        }
+        found = {kind: (len(low) + tag_size, len(high) + tag_size) for kind, (low, high) in made.items()}
+        for kind, layout in zip((UPDATE, SECOND_UPDATE), self.updates, strict=False):
+            low, high = layout.lengths
+            found[kind] = low + tag_size, high + tag_size
+        return found | {kind | MARK: limits for kind, limits in found.items() if kind != BYE}
 
 
 def length_fault(data: bytes, lengths: dict[int, tuple[int, int]]) -> DropReason | None:

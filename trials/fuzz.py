@@ -11,13 +11,12 @@ from collections import Counter
 from collections.abc import Iterator
 from random import Random
 from time import perf_counter
-from types import SimpleNamespace
 from typing import Any
 
 from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, Side, forms, sample_update
 from weberlink.protocol import Endpoint, State
 from weberlink.protocol.checksum import Checksum
-from weberlink.protocol.handshake import HELLO_HEADER, LARGEST_STAMP, PADDED_HELLO, read_hello_header
+from weberlink.protocol.handshake import HELLO_HEADER, LARGEST_STAMP
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Protection, Security
 from weberlink.protocol.wire import LONGEST_DATAGRAM, Kind, kind_of
@@ -32,19 +31,17 @@ class Meddler:
         self.inner, self.random, self.rate = inner, random, rate
         self.tag_size, self.overhead, self.private_size = inner.tag_size, inner.overhead, inner.private_size
 
-    def call(self, prologue: bytes, private: bytes) -> Any:
-        exchange = self.inner.call(prologue, private)
-        return SimpleNamespace(
-            hello=lambda payload: exchange.hello(self.meddle(payload)),
-            open=lambda message: self.keys(exchange.open(message)),
-        )
+    def call(self, prologue: bytes, private: bytes, payload: bytes) -> tuple[bytes, Any]:
+        return self.inner.call(prologue, private, self.meddle(payload))
 
-    def hear(self, prologue: bytes, message: bytes) -> Any:
-        heard = self.inner.hear(prologue, message)
-        return heard and SimpleNamespace(
-            payload=heard.payload,
-            answer=lambda payload, private: self.keys(heard.answer(self.meddle(payload), private)),
-        )
+    def hear(self, prologue: bytes, message: bytes) -> tuple[bytes, Any] | None:
+        return self.inner.hear(prologue, message)
+
+    def answer(self, state: Any, private: bytes, payload: bytes) -> tuple[bytes, Any] | None:
+        return self.keys(self.inner.answer(state, private, self.meddle(payload)))
+
+    def open(self, state: Any, message: bytes) -> tuple[bytes, Any] | None:
+        return self.keys(self.inner.open(state, message))
 
     def meddle(self, payload: bytes) -> bytes:
         """Now and then another payload."""
@@ -98,13 +95,12 @@ def mutate(data: bytes, random: Random) -> bytes:
 
 def forge_hello(security: Security, random: Random, recorded: bytes) -> bytes:
     """A HELLO with any content, from someone with the key."""
-    exchange = security.hear(recorded[:HELLO_HEADER], recorded[HELLO_HEADER:])
-    payload = random.randbytes(600) if exchange is None else mutate(exchange.payload, random)
-    header = read_hello_header(recorded.ljust(PADDED_HELLO))
-    assert header is not None
-    header = header._replace(stamp=(header.stamp + random.getrandbits(20)) % LARGEST_STAMP).pack()
-    call = security.call(header, random.randbytes(security.private_size))
-    return (header + call.hello(payload))[: LONGEST_DATAGRAM + random.randrange(10)]
+    heard = security.hear(recorded[: HELLO_HEADER.size], recorded[HELLO_HEADER.size :])
+    payload = random.randbytes(600) if heard is None else mutate(heard[0], random)
+    *header, stamp = HELLO_HEADER.unpack_from(recorded.ljust(HELLO_HEADER.size))
+    packed = HELLO_HEADER.pack(*header, (stamp + random.getrandbits(20)) % LARGEST_STAMP)
+    message, _ = security.call(packed, random.randbytes(security.private_size), payload)
+    return (packed + message)[: LONGEST_DATAGRAM + random.randrange(10)]
 
 
 def harm(pair: Pair, side: Side, source: tuple[str, int], recorded: list[bytes], random: Random) -> None:

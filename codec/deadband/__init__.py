@@ -6,7 +6,7 @@ To add one for forces, write a file in this folder and a line here, or an entry 
 
 from typing import Any
 
-from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, Option, Reference
+from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, Reference
 from weberlink.codec.deadband.isotropic import ForceDeadband, PositionDeadband
 from weberlink.registry import Registry, check_overrides
 
@@ -38,7 +38,6 @@ __all__ = [
     "Deadband",
     "DeadbandSetup",
     "ForceDeadband",
-    "Option",
     "PositionDeadband",
     "Reference",
 ]

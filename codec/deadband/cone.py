@@ -6,22 +6,23 @@ visual information", ACM Trans. Applied Perception, 2006). An isotropic deadband
 docs/deadbands.md states how certain this is.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import degrees, pi, radians, sin
-from typing import ClassVar, Self
+from typing import Annotated, Self
 
-from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, Option, check_not_negative
+from annotated_types import Interval
+
+from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, check_not_negative
 from weberlink.geometry.vector import Vector, distance, norm
 
 DIRECTION_RAD = radians(18.4)
 """The JND with matching vision: an operator sees the scene [rad]."""
-DIRECTION = Option(
-    round(degrees(DIRECTION_RAD), 6),
-    "Largest angle between measured and displayed force that stays unsent [degrees].",
-    above=0.0,
-    most=180.0,
-)
+
+
+@dataclass(frozen=True)
+class ConeOptions:
+    direction_deg: Annotated[float, Interval(gt=0.0, le=180.0)] = round(degrees(DIRECTION_RAD), 6)
+    """Largest angle between measured and displayed force that stays unsent [degrees]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +43,7 @@ class ConeDeadband(Deadband):
 
     name = "cone"
     summary = "Magnitude and direction apart."
-    options: ClassVar[Mapping[str, Option]] = {"direction_deg": DIRECTION}
+    Options = ConeOptions
     is_ball = False
     needs_actual = True
 
@@ -59,7 +60,7 @@ class ConeDeadband(Deadband):
 
     @classmethod
     def configured(cls, setup: DeadbandSetup) -> Self:
-        return cls(setup.weber, setup.floor, radians(setup.options["direction_deg"]))
+        return cls(setup.weber, setup.floor, radians(setup.options.direction_deg))
 
     def describe(self) -> str:
         return f"cone of {degrees(self.direction):g} deg"

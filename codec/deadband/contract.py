@@ -1,9 +1,10 @@
 """The interface of a deadband: a bound on the error that stays unsent, and the measure of that error."""
 
 from abc import ABCMeta, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from dataclasses import dataclass
 from math import inf
-from typing import ClassVar, Literal, NamedTuple, Self, get_args
+from typing import Any, ClassVar, Literal, NamedTuple, Self, get_args
 
 from weberlink.compiled import mypyc_attr
 from weberlink.geometry.vector import Vector
@@ -16,22 +17,9 @@ Measures = Callable[[float], Measure]
 """The measure at a Weber factor, which may change in a session."""
 
 
-class Option(NamedTuple):
-    """A number in the configuration file that one deadband alone has.
-
-    Args:
-        default: value if the file has none.
-        text: its meaning, with the unit.
-        least: smallest value allowed; None for no limit.
-        above: excluded lower limit; None for no limit.
-        most: largest value allowed; None for no limit.
-    """
-
-    default: float
-    text: str
-    least: float | None = None
-    above: float | None = None
-    most: float | None = None
+@dataclass(frozen=True)
+class NoOptions:
+    """Of a deadband without options of its own."""
 
 
 class DeadbandSetup(NamedTuple):
@@ -42,14 +30,14 @@ class DeadbandSetup(NamedTuple):
         floor: absolute threshold in the unit of the values, >= 0.
         reference: the value that k scales.
         tick_period: time between ticks [s].
-        options: a number for each of the deadband's `options`.
+        options: the deadband's `Options`.
     """
 
     weber: float
     floor: float
     reference: Reference
     tick_period: float
-    options: Mapping[str, float]
+    options: Any
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -59,7 +47,8 @@ class Deadband(metaclass=ABCMeta):
     Attributes:
         name: its name in configuration files and options.
         summary: one sentence for the JSON schema.
-        options: its own options in the configuration file.
+        Options: a dataclass of its own options in the configuration file: numbers with a default, and the range of
+            each as `annotated_types` say it.
         reads_motion: whether `bound` reads `moved`; for the others it is not computed, and 0.
         is_ball: whether `error` is the Euclidean distance. Only then may an update be smoothed.
         needs_actual: whether the Weber factor can refer to the measured value only.
@@ -70,7 +59,7 @@ class Deadband(metaclass=ABCMeta):
 
     name: ClassVar[str]
     summary: ClassVar[str]
-    options: ClassVar[Mapping[str, Option]] = {}
+    Options: ClassVar[type[Any]] = NoOptions
     reads_motion: ClassVar[bool] = False
     is_ball: ClassVar[bool] = True
     needs_actual: ClassVar[bool] = False
@@ -80,11 +69,6 @@ class Deadband(metaclass=ABCMeta):
     def configured(cls, setup: DeadbandSetup) -> Self:
         """Build the deadband from a configuration file; every deadband of the registry overrides this."""
         raise NotImplementedError
-
-    @classmethod
-    def defaults(cls) -> dict[str, float]:
-        """The default of each option."""
-        return {name: option.default for name, option in cls.options.items()}
 
     @abstractmethod
     def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:

@@ -6,13 +6,14 @@ law. Their forces have one axis. Here the grid is one of magnitudes, and the dir
 would depend on the choice of axes.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import degrees, radians
-from typing import ClassVar, Self
+from typing import Annotated, Self
 
-from weberlink.codec.deadband.cone import DIRECTION, DIRECTION_RAD, chord, chord_of
-from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, Option, check_not_negative
+from annotated_types import Interval
+
+from weberlink.codec.deadband.cone import DIRECTION_RAD, ConeOptions, chord, chord_of
+from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, check_not_negative
 from weberlink.geometry.vector import Vector, distance, norm
 
 LEAST_WEBER = 1e-4
@@ -20,6 +21,12 @@ LEAST_WEBER = 1e-4
 HYSTERESIS = 0.25
 POWERS = 24
 """Number of stored powers of the level ratio, with exponents 1, 2, 4, ...: enough for any float on the finest grid."""
+
+
+@dataclass(frozen=True)
+class LevelCrossingOptions(ConeOptions):
+    hysteresis: Annotated[float, Interval(ge=0, le=1)] = HYSTERESIS
+    """How far beyond a level counts as crossed, as a share of the spacing of levels there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,15 +51,7 @@ class LevelCrossingDeadband(Deadband):
     summary = (
         "Sent when the magnitude crosses a level of a fixed grid, or the direction leaves its cone; needs floor_n > 0."
     )
-    options: ClassVar[Mapping[str, Option]] = {
-        "direction_deg": DIRECTION,
-        "hysteresis": Option(
-            HYSTERESIS,
-            "How far beyond a level counts as crossed, as a share of the spacing of levels there.",
-            0,
-            most=1,
-        ),
-    }
+    Options = LevelCrossingOptions
     is_ball = False
     needs_actual = True
     needs_floor = True
@@ -84,7 +83,7 @@ class LevelCrossingDeadband(Deadband):
 
     @classmethod
     def configured(cls, setup: DeadbandSetup) -> Self:
-        return cls(setup.weber, setup.floor, radians(setup.options["direction_deg"]), setup.options["hysteresis"])
+        return cls(setup.weber, setup.floor, radians(setup.options.direction_deg), setup.options.hysteresis)
 
     def describe(self) -> str:
         return f"level crossing, hysteresis {self.hysteresis:g}, direction within {degrees(self.direction):g} deg"

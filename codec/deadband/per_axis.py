@@ -1,6 +1,5 @@
 """A bound on each axis of its own: for joints, whose thresholds differ from one to the next."""
 
-from math import inf
 from typing import ClassVar, Final
 
 from weberlink.codec.deadband.contract import Deadband, check_not_negative
@@ -15,7 +14,7 @@ class PerAxisDeadband(Deadband):
     Args:
         weber: Weber factor k of the value on its own axis, >= 0.
         floors: absolute thresholds in the unit of the values, > 0; infinite for an axis that is not coded.
-        resolution: largest error of the wire on an axis, >= 0. A smaller error than this needs no update.
+        resolution: largest error of the wire on an axis, >= 0. A smaller error than this counts as none.
 
     Raises:
         ValueError: for a number out of its range.
@@ -39,32 +38,17 @@ class PerAxisDeadband(Deadband):
         self.floors: Final = floors
         self.resolution: Final = resolution
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, PerAxisDeadband) and self._settings() == other._settings()
-
-    def __hash__(self) -> int:
-        return hash(self._settings())
-
-    def _settings(self) -> tuple[float, Vector, float]:
-        return self.weber, self.floors, self.resolution
-
     def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:  # noqa: ARG002
         return 1.0
 
     def error(self, displayed: Vector, actual: Vector, /) -> float:
-        return self.excess(displayed, actual, 1.0)
-
-    def excess(self, displayed: Vector, actual: Vector, share: float) -> float:
-        """The largest error in multiples of a deadband `share` (>= 0) times as wide, none finer than the resolution."""
         weber, resolution, floors = self.weber, self.resolution, self.floors
         largest = 0.0
         for index in (0, 1, 2):
             value, floor = actual[index], floors[index]
             apart = abs(displayed[index] - value)
-            if apart == 0.0:
-                continue
-            relative = weber * abs(value)
-            bound = max(share * max(relative, floor), resolution)
-            if apart > largest * bound:
-                largest = apart / bound if bound > 0.0 else inf
+            if apart > resolution:
+                relative = weber * abs(value)
+                ratio = apart / (relative if relative > floor else floor)
+                largest = ratio if ratio > largest else largest
         return largest

@@ -4,14 +4,14 @@ A hand in motion feels changes of force less: Kammerl, Vittorias, Nitsch, Faerbe
 data reduction for haptic force-feedback signals using velocity-adaptive deadbands", Presence 19(5), 2010.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, Self
+from typing import Annotated, Self
+
+from annotated_types import Interval
 
 from weberlink.codec.deadband.contract import (
     Deadband,
     DeadbandSetup,
-    Option,
     Reference,
     check_not_negative,
     check_reference,
@@ -20,6 +20,14 @@ from weberlink.geometry.vector import Vector, distance, norm
 
 SLOPE_S_M = 0.5
 MOST_WEBER = 0.25
+
+
+@dataclass(frozen=True)
+class VelocityOptions:
+    slope_s_m: Annotated[float, Interval(ge=0, le=100)] = SLOPE_S_M
+    """Growth of the Weber factor with speed [s/m]."""
+    most_weber: Annotated[float, Interval(ge=0, le=1)] = MOST_WEBER
+    """The Weber factor grows no further."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,10 +50,7 @@ class VelocityDeadband(Deadband):
 
     name = "velocity_adaptive"
     summary = "The Weber factor grows with the speed of the hand."
-    options: ClassVar[Mapping[str, Option]] = {
-        "slope_s_m": Option(SLOPE_S_M, "Growth of the Weber factor with speed [s/m].", least=0, most=100),
-        "most_weber": Option(MOST_WEBER, "The Weber factor grows no further.", least=0, most=1),
-    }
+    Options = VelocityOptions
     reads_motion = True
 
     weber: float
@@ -73,8 +78,8 @@ class VelocityDeadband(Deadband):
             setup.weber,
             setup.floor,
             setup.reference,
-            setup.options["slope_s_m"],
-            setup.options["most_weber"],
+            setup.options.slope_s_m,
+            setup.options.most_weber,
             setup.tick_period,
         )
 

@@ -6,6 +6,7 @@ To add one, write a file in this folder and a line here, or an entry point of th
 (`weberlink.codec.encoder`) or by how often each would have sent (`weberlink.codec.adaptive`).
 """
 
+from collections.abc import Iterable
 from typing import Any
 
 from weberlink.codec.predictors.contract import EstimatedPredictor, FittedPredictor, Predictor
@@ -46,6 +47,18 @@ ADAPTIVE_BANK = ("plane", "sphere", "surface", "affine", "path", "elastic", "lin
 """The default banks. Of equally good predictors, the first in the bank is chosen: `adaptive` begins with contacts, for
 all are equally good before the first force."""
 
+
+def suits(name: str, signal: str) -> bool:
+    """Whether a predictor may code a signal: a "force", a "torque", which has no contact, or a "position"."""
+    predictor = PREDICTORS[name]
+    return not (predictor.geometric if signal == "position" else signal == "torque" and predictor.describes_contact)
+
+
+def unfit_for_hybrid(bank: Iterable[str]) -> list[str]:
+    """Those of a bank among which `hybrid` cannot choose, as it sends no parameters."""
+    return [name for name in bank if name not in HYBRID_BANK and PREDICTORS[name].estimated]
+
+
 __all__ = [
     "ADAPTIVE",
     "ADAPTIVE_BANK",
@@ -59,4 +72,6 @@ __all__ = [
     "FittedPredictor",
     "Model",
     "Predictor",
+    "suits",
+    "unfit_for_hybrid",
 ]

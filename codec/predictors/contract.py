@@ -40,32 +40,26 @@ class Predictor(metaclass=ABCMeta):
         """Numbers of levels of what the predictor reads of a sample: the value, then (if `geometric`) the position."""
         return grid.groups if self.geometric else grid.groups[:1]
 
+    def reads(self, grid: SampleGrid) -> int:
+        """The sum of `groups`."""
+        return grid.size if self.geometric else grid.value.size
+
     @abstractmethod
     def candidates(self, signal: Signal) -> Sequence[Candidate]:
         """The candidates for one signal, the simplest first."""
 
     @abstractmethod
-    def encode(
-        self,
-        model: Model | None,
-        newest: Sample,
-        earlier: Sample | None,
-        earlier_levels: tuple[int, ...],
-        grid: SampleGrid,
-    ) -> Payload:
-        """The payload of an update.
+    def decode(
+        self, payload: Payload, newest: Sample, grid: SampleGrid, limits: FitLimits, previous: Sample | None = None
+    ) -> Model:
+        """The model of an update; it holds the newest sample if none can be trusted.
 
         Args:
-            model: the model of an estimated predictor; None to hold the sample. Not read if the predictor is fitted.
-            newest: the sample to send.
-            earlier: the sample sent before; None if it may not be used.
-            earlier_levels: wire levels of that sample, with its position.
-            grid: the grid of the channel.
-        """
-
-    @abstractmethod
-    def decode(self, payload: Payload, newest: Sample, grid: SampleGrid, limits: FitLimits) -> Model:
-        """The model of an update.
+            payload: what the update carries beside the newest sample.
+            newest: that sample.
+            grid: of the channel.
+            limits: the range of accepted contacts.
+            previous: the previous sample of the payload, where it is known already.
 
         Raises:
             ValueError: if the payload does not fit the predictor or the channel.
@@ -93,27 +87,19 @@ class FittedPredictor(Predictor):
     def candidates(self, signal: Signal) -> Sequence[Candidate]:
         return [FittedCandidate(self, signal.limits)]
 
-    def encode(
-        self,
-        model: Model | None,  # noqa: ARG002
-        newest: Sample,
-        earlier: Sample | None,
-        earlier_levels: tuple[int, ...],
-        grid: SampleGrid,
-    ) -> Payload:
-        if earlier is None or not self.needs_previous(newest, earlier):
-            return None
-        return PreviousSample(newest.tick - earlier.tick, earlier_levels[: sum(self.groups(grid))])
-
-    def decode(self, payload: Payload, newest: Sample, grid: SampleGrid, limits: FitLimits) -> Model:
+    def decode(
+        self, payload: Payload, newest: Sample, grid: SampleGrid, limits: FitLimits, previous: Sample | None = None
+    ) -> Model:
         if payload is None:
-            return self.model(newest, None, limits)
-        if isinstance(payload, ModelParameters):
-            raise ValueError(f"update of {self.name} carries model parameters, expected a previous sample")  # noqa: TRY004 - of a peer
-        size = sum(self.groups(grid))
-        if len(payload.levels) != size:
-            raise ValueError(f"update carries {len(payload.levels)} levels of the previous sample, expected {size}")
-        return self.model(newest, grid.sample(newest.tick - payload.gap, payload.levels), limits)
+            previous = None
+        elif isinstance(payload, ModelParameters):
+            raise ValueError(f"update of {self.name} carries model parameters, expected a previous sample")
+        elif len(payload.levels) != self.reads(grid):
+            counted = f"{len(payload.levels)} levels of the previous sample, expected {self.reads(grid)}"
+            raise ValueError(f"update carries {counted}")
+        elif previous is None:
+            previous = grid.sample(newest.tick - payload.gap, payload.levels)
+        return self.fit(newest, previous, limits) or Hold(newest.value)
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -136,17 +122,14 @@ class EstimatedPredictor(Predictor):
             ValueError: if the predictor sends no parameters of this length.
         """
 
-    def encode(
+    def decode(
         self,
-        model: Model | None,
+        payload: Payload,
         newest: Sample,
-        earlier: Sample | None,  # noqa: ARG002
-        earlier_levels: tuple[int, ...],  # noqa: ARG002
         grid: SampleGrid,
-    ) -> Payload:
-        return None if model is None else self.packed(model, newest, grid)
-
-    def decode(self, payload: Payload, newest: Sample, grid: SampleGrid, limits: FitLimits) -> Model:
+        limits: FitLimits,
+        previous: Sample | None = None,  # noqa: ARG002
+    ) -> Model:
         if isinstance(payload, PreviousSample):
             raise ValueError(f"update of {self.name} carries a previous sample, expected model parameters")  # noqa: TRY004 - of a peer
         model = None if payload is None else self.unpacked(payload.data, newest, grid, limits)

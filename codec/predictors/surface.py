@@ -21,8 +21,7 @@ from weberlink.codec.predictors.contract import EstimatedPredictor
 from weberlink.codec.predictors.estimation import Candidate, EncodeContext, History, Signal
 from weberlink.codec.predictors.model import FitLimits, Model, ModelKind, ModelRecord
 from weberlink.codec.sample import Sample, SampleGrid
-from weberlink.geometry.sine import cosine, sine
-from weberlink.geometry.vector import ZERO, Vector, dot, is_finite, norm, scale, subtract, unit
+from weberlink.geometry.vector import ZERO, Vector, cosine, dot, is_finite, norm, scale, sine, subtract, unit
 from weberlink.update import ModelParameters
 
 LEAST_CURVATURE = 0.5

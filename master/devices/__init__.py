@@ -11,13 +11,3 @@ BUILT_IN = {
     "replay": "weberlink.master.devices.replay:ReplayDevice",
 }
 DEVICES: Registry[DeviceDriver] = Registry("device", BUILT_IN, "weberlink.devices")
-
-drivers = DEVICES.places
-
-
-def load(name: str) -> DeviceDriver:
-    """The driver class; raises ValueError for an unknown name, ImportError where its package is missing."""
-    try:
-        return DEVICES.load(name)
-    except ValueError as error:
-        raise ValueError(f"driver: {error}") from None

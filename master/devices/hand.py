@@ -2,39 +2,17 @@
 
 from collections.abc import Callable, Sequence
 from math import ceil, cos, cosh, exp, log2, pi, sin, sinh, sqrt
-from typing import Protocol
 
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.hand_options import GraspOptions, HandOptions, Oscillator
 
 
-class Hand(Protocol):
-    """A hand on a handle, per axis, with the position [m] and velocity [m/s] of the handle.
+class FirmHand:
+    """m a = k (intended - x) - b v + felt: hand and handle move as one mass, per axis.
 
     Integrated by the exact solution for an intention and a force that are constant over the step, so it is stable at
     any step. Held against a constant force it yields by force / `static_stiffness`.
     """
-
-    position: Vector
-    velocity: Vector
-
-    def advance(self, intended: Vector, felt: Vector, step: float) -> None:
-        """Moves on by `step` [s] toward `intended` [m] under the force `felt` [N] on the handle."""
-        ...
-
-    def stored(self, intended: Vector) -> float:
-        """Energy of its masses and springs [J], about the intention [m]."""
-        ...
-
-
-def modelled_hand(options: HandOptions, position: Vector) -> Hand:
-    """A hand at rest at a position [m], as its own intention."""
-    held = options.held
-    return FirmHand(options, position) if held is None else GraspingHand(options, held, position)
-
-
-class FirmHand:
-    """m a = k (intended - x) - b v + felt: hand and handle move as one mass."""
 
     __slots__ = ("_damping", "_mass", "_stiffness", "_transition", "position", "velocity")
 
@@ -47,6 +25,7 @@ class FirmHand:
         self.velocity = ZERO
 
     def advance(self, intended: Vector, felt: Vector, step: float) -> None:
+        """Moves on by `step` [s] toward `intended` [m] under the force `felt` [N] on the handle."""
         if step != self._transition[0]:
             self._transition = (step, *transition(self._mass, self._damping, self._stiffness, step))
         _, a, b, c, d = self._transition
@@ -63,6 +42,7 @@ class FirmHand:
         self.velocity = (c * x + d * v[0], c * y + d * v[1], c * z + d * v[2])
 
     def stored(self, intended: Vector) -> float:
+        """Energy of its masses and springs [J], about the intention [m]."""
         stretch, speed = squared_distance(self.position, intended), squared_distance(self.velocity, ZERO)
         return 0.5 * (self._stiffness * stretch + self._mass * speed)
 
@@ -73,7 +53,8 @@ class GraspingHand:
     m' a' = k' (intended - x') - b' v' + k (x - x') + b (v - v')
     m a = k (x' - x) + b (v' - v) - c v + felt
 
-    The intention acts on the arm, the force on the handle, which alone has the damping c of the device.
+    The intention acts on the arm, the force on the handle, which alone has the damping c of the device. Exact at any
+    step, as `FirmHand` is.
     """
 
     __slots__ = ("_grasp", "_options", "_step", "_steps", "arm", "arm_velocity", "position", "velocity")
@@ -109,6 +90,16 @@ class GraspingHand:
             + options.mass_kg * squared_distance(self.arm_velocity, ZERO)
             + grasp.handle_kg * squared_distance(self.velocity, ZERO)
         )
+
+
+Hand = FirmHand | GraspingHand
+"""With the position [m] and velocity [m/s] of the handle."""
+
+
+def modelled_hand(options: HandOptions, position: Vector) -> Hand:
+    """A hand at rest at a position [m], as its own intention."""
+    held = options.held
+    return FirmHand(options, position) if held is None else GraspingHand(options, held, position)
 
 
 def squared_distance(a: Vector, b: Vector) -> float:

@@ -6,10 +6,10 @@ from random import Random
 from typing import TYPE_CHECKING, ClassVar
 
 from weberlink.compiled import mypyc_attr
-from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale
-from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, Quaternion
+from weberlink.geometry.vector import ZERO, Vector, add, cube, within
+from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, Quaternion, check_finite
 from weberlink.master.devices.hand import Tremor, modelled_hand
-from weberlink.master.devices.hand_options import HandDeviceOptions, WristOptions
+from weberlink.master.devices.hand_options import HandDeviceOptions
 
 if TYPE_CHECKING:
     from weberlink.master.devices.turning import Turning
@@ -42,13 +42,12 @@ class HandDevice:
         tick_period: float,
         turning: Callable[[float], Vector] = lambda _: ZERO,
     ) -> None:
-        self._edge = edge = options.workspace_m
         self.spec = DeviceSpec(
             name=name,
             axes="xyz",
             force_n=options.force_n,
             stiffness_n_m=options.stiffness_n_m,
-            workspace_m=((-edge, -edge, -edge), (edge, edge, edge)),
+            workspace_m=cube(options.workspace_m),
             rate_hz=1.0 / tick_period,
             force_feedback=True,
             orientation=options.wrist is not None,
@@ -61,7 +60,12 @@ class HandDevice:
         self._tremor: Tremor | None = None
         if options.tremor_m > 0.0:
             self._tremor = Tremor(options.tremor_m, options.hand, Random(options.seed).random)  # noqa: S311
-        self._turning = None if options.wrist is None else _turning(options.wrist, turning, options.seed)
+        self._turning: "Turning | None" = None  # noqa: UP037 - imported below
+        if options.wrist is not None:
+            from weberlink.master.devices.turning import Turning  # noqa: PLC0415 - with a wrist only
+
+            uniform = Random(f"wrist {options.seed}").random  # noqa: S311
+            self._turning = Turning(options.wrist, turning, uniform)
         self._hand = modelled_hand(options.hand, options.home_m)
         self._elapsed = 0.0
         self._felt = ZERO
@@ -94,21 +98,21 @@ class HandDevice:
             self._hand.advance(intended, self._felt, step)
             if self._turning is not None:
                 self._turning.advance(self._elapsed, self._torque, step)
-        self._reading = DeviceReading(now, self._within_stops(self._hand.position), ended, self._orientation())
+        position, edge = self._hand.position, self._options.workspace_m
+        if not -edge <= min(position) <= max(position) <= edge:
+            x, y, z = position
+            position = (min(max(x, -edge), edge), min(max(y, -edge), edge), min(max(z, -edge), edge))
+        self._reading = DeviceReading(now, position, ended, self._orientation())
         return self._reading
 
     def command(self, force: Vector, now: float) -> None:  # noqa: ARG002
-        if not is_finite(force):
-            raise ValueError(f"{self.spec.name}: commanded a force that is not finite: {force}")
-        length, limit = norm(force), self.spec.force_n
-        self._felt = force if length <= limit else scale(force, limit / length)
+        check_finite(self.spec.name, "force", force)
+        self._felt = within(force, self.spec.force_n)
 
     def turn(self, torque: Vector, now: float) -> None:  # noqa: ARG002
         """Has no effect without a wrist."""
-        if not is_finite(torque):
-            raise ValueError(f"{self.spec.name}: commanded a torque that is not finite: {torque}")
-        length, limit = norm(torque), self.spec.torque_n_m
-        self._torque = torque if length <= limit else scale(torque, limit / length)
+        check_finite(self.spec.name, "torque", torque)
+        self._torque = within(torque, self.spec.torque_n_m)
 
     def close(self) -> None:
         self._reading = None
@@ -116,16 +120,3 @@ class HandDevice:
 
     def _orientation(self) -> Quaternion | None:
         return None if self._turning is None else self._turning.orientation
-
-    def _within_stops(self, position: Vector) -> Vector:
-        edge = self._edge
-        x, y, z = position
-        if -edge <= x <= edge and -edge <= y <= edge and -edge <= z <= edge:
-            return position
-        return (min(max(x, -edge), edge), min(max(y, -edge), edge), min(max(z, -edge), edge))
-
-
-def _turning(options: WristOptions, script: Callable[[float], Vector], seed: int) -> "Turning":
-    from weberlink.master.devices.turning import Turning  # noqa: PLC0415
-
-    return Turning(options, script, Random(f"wrist {seed}").random)  # noqa: S311

@@ -4,8 +4,7 @@ from typing import Literal, NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from weberlink.geometry.cube import check_home
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, check_home
 
 
 class Oscillator(NamedTuple):

@@ -7,13 +7,3 @@ BUILT_IN = {
     "remote_leader": "weberlink.master.devices.remote_leader:RemoteLeader",
 }
 LEADERS: Registry[ArmDriver] = Registry("leader arm", BUILT_IN, "weberlink.leaders")
-
-drivers = LEADERS.places
-
-
-def load(name: str) -> ArmDriver:
-    """The driver class; raises ValueError for an unknown name, ImportError where its package is missing."""
-    try:
-        return LEADERS.load(name)
-    except ValueError as error:
-        raise ValueError(f"driver: {error}") from None

@@ -5,20 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 from math import cos, pi, sin
-from typing import Protocol
 
-from weberlink.geometry.vector import Vector
-
-
-class Leg(Protocol):
-    """A part of the motion that begins and ends at rest; `duration` in seconds."""
-
-    @property
-    def duration(self) -> float: ...
-
-    def at(self, share: float) -> Vector:
-        """Position [m] after this share of the duration, 0 to 1."""
-        ...
+from weberlink.geometry.vector import Vector, interpolate
 
 
 def minimum_jerk(share: float) -> float:
@@ -35,14 +23,13 @@ class StraightLeg:
     duration: float
 
     def at(self, share: float) -> Vector:
-        s = minimum_jerk(share)
-        a, b = self.start, self.end
-        return (a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1]), a[2] + s * (b[2] - a[2]))
+        """Position [m] after this share of the duration [s], 0 to 1; at rest at both ends."""
+        return interpolate(self.start, self.end, minimum_jerk(share))
 
 
 @dataclass(frozen=True, slots=True)
 class CircularLeg:
-    """`turns` around `center` in a horizontal plane, counterclockwise from the side of +x."""
+    """`turns` around `center` in a horizontal plane, counterclockwise from the side of +x; else as `StraightLeg`."""
 
     center: Vector
     radius: float
@@ -57,6 +44,9 @@ class CircularLeg:
         angle = 2.0 * pi * self.turns * minimum_jerk(share)
         x, y, z = self.center
         return (x + self.radius * cos(angle), y + self.radius * sin(angle), z)
+
+
+Leg = StraightLeg | CircularLeg
 
 
 class LegSequence:

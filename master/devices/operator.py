@@ -10,13 +10,11 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale
 from weberlink.master.devices.hand_device import HandDevice
 from weberlink.master.devices.hand_options import HandDeviceOptions
-from weberlink.master.devices.motion import CircularLeg, LegSequence, StraightLeg
+from weberlink.master.devices.motion import CircularLeg, Leg, LegSequence, StraightLeg
 
 Duration = Annotated[float, Field(gt=0.0, le=3600.0)]
 
 WAY_BACK_S = 1.0
-
-ScriptLeg = StraightLeg | CircularLeg
 
 
 def half_turn_at_most(vector_deg: Vector) -> Vector:
@@ -37,11 +35,8 @@ class ScriptStep(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    def legs(self, start: Vector) -> list[ScriptLeg]:
+    def legs(self, start: Vector) -> list[Leg]:
         raise NotImplementedError
-
-    def end(self, start: Vector) -> Vector:
-        return self.legs(start)[-1].end
 
     def turned(self, start: Vector) -> Vector:
         """Rotation vector at the end [rad], given the one at the beginning."""
@@ -59,7 +54,7 @@ class ReachStep(ScriptStep):
     def turned(self, start: Vector) -> Vector:
         return start if self.turn_deg is None else scale(self.turn_deg, radians(1.0))
 
-    def legs(self, start: Vector) -> list[ScriptLeg]:
+    def legs(self, start: Vector) -> list[Leg]:
         return [StraightLeg(start, self.to_m, self.duration_s)]
 
 
@@ -73,9 +68,9 @@ class SlideStep(ScriptStep):
     passes: int = Field(default=1, ge=1, le=1000)
     approach_s: Duration = Field(default=0.8, description="to the first point")
 
-    def legs(self, start: Vector) -> list[ScriptLeg]:
+    def legs(self, start: Vector) -> list[Leg]:
         points = [below(point, self.depth_m) for point in self.points_m]
-        legs: list[ScriptLeg] = [StraightLeg(start, points[0], self.approach_s)]
+        legs: list[Leg] = [StraightLeg(start, points[0], self.approach_s)]
         for number in range(self.passes):
             way = points if number % 2 == 0 else points[::-1]
             legs += [StraightLeg(a, b, self.duration_s) for a, b in pairwise(way)]
@@ -93,7 +88,7 @@ class CircleStep(ScriptStep):
     duration_s: Duration = 3.0
     approach_s: Duration = Field(default=0.8, description="to where the circle begins, on the side of +x")
 
-    def legs(self, start: Vector) -> list[ScriptLeg]:
+    def legs(self, start: Vector) -> list[Leg]:
         circle = CircularLeg(below(self.center_m, self.depth_m), self.radius_m, self.turns, self.duration_s)
         return [StraightLeg(start, circle.at(0.0), self.approach_s), circle]
 
@@ -109,7 +104,7 @@ class TapStep(ScriptStep):
     count: int = Field(default=4, ge=1, le=10_000)
     approach_s: Duration = 0.8
 
-    def legs(self, start: Vector) -> list[ScriptLeg]:
+    def legs(self, start: Vector) -> list[Leg]:
         up, down = below(self.at_m, -self.height_m), below(self.at_m, self.depth_m)
         half = 0.5 / self.frequency_hz
         tap = [StraightLeg(up, down, half), StraightLeg(down, up, half)]
@@ -127,7 +122,7 @@ class PressStep(ScriptStep):
     duration_s: Duration = Field(default=0.6, description="to go in, and again to come out")
     approach_s: Duration = 0.8
 
-    def legs(self, start: Vector) -> list[ScriptLeg]:
+    def legs(self, start: Vector) -> list[Leg]:
         up, down = below(self.at_m, -self.height_m), below(self.at_m, self.depth_m)
         ways = ((start, up, self.approach_s), (up, down, self.duration_s), (down, down, self.hold_s))
         return [StraightLeg(*way) for way in (*ways, (down, up, self.duration_s))]
@@ -139,7 +134,7 @@ class RestStep(ScriptStep):
     motion: Literal["rest"]
     duration_s: Duration = 1.0
 
-    def legs(self, start: Vector) -> list[ScriptLeg]:
+    def legs(self, start: Vector) -> list[Leg]:
         return [StraightLeg(start, start, self.duration_s)]
 
 
@@ -150,7 +145,7 @@ class TurnStep(ScriptStep):
     turn_deg: Turn
     duration_s: Duration = 1.0
 
-    def legs(self, start: Vector) -> list[ScriptLeg]:
+    def legs(self, start: Vector) -> list[Leg]:
         return [StraightLeg(start, start, self.duration_s)]
 
     def turned(self, start: Vector) -> Vector:  # noqa: ARG002
@@ -182,10 +177,11 @@ class OperatorOptions(HandDeviceOptions):
     def check_script(self) -> Self:
         position = self.home_m
         for number, step in enumerate(self.script):
-            for leg in step.legs(position):
+            legs = step.legs(position)
+            for leg in legs:
                 if any(max(map(abs, leg.at(i / 16.0))) > self.workspace_m for i in range(17)):
                     raise ValueError(f"script.{number}: expected motion within the workspace of +-{self.workspace_m} m")
-            position = step.end(position)
+            position = legs[-1].end
             if self.wrist is None and isinstance(step, ReachStep | TurnStep) and step.turn_deg is not None:
                 raise ValueError(f"script.{number}.turn_deg: only a hand with a wrist turns; add `wrist: {{}}`")
         return self
@@ -198,28 +194,17 @@ class OperatorDevice(HandDevice):
     Options: ClassVar[type[OperatorOptions]] = OperatorOptions
 
     def __init__(self, options: OperatorOptions, tick_period: float) -> None:
-        script, home = options.script, options.home_m
-        moved = motion_of(script, home, options.repeat)
-        if options.wrist is None:
-            super().__init__("operator", options, moved.at, tick_period)
-        else:
-            turned = turning_of(script, home, options.repeat)
-            super().__init__("operator", options, moved.at, tick_period, lambda time: turned.at(time)[0])
+        moved, turned = motion_of(options.script, options.home_m, options.repeat)
+        super().__init__("operator", options, moved.at, tick_period, lambda time: turned.at(time)[0])
 
 
-def motion_of(script: Sequence[Script], home: Vector, repeat: bool) -> LegSequence:
-    """All legs of the script from `home` on; a repeated one returns there smoothly."""
-    return _sequences(script, home, repeat)[0]
+def motion_of(script: Sequence[Script], home: Vector, repeat: bool) -> tuple[LegSequence, LegSequence]:
+    """All legs of the script from `home` on, and the rotation vectors [rad] beside them, from level on.
 
-
-def turning_of(script: Sequence[Script], home: Vector, repeat: bool) -> LegSequence:
-    """The rotation vectors [rad] beside the positions, step for step; it begins level."""
-    return _sequences(script, home, repeat)[1]
-
-
-def _sequences(script: Sequence[Script], home: Vector, repeat: bool) -> tuple[LegSequence, LegSequence]:
-    moves: list[ScriptLeg] = []
-    turns: list[ScriptLeg] = []
+    A repeated script returns there smoothly.
+    """
+    moves: list[Leg] = []
+    turns: list[Leg] = []
     position, turn = home, ZERO
     for step in script:
         legs = step.legs(position)

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from math import hypot, inf
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -11,10 +11,7 @@ from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.devices.hand_device import HandDevice
 from weberlink.master.devices.hand_options import HandOptions
 from weberlink.master.devices.operator import OperatorOptions, motion_of
-from weberlink.master.devices.pointer_link import TargetSocket, TargetSource
-
-if TYPE_CHECKING:
-    from weberlink.master.devices.turning import TurnIntention
+from weberlink.master.devices.target_link import PointerTarget, TargetSocket, TargetSource
 
 HELD = 1
 """Bit of the button in a reading."""
@@ -103,17 +100,23 @@ class PointerDevice(HandDevice):
     Options: ClassVar[type[PointerOptions]] = PointerOptions
     NAME: ClassVar[str] = "pointer"
 
-    def __init__(self, options: PointerOptions, tick_period: float, source: TargetSource | None = None) -> None:
+    def __init__(
+        self, options: PointerOptions, tick_period: float, source: TargetSource[PointerTarget] | None = None
+    ) -> None:
         super().__init__(self.NAME, options, self._intended, tick_period, self._turned)
         self.spec = replace(self.spec, buttons=1)
         self._pointer, self._silence = options, options.silence_ms * 1e-3
         self._source = TargetSocket() if source is None else source
-        self._script = motion_of(options.script, options.home_m, options.repeat)
+        self._script = motion_of(options.script, options.home_m, options.repeat)[0]
         self._begin()
 
     def _begin(self) -> None:
         self._lead = PointerIntention(self._pointer)
-        self._turn_lead = None if self._pointer.wrist is None else _turn_lead(self._pointer)
+        self._turn_lead = None
+        if self._pointer.wrist is not None:
+            from weberlink.master.devices.turning import TurnIntention  # noqa: PLC0415 - with a wrist only
+
+            self._turn_lead = TurnIntention(self._pointer.smooth_ms * 1e-3, self._pointer.turn_rad_s)
         self._target, self._rotation = self._pointer.home_m, ZERO
         self._is_scripted, self._is_held = self._pointer.scripted, False
         self._held_until = self._looked_at = -inf
@@ -134,12 +137,12 @@ class PointerDevice(HandDevice):
     def latest(self, now: float) -> DeviceReading:
         if now > self._looked_at:
             self._looked_at = now
-            self._look(now)
+            self._take_target(now)
         reading = super().latest(now)
         pressed = HELD if self._is_held or self._is_scripted else 0
         return DeviceReading(reading.at, reading.position, False, reading.orientation, pressed)
 
-    def _look(self, now: float) -> None:
+    def _take_target(self, now: float) -> None:
         arrived = self._source.newest()
         if arrived is not None:
             self._target, self._rotation = arrived.target, arrived.rotation
@@ -169,9 +172,3 @@ class PointerDevice(HandDevice):
         if self._is_held:
             lead.follow(self._rotation, step)
         return lead.rotation
-
-
-def _turn_lead(options: PointerOptions) -> "TurnIntention":
-    from weberlink.master.devices.turning import TurnIntention  # noqa: PLC0415 - with a wrist only
-
-    return TurnIntention(options.smooth_ms * 1e-3, options.turn_rad_s)

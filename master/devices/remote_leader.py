@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from weberlink.arms.contract import ArmFault, ArmReading, ArmSpec
 from weberlink.geometry.joints import MOST_JOINTS, Joints, is_finite
-from weberlink.master.devices.remote_link import LeaderTargets, TargetMemory
+from weberlink.master.devices.target_link import LeaderTarget, TargetMemory, TargetSource
 
 LEADS = 1
 """Bit of the button in a reading."""
@@ -84,7 +84,7 @@ class JointMotion:
         """Be at rest."""
         self._velocity = [0.0] * len(self.angles)
 
-    def follow(self, target: Joints, step: float) -> None:
+    def advance(self, target: Joints, step: float) -> None:
         """Move on by a step [s] towards a target [rad]."""
         # Implicit Euler, so that it is stable at any step: v' = (v + r^2 h (target - x)) / (1 + r h)^2.
         pull, faded = self._rate * self._rate * step, (1.0 + self._rate * step) ** -2
@@ -114,25 +114,25 @@ class RemoteLeader:
     COMPUTED: ClassVar[bool] = True
     Options: ClassVar[type[RemoteLeaderOptions]] = RemoteLeaderOptions
 
-    def __init__(self, options: RemoteLeaderOptions, tick_period: float, source: LeaderTargets | None = None) -> None:
-        axes = options.axes
-        self._lower, self._upper = options.each("lower_rad"), options.each("upper_rad")
+    def __init__(
+        self, options: RemoteLeaderOptions, tick_period: float, source: TargetSource[LeaderTarget] | None = None
+    ) -> None:
+        self._no_torque: Joints = (0.0,) * options.axes
         self.spec = ArmSpec(
             name="remote_leader",
             joints=options.joints,
             gripper=options.gripper,
-            lower=self._lower,
-            upper=self._upper,
-            torque_nm=(0.0,) * axes,
-            stiffness_nm_rad=(inf,) * axes,
+            lower=options.each("lower_rad"),
+            upper=options.each("upper_rad"),
+            torque_nm=self._no_torque,
+            stiffness_nm_rad=(inf,) * options.axes,
             rate_hz=1.0 / tick_period,
             calibrated=True,
             buttons=1,
             watchdog_s=0.0,
         )
-        self._no_torque: Joints = (0.0,) * axes
         self._home, self._silence = options.each("home_rad"), options.silence_ms * 1e-3
-        self._source = TargetMemory() if source is None else source
+        self._source = TargetMemory(options.axes) if source is None else source
         self._motion = JointMotion(options.smooth_ms, options.speed_rad_s)
         self._target: Joints = self._home
         self._reading: ArmReading | None = None
@@ -141,26 +141,35 @@ class RemoteLeader:
 
     def open(self, now: float) -> None:
         try:
-            self._source.open(self.spec.axes)
+            self._source.open()
         except OSError as error:
             raise ArmFault(f"{self.spec.name}: its memory cannot be made: {error.strerror or error}") from None
         self._motion.place(self._home)
         self._target = self._home
         self._leads_until, self._has_led = -inf, False
-        self._reading = self._read(now)
+        self._reading = ArmReading(now, self._home, self._no_torque)
 
     def latest(self, now: float) -> ArmReading:
         before = self._reading
         if before is None:
             raise ArmFault(f"{self.spec.name} is not open")
-        if now > before.at:
-            self._look(now)
-            if now <= self._leads_until:
-                self._motion.follow(self._target, now - before.at)
-            elif before.buttons:
-                self._motion.stop()
-            self._reading = before = self._read(now)
-        return before
+        if now <= before.at:
+            return before
+        arrived = self._source.newest()
+        if arrived is not None:
+            ranges = zip(arrived.angles, self.spec.lower, self.spec.upper, strict=True)
+            self._target = tuple([min(max(angle, low), high) for angle, low, high in ranges])
+            self._leads_until = now + self._silence if arrived.leads else -inf
+            if arrived.leads and not self._has_led:  # the follower approaches from where it is, not by way of the home
+                self._has_led = True
+                self._motion.place(self._target)
+        leads = now <= self._leads_until
+        if leads:
+            self._motion.advance(self._target, now - before.at)
+        elif before.buttons:
+            self._motion.stop()
+        self._reading = ArmReading(now, self._motion.angles, self._no_torque, buttons=LEADS if leads else 0)
+        return self._reading
 
     def display(self, torques: Joints, now: float) -> None:  # noqa: ARG002 - nobody holds it
         if not is_finite(torques):
@@ -169,22 +178,6 @@ class RemoteLeader:
     def close(self) -> None:
         self._source.close()
         self._reading = None
-
-    def _look(self, now: float) -> None:
-        arrived = self._source.newest()
-        if arrived is None:
-            return
-        self._target = tuple(
-            [min(max(a, low), high) for a, low, high in zip(arrived.angles, self._lower, self._upper, strict=True)]
-        )
-        self._leads_until = now + self._silence if arrived.leads else -inf
-        if arrived.leads and not self._has_led:  # the follower approaches from where it is, not by way of the home
-            self._has_led = True
-            self._motion.place(self._target)
-
-    def _read(self, now: float) -> ArmReading:
-        pressed = LEADS if now <= self._leads_until else 0
-        return ArmReading(now, self._motion.angles, self._no_torque, buttons=pressed)
 
 
 def limits(options: dict[str, Any]) -> tuple[Joints, Joints]:

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
-from weberlink.geometry.vector import Vector
+from weberlink.geometry.vector import Vector, interpolate
 from weberlink.master.devices.hand_device import HandDevice
 from weberlink.master.devices.hand_options import HandDeviceOptions
 from weberlink.master.devices.motion import StraightLeg
@@ -103,14 +103,9 @@ class TraceFollower:
             if self._repeat:
                 return self._return.at((time - length) / self._return.duration), False
             return self._positions[-1], True
-        return self._between(time), False
-
-    def _between(self, time: float) -> Vector:
-        times, positions = self._times, self._positions
-        index = self._index
+        times, index = self._times, self._index
         while times[index + 1] <= time:
             index += 1
         self._index = index
-        a, b = positions[index], positions[index + 1]
         share = (time - times[index]) / (times[index + 1] - times[index])
-        return (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2]))
+        return interpolate(self._positions[index], self._positions[index + 1], share), False

@@ -55,12 +55,7 @@ class Wrist:
 class TurnIntention:
     """How a hand means to turn the handle: it follows a target by a filter of first order, at a bounded speed.
 
-    Args:
-        smooth: time constant of the filter [s], > 0.
-        speed: largest angular speed [rad/s].
-
-    Attributes:
-        orientation: in the device's frame.
+    `smooth` is the time constant of the filter [s], > 0, and `speed` the largest angular speed [rad/s].
     """
 
     __slots__ = ("_smooth", "_speed", "orientation")
@@ -83,12 +78,9 @@ class TurnIntention:
 
 
 class Turning:
-    """A wrist that follows a script, with a slow wobble and tremor added.
+    """A wrist that follows a script of rotation vectors [rad], with a slow wobble and tremor added.
 
-    Args:
-        options: of the wrist.
-        script: the rotation vector [rad] that is meant at a model time [s].
-        uniform: draws from [0, 1) for the tremor.
+    `uniform` draws from [0, 1) for the tremor.
     """
 
     def __init__(self, options: WristOptions, script: Callable[[float], Vector], uniform: Callable[[], float]) -> None:
@@ -110,11 +102,8 @@ class Turning:
 
     def advance(self, time: float, felt: Vector, step: float) -> None:
         """Moves on by `step` [s] to the model time `time` [s] under the torque `felt` [N m]."""
-        self._wrist.advance(self._intended(time), felt, step)
-
-    def _intended(self, time: float) -> Quaternion:
         shaken = ZERO if self._tremor is None else self._tremor.at(time)
         if self._amplitude != ZERO:
             shaken = add(shaken, scale(self._amplitude, sin(self._frequency * time)))
-        scripted = quaternion(self._script(time))
-        return scripted if shaken == ZERO else product(quaternion(shaken), scripted)
+        intended = quaternion(self._script(time))
+        self._wrist.advance(intended if shaken == ZERO else product(quaternion(shaken), intended), felt, step)

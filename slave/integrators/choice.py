@@ -73,21 +73,17 @@ def chosen(
         fitting = int(BUDGET * period / splitting_s)
         what = "curved contact" if not scene.flat else "friction with damping or on several faces"
         over = "" if fitting else f", {1e6 * splitting_s:.0f} us a step is over the budget"
-        return IntegratorChoice(
-            "exact", substeps or max(1, min(resolving, fitting, SUBSTEPS_MOST)), f"{what}, {told}{over}"
-        )
+        count = substeps or max(1, min(resolving, fitting, SUBSTEPS_MOST))
+        return IntegratorChoice("exact", count, f"{what}, {told}{over}")
     if integrator != "semi_implicit":
         return IntegratorChoice(integrator, substeps or 1, f"as named, {told}")
     count = substeps or min(resolving, SUBSTEPS_MOST)
     step = period / count
     if 2.0 * damping * step / body.mass + stiffness * step * step / body.mass >= 4.0:
+        more = f"substeps: {resolving}, or " if count < resolving <= SUBSTEPS_MOST else ""
         raise ValueError(
             f"integrator: semi_implicit is unstable in {count} substeps of a {period:g} s tick for {body.mass:g} kg "
-            f"against {stiffness:g} N/m and {damping:g} N s/m; expected {remedy(resolving, count)}"
+            f"against {stiffness:g} N/m and {damping:g} N s/m; expected {more}integrator: auto (which cannot be "
+            "unstable), implicit or exact"
         )
     return IntegratorChoice(integrator, count, f"as named, {told}")
-
-
-def remedy(resolving: int, count: int) -> str:
-    more = f"substeps: {resolving}, or " if count < resolving <= SUBSTEPS_MOST else ""
-    return f"{more}integrator: auto (which cannot be unstable), implicit or exact"

@@ -1,12 +1,10 @@
-"""One integration step of a mass under position control in contact with a scene: m a = k (goal - x) - c v + f(x, v)."""
+"""What an integrator is given, what it does in one step, and its line in the table."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, cast
 
 from weberlink.geometry.vector import Vector
 from weberlink.registry import check_contract, import_part
-from weberlink.slave.scenes.contact import Touch
 from weberlink.slave.scenes.scene import Scene
 
 
@@ -26,17 +24,8 @@ class ControlledMass(NamedTuple):
     damping: float
 
 
-class Stage(NamedTuple):
-    """A state, its contacts, how far they push [m], and whether it solves the equation that it was computed from."""
-
-    motion: MassState
-    touches: Sequence[Touch]
-    push: float
-    solved: bool = True
-
-
 class Integrator(Protocol):
-    """A scheme for one mass and one scene."""
+    """A scheme for one mass and one scene; its class is called with a `ControlledMass` and a `Scene`."""
 
     def advance(self, motion: MassState, goal: Vector, step: float) -> MassState:
         """The state `step` [s] later, with the goal [m] constant meanwhile.
@@ -45,10 +34,6 @@ class Integrator(Protocol):
         may give a state that is not finite.
         """
         ...
-
-
-class IntegratorClass(Protocol):
-    def __call__(self, body: ControlledMass, scene: Scene) -> Integrator: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +60,6 @@ class IntegrationScheme:
         Raises:
             ValueError: it cannot be imported, or is no integrator.
         """
-        make = cast(IntegratorClass, import_part("integrator", self.where))
-        integrator = make(body, scene or Scene([]))
+        integrator = import_part("integrator", self.where)(body, scene or Scene([]))
         check_contract("integrator", integrator, Integrator)
-        return integrator
+        return cast(Integrator, integrator)

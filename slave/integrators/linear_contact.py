@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from weberlink.geometry.vector import ZERO, Vector, add, dot, scale, subtract
-from weberlink.slave.integrators.contract import ControlledMass
 from weberlink.slave.integrators.oscillation import Oscillation
+from weberlink.slave.integrators.problem import MassInContact
 from weberlink.slave.scenes.proxy import PARALLEL, SOLVERS, smallest_push
 from weberlink.slave.scenes.scene import FARTHEST, NOTHING, Facing
 
@@ -31,69 +31,6 @@ class Coordinate(NamedTuple):
     def of(self, x: Vector) -> float:
         _, vector, offset = self
         return vector[0] * x[0] + vector[1] * x[1] + vector[2] * x[2] + offset
-
-
-class Face(NamedTuple):
-    """The depths of the active planes, and the gaps of those that the proxy can still reach."""
-
-    depths: tuple[Coordinate, ...]
-    gaps: tuple[Coordinate, ...]
-
-
-class Faces:
-    """All faces of the planes n_i x + o_i = 0, the n_i unit vectors out of the solids, each computed on first use."""
-
-    __slots__ = ("_known", "_normals", "_offsets")
-
-    def __init__(self, normals: Sequence[Vector], offsets: Sequence[float]) -> None:
-        self._normals = normals
-        self._offsets = offsets
-        self._known: dict[frozenset[int], Face | None] = {}
-
-    def active(self, position: Vector) -> frozenset[int]:
-        """The planes that hold a probe at `position`."""
-        x, y, z = position
-        violations = [
-            -(n[0] * x + n[1] * y + n[2] * z + offset) for n, offset in zip(self._normals, self._offsets, strict=True)
-        ]
-        if max(violations, default=0.0) <= 0.0:
-            return NOTHING
-        return frozenset([index for index, depth in smallest_push(violations, self._normals) if depth > 0.0])
-
-    def face(self, active: frozenset[int]) -> Face | None:
-        """The coordinates while `active` hold the probe; None if more than three do or their normals are dependent."""
-        if active not in self._known:
-            self._known[active] = self._computed(sorted(active))
-        return self._known[active]
-
-    def _computed(self, active: list[int]) -> Face | None:
-        if len(active) > len(SOLVERS):
-            return None
-        normals = [self._normals[i] for i in active]
-        duals: list[Vector] = []
-        offsets: list[float] = []
-        if active:
-            solve = SOLVERS[len(active) - 1]
-            columns = [solve([dot(n, unit) for n in normals], normals) for unit in UNITS]
-            solved = solve([self._offsets[i] for i in active], normals)
-            x, y, z = columns
-            if x is None or y is None or z is None or solved is None:
-                return None
-            duals = list(zip(x, y, z, strict=True))
-            offsets = list(solved)
-        depths = [Coordinate(i, scale(g, -1.0), -q) for i, g, q in zip(active, duals, offsets, strict=True)]
-        gaps = []
-        for j, n in enumerate(self._normals):
-            if j in active:
-                continue
-            shares = [dot(n, normal) for normal in normals]
-            along, offset = ZERO, self._offsets[j]
-            for share, g, q in zip(shares, duals, offsets, strict=True):
-                along, offset = add(along, scale(g, share)), offset - share * q
-            across = subtract(n, along)
-            if dot(across, across) > PARALLEL:
-                gaps.append(Coordinate(j, across, offset))
-        return Face(tuple(depths), tuple(gaps))
 
 
 class Drag(NamedTuple):
@@ -115,38 +52,27 @@ class PressedPlane(NamedTuple):
     oscillation: Oscillation
     slack: bool
 
-    def leaves(self, horizon: float) -> float | None:
-        """When the depth falls to 0 [s]. With a damper the force does so first, unless it is slack."""
-        if self.plane.damping > 0.0 and not self.slack:
-            return None
-        return self.oscillation.first_fall(self.value, self.rate, self.rest, horizon)
+    def event(self, horizon: float) -> tuple[float, bool] | None:
+        """When the depth falls to 0, or the force k depth + b rate passes 0 [s]; and whether it is the force.
 
-    def switches(self, horizon: float) -> float | None:
-        """When k depth + b rate, which is such an oscillation too, passes 0 [s]."""
-        stiffness, damping, motion = self.plane.stiffness, self.plane.damping, self.oscillation
-        if damping == 0.0:
-            return None
-        sign = -1.0 if self.slack else 1.0
-        pull = -motion.squared * (self.value - self.rest) - 2.0 * motion.decay * self.rate
-        force, change = stiffness * self.value + damping * self.rate, stiffness * self.rate + damping * pull
-        return motion.first_fall(sign * force, sign * change, sign * stiffness * self.rest, horizon)
+        The force is such an oscillation too. It falls to 0 before the depth does, if it is not slack.
+        """
+        stiffness, damping, motion, left = self.plane.stiffness, self.plane.damping, self.oscillation, None
+        if damping == 0.0 or self.slack:
+            left = motion.first_fall(self.value, self.rate, self.rest, horizon)
+        if damping > 0.0:
+            sign = -1.0 if self.slack else 1.0
+            pull = -motion.squared * (self.value - self.rest) - 2.0 * motion.decay * self.rate
+            force, change = stiffness * self.value + damping * self.rate, stiffness * self.rate + damping * pull
+            until = horizon if left is None else left
+            passed = motion.first_fall(sign * force, sign * change, sign * stiffness * self.rest, until)
+            if passed is not None:
+                return passed, True
+        return None if left is None else (left, False)
 
 
-class Oscillators:
-    """The oscillations of one mass, cached by the stiffness and damping that are added to those of its control."""
-
-    __slots__ = ("_known", "body")
-
-    def __init__(self, body: ControlledMass) -> None:
-        self.body = body
-        self._known: dict[tuple[float, float], Oscillation] = {}
-
-    def held(self, stiffness: float, damping: float) -> Oscillation:
-        key = (stiffness, damping)
-        if key not in self._known:
-            mass, control, brake = self.body
-            self._known[key] = Oscillation(mass, control + stiffness, brake + damping)
-        return self._known[key]
+Face = tuple[list[Coordinate], list[Coordinate]]
+"""The depths of the active planes, and the gaps of those that the proxy can still reach."""
 
 
 class LinearContact:
@@ -155,35 +81,42 @@ class LinearContact:
     Events are: the proxy reaches a plane, a plane is left (its depth falls to 0), and the force of a damped contact
     falls to 0 before that (it must not pull) or rises again. Each is located to rounding. The time between events is
     about half a period of the stiffest contact.
+
+    Args:
+        problem: The mass.
+        planes: n_i x + o_i = 0 with the unit normals n_i out of the solids; their gaps are seen from `seen_from`.
     """
 
-    __slots__ = ("_body", "_faces", "_free", "_oscillators", "_planes")
+    __slots__ = ("_faces", "_free", "_normals", "_offsets", "_planes", "_problem")
 
-    def __init__(self, oscillators: Oscillators, planes: Sequence[Facing], seen_from: Vector) -> None:
-        self._oscillators = oscillators
-        self._free = oscillators.held(0.0, 0.0)
+    def __init__(self, problem: MassInContact, planes: Sequence[Facing], seen_from: Vector) -> None:
+        self._problem = problem
+        self._free = problem.oscillation()
         self._planes = planes
-        offsets = [plane.gap - dot(plane.normal, seen_from) for plane in planes]
-        self._faces = Faces([plane.normal for plane in planes], offsets)
-        self._body = oscillators.body
+        self._normals = [plane.normal for plane in planes]
+        self._offsets = [plane.gap - dot(plane.normal, seen_from) for plane in planes]
+        self._faces: dict[frozenset[int], Face | None] = {}  # each computed on first use
 
     def flow(
         self, position: Vector, velocity: Vector, goal: Vector, step: float, drag: Drag | None = None
     ) -> tuple[Vector, Vector] | None:
         """Position and velocity `step` [s] later; None after too many events. Beyond 1e12 there is no contact."""
-        if self._body.stiffness == 0.0:
+        if self._problem.body.stiffness == 0.0:
             goal = position  # without stiffness the goal has no effect, but its digits would cancel
         if not (is_near(position) and is_near(velocity) and is_near(goal)):
             return moved(self._free, position, velocity, goal, (), step)
-        active = self._faces.active(position)
+        active = self._active(position)
         switched: frozenset[int] | None = None
         for _ in range(EVENTS_MOST):
-            face = self._faces.face(active)
+            if active not in self._faces:
+                self._faces[active] = self._face(sorted(active))
+            face = self._faces[active]
             if face is None:  # rounding led to a corner of dependent normals
                 return None
-            base, pulled = self._base(face, goal, step, drag)
-            presses = [self._press(depth, position, velocity, goal, drag, switched) for depth in face.depths]
-            time, plane, switches = first_event(face, presses, base, position, velocity, pulled, step)
+            depths, gaps = face
+            base, pulled = self._base(goal, step, drag if depths else None)
+            presses = [self._press(depth, position, velocity, goal, drag, switched) for depth in depths]
+            time, plane, switches = first_event(gaps, presses, base, position, velocity, pulled, step)
             position, velocity = moved(base, position, velocity, pulled, presses, time)
             step -= time
             if plane is None or step <= 0.0:
@@ -194,17 +127,54 @@ class LinearContact:
                 active, switched = active ^ {plane}, None
         return None
 
-    def _base(self, face: Face, goal: Vector, step: float, drag: Drag | None) -> tuple[Oscillation, Vector]:
+    def _active(self, position: Vector) -> frozenset[int]:
+        """The planes that hold a probe at `position`."""
+        x, y, z = position
+        normals = self._normals
+        violations = [
+            -(n[0] * x + n[1] * y + n[2] * z + offset) for n, offset in zip(normals, self._offsets, strict=True)
+        ]
+        if max(violations, default=0.0) <= 0.0:
+            return NOTHING
+        return frozenset([index for index, depth in smallest_push(violations, normals) if depth > 0.0])
+
+    def _face(self, active: list[int]) -> Face | None:
+        """The coordinates while `active` hold the probe; None if more than three do or their normals are dependent."""
+        if len(active) > len(SOLVERS):
+            return None
+        normals = [self._normals[i] for i in active]
+        duals: list[Vector] = []
+        offsets: list[float] = []
+        if active:
+            solve = SOLVERS[len(active) - 1]
+            x, y, z = [solve([dot(n, unit) for n in normals], normals) for unit in UNITS]
+            solved = solve([self._offsets[i] for i in active], normals)
+            if x is None or y is None or z is None or solved is None:
+                return None
+            duals, offsets = list(zip(x, y, z, strict=True)), list(solved)
+        gaps = []
+        for j, n in enumerate(self._normals):
+            if j in active:
+                continue
+            along, offset = ZERO, self._offsets[j]
+            for normal, g, q in zip(normals, duals, offsets, strict=True):
+                share = dot(n, normal)
+                along, offset = add(along, scale(g, share)), offset - share * q
+            across = subtract(n, along)
+            if dot(across, across) > PARALLEL:
+                gaps.append(Coordinate(j, across, offset))
+        return [Coordinate(i, scale(g, -1.0), -q) for i, g, q in zip(active, duals, offsets, strict=True)], gaps
+
+    def _base(self, goal: Vector, step: float, drag: Drag | None) -> tuple[Oscillation, Vector]:
         """The oscillation of the proxy and its centre: the control, and friction where there is contact."""
-        if drag is None or not face.depths:
+        if drag is None:
             return self._free, goal
-        at, force, grip = drag
-        control = self._body.stiffness
+        (at, force, grip), (mass, control, _) = drag, self._problem.body
         if control + grip == 0.0:
-            grip = WEIGHTLESS * self._body.mass / (step * step)
+            grip = WEIGHTLESS * mass / (step * step)
         share, yielding = grip / (control + grip), 1.0 / (control + grip)
         centre = add(add(goal, scale(subtract(at, goal), share)), scale(force, yielding))
-        return self._oscillators.held(grip, 0.0), centre
+        return self._problem.oscillation(grip), centre
 
     def _press(
         self,
@@ -217,19 +187,19 @@ class LinearContact:
     ) -> PressedPlane:
         """`slack` names the contacts without force; None to find that out from their state."""
         index, vector, _ = coordinate
-        plane = self._planes[index]
+        plane, problem = self._planes[index], self._problem
         value, rate = coordinate.of(position), dot(vector, velocity)
         loose = plane.stiffness * value + plane.damping * rate < 0.0 if slack is None else index in slack
         if plane.damping > 0.0 and loose:
             return PressedPlane(plane, coordinate, value, rate, coordinate.of(goal), self._free, True)
-        stiffness, control = plane.stiffness, self._body.stiffness
+        stiffness, control = plane.stiffness, problem.body.stiffness
         pull = control * coordinate.of(goal) + (0.0 if drag is None else dot(vector, drag.force))
-        held = self._oscillators.held(stiffness, plane.damping)
+        held = problem.oscillation(stiffness, plane.damping)
         return PressedPlane(plane, coordinate, value, rate, pull / (control + stiffness), held, False)
 
 
 def first_event(
-    face: Face,
+    gaps: Sequence[Coordinate],
     presses: Sequence[PressedPlane],
     base: Oscillation,
     position: Vector,
@@ -239,27 +209,19 @@ def first_event(
 ) -> tuple[float, int | None, bool]:
     """Time of the first event, at most `step`; its plane (None: no event); and whether only the force switches."""
     time, plane, switches = step, None, False
-    for gap in face.gaps:
+    for gap in gaps:
         reached = base.first_fall(gap.of(position), dot(gap.vector, velocity), gap.of(goal), time)
         if reached is not None and (plane is None or reached < time):  # of two at once the first, as in the proxy
             time, plane = reached, gap.plane
     for press in presses:
-        left = press.leaves(time)
-        if left is not None:
-            time, plane, switches = left, press.coordinate.plane, False
-        switch = press.switches(time)
-        if switch is not None:
-            time, plane, switches = switch, press.coordinate.plane, True
+        event = press.event(time)
+        if event is not None:
+            (time, switches), plane = event, press.coordinate.plane
     return time, plane, switches
 
 
 def moved(
-    base: Oscillation,
-    position: Vector,
-    velocity: Vector,
-    goal: Vector,
-    presses: Sequence[PressedPlane],
-    time: float,
+    base: Oscillation, position: Vector, velocity: Vector, goal: Vector, presses: Sequence[PressedPlane], time: float
 ) -> tuple[Vector, Vector]:
     """Position and velocity after `time` [s] without an event: the motion of `base`, corrected for each depth."""
     a, b, c, d = base.transition(time)

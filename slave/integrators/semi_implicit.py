@@ -1,8 +1,8 @@
 """Semi-implicit (symplectic) Euler: the cheapest step, for contacts that the step resolves."""
 
 from weberlink.geometry.vector import Vector
-from weberlink.slave.integrators.contact_force import contact_force
 from weberlink.slave.integrators.contract import ControlledMass, MassState
+from weberlink.slave.integrators.problem import contact_force
 from weberlink.slave.scenes.scene import Scene
 
 

@@ -18,11 +18,13 @@ Vectors here are (depth, p, q), with p and q along the surface.
 from math import atan, atan2, cos, exp, sin, sqrt, tan
 from typing import NamedTuple
 
-from weberlink.geometry.vector import Vector, add, dot, scale, subtract, unit
-from weberlink.slave.integrators.linear_contact import EVENTS_MOST, Oscillators
+from weberlink.geometry.vector import ZERO, Vector, add, scale, subtract, unit
+from weberlink.slave.integrators.contract import MassState
+from weberlink.slave.integrators.linear_contact import EVENTS_MOST
 from weberlink.slave.integrators.oscillation import Oscillation
+from weberlink.slave.integrators.problem import MassInContact, Stage, contact_force
 from weberlink.slave.scenes.contact import RESTICK, FrictionCone, Touch
-from weberlink.slave.scenes.scene import FARTHEST, Facing
+from weberlink.slave.scenes.scene import FARTHEST, NOTHING, Facing, SceneState
 
 Flat = tuple[float, float]
 """Along the surface."""
@@ -33,30 +35,14 @@ ROUNDING = 1e-9  # share of a position [m/m]: a direction over this length has s
 TURN = 0.1  # [rad] of the direction of sliding in one piece of motion
 PIECES = 8  # of one step, at most, into which it is divided for that
 LEAST = 5e-324
-
-
-class Hold(NamedTuple):
-    """Where the surface holds the body [m], and whether that anchor has slid and not come closer since."""
-
-    anchor: Vector
-    sliding: bool
-
-
-class Arrival(NamedTuple):
-    """The end of a step: position, velocity, depth [m], hold, whether the anchor slides, and only along lines."""
-
-    position: Vector
-    velocity: Vector
-    depth: float
-    hold: Hold | None
-    slides: bool
-    straight: bool
+HELD = frozenset({0})
 
 
 class Phase(NamedTuple):
     """The motion from here: free without an anchor, sliding with a direction to the anchor, else stuck.
 
-    `loose` is `Hold.sliding`; `stopped` tells that the anchor has turned back at this very moment.
+    `loose` tells that the anchor has slid and not come closer since, `stopped` that it has turned back at this very
+    moment.
     """
 
     anchor: Flat | None = None
@@ -66,15 +52,8 @@ class Phase(NamedTuple):
 
 
 FREE = Phase()
-
-
-class Piece(NamedTuple):
-    """Where a motion leads in `time` [s], and the phase that follows; None at the end of the step."""
-
-    position: Vector
-    velocity: Vector
-    time: float
-    phase: Phase | None
+Piece = tuple[Vector, Vector, float, Phase | None]
+"""Where a motion leads: position, velocity, its time [s], and the phase that follows; None at the end of the step."""
 
 
 class StickSlip:
@@ -82,69 +61,81 @@ class StickSlip:
 
     Exact but for rounding where it slides along straight lines. Where the path along the surface is curved, the
     direction of friction turns in pieces of 0.1 rad, or an eighth of the step, by the midpoint rule: order 2.
+
+    Args:
+        problem: The mass and its scene, of this plane alone.
+        plane: Seen from the origin.
+        cone: Its friction.
     """
 
-    __slots__ = ("_aside", "_body", "_cone", "_free", "_gap", "_held", "_normal", "_share", "_side", "_stiffness")
+    __slots__ = ("_aside", "_cone", "_free", "_gap", "_held", "_normal", "_problem", "_share", "_side", "_stiffness")
 
-    def __init__(self, oscillators: Oscillators, plane: Facing, seen_from: Vector, cone: FrictionCone) -> None:
-        self._body = oscillators.body
+    def __init__(self, problem: MassInContact, plane: Facing, cone: FrictionCone) -> None:
+        self._problem = problem
         self._cone = cone
         x, y, z = self._normal = plane.normal
         self._side = unit((0.0, -z, y) if abs(x) < 0.5 else (z, 0.0, -x))
         u, v, w = self._side
         self._aside = (y * w - z * v, z * u - x * w, x * v - y * u)
         self._stiffness = plane.stiffness
-        self._gap = plane.gap - dot(plane.normal, seen_from)
-        self._free = oscillators.held(0.0, 0.0)
-        self._held = oscillators.held(plane.stiffness, 0.0)
-        self._share = plane.stiffness / (self._body.stiffness + plane.stiffness)
+        self._gap = plane.gap
+        self._free = problem.oscillation()
+        self._held = problem.oscillation(plane.stiffness)
+        self._share = plane.stiffness / (problem.body.stiffness + plane.stiffness)
 
-    def flow(self, position: Vector, velocity: Vector, goal: Vector, step: float, hold: Hold | None) -> Arrival | None:
-        """The motion over `step` [s]; None after too many events, and beyond 1e12."""
-        if self._body.stiffness == 0.0:
+    def stepped(self, start: Stage, state: SceneState, goal: Vector, step: float) -> Stage | None:
+        """The stage `step` [s] after `start`; None after too many events, and beyond 1e12.
+
+        The scene, whose state at the start gives the anchor of friction, gets the state that a touch would give it.
+        """
+        (position, velocity, _), gap = start.motion, self._gap
+        if self._problem.body.stiffness == 0.0:
             goal = position  # without stiffness the goal has no effect, but its digits would cancel
         if not max(map(abs, (*position, *velocity, *goal))) < FARTHEST:
             return None
-        gap, straight = self._gap, True
-        x, v, goal = self._local(position, gap), self._local(velocity, 0.0), self._local(goal, gap)
-        phase, left = FREE, step
-        if hold is not None:
-            _, p, q = self._local(hold.anchor, gap)
-            phase = Phase((p, q), None, hold.sliding)
+        x, v, goal_x = self._local(position, gap), self._local(velocity, 0.0), self._local(goal, gap)
+        phase, left, straight = FREE, step, True
+        _, anchor, sliding = state.contacts[0]
+        if anchor is not None:
+            _, p, q = self._local(anchor, gap)
+            phase = Phase((p, q), None, sliding)
         elif x[0] > 0.0:
             phase = Phase((x[1], x[2]))
         for _ in range(EVENTS_MOST):
-            (x, v, time, following), turning = self._next(x, v, goal, left, step / PIECES, phase)
-            straight, left = straight and not turning, left - time
+            toward = phase.toward
+            if phase.anchor is None:
+                x, v, time, following = self._flight(x, v, goal_x, left)
+            elif toward is None:
+                x, v, time, following = self._stuck(x, v, goal_x, left, phase.anchor, phase)
+            else:
+                across = abs(toward[0] * v[2] - toward[1] * v[1])
+                if (
+                    across <= STRAIGHT * (abs(v[1]) + abs(v[2]))
+                    or across * left <= STRAIGHT * self._cone.dynamic * x[0]
+                ):
+                    x, v, time, following = self._dragged(x, v, goal_x, left, toward, stops=True)
+                else:
+                    x, v, time, following = self._turning(x, v, goal_x, left, step / PIECES, toward)
+                    straight = False
+            left -= time
             phase = phase if following is None else following
             if following is None or left <= 0.0:
-                held = None
-                if phase.anchor is not None:
-                    held = Hold(self._global((0.0, *phase.anchor), gap), phase.loose)
-                position, velocity = self._global(x, gap), self._global(v, 0.0)
-                return Arrival(position, velocity, x[0], held, phase.toward is not None, straight)
+                end = self._end(x, v, phase)
+                return end if straight else self._problem.kept(start, end, goal)
         return None
 
-    def _next(
-        self, x: Vector, v: Vector, goal: Vector, left: float, shortest: float, phase: Phase
-    ) -> tuple[Piece, bool]:
-        """The next piece of the motion, and whether friction turns in it."""
-        anchor, toward, _, _ = phase
-        if anchor is None:
-            return self._flight(x, v, goal, left), False
-        if toward is None:
-            return self._stuck(x, v, goal, left, anchor, phase), False
-        across = abs(toward[0] * v[2] - toward[1] * v[1])
-        if across <= STRAIGHT * (abs(v[1]) + abs(v[2])) or across * left <= STRAIGHT * self._cone.dynamic * x[0]:
-            return self._dragged(x, v, goal, left, toward, stops=True), False
-        return self._turning(x, v, goal, left, shortest, toward), True
-
-    def touch(self, position: Vector, depth: float, hold: Hold, slides: bool) -> tuple[Vector, Touch]:
-        """The proxy and the contact of a body that is held."""
-        n, k = self._normal, self._stiffness
+    def _end(self, x: Vector, v: Vector, phase: Phase) -> Stage:
+        position, velocity, scene = self._global(x, self._gap), self._global(v, 0.0), self._problem.scene
+        if phase.anchor is None:
+            scene.restore(SceneState(position, NOTHING, ((0.0, None, False),), 0.0))
+            return Stage(MassState(position, velocity, ZERO), (), 0.0)
+        n, k, depth = self._normal, self._stiffness, x[0]
         proxy = (position[0] + depth * n[0], position[1] + depth * n[1], position[2] + depth * n[2])
-        drag = scale(subtract(hold.anchor, proxy), k)
-        return proxy, Touch(0, depth, n, k, 0.0, drag, 0.0 if slides else k)
+        anchor = self._global((0.0, *phase.anchor), self._gap)
+        scene.restore(SceneState(proxy, HELD, ((0.0, anchor, phase.loose),), depth))
+        drag = scale(subtract(anchor, proxy), k)
+        touch = Touch(0, depth, n, k, 0.0, drag, k if phase.toward is None else 0.0)
+        return Stage(MassState(position, velocity, contact_force((touch,), velocity)), (touch,), depth)
 
     def _local(self, vector: Vector, gap: float) -> Vector:
         (x, y, z), n, u, w = vector, self._normal, self._side, self._aside
@@ -166,7 +157,7 @@ class StickSlip:
     def _flight(self, x: Vector, v: Vector, goal: Vector, left: float) -> Piece:
         touched = self._free.first_fall(-x[0], -v[0], -goal[0], left)
         x, v = flown(self._free, x, v, goal, left if touched is None else touched)
-        return Piece(x, v, left, None) if touched is None else Piece(x, v, touched, Phase((x[1], x[2])))
+        return (x, v, left, None) if touched is None else (x, v, touched, Phase((x[1], x[2])))
 
     def _stuck(self, x: Vector, v: Vector, goal: Vector, left: float, anchor: Flat, phase: Phase) -> Piece:
         held, loose, cone = self._held, phase.loose, self._cone
@@ -183,7 +174,7 @@ class StickSlip:
         offset, sway = spring.bounds(squared)
         if offset + sway < limit * (deepest - swing) and (not loose or offset - sway > spared * (deepest + swing)):
             x, v = flown(held, x, v, centre, left)
-            return Piece(x, v, left, Phase(anchor, None, loose))
+            return (x, v, left, Phase(anchor, None, loose))
         out = held.first_fall(depth, sinking, deepest, left)
         time = left if out is None else out
         closer = None
@@ -199,11 +190,11 @@ class StickSlip:
             if abs(p) + abs(q) <= ROUNDING * (abs(x[1]) + abs(x[2])):  # it slips at the touch, and follows the body
                 p, q = -v[1], -v[2]
             length = sqrt(p * p + q * q) or 1.0
-            return Piece(x, v, time, Phase(anchor, (p / length, q / length), True))
+            return (x, v, time, Phase(anchor, (p / length, q / length), True))
         if closer is not None:  # in another direction by then, it is not close enough: the next piece finds out
             far = sqrt((anchor[0] - x[1]) ** 2 + (anchor[1] - x[2]) ** 2)
-            return Piece(x, v, time, Phase(anchor, None, far > spared * x[0] * (1.0 + STRAIGHT)))
-        return Piece(x, v, time, Phase(anchor, None, loose) if out is None else FREE)
+            return (x, v, time, Phase(anchor, None, far > spared * x[0] * (1.0 + STRAIGHT)))
+        return (x, v, time, Phase(anchor, None, loose) if out is None else FREE)
 
     def _slip(self, limit: float, depth: Vector, spring: "Spring", horizon: float, stopped: bool) -> float | None:
         """When the tangential spring leaves the cone [s], whose slope is `limit`.
@@ -245,18 +236,18 @@ class StickSlip:
         cone, across = mu * max(0.0, x[0]), abs(toward[0] * v[2] - toward[1] * v[1])
         time = left if across * left <= TURN * cone else min(left, max(shortest, TURN * cone / across))
         piece = self._dragged(x, v, goal, time, toward, stops=False)
-        turned = trailing(toward, x, piece.position, mu)
+        turned = trailing(toward, x, piece[0], mu)
         p, q = toward[0] + turned[0], toward[1] + turned[1]
         length = sqrt(p * p + q * q)
         if length > STRAIGHT:
             piece = self._dragged(x, v, goal, time, (p / length, q / length), stops=False)
-            turned = trailing(toward, x, piece.position, mu)
-        if piece.phase is None or piece.phase.anchor is None:
+            turned = trailing(toward, x, piece[0], mu)
+        x, v, time, phase = piece
+        if phase is None or phase.anchor is None:
             return piece
-        x, v, time, _ = piece
         cone, (p, q) = mu * max(0.0, x[0]), turned
         closer = p * v[1] + q * v[2] + mu * v[0] >= 0.0
-        return Piece(x, v, time, Phase((x[1] + cone * p, x[2] + cone * q), None if closer else turned, True))
+        return (x, v, time, Phase((x[1] + cone * p, x[2] + cone * q), None if closer else turned, True))
 
     def _dragged(self, x: Vector, v: Vector, goal: Vector, left: float, toward: Flat, *, stops: bool) -> Piece:
         """Sliding with the anchor in one direction; `stops` to end it where the anchor turns back."""
@@ -284,8 +275,8 @@ class StickSlip:
         x = (depth, at[0] - mu * depth * e, at[1] - mu * depth * f)
         v = (sinking, c * away_p + d * rate_p - mu * sinking * e, c * away_q + d * rate_q - mu * sinking * f)
         if out is not None and not stop:
-            return Piece(x, v, time, FREE)
-        return Piece(x, v, time, Phase(at, None if stop else toward, True, stop))
+            return x, v, time, FREE
+        return (x, v, time, Phase(at, None if stop else toward, True, stop))
 
 
 class Spring(NamedTuple):

@@ -15,13 +15,3 @@ def _check(name: str, entry: object) -> None:
 
 
 ROBOTS: Registry[RobotDriver] = Registry("robot", BUILT_IN, "weberlink.robots", _check)
-
-drivers = ROBOTS.places
-
-
-def load(name: str) -> RobotDriver:
-    """The driver class; raises ValueError for an unknown name, ImportError where its package is missing."""
-    try:
-        return ROBOTS.load(name)
-    except ValueError as error:
-        raise ValueError(f"driver: {error}") from None

@@ -1,40 +1,78 @@
 """From a penetration to a force: stiffness, damping and friction of one object."""
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from math import pi, sin
+from typing import Literal, NamedTuple, Self
 
-from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract
-from weberlink.slave.scenes.shape import Shape
+from pydantic import Field, model_validator
+
+from weberlink.geometry.vector import ZERO, Vector, norm
+from weberlink.slave.scenes.shape import SceneModel, Shape, UnitVector
 
 RESTICK = 0.5  # share of the dynamic cone
+FASTEST_M_S = 10.0
+"""Peak speed of a moving object: a centimetre per tick, faster than any robot or hand."""
 
 
-@dataclass(frozen=True, slots=True)
-class FrictionCone:
-    """Coulomb coefficients, 0 <= dynamic <= static."""
+class FrictionCone(SceneModel):
+    """Coulomb friction: sticks within static x normal force, slides at dynamic x normal force."""
 
-    static: float
-    dynamic: float
+    static: float = Field(ge=0.0, le=2.0)
+    dynamic: float = Field(ge=0.0, le=2.0)
 
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.dynamic <= self.static:
-            raise ValueError(f"friction: expected 0 <= dynamic <= static, got {self.dynamic} and {self.static}")
+    @model_validator(mode="after")
+    def check_order(self) -> Self:
+        if self.dynamic > self.static:
+            raise ValueError(f"dynamic: expected at most static ({self.static}), got {self.dynamic}")
+        return self
+
+
+class Sway(SceneModel):
+    """The object oscillates about its configured position, independent of the probe. Time is that of the robot."""
+
+    direction: UnitVector = Field(default=(0.0, 0.0, 1.0), description="of any length; it is normalised")
+    amplitude_m: float = Field(gt=0.0, le=10.0, description="from the middle to either end")
+    frequency_hz: float = Field(gt=0.0, le=50.0)
+    phase_deg: float = Field(
+        default=0.0, ge=-360.0, le=360.0, description="at 0 it begins in the middle, moving along the direction"
+    )
+    wave: Literal["sine", "triangle"] = Field(
+        default="sine",
+        description="sine: at most 2 pi frequency amplitude fast; triangle: always 4 frequency amplitude",
+    )
+
+    @model_validator(mode="after")
+    def check_speed(self) -> Self:
+        if self.speed > FASTEST_M_S:
+            raise ValueError(
+                f"amplitude_m, frequency_hz: expected a peak speed of at most {FASTEST_M_S:g} m/s, "
+                f"got {self.speed:.3g} m/s"
+            )
+        return self
+
+    @property
+    def speed(self) -> float:
+        """The largest [m/s]."""
+        return (2.0 * pi if self.wave == "sine" else 4.0) * self.frequency_hz * self.amplitude_m
+
+    def at(self, time: float) -> Vector:
+        """Displacement [m] after `time` [s]."""
+        turns = self.frequency_hz * time + self.phase_deg / 360.0
+        share = sin(2.0 * pi * turns) if self.wave == "sine" else 4.0 * abs((turns - 0.25) % 1.0 - 0.5) - 1.0
+        x, y, z = self.direction
+        way = self.amplitude_m * share
+        return (way * x, way * y, way * z)
 
 
 @dataclass(frozen=True, slots=True)
 class SceneObject:
-    """A shape and the properties of its surface; None means that nothing of it is computed."""
+    """A shape, the properties of its surface and its motion; None means that nothing of it is computed."""
 
     shape: Shape
     stiffness_n_m: float
     friction: FrictionCone | None = None
     damping_n_s_m: float | None = None
-
-    def __post_init__(self) -> None:
-        if not self.stiffness_n_m > 0.0:
-            raise ValueError(f"stiffness_n_m: expected more than 0 N/m, got {self.stiffness_n_m}")
-        if self.damping_n_s_m is not None and not self.damping_n_s_m >= 0.0:
-            raise ValueError(f"damping_n_s_m: expected at least 0 N s/m, got {self.damping_n_s_m}")
+    motion: Sway | None = None
 
     def softened(self, most: float) -> "SceneObject":
         """This object with a stiffness of at most `most` [N/m]; its damping falls in proportion."""
@@ -89,10 +127,10 @@ class ObjectContact:
     __slots__ = ("_anchor", "_cone", "_damping", "_depth", "_sliding", "_stiffness", "has_memory")
 
     def __init__(self, thing: SceneObject) -> None:
-        self.become(thing)
         self._depth = 0.0
         self._anchor: Vector | None = None
         self._sliding = False
+        self.become(thing)
 
     def become(self, thing: SceneObject) -> None:
         """Take the stiffness, damping and friction of an object; the contact stays."""
@@ -111,9 +149,7 @@ class ObjectContact:
 
     def release(self) -> None:
         """The probe has left the object: forget the contact."""
-        self._depth = 0.0
-        self._anchor = None
-        self._sliding = False
+        self.restore((0.0, None, False))
 
     def touch(self, index: int, depth: float, normal: Vector, proxy: Vector) -> Touch:
         """The contact without its damping force; friction moves on as in `force`."""
@@ -133,22 +169,25 @@ class ObjectContact:
             if dt > 0.0:
                 f = max(0.0, f + self._damping * (depth - self._depth) / dt)
             self._depth = depth
-        pressed = (f * normal[0], f * normal[1], f * normal[2])
-        return pressed if self._cone is None else add(pressed, self._drag(self._cone, depth, normal, proxy))
+        x, y, z = ZERO if self._cone is None else self._drag(self._cone, depth, normal, proxy)
+        return (f * normal[0] + x, f * normal[1] + y, f * normal[2] + z)
 
     def _drag(self, cone: FrictionCone, depth: float, normal: Vector, proxy: Vector) -> Vector:
         """k (anchor - proxy) along the surface, after the anchor has been dragged along as far as necessary."""
         if self._anchor is None:
             self._anchor = proxy
             return ZERO
-        offset = subtract(self._anchor, proxy)
-        tangential = subtract(offset, scale(normal, dot(offset, normal)))
-        length = norm(tangential)
+        (ax, ay, az), (px, py, pz), n, k = self._anchor, proxy, normal, self._stiffness
+        x, y, z = ax - px, ay - py, az - pz
+        out = x * n[0] + y * n[1] + z * n[2]
+        x, y, z = x - n[0] * out, y - n[1] * out, z - n[2] * out
+        length = norm((x, y, z))
         dynamic = cone.dynamic * depth
         if length > (dynamic if self._sliding else cone.static * depth):
             self._sliding = True
-            tangential = scale(tangential, dynamic / length)
-            self._anchor = add(proxy, tangential)
+            share = dynamic / length
+            x, y, z = x * share, y * share, z * share
+            self._anchor = (px + x, py + y, pz + z)
         elif length < RESTICK * dynamic:
             self._sliding = False
-        return scale(tangential, self._stiffness)
+        return (x * k, y * k, z * k)

@@ -9,9 +9,8 @@ from typing import Literal, Self, TypeVar
 from pydantic import Field, model_validator
 
 from weberlink.geometry.vector import Vector
-from weberlink.slave.scenes.derived import CarvedShape
 from weberlink.slave.scenes.shape import SceneModel, SceneShapeSettings, Shape, Tangent
-from weberlink.slave.scenes.solids import PlaneShape
+from weberlink.slave.scenes.solids import CarvedShape, PlaneShape
 
 T = TypeVar("T")
 
@@ -39,12 +38,6 @@ class HeightFieldShape:
 
     def __init__(self, heights: Grid, spacing: float, origin: Vector) -> None:
         rows = [tuple(map(float, row)) for row in heights]
-        if len(rows) < 2 or len(rows[0]) < 2 or any(len(row) != len(rows[0]) for row in rows):
-            raise ValueError("heights: expected at least 2 rows and 2 columns, every row of the same length")
-        if not all(height - height == 0.0 for row in rows for height in row):
-            raise ValueError("heights: expected finite numbers")
-        if not spacing > 0.0:
-            raise ValueError(f"spacing: expected more than 0 m, got {spacing}")
         self._shape = (len(rows), len(rows[0]))
         self._rows = [padded(row) for row in padded(rows)]
         self._origin = origin
@@ -176,33 +169,24 @@ class HeightFieldSettings(SceneShapeSettings):
         return self
 
     def solid(self) -> Shape:
-        heights, spacing = self._samples()
+        if self.bumps is not None:
+            heights, spacing = bumps(self.bumps.amplitude_m, self.bumps.wavelength_m, self.bumps.size_m)
+        else:
+            assert self.spacing_m is not None
+            spacing = self.spacing_m
+            heights = list(map(list, self.heights_m or ())) if self.csv is None else read_heights(self.csv)
         x, y, z = self.center_m
-        width, length = (len(heights[0]) - 1) * spacing, (len(heights) - 1) * spacing
-        field = HeightFieldShape(heights, spacing, (x - width / 2.0, y - length / 2.0, z))
+        east, north = (len(heights[0]) - 1) * spacing / 2.0, (len(heights) - 1) * spacing / 2.0
+        field = HeightFieldShape(heights, spacing, (x - east, y - north, z))
         if not self.bounded:
             return field
-        return CarvedShape(field, walls(self.center_m, width, length))
-
-    def _samples(self) -> tuple[Sequence[Sequence[float]], float]:
-        if self.bumps is not None:
-            return bumps(self.bumps.amplitude_m, self.bumps.wavelength_m, self.bumps.size_m)
-        assert self.spacing_m is not None
-        if self.heights_m is not None:
-            return self.heights_m, self.spacing_m
-        assert self.csv is not None
-        return read_heights(self.csv), self.spacing_m
-
-
-def walls(center: Vector, width: float, length: float) -> list[Shape]:
-    """Four half-spaces that leave a column of `width` along x and `length` along y about `center`."""
-    x, y, z = center
-    return [
-        PlaneShape((x + width / 2.0, y, z), (1.0, 0.0, 0.0)),
-        PlaneShape((x - width / 2.0, y, z), (-1.0, 0.0, 0.0)),
-        PlaneShape((x, y + length / 2.0, z), (0.0, 1.0, 0.0)),
-        PlaneShape((x, y - length / 2.0, z), (0.0, -1.0, 0.0)),
-    ]
+        walls = [
+            PlaneShape((x + east, y, z), (1.0, 0.0, 0.0)),
+            PlaneShape((x - east, y, z), (-1.0, 0.0, 0.0)),
+            PlaneShape((x, y + north, z), (0.0, 1.0, 0.0)),
+            PlaneShape((x, y - north, z), (0.0, -1.0, 0.0)),
+        ]
+        return CarvedShape(field, walls)
 
 
 def read_heights(path: Path) -> list[list[float]]:

@@ -1,47 +1,31 @@
 """A scene with objects that oscillate, each computed in its own frame."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from math import pi, sin
+from dataclasses import replace
 from typing import ClassVar
 
-from weberlink.geometry.vector import Vector, add, interpolate, norm, subtract
+from weberlink.geometry.vector import ZERO, Vector, add, interpolate, norm, subtract
 from weberlink.slave.scenes.contact import ObjectContact, SceneObject, Touch
-from weberlink.slave.scenes.derived import DisplacedShape
 from weberlink.slave.scenes.proxy import traced
-from weberlink.slave.scenes.scene import FARTHEST, Scene, SceneState, Wave
+from weberlink.slave.scenes.scene import FARTHEST, Scene, SceneState
+from weberlink.slave.scenes.shape import Shape, Tangent
 
 
-@dataclass(frozen=True, slots=True)
-class Sway:
-    """Displacement a w(f t + phase) along `direction` from the configured position.
+class DisplacedShape:
+    """`shape` displaced by `offset` [m], which may change."""
 
-    Args:
-        direction: Unit vector.
-        amplitude: a [m], from the middle to either end.
-        frequency: f [Hz].
-        phase: In turns; at 0 it begins in the middle, on its way along `direction`.
-        wave: "sine" for a peak speed of 2 pi f a in the middle, "triangle" for a constant speed of 4 f a.
-    """
+    __slots__ = ("_shape", "flat", "offset")
 
-    direction: Vector
-    amplitude: float
-    frequency: float
-    phase: float = 0.0
-    wave: Wave = "sine"
+    def __init__(self, shape: Shape) -> None:
+        self._shape = shape
+        self.flat = shape.flat
+        self.offset: Vector = ZERO
 
-    @property
-    def speed(self) -> float:
-        """The largest [m/s]."""
-        return (2.0 * pi if self.wave == "sine" else 4.0) * self.frequency * self.amplitude
+    def clearance(self, point: Vector) -> float:
+        return self._shape.clearance(subtract(point, self.offset))
 
-    def at(self, time: float) -> Vector:
-        """Displacement [m] after `time` [s]."""
-        turns = self.frequency * time + self.phase
-        share = sin(2.0 * pi * turns) if self.wave == "sine" else 4.0 * abs((turns - 0.25) % 1.0 - 0.5) - 1.0
-        x, y, z = self.direction
-        way = self.amplitude * share
-        return (way * x, way * y, way * z)
+    def linearise(self, point: Vector) -> tuple[Tangent, ...]:
+        return self._shape.linearise(subtract(point, self.offset))
 
 
 class MovingContact(ObjectContact):
@@ -67,25 +51,25 @@ class MovingScene(Scene):
     at which surface and probe approach. The motion is prescribed: the probe cannot hold an object up, and the motor of
     the object supplies the energy. `touch` and `facing` are those of the present moment and do not include the velocity
     of a surface, so no integrator takes such a scene.
-
-    Args:
-        objects: What there is to touch, in the middle of its motion.
-        sways: How each of them moves, or None.
     """
 
     __slots__ = ("_movers", "_time")
 
     moves: ClassVar[bool] = True
 
-    def __init__(self, objects: Sequence[SceneObject], sways: Sequence[Sway | None]) -> None:
-        shapes = [DisplacedShape(thing.shape) if sway else None for thing, sway in zip(objects, sways, strict=True)]
-        moved = [replace(thing, shape=shape or thing.shape) for thing, shape in zip(objects, shapes, strict=True)]
-        contacts = [
-            MovingContact(thing, shape) if shape else ObjectContact(thing)
-            for thing, shape in zip(moved, shapes, strict=True)
-        ]
-        super().__init__(moved, contacts)
-        self._movers = [(shape, sway) for shape, sway in zip(shapes, sways, strict=True) if shape and sway]
+    def __init__(self, objects: Sequence[SceneObject]) -> None:
+        self._movers = []
+        things, contacts = [], []
+        for thing in objects:
+            if thing.motion is None:
+                contacts.append(ObjectContact(thing))
+            else:
+                shape = DisplacedShape(thing.shape)
+                self._movers.append((shape, thing.motion))
+                thing = replace(thing, shape=shape)  # noqa: PLW2901 - with the shape that moves
+                contacts.append(MovingContact(thing, shape))
+            things.append(thing)
+        super().__init__(things, contacts)
         self._place(0.0)
 
     def force(self, position: Vector, dt: float) -> Vector:
@@ -112,24 +96,19 @@ class MovingScene(Scene):
             shape.offset = sway.at(time)
 
     def _advance(self, dt: float) -> None:
-        """Move the objects one after another, and with each the proxy if it lies on it or in its way."""
+        """Move the objects one after another, and with each the proxy if it lies on it or in its way.
+
+        The surface pushes the proxy along from where it first meets it. In the frame of the shape the proxy travels the
+        opposite way. That path is traced, so that no thin object passes through the proxy between two ticks.
+        """
         self._time += dt
         for shape, sway in self._movers:
             before, shape.offset = shape.offset, sway.at(self._time)
-            proxy = self._proxy.at
-            if proxy is not None:
-                self._proxy.at = swept(proxy, shape, subtract(shape.offset, before))
-
-
-def swept(proxy: Vector, shape: DisplacedShape, moved: Vector) -> Vector:
-    """Where a proxy is after `shape` has `moved` [m]: the surface pushes it along from where it first meets it.
-
-    In the frame of the shape the proxy travels the opposite way. That path is traced, so that no thin object passes
-    through the proxy between two ticks.
-    """
-    length = norm(moved)
-    if length == 0.0:
-        return proxy
-    start = add(proxy, moved)
-    travelled = traced(shape, start, proxy, length)
-    return proxy if travelled is None else interpolate(start, proxy, travelled / length)
+            moved, proxy = subtract(shape.offset, before), self._proxy.at
+            length = norm(moved)
+            if proxy is None or length == 0.0:
+                continue
+            start = add(proxy, moved)
+            free = traced(shape, start, proxy, length)
+            if free is not None:
+                self._proxy.at = interpolate(start, proxy, free / length)

@@ -6,9 +6,9 @@ solid and moves to the locally closest point to the probe.
 
 from collections.abc import Sequence
 from itertools import combinations
-from math import inf
+from math import inf, sqrt
 
-from weberlink.geometry.vector import Vector, distance, dot, interpolate, scale, subtract
+from weberlink.geometry.vector import Vector, distance, dot, interpolate
 from weberlink.slave.scenes.shape import Shape
 
 Push = tuple[int, float]
@@ -34,33 +34,17 @@ def smallest_push(violations: Sequence[float], normals: Sequence[Vector]) -> tup
     if not order or violations[order[0]] <= 0.0:
         return ()
     slack = 1e-12 + 1e-9 * violations[order[0]]
-    pushes: tuple[Push, ...]
-    for i in order:
-        pushes = ((i, violations[i]),)
-        if violations[i] >= 0.0 and suffices(pushes, violations, normals, slack, order):
-            return pushes
-    for size in (2, 3):
-        solve = SOLVERS[size - 1]
+    for size, solve in enumerate(SOLVERS, start=1):
         for active in combinations(order, size):
             multipliers = solve([violations[i] for i in active], [normals[i] for i in active])
             if multipliers is None or min(multipliers) < 0.0:
                 continue
             pushes = tuple(zip(active, multipliers, strict=True))
-            if suffices(pushes, violations, normals, slack, order):
+            x, y, z = displacement(pushes, normals)
+            constraints = ((normals[i], violations[i] - slack) for i in order)
+            if all(n[0] * x + n[1] * y + n[2] * z >= least for n, least in constraints):
                 return pushes
     return ((order[0], violations[order[0]]),)
-
-
-def suffices(
-    pushes: Sequence[Push], violations: Sequence[float], normals: Sequence[Vector], slack: float, order: Sequence[int]
-) -> bool:
-    """Whether the pushes meet the constraints in `order` within the slack [m]."""
-    x, y, z = displacement(pushes, normals)
-    for i in order:
-        n = normals[i]
-        if not n[0] * x + n[1] * y + n[2] * z >= violations[i] - slack:
-            return False
-    return True
 
 
 def displacement(pushes: Sequence[Push], normals: Sequence[Vector]) -> Vector:
@@ -104,9 +88,6 @@ SOLVERS = (single, pair, triple)
 ShapePress = tuple[int, float, Vector]
 """Index of the shape that the probe is in, depth [m], and unit direction out of it."""
 
-ProxyStep = tuple[Vector, Vector, ShapePress]
-"""Start, end, and the press at the start."""
-
 TOUCHING = 1e-7  # [m] closer than this counts as on the surface
 CONVERGED = 1e-10  # [m]
 ITERATIONS = 8
@@ -148,18 +129,21 @@ class Proxy:
             self.at = target  # the usual case: nothing is as near as the target
             return target, ()
         presses: Sequence[ShapePress] = ()
-        last: ProxyStep | None = None
+        last: tuple[Vector, Vector, ShapePress] | None = None  # start, end and press of the last iteration
         iterations = 0
         while iterations < ITERATIONS:
             goal, presses = self._closest(here, target, touching)
+            x, y, z = step = goal[0] - here[0], goal[1] - here[1], goal[2] - here[2]
             settled = (
-                not touching or (len(touching) == 1 and shapes[touching[0]].flat) or distance(here, goal) < CONVERGED
+                not touching
+                or (len(touching) == 1 and shapes[touching[0]].flat)
+                or sqrt(x * x + y * y + z * z) < CONVERGED
             )
             if not settled and len(presses) == 1:
-                step = (here, goal, presses[0])
+                (press,), reached = presses, goal
                 if last is not None:
-                    goal = extrapolated(last, step)
-                last = step
+                    goal = extrapolated(goal, step, press, *last)
+                last = (here, reached, press)
             if len(touching) < len(shapes):
                 hit = self._first_hit(here, goal, touching)
                 if hit is not None:
@@ -203,37 +187,39 @@ class Proxy:
 
     def _first_hit(self, start: Vector, end: Vector, touching: Sequence[int]) -> tuple[int, Vector] | None:
         """The first shape not yet touched on the straight path, and the point where the path meets it."""
-        length = distance(start, end)
-        first: tuple[int, float] | None = None
+        free = length = distance(start, end)
+        first: int | None = None
         for index, shape in enumerate(self._shapes):
             if index in touching or shape.clearance(start) >= length:
                 continue
-            travelled = traced(shape, start, end, length if first is None else first[1])
+            travelled = traced(shape, start, end, free)
             if travelled is not None:
-                first = (index, travelled)
-        if first is None:
-            return None
-        index, travelled = first
-        return index, interpolate(start, end, travelled / length if length > 0.0 else 0.0)
+                first, free = index, travelled
+        return None if first is None else (first, point_at(start, end, free, length))
 
 
-def extrapolated(last: ProxyStep, step: ProxyStep) -> Vector:
+def extrapolated(
+    goal: Vector, step: Vector, press: ShapePress, before: Vector, reached: Vector, pressed: ShapePress
+) -> Vector:
     """Limit of two steps on one smooth patch of surface (Anderson acceleration of depth one).
 
     Tangent planes alone converge at the rate depth / radius of curvature, which is slow where the probe is deep. Steps
     across an edge are not extrapolated.
     """
-    (before, reached, pressed), (here, goal, press) = last, step
-    if pressed[0] != press[0] or dot(pressed[2], press[2]) < SAME_PATCH:
+    (owner, _, n), (last_owner, _, last_n) = press, pressed
+    if owner != last_owner or last_n[0] * n[0] + last_n[1] * n[1] + last_n[2] * n[2] < SAME_PATCH:
         return goal
-    residual, change = subtract(goal, here), subtract(subtract(goal, here), subtract(reached, before))
-    squared = dot(change, change)
-    if squared == 0.0:
-        return goal
-    share = dot(residual, change) / squared
+    x, y, z = step
+    dx, dy, dz = x - (reached[0] - before[0]), y - (reached[1] - before[1]), z - (reached[2] - before[2])
+    squared = dx * dx + dy * dy + dz * dz
+    share = (x * dx + y * dy + z * dz) / squared if squared else 0.0
     if abs(share) > FARTHEST_SHARE:
         return goal
-    return subtract(goal, scale(subtract(goal, reached), share))
+    return (
+        goal[0] - (goal[0] - reached[0]) * share,
+        goal[1] - (goal[1] - reached[1]) * share,
+        goal[2] - (goal[2] - reached[2]) * share,
+    )
 
 
 def traced(shape: Shape, start: Vector, end: Vector, limit: float) -> float | None:
@@ -244,7 +230,7 @@ def traced(shape: Shape, start: Vector, end: Vector, limit: float) -> float | No
     length = distance(start, end)
     travelled = 0.0
     for _ in range(TRACE_STEPS):
-        clearance = shape.clearance(interpolate(start, end, travelled / length) if length > 0.0 else start)
+        clearance = shape.clearance(point_at(start, end, travelled, length))
         if clearance < TOUCHING:
             return travelled
         travelled += clearance
@@ -253,17 +239,23 @@ def traced(shape: Shape, start: Vector, end: Vector, limit: float) -> float | No
     return travelled
 
 
+def point_at(start: Vector, end: Vector, travelled: float, length: float) -> Vector:
+    """The point of a straight path of this length [m] after `travelled` [m]."""
+    return interpolate(start, end, travelled / length) if length > 0.0 else start
+
+
 def merged(presses: list[ShapePress]) -> Sequence[ShapePress]:
     """One press per shape: in a concave corner the sum of the pushes of its faces."""
-    if len(presses) < 2 or len({index for index, _, _ in presses}) == len(presses):
+    owners = dict.fromkeys(index for index, _, _ in presses)
+    if len(owners) == len(presses):
         return presses
-    sums: dict[int, Vector] = {}
-    for index, depth, n in presses:
-        x, y, z = sums.get(index, (0.0, 0.0, 0.0))
-        sums[index] = (x + depth * n[0], y + depth * n[1], z + depth * n[2])
     result: list[ShapePress] = []
-    for index, (x, y, z) in sums.items():
+    for owner in owners:
+        x = y = z = 0.0
+        for index, depth, n in presses:
+            if index == owner:
+                x, y, z = x + depth * n[0], y + depth * n[1], z + depth * n[2]
         depth = (x * x + y * y + z * z) ** 0.5
         if depth > 0.0:
-            result.append((index, depth, (x / depth, y / depth, z / depth)))
+            result.append((owner, depth, (x / depth, y / depth, z / depth)))
     return result

@@ -1,14 +1,12 @@
 """All objects that the probe can touch, and the force that it feels."""
 
 from collections.abc import Sequence
-from typing import ClassVar, Literal, NamedTuple
+from typing import ClassVar, NamedTuple
 
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
 from weberlink.slave.scenes.contact import ContactState, ObjectContact, SceneObject, Touch
 from weberlink.slave.scenes.proxy import Proxy, ShapePress
 
-Wave = Literal["sine", "triangle"]
-"""How a moving object oscillates."""
 NOTHING: frozenset[int] = frozenset()
 FARTHEST = 1e12  # [m] beyond it squares of distances are too coarse for a contact
 
@@ -16,7 +14,6 @@ FARTHEST = 1e12  # [m] beyond it squares of distances are too coarse for a conta
 class Facing(NamedTuple):
     """A tangent plane of an object: `gap` [m] from the given point (negative inside), `normal` out of it."""
 
-    owner: int
     gap: float
     normal: Vector
     stiffness: float
@@ -42,14 +39,13 @@ class Scene:
 
     __slots__ = (
         "_contacts",
-        "_objects",
         "_proxy",
         "_remembering",
         "_touched",
         "closed_form",
-        "cones",
         "damping_n_s_m",
         "flat",
+        "objects",
         "penetration_depth",
         "rejected",
         "rubs",
@@ -61,7 +57,7 @@ class Scene:
 
     def __init__(self, objects: Sequence[SceneObject], contacts: Sequence[ObjectContact] | None = None) -> None:
         self._describe(objects)
-        self._contacts = [ObjectContact(thing) for thing in objects] if contacts is None else list(contacts)
+        self._contacts = contacts or [ObjectContact(thing) for thing in objects]
         self._remembering = [contact for contact in self._contacts if contact.has_memory]
         self._proxy = Proxy([thing.shape for thing in objects])
         self._touched: frozenset[int] = NOTHING
@@ -71,16 +67,12 @@ class Scene:
         """Positions that were not usable, since the start."""
 
     def _describe(self, objects: Sequence[SceneObject]) -> None:
-        self._objects = tuple(objects)
+        self.objects = tuple(objects)
         self.flat = all(thing.shape.flat for thing in objects)
         """Whether every object is a half-space, so that `facing` is the same from anywhere."""
         self.rubs = any(thing.friction is not None and thing.friction.static > 0.0 for thing in objects)
         """Whether any object has friction."""
-        self.cones = tuple([thing.friction for thing in objects])
-        """Friction of each object."""
-        self.closed_form = self.flat and (
-            not self.rubs or (len(self._objects) == 1 and not self._objects[0].damping_n_s_m)
-        )
+        self.closed_form = self.flat and (not self.rubs or (len(objects) == 1 and not objects[0].damping_n_s_m))
         """Whether a mass in contact moves in closed form between events: flat, with friction on one undamped object
         at most. A damper along the normal alone makes the spring of friction oscillate unlike the depth."""
         self.stiffness_n_m = max((thing.stiffness_n_m for thing in objects), default=0.0)
@@ -89,8 +81,8 @@ class Scene:
 
     def soften(self, most: float) -> None:
         """Give every object a stiffness of at most `most` [N/m]; its damping falls in proportion."""
-        self._describe([thing.softened(most) for thing in self._objects])
-        for contact, thing in zip(self._contacts, self._objects, strict=True):
+        self._describe([thing.softened(most) for thing in self.objects])
+        for contact, thing in zip(self._contacts, self.objects, strict=True):
             contact.become(thing)
 
     @property
@@ -120,7 +112,7 @@ class Scene:
             x, y, z = x + f[0], y + f[1], z + f[2]
         force = (x, y, z)
         if not is_finite(force):
-            self._release_all_but(NOTHING)  # what overflowed must not be remembered
+            self.forget_friction()  # what overflowed must not be remembered
             self.rejected += 1
             return ZERO
         return force
@@ -132,8 +124,7 @@ class Scene:
         feels max(0, stiffness depth + damping d(depth)/dt).
         """
         proxy, presses = self._follow(position)
-        contacts = self._contacts
-        touches = [contacts[index].touch(index, depth, normal, proxy) for index, depth, normal in presses]
+        touches = [self._contacts[index].touch(index, depth, normal, proxy) for index, depth, normal in presses]
         if presses and len(self._proxy.parts) > len(presses):
             touches = apart(touches, self._proxy.parts)
         return tuple(touches)
@@ -141,20 +132,16 @@ class Scene:
     def facing(self, point: Vector) -> list[Facing]:
         """Tangent planes of every object, seen from `point` [m]; changes no state."""
         return [
-            Facing(index, gap, normal, thing.stiffness_n_m, thing.damping_n_s_m or 0.0)
-            for index, thing in enumerate(self._objects)
+            Facing(gap, normal, thing.stiffness_n_m, thing.damping_n_s_m or 0.0)
+            for thing in self.objects
             for gap, normal in thing.shape.linearise(point)
         ]
 
     @property
     def state(self) -> SceneState:
         """For `restore`; only contacts with a memory are read."""
-        return SceneState(
-            self._proxy.at,
-            self._touched,
-            tuple([contact.state for contact in self._remembering]),
-            self.penetration_depth,
-        )
+        contacts = tuple([contact.state for contact in self._remembering])
+        return SceneState(self._proxy.at, self._touched, contacts, self.penetration_depth)
 
     def restore(self, state: SceneState) -> None:
         """Go back to where `state` was read. The counter `rejected` stays."""
@@ -164,12 +151,12 @@ class Scene:
 
     def forget_friction(self) -> None:
         """Start friction anew at the next position; the proxy stays."""
-        self._release_all_but(NOTHING)
+        self._hold(NOTHING)
 
     def reset(self) -> None:
         """Forget the contact: the next position is accepted even inside a solid. Counters stay."""
         self._proxy.at = None
-        self._release_all_but(NOTHING)
+        self._hold(NOTHING)
         self.penetration_depth = 0.0
 
     def _follow(self, position: Vector) -> tuple[Vector, Sequence[ShapePress]]:
@@ -180,20 +167,19 @@ class Scene:
         proxy, presses = self._proxy.follow(position)
         if presses:
             self.penetration_depth = distance(proxy, position)
-            held = frozenset([index for index, _, _ in presses])
-            if self._touched != held:
-                self._release_all_but(held)
-                self._touched = held
+            touched = frozenset([index for index, _, _ in presses])
+            if touched != self._touched:
+                self._hold(touched)
         else:
             self.penetration_depth = 0.0
             if self._touched:
-                self._release_all_but(NOTHING)
+                self._hold(NOTHING)
         return proxy, presses
 
-    def _release_all_but(self, held: frozenset[int]) -> None:
-        for index in self._touched - held:
+    def _hold(self, touched: frozenset[int]) -> None:
+        for index in self._touched - touched:
             self._contacts[index].release()
-        self._touched &= held
+        self._touched = touched
 
 
 def apart(touches: Sequence[Touch], parts: Sequence[ShapePress]) -> list[Touch]:
@@ -201,8 +187,6 @@ def apart(touches: Sequence[Touch], parts: Sequence[ShapePress]) -> list[Touch]:
     whole = {touch.owner: touch for touch in touches}
     single: list[Touch] = []
     for owner, depth, normal in parts:
-        touch = whole[owner]._replace(depth=depth, normal=normal)
-        if any(other.owner == owner for other in single):
-            touch = touch._replace(drag=ZERO, grip=0.0)
-        single.append(touch)
+        single.append(whole[owner]._replace(depth=depth, normal=normal))
+        whole[owner] = whole[owner]._replace(drag=ZERO, grip=0.0)
     return single

@@ -1,7 +1,8 @@
-"""Shapes with a formula, and their settings: a half-space, a ball, a box, and the complements of the last two."""
+"""Shapes with a formula, shapes carved and turned, and their settings."""
 
-from math import copysign, radians, sqrt
-from typing import Annotated, Literal
+from collections.abc import Sequence
+from math import copysign, cos, radians, sin, sqrt
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
@@ -17,10 +18,7 @@ class PlaneShape:
     flat = True
 
     def __init__(self, point: Vector, normal: Vector) -> None:
-        length = norm(normal)
-        if not length > 0.0:
-            raise ValueError(f"normal: expected a vector longer than zero, got {normal}")
-        self._normal = scale(normal, 1.0 / length)
+        self._normal = scale(normal, 1.0 / norm(normal))
         self._offset = dot(self._normal, point)
 
     def clearance(self, point: Vector) -> float:
@@ -40,8 +38,6 @@ class SphereShape:
     flat = False
 
     def __init__(self, center: Vector, radius: float, *, inside: bool = False) -> None:
-        if not radius > 0.0:
-            raise ValueError(f"radius: expected more than 0 m, got {radius}")
         self._x, self._y, self._z = center
         self._radius = radius
         self._sign = -1.0 if inside else 1.0
@@ -70,8 +66,6 @@ class BoxShape:
     flat = False
 
     def __init__(self, center: Vector, size: Vector) -> None:
-        if not min(size) > 0.0:
-            raise ValueError(f"size: expected three edges longer than 0 m, got {size}")
         self._center = center
         self._half: Vector = (size[0] / 2.0, size[1] / 2.0, size[2] / 2.0)
 
@@ -118,6 +112,71 @@ class BoxCavity(BoxShape):
             (half[0] - abs(px), (copysign(1.0, -px), 0.0, 0.0)),
             (half[1] - abs(py), (0.0, copysign(1.0, -py), 0.0)),
             (half[2] - abs(pz), (0.0, 0.0, copysign(1.0, -pz))),
+        )
+
+
+class CarvedShape:
+    """`base` with hollows cut out of it, such as a bowl in a table: phi = max(phi_base, phi_cavity, ...).
+
+    A cavity is the complement of what is cut out, so this is max(phi_base, -phi_cut). The largest distance is never
+    more than the true one, and its surface is the one that holds the proxy: where two of them cross, the edge is
+    convex.
+    """
+
+    __slots__ = ("_parts",)
+
+    flat: ClassVar[bool] = False
+
+    def __init__(self, base: Shape, cavities: Sequence[Shape]) -> None:
+        self._parts: tuple[Shape, ...] = (base, *cavities)
+
+    def clearance(self, point: Vector) -> float:
+        return max([part.clearance(point) for part in self._parts])
+
+    def linearise(self, point: Vector) -> tuple[Tangent, ...]:
+        return max(self._parts, key=lambda part: part.clearance(point)).linearise(point)
+
+
+class TurnedShape:
+    """`shape` turned about `pivot` by roll, pitch, yaw [rad], R = Rz(yaw) Ry(pitch) Rx(roll), scene axes."""
+
+    __slots__ = ("_pivot", "_rows", "_shape", "flat")
+
+    def __init__(self, shape: Shape, pivot: Vector, roll_pitch_yaw: Vector) -> None:
+        self._shape = shape
+        self._pivot = pivot
+        self.flat = shape.flat
+        (sr, sp, sy), (cr, cp, cy) = [tuple(map(function, roll_pitch_yaw)) for function in (sin, cos)]
+        self._rows: tuple[Vector, Vector, Vector] = (
+            (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
+            (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
+            (-sp, cp * sr, cp * cr),
+        )
+
+    def clearance(self, point: Vector) -> float:
+        return self._shape.clearance(self._to_shape(point))
+
+    def linearise(self, point: Vector) -> tuple[Tangent, ...]:
+        a, b, c = self._rows
+        return tuple(
+            (
+                distance,
+                (
+                    a[0] * n[0] + a[1] * n[1] + a[2] * n[2],
+                    b[0] * n[0] + b[1] * n[1] + b[2] * n[2],
+                    c[0] * n[0] + c[1] * n[1] + c[2] * n[2],
+                ),
+            )
+            for distance, n in self._shape.linearise(self._to_shape(point))
+        )
+
+    def _to_shape(self, point: Vector) -> Vector:
+        pivot, (a, b, c) = self._pivot, self._rows
+        x, y, z = point[0] - pivot[0], point[1] - pivot[1], point[2] - pivot[2]
+        return (
+            pivot[0] + a[0] * x + b[0] * y + c[0] * z,
+            pivot[1] + a[1] * x + b[1] * y + c[1] * z,
+            pivot[2] + a[2] * x + b[2] * y + c[2] * z,
         )
 
 
@@ -179,7 +238,5 @@ class BoxSettings(CarvableSettings):
     def _turned(self, shape: Shape) -> Shape:
         if self.rotation_deg is None:
             return shape
-        from weberlink.slave.scenes.derived import TurnedShape  # noqa: PLC0415 - where one is turned
-
         roll, pitch, yaw = self.rotation_deg
         return TurnedShape(shape, self.center_m, (radians(roll), radians(pitch), radians(yaw)))

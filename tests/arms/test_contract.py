@@ -7,7 +7,7 @@ import pytest
 
 from weberlink.master.devices import leaders
 from weberlink.master.devices.remote_leader import RemoteLeader
-from weberlink.master.devices.remote_link import LeaderTarget
+from weberlink.master.devices.target_link import LeaderTarget
 from weberlink.slave.robots import followers
 from weberlink.testing.arms import ArmBench, LeaderContract
 from weberlink.testing.time import TICK, virtual_time
@@ -28,7 +28,7 @@ def test_every_built_in_driver_is_tried() -> None:
 class Program:
     """Leads a remote leader, a milliradian a tick."""
 
-    def open(self, axes: int) -> None:
+    def open(self) -> None:
         self.angle = 0.0
 
     def newest(self) -> LeaderTarget:

@@ -14,17 +14,16 @@ import pytest
 
 from tests.cli.emulated import Emulated
 from tests.wait import PATIENCE, until
-from weberlink.cli.emulate import run
-from weberlink.cli.emulate.fault_commands import FaultCommands
+from weberlink.cli.emulate import FaultCommands, run
 from weberlink.config import ConfigurationError
-from weberlink.hardware.emulators import EMULATORS
+from weberlink.hardware.emulator import EMULATORS
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.serial_port import SerialPort
-from weberlink.master.devices.polhem.serial_protocol import SerialStatus, SerialStatusReader, encode_currents
+from weberlink.master.devices.polhem.protocol import Sensors, StatusReader, encode_currents
 
 
-def ask(port: SerialPort, current: int) -> SerialStatus:
-    reader = SerialStatusReader()
+def ask(port: SerialPort, current: int) -> Sensors:
+    reader = StatusReader()
     port.write(encode_currents((current, 0, 0)))
     deadline = monotonic() + PATIENCE
     while monotonic() < deadline:

@@ -10,10 +10,8 @@ import numpy as np
 import pytest
 
 from tests.cli.arm_rings import REMOTE, SYSTEM, ArmRings, arm_rings
-from weberlink.cli.axis_units import AxisUnits
-from weberlink.cli.live_ends import NoSessionError, find_end
-from weberlink.cli.remote_lead import NotRemoteError, RemoteLead
-from weberlink.master.devices.remote_link import TargetMemory
+from weberlink.cli.live_ends import AxisUnits, NoSessionError, NotRemoteError, RemoteLead, find_end
+from weberlink.master.devices.target_link import TargetMemory
 
 
 @pytest.fixture
@@ -114,8 +112,8 @@ def test_cartesian_session_is_in_metres(tmp_path: Path) -> None:
 
 
 def test_lead_writes_angles_within_the_leaders_limits(tmp_path: Path, rings: ArmRings) -> None:
-    memory = TargetMemory()  # of this process, whose rings these are
-    memory.open(3)
+    memory = TargetMemory(3)  # of this process, whose rings these are
+    memory.open()
     lead = RemoteLead(where=tmp_path)
     assert lead.send((radians(20.0), -3.0, 0.25)).tolist() == [radians(20.0), -1.0, 0.25]
     newest = memory.newest()

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from tests.codec.signals import contact_stream, rubbing_stream
 from weberlink.codec import Channel, Decoder, Encoder, Update, force_channel, position_channel
-from weberlink.codec.bundle import BundleChannel, BundleDecoder, BundleEncoder, joint_channel
+from weberlink.codec.channel import joint_channel
 from weberlink.codec.deadband import Deadband
 from weberlink.codec.predictors import PREDICTORS
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, scale
@@ -59,11 +59,8 @@ def make_channel(predictor: str, *, position: bool = False, **options: Any) -> C
     return force_channel(predictor=predictor, **options)
 
 
-def ends(channel: Channel | BundleChannel) -> tuple[Any, Any]:
-    """A new encoder and decoder."""
-    if isinstance(channel, BundleChannel):
-        return BundleEncoder(channel), BundleDecoder(channel)
-    return Encoder(channel), Decoder(channel)
+def shown_by(decoder: Decoder, tick: float, place: Vector = ZERO) -> Any:
+    return decoder.joints(tick) if decoder.is_arm else decoder.value(tick, place)
 
 
 def half_step(channel: Channel) -> float:
@@ -91,14 +88,12 @@ class Law:
 
     def __init__(self, channel: Any, *, encoder: Any = None) -> None:
         self.channel = channel
-        self.encoder, self.decoder = ends(channel)
-        self.encoder = encoder or self.encoder
-        self.late = getattr(channel, "lookahead", 0)
-        first = channel.parts[0] if isinstance(channel, BundleChannel) else channel
-        self.rate, self.smoothing, self.step = channel.rate, first.smoothing, first.value_quantizer.step
-        self.layout = UpdateLayout(channel.forms) if first.value_quantizer.limit < 1e6 else None
-        self.deadband: Any = getattr(channel, "deadband", None)
-        self.weber = first.deadband.weber if isinstance(channel, BundleChannel) else 0.0
+        self.encoder, self.decoder = encoder or Encoder(channel), Decoder(channel)
+        self.late, self.rate, self.smoothing = channel.lookahead, channel.rate, channel.smoothing
+        self.step, self.limit = channel.value_quantizer.step, channel.value_quantizer.limit
+        self.layout = UpdateLayout(channel.forms) if self.limit < 1e6 else None
+        self.deadband = channel.deadband
+        self.weber = channel.deadband.weber if channel.joints else 0.0
         self.waiting: dict[int, tuple[Any, Vector, float]] = {}
         self.last: Vector | None = None
         self.forced = False
@@ -118,16 +113,12 @@ class Law:
         self.waiting.clear()
         self.forced, self.last = False, None
 
-    def retune(self, deadband: Any, selectors: Sequence[int], tick: int = 0) -> None:
-        """`deadband` is a Weber factor on a bundle."""
-        if isinstance(deadband, Deadband):
-            self.encoder.retune(deadband, selectors)
-            self.decoder.retune(deadband, tick)
-            self.deadband = deadband
-            self.last = self.last if deadband.reads_motion else None
-        else:
-            self.encoder.retune(deadband)
-            self.weber = deadband
+    def retune(self, deadband: Deadband, selectors: Sequence[int], tick: int = 0, more: Sequence[Any] = ()) -> None:
+        self.encoder.retune(deadband, selectors, more)
+        self.decoder.retune(deadband, tick)
+        self.deadband = deadband
+        self.weber = deadband.weber if self.channel.joints else 0.0  # type: ignore[attr-defined]
+        self.last = self.last if deadband.reads_motion else None
         if self.decoder.newest is not None:
             self.forced = self.decoder.selected not in selectors
 
@@ -156,9 +147,9 @@ class Law:
             if tick % 3 == 0:
                 self.decoder.apply(update)  # one that is repeated changes nothing
         value, place, most = due
-        shown = self.decoder.value(tick, place)
+        shown = shown_by(self.decoder, tick, place)
         # Evaluated once per tick, as in a session: a surface with friction remembers the position.
-        assert shown == (self.encoder.predicted if update is None else self.encoder.mirror.value(tick, place))
+        assert shown == (self.encoder.predicted if update is None else shown_by(self.encoder.mirror, tick, place))
         if update is not None:
             assert repr(self.decoder.state) == repr(self.encoder.mirror.state)  # an unknown position is unlike itself
         self._check_decision(tick, update, value, place, most, before)
@@ -174,7 +165,7 @@ class Law:
         encoder, predicted = self.encoder, self.encoder.predicted
         assert encoder.coded == value
         forced = self.forced or predicted is None
-        if self.deadband is None:
+        if self.channel.joints:
             allowed, least = min(1.0, most), 0.0
             missed = inf if predicted is None else self.axes_beyond(predicted, value, encoder.bound) * encoder.bound
         else:
@@ -186,7 +177,7 @@ class Law:
             allowed = min(
                 self.deadband.bound(actual, compared, compared if before is None else before.value, moved), most
             )
-            least = self.deadband.error(self.channel.value_quantizer.rounded(actual), actual)
+            least = self.deadband.error(self.channel.value_quantizer.quantize(actual)[1], actual)
             missed = inf if predicted is None else self.deadband.error(predicted, actual)
         needed = forced or (missed > encoder.bound and missed > least)
         if self.rate is None:
@@ -202,18 +193,18 @@ class Law:
 
     def _check_error(self, update: Update | None, shown: Any, value: Any) -> float:
         """The value displayed is within the deadband of the measured one, or within the rounding of the wire."""
-        if self.deadband is None:
+        if self.channel.joints:
             bound = self.encoder.bound
             # Where a token was missing, the share is of a deadband that is no finer than the wire.
             assert self.axes_beyond(shown, value, bound, max(1.0, bound) if self.rate else 1.0) <= ROUNDED
-            limit = self.channel.limit
+            limit = self.limit
             error = max(abs(one - max(-limit, min(limit, each))) for one, each in zip(shown, value, strict=True))
             assert update is None or error <= 0.5 * self.step * (1.0 + 1e-8)
             return error
         channel, band, bound = self.channel, self.deadband, self.encoder.bound
         actual = channel.value_quantizer.confine(value)
         assert channel.value_quantizer.in_range(shown)
-        near = max(half_step(channel), band.error(channel.value_quantizer.rounded(actual), actual))
+        near = max(half_step(channel), band.error(channel.value_quantizer.quantize(actual)[1], actual))
         if update is not None:
             if self.smoothing is not None:
                 # The ramp takes a share of the deadband at the sample, which is rounded.
@@ -227,7 +218,7 @@ class Law:
 
     def axes_beyond(self, shown: Sequence[float], value: Sequence[float], share: float, finest: float = 1.0) -> float:
         """The largest error on an axis in shares of its deadband; none is finer than `finest` times half a step."""
-        limit, finest = self.channel.limit, finest * 0.5 * self.step * ROUNDED
+        limit, finest = self.limit, finest * 0.5 * self.step * ROUNDED
         within = [max(-limit, min(limit, each)) for each in value]
         return max(
             abs(one - each) / max(share * max(self.weber * abs(each), bound), finest)

@@ -96,7 +96,7 @@ def shadowed(channel: Channel, shadow: Shadow, stream: Stream, signal: Signal | 
             estimator.follow(history)
         if shadow.follow(tick, force, position, bound, deadband):
             sent.append(tick)
-            shadow.send(channel.grid.sample(tick, channel.grid.levels(force, position)), bound, history)
+            shadow.send(channel.grid.quantize(tick, force, position)[1], bound, history)
     return sent
 
 

@@ -32,7 +32,7 @@ every = pytest.mark.parametrize("name", DEADBANDS)
 
 def make(name: str, weber: float = K, floor: float = FLOOR) -> Deadband:
     shape = DEADBANDS[name]
-    return shape.configured(DeadbandSetup(weber, floor, "actual", 1e-3, shape.defaults()))
+    return shape.configured(DeadbandSetup(weber, floor, "actual", 1e-3, shape.Options()))
 
 
 def at(degrees: float, size: float = 1.0) -> Vector:
@@ -97,7 +97,7 @@ def test_what_may_stay_unsent(deadband: Deadband, displayed: Vector, actual: Vec
         (LEVELS, at(180.0, 0.9), up(0.99), 1.0 / sin(radians(10))),
         (AXES, up(0.0), up(5.0), 0.0), (AXES, (10.0, 0.0, 0.0), (8.0, 0.0, 0.0), 0.5),
         (AXES, (8.0, 2.0, 0.0), (8.0, 0.5, 0.0), 3.0), (AXES, (9.0, 2.0, 0.0), (8.0, 0.5, 0.0), 3.0),
-        (PerAxisDeadband(0.0, (0.1,) * 3, 0.5), (1.0, 0.0, 0.0), ZERO, 2.0),
+        (PerAxisDeadband(0.0, (0.1,) * 3, 0.5), (1.0, 0.5, 0.0), ZERO, 10.0),
         (PerAxisDeadband(0.0, (inf,) * 3), (1.0, 0.0, 0.0), ZERO, 0.0),
     ],
 )  # fmt: skip

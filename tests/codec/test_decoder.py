@@ -55,7 +55,7 @@ def test_friction_does_not_remember_a_position_that_is_not_finite(bad: float) ->
         shown = decoder.value(12, (probe[0], probe[1], probe[2]))
         assert shown is not None
         assert is_finite(shown)
-    assert is_finite(decoder.state[3])
+    assert is_finite(decoder.state[0][3])
     # The god-object slides to the probe again, wherever it was.
     for tick, x in enumerate((0.01, 0.02, 0.03), 13):
         decoder.value(tick, (x, 0.0, -0.002))
@@ -67,9 +67,9 @@ def test_friction_pulls_back_and_a_new_update_forgets_how_far() -> None:
     decoder = sliding()
     assert decoder.value(11, (2e-4, 0.0, -0.002)) == pytest.approx((-0.1, 0.0, 1.0))
     assert decoder.value(12, (0.01, 0.0, -0.002)) == (-0.296875, 0.0, 1.0)
-    assert decoder.state[3] == pytest.approx((0.01 - 0.296875 * 0.002, 0.0, 0.0))
+    assert decoder.state[0][3] == pytest.approx((0.01 - 0.296875 * 0.002, 0.0, 0.0))
     decoder.apply(Update(20, 0, (0, 0, 1000, 0, 0, -200)))
-    assert decoder.state[3] is None
+    assert decoder.state[0][3] is None
     assert decoder.value(21, (0.01, 0.0, -0.002)) == (0.0, 0.0, 1.0)
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from math import cos, inf, nan, sin
+from math import cos, hypot, inf, nan, sin
 from sys import float_info
 from typing import Any, NamedTuple
 
@@ -21,8 +21,8 @@ from weberlink.codec import Channel, Decoder, Update, force_channel
 from weberlink.codec.predictors import PREDICTORS
 from weberlink.codec.predictors.model import Hold
 from weberlink.codec.sample import INT16_MAX
-from weberlink.geometry.vector import ZERO, Vector, is_finite, norm, scale
-from weberlink.master.safety import ForceLimiter
+from weberlink.geometry.vector import ZERO, Vector, is_finite, scale
+from weberlink.master.gate import Bound
 from weberlink.update import ModelParameters, Payload, PreviousSample
 
 Samples = Sequence[tuple[int, Vector, Vector]]
@@ -153,7 +153,8 @@ def check_displayable(decoded: Vector | None, channel: Channel) -> None:
         return
     assert is_finite(decoded)
     assert channel.value_quantizer.confine(decoded) == decoded
-    assert norm(ForceLimiter(FORCE_LIMIT).limit(decoded)) <= FORCE_LIMIT * (1.0 + 1e-15)
+    felt = Bound((FORCE_LIMIT,), (inf,), 1.0).passed(decoded, decoded, 1.0, 1.0, 1.0, was_open=True)
+    assert hypot(*felt) <= FORCE_LIMIT * (1.0 + 1e-15)
 
 
 @pytest.mark.parametrize("predictor", FORCE_PREDICTORS)
@@ -164,7 +165,7 @@ def test_what_is_sent_decoded_and_believed_under_the_law(case: Case, predictor: 
         law = Law(case.channel(predictor=predictor, weber=weber, **({"axes": axes} if weber != WEBER else {})))
         coded = [law.tick(tick, (value, place)) for tick, value, place in case.samples]
         sent = sum(each is not None and each.update is not None for each in coded)
-        _, model, newest, _ = law.decoder.state
+        ((_, model, newest, _),) = law.decoder.state
         assert (newest is None) == (sent == 0)
         # The number of updates of an estimated predictor may change by tuning.
         if weber != WEBER or predictor in (*ESTIMATED, "adaptive"):

@@ -1,7 +1,7 @@
 """Look-ahead: the law for the delayed signal, the use of the future, and no sample lost or decided twice."""
 
 from itertools import pairwise
-from math import inf, nan
+from math import nan
 from random import Random
 
 import pytest
@@ -12,7 +12,6 @@ from tests.codec.law import FITTED
 from tests.codec.signals import contact_stream
 from tests.examples import examples
 from weberlink.codec import Decoder, Encoder, force_channel
-from weberlink.codec.encoder import Taken, Window
 from weberlink.codec.predictors.chords import MARGIN, Chords
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
 
@@ -71,12 +70,10 @@ def test_every_sample_is_decided_once_in_its_tick_or_never(missed: set[int], spo
     assert decided == [(tick, tick - late) for tick in range(300) if tick - late in taken and tick not in missed]
 
 
-def test_ticks_that_begin_anew_clear_the_window() -> None:
-    window = Window(2)
-    for tick in (7, 8, 3, 4):
-        window.take(Taken(tick, ZERO, ZERO, ZERO, inf))
-    assert [sample.tick for sample in window.following(2)] == [3, 4]
-    assert window.due(10) is None
+def test_ticks_that_begin_anew_drop_the_samples_that_wait() -> None:
+    encoder = Encoder(force_channel(predictor="zoh", weber=0.0, floor=0.0, lookahead=2))
+    updates = [encoder.encode(tick, up(float(tick))) for tick in (7, 8, 3, 4, 5, 6)]
+    assert [update and update.tick for update in updates] == [None, None, None, None, 3, 4]
 
 
 def test_a_negative_lookahead_is_refused() -> None:

@@ -130,8 +130,7 @@ def test_without_a_frequency_the_motion_is_a_parabola(ahead: float, velocity: fl
 
 
 def sent(model: SurfacePatch, force: Vector, position: Vector, channel: Channel) -> tuple[Decoder, Sample]:
-    levels = channel.grid.levels(force, position)
-    newest, decoder = channel.grid.sample(model.tick, levels), Decoder(channel)
+    (levels, newest), decoder = channel.grid.quantize(model.tick, force, position), Decoder(channel)
     decoder.apply(Update(model.tick, 0, levels, SURFACE.packed(model, newest, channel.grid)))
     return decoder, newest
 

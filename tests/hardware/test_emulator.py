@@ -8,10 +8,11 @@ import pytest
 
 from tests.hardware.descriptors import descriptors
 from tests.wait import PATIENCE
-from weberlink.hardware.emulator import LONGEST_PAUSE_S as PAUSE_S
-from weberlink.hardware.emulator import PtyDevice, WireFaults
+from weberlink.hardware.emulator import WireFaults
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.serial_port import SerialPort
+from weberlink.testing.serving import LONGEST_PAUSE_S as PAUSE_S
+from weberlink.testing.serving import PtyDevice
 
 
 class Echo:

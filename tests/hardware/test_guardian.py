@@ -24,11 +24,14 @@ from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.guardian import LEASE_S, SILENT_S, Guardian, HoldingGuardian
 from weberlink.hardware.guardian_process import (
     BEATS,
+    HEAD,
     LEASE,
-    LENGTH_SIZE,
     MEMORY_SIZE,
+    SLOT,
     SLOT_SIZE,
+    WORDS_SIZE,
     WRITES,
+    get_message,
     put_message,
     watch,
 )
@@ -248,7 +251,7 @@ def test_guardian_that_died_is_told_and_messages_still_pass(arm: Wire) -> None:
 
 
 def test_a_message_that_just_has_room_is_kept_and_a_longer_one_refused(arm: Wire) -> None:
-    most = b"x" * (SLOT_SIZE - LENGTH_SIZE)
+    most = b"x" * (SLOT_SIZE - HEAD.size)
     arm.guardian.hold(most)
     with pytest.raises(ValueError, match="too long"):
         arm.guardian.hold(most + b"x")
@@ -256,6 +259,17 @@ def test_a_message_that_just_has_room_is_kept_and_a_longer_one_refused(arm: Wire
     while len(heard) < len(most):
         heard += arm.heard(PATIENCE)
     assert heard.startswith(most)
+
+
+def test_a_message_that_is_seen_in_part_is_not_written() -> None:
+    """As where a processor reorders stores: the message before it counts, and nothing where there is none."""
+    memory = memoryview(bytearray(MEMORY_SIZE))
+    for whole in (b"", ZERO):
+        put_message(memory, FORCE)
+        slot = memory.cast("q")[SLOT]
+        memory[WORDS_SIZE + slot * SLOT_SIZE + HEAD.size] ^= 1
+        assert get_message(memory) == whole
+        put_message(memory, ZERO)
 
 
 # --- the loop of the process, in virtual time

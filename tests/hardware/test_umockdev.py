@@ -11,8 +11,9 @@ import pytest
 
 from tests.hardware.test_emulator import Echo
 from tests.program import ROOT
+from weberlink.hardware.emulator import HidIdentity
 from weberlink.hardware.fault import HardwareFault
-from weberlink.hardware.umockdev import ADVICE, WRAPPER, HidIdentity, HidNode, Testbed, missing
+from weberlink.testing.umockdev import ADVICE, WRAPPER, Testbed, TestbedNode, missing
 
 REASON = missing()
 DESCRIPTOR = bytes.fromhex("06abff0a0002a1017508150025ff950e09018102950e09029102c0")
@@ -20,6 +21,7 @@ DESCRIPTOR = bytes.fromhex("06abff0a0002a1017508150025ff950e09018102950e09029102
 HOST = """
 import json, sys
 from time import monotonic
+from weberlink.hardware.emulator import HidIdentity
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.discovery import UsbId, hid_devices
 from weberlink.hardware.hid_port import HidPort
@@ -50,13 +52,15 @@ for line in sys.stdin:
 """
 
 
-def identity(serial_number: str) -> HidIdentity:
-    return HidIdentity(0x1234, 6, "HID DEVICE", DESCRIPTOR, 14, serial_number, "mbed.org")
+class Device(Echo):
+    def __init__(self, serial_number: str) -> None:
+        super().__init__()
+        self.identity = HidIdentity(0x1234, 6, "HID DEVICE", DESCRIPTOR, 14, serial_number, "mbed.org")
 
 
 @pytest.mark.skipif(REASON is not None, reason=str(REASON))
 def test_two_equal_devices_are_found_and_replugged() -> None:
-    with Testbed() as bed, HidNode(bed, Echo(), identity("one")) as one, HidNode(bed, Echo(), identity("two")):
+    with Testbed() as bed, TestbedNode(bed, Device("one")) as one, TestbedNode(bed, Device("two")):
         command = [sys.executable, "-c", HOST]
         with subprocess.Popen(command, cwd=ROOT, env=bed.environment, stdin=-1, stdout=-1, text=True) as process:
 

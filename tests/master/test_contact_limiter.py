@@ -3,12 +3,14 @@
 from collections.abc import Iterable
 from itertools import pairwise
 from math import inf
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.master.safety import FADE, FALL, GRACE, PATIENCE, RISE, ContactLimiter
+from weberlink.master.gate import FADE, FALL, GRACE, PATIENCE, Bound, ContactLimiter, ContactWatch
 
 TICK = 1e-3
 MOST, FREE = 10.0, 1.0
@@ -136,15 +138,20 @@ def test_the_bound_falls_in_a_line_to_what_is_free_and_on_to_nothing() -> None:
         assert min(met, MOST) == pytest.approx(min(falling, MOST), abs=1e-9)
 
 
-def test_the_force_comes_back_in_a_ramp_when_a_contact_is_stated() -> None:
-    limited = limiter()
-    bounds(limited, [5.0] * 1000, 0.1)
+def test_the_force_comes_back_slowly_when_a_contact_is_stated() -> None:
+    endpoint: Any = SimpleNamespace(clock=SimpleNamespace(rtt=0.1))
+    limited, ramp = limiter(), 0.05
+    felt = Bound((MOST,), (inf,), ramp, width=1, contact=ContactWatch(limited, endpoint, (0.1,), 0.0))
+
+    def passed(decoded: float, count: int) -> list[float]:
+        return [felt.passed((5.0,), (decoded,), 1.0, 1.0, TICK, was_open=True)[0] for _ in range(count)]
+
+    assert passed(0.1, 1000)[-1] == 0.0
     assert limited.unfounded
-    risen = bounds(limited, [5.0] * (ticks(RISE) + 1), 0.1, stated=0.0)
-    assert risen[0] == pytest.approx(MOST * TICK / RISE)
-    assert risen[-1] == inf
-    assert not limited.unfounded
-    assert limited.quiet
+    risen = passed(5.0, ticks(ramp))
+    assert risen[:3] == pytest.approx([MOST * TICK / ramp * tick for tick in (1, 2, 3)])
+    assert risen[-1] == 5.0
+    assert (limited.unfounded, limited.quiet) == (False, True)
 
 
 def test_without_a_round_trip_the_longest_one_is_assumed_and_a_longer_one_is_not_believed() -> None:

@@ -8,10 +8,10 @@ import pytest
 
 from tests.compiled import replaces_methods
 from weberlink.codec import Decoder, Encoder, force_channel
+from weberlink.control.contract import UNREACHED_S
 from weberlink.control.sent import SentCommands
 from weberlink.geometry.vector import ZERO, Vector, norm
-from weberlink.master.operator_port import LOOK_S, UNREACHED_S, ContactWatch
-from weberlink.master.safety import GRACE, PATIENCE, ContactLimiter
+from weberlink.master.gate import GRACE, LOOK_S, PATIENCE, ContactLimiter, HandContact
 
 pytestmark = replaces_methods  # a stand-in for an endpoint, a compiled class
 TICK, STIFFNESS = 1e-3, 500.0
@@ -39,7 +39,7 @@ class Watched:
         for depth in samples:
             self.receive(depth)
         link: Any = SimpleNamespace(clock=SimpleNamespace(rtt=RTT, jitter=jitter))
-        self.watch = ContactWatch(
+        self.watch = HandContact(
             ContactLimiter(10.0, 1.0, 1.0),
             self.decoder,
             link,
@@ -63,8 +63,8 @@ class Watched:
         shown = []
         for _ in range(ticks):
             self.tick += 1
-            self.watch.follow(command, float(self.tick))
-            shown.append(norm(self.watch.bounded(force, norm(force), TICK)))
+            self.watch.note_command(command, float(self.tick))
+            shown.append(min(norm(force), self.watch.bound(norm(force), force, TICK)))
         return shown
 
 
@@ -139,7 +139,7 @@ def test_a_claim_of_the_model_grows_into_a_contact_once_an_answer_could_have_com
     watched = Watched()
     for _ in range(500):  # nothing is felt, and nothing asked
         watched.tick += 1
-        watched.watch.follow(before, float(watched.tick))
+        watched.watch.note_command(before, float(watched.tick))
     told = told_limiter(watched)
     watched.go(INSIDE, PRESSED, 400)
     first = next(tick for tick, (_, claimed) in enumerate(told) if claimed)
@@ -149,7 +149,7 @@ def test_a_claim_of_the_model_grows_into_a_contact_once_an_answer_could_have_com
     assert met - first == round((UNREACHED_S + LOOK_S) / TICK) - 1
     assert set(told[met:]) == {(UNREACHED_S, 0)}
     watched.watch.reset()
-    watched.watch.bounded(PRESSED, norm(PRESSED), TICK)
+    watched.watch.bound(norm(PRESSED), PRESSED, TICK)
     assert told[-1] == (inf, 0)
 
 

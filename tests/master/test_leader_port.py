@@ -1,19 +1,17 @@
 """The port of a leader arm: what it sends, what it displays, and when it displays nothing."""
 
 from collections.abc import Sequence
-from math import inf, isfinite, nan
+from math import inf, nan
 
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
 
 from tests.arms.ends import TICK, Hand, Transparent, link, spec
 from tests.compiled import replaces_methods
-from tests.examples import examples
 from weberlink.arms.contract import ArmReading
+from weberlink.arms.sensor import sensors
 from weberlink.geometry.joints import Joints
+from weberlink.master.gate import PATIENCE, Bound, ContactLimiter, ContactWatch, OutputGate
 from weberlink.master.leader_port import LeaderPort, PressedAxes
-from weberlink.master.safety import PATIENCE, ContactLimiter, ForceGate
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
 
@@ -38,28 +36,30 @@ class Leading:
     ) -> None:
         self.hand = hand or Hand()
         self.control, self.link = Transparent(), link()
+        spec = self.hand.spec
+        self.sensors, bounds = sensors("angles", len(spec.joints), spec.axes), []
+        for index, sensor in enumerate(self.sensors):
+            limits, slew, least = sensor.part(most), sensor.part(SLEW), sensor.part((0.02, 0.02, 0.02))
+            watch = ContactWatch(contacts[index], self.link, least, delay) if contacts else None
+            bounds.append(Bound(limits, slew, RAMP, width=1, contact=watch))
         self.port = LeaderPort(
-            arm=self.hand,
+            self.hand,
             control=self.control,
             endpoint=self.link,
-            gate=ForceGate(ramp=RAMP, silence=SILENCE, fade_share=0.8),
-            most=most,
-            slew=SLEW[: len(most)],
+            gate=OutputGate(bounds, ramp=RAMP, silence=SILENCE, fade_share=0.8),
+            sensors=self.sensors,
             button=button,
-            contacts=contacts,
             pressed=pressed,
-            delay=delay,
-            least=(0.02, 0.02, 0.02),
+            displays_torque=any(most),
         )
         self.now = 0.0
         self.port.open(0.0)
 
     def sense(self) -> None:
         reading = self.port.latest(self.now)
-        for sensor in (self.port.joints, self.port.gripper):
-            if sensor is not None:
-                assert sensor.complaint(reading) is None
-                sensor.take(reading)
+        for sensor in self.sensors:
+            assert sensor.complaint(reading) is None
+            sensor.take(reading)
         self.port.accept(reading)
         self.port.account(TICK, 0.0, encodes=True)
 
@@ -70,7 +70,11 @@ class Leading:
             self.link.liveness.in_touch_at = self.now
         self.sense()
         self.port.actuate(values, self.now, TICK, TICK, engaged=engaged)
-        return self.port.output
+        return self.output
+
+    @property
+    def output(self) -> Joints:
+        return self.port.displays[0].output
 
     def opened(self, *values: Joints | None) -> "Leading":
         for _ in range(round(2 * RAMP / TICK)):
@@ -83,9 +87,8 @@ def test_command_of_control_is_sent_by_channel() -> None:
     leading = Leading()
     leading.hand.angles = (0.1, -0.2, 0.3)
     leading.sense()
-    assert leading.port.gripper is not None
-    assert leading.port.joints.sample() == ((0.1, -0.2), (0.0, 0.0, 0.0), inf)
-    assert leading.port.gripper.sample() == ((0.3,), (0.0, 0.0, 0.0), inf)
+    assert leading.sensors[0].sample() == ((0.1, -0.2), (0.0, 0.0, 0.0), inf)
+    assert leading.sensors[1].sample() == ((0.3,), (0.0, 0.0, 0.0), inf)
     assert leading.control.told[0][0] == (0.1, -0.2, 0.3)
     assert leading.port.account(TICK, 0.0, encodes=True) == 0, "an arm hands no energy over"
 
@@ -104,9 +107,8 @@ def test_where_a_torque_is_pressed_angles_are_sent_as_finely_as_it_is_felt(torqu
     leading = Leading(pressed=[pressed, None])
     leading.tick(torques, (0.5,))
     leading.sense()
-    assert leading.port.gripper is not None
-    assert leading.port.joints.sample()[2] == pytest.approx(most)
-    assert leading.port.gripper.sample()[2] == inf
+    assert leading.sensors[0].sample()[2] == pytest.approx(most)
+    assert leading.sensors[1].sample()[2] == inf
 
 
 @pytest.mark.parametrize(
@@ -124,59 +126,18 @@ def test_torques_of_all_channels_reach_their_axes_within_their_limits(
     short = spec(gripper=False, lower=(-1.0, -1.0), upper=(1.0, 1.0), torque_nm=(1.0, 1.0))
     leading = Leading(Hand(short), most=(1.0, 1.0)) if len(values) == 1 else Leading()
     leading.opened(*values)
-    assert (leading.port.gripper is None) == (len(values) == 1)
-    assert leading.hand.felt[-1] == leading.port.output == shown
+    assert leading.hand.felt[-1] == leading.output == shown
     assert leading.control.told[-1] == ("displayed", shown)
     assert leading.port.clipped == (sum(values, ()) != shown)
 
 
-wild = st.floats(-3.0, 3.0) | st.sampled_from([nan, inf, -inf, 1e300, 1.0, -0.8])
-events = st.lists(
-    st.tuples(st.just("torques"), st.tuples(wild, wild, wild), st.integers(1, 60))
-    | st.tuples(
-        st.sampled_from(["silence", "idle", "no joints", "no gripper", "restart", "reset", "halt"]),
-        st.tuples(wild, wild, wild),
-        st.sampled_from([1, 5, 60, 110]),
-    ),
-    max_size=20,
-)
-
-
-@given(events)
-@example([("torques", (3.0, -3.0, 3.0), 120), ("torques", (-3.0, 3.0, -3.0), 60), ("silence", (3.0, 3.0, 3.0), 110)])
-@example([("torques", (0.5, 0.5, 0.5), 60), ("silence", (1.0, 1.0, 1.0), 110), ("torques", (1.0, 1.0, 1.0), 60)])
-@example([("torques", (1.0, 1.0, 0.5), 120), ("restart", (1.0, 1.0, 0.5), 5), ("idle", (1.0, 1.0, 0.5), 60)])
-@examples(80)
-def test_in_every_state_torque_is_bounded_and_does_not_jump(happens: list[tuple[str, Joints, int]]) -> None:
-    leading = Leading()
-    port, hand = leading.port, leading.hand
-    closed = True
-    for event, values, count in happens:
-        match event:
-            case "restart" | "reset":
-                getattr(port, event)()
-                closed = True
-            case "halt":
-                port.halt(leading.now)
-                assert hand.felt[-1] == (0.0, 0.0, 0.0)
-        joints = None if event == "no joints" else values[:2]
-        gripper = None if event == "no gripper" else values[2:]
-        for tick in range(count):
-            before = port.output
-            shown = leading.tick(joints, gripper, engaged=event != "idle", in_touch=event != "silence")
-            assert hand.felt[-1] == shown == port.output
-            # The gate opens in the ramp, and closes in the last fifth of the silence limit.
-            for torque, last, most, slew in zip(shown, before, MOST, SLEW, strict=True):
-                assert abs(torque) <= most
-                if closed:
-                    assert abs(torque) <= most * TICK / RAMP * (1 + 1e-9), "from zero"
-                else:
-                    assert abs(torque - last) <= slew * TICK + most * TICK / (0.2 * SILENCE) + 1e-9
-            closed = False
-            if tick * TICK >= {"silence": SILENCE, "idle": RAMP}.get(event, inf):
-                assert shown == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
-            if event == "no joints" or not all(map(isfinite, values[:2])):
-                assert port.decoded[:2] == (0.0, 0.0)
+@pytest.mark.parametrize("nothing", [None, (nan, 0.0), (0.0, -inf)])
+def test_a_channel_of_which_nothing_of_use_is_decoded_displays_none(nothing: Joints | None) -> None:
+    leading = Leading().opened((0.5, 0.1), (0.3,))
+    for _ in range(60):
+        leading.tick(nothing, (0.3,))
+    assert leading.port.displays[0].decoded == leading.output == (0.0, 0.0, 0.3)
+    assert set(leading.opened((0.5, 0.1), None).output[2:]) == {0.0}
 
 
 def test_jumping_torque_is_slew_limited_on_its_axis() -> None:
@@ -216,9 +177,7 @@ def test_button_of_engagement_enables() -> None:
     [((0.0, nan, 0.0), "nan"), ((0.0, 0.0, inf), "inf"), ((0.0, 0.0), "2 angles for 3 axes")],
 )
 def test_unusable_angles_are_named(angles: Joints, complaint: str) -> None:
-    port = Leading().port
-    assert port.gripper is not None
-    for sensor in (port.joints, port.gripper):
+    for sensor in Leading().sensors:
         assert complaint in (sensor.complaint(ArmReading(0.0, angles, (0.0, 0.0, 0.0))) or "")
 
 
@@ -239,7 +198,7 @@ def test_torque_that_the_follower_states_and_drag_are_displayed_for_ever(
     leading.control.answer = torques
     for _ in range(2000):
         leading.tick(*stated)
-    assert leading.port.output == torques
+    assert leading.output == torques
     assert not leading.port.unfounded
 
 
@@ -270,13 +229,13 @@ def test_what_was_heard_of_contacts_is_forgotten_with_the_session(forgets: str) 
     getattr(leading.port, forgets)()
     assert not leading.port.unfounded
     leading.opened((0.0, 0.0), (0.0,))
-    assert leading.port.output == (0.6, 0.1, 0.4)
+    assert leading.output == (0.6, 0.1, 0.4)
 
 
 def test_torque_of_control_that_is_not_finite_is_none() -> None:
     leading = Leading().opened((0.0, 0.0), (0.0,))
     leading.control.answer = (nan, 0.1, 0.1)
-    assert leading.tick((0.5, 0.0), (0.0,)) == (0.0, 0.0, 0.0)
+    assert leading.tick((0.5, 0.0), (0.0,))[0] == 0.0
 
 
 def test_record_has_the_gripper_in_the_last_place() -> None:
@@ -289,9 +248,3 @@ def test_record_has_the_gripper_in_the_last_place() -> None:
     assert row.joint_decoded == (5.0, 0.1, 0, 0, 0, 0, 0, 0, 0.2)
     assert row.joint_output == (1.0, 0.1, 0, 0, 0, 0, 0, 0, 0.2)
     assert (row.buttons, row.clipped, row.slew_ticks, row.ramping) == (0xFF, True, 0, False)
-    assert leading.port.controls == (leading.control,)
-
-
-def test_limits_of_other_axes_are_refused() -> None:
-    with pytest.raises(ValueError, match="3 axes"):
-        Leading(most=(1.0, 1.0))

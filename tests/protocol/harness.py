@@ -21,15 +21,18 @@ from weberlink.protocol import (
     Refused,
     Role,
     State,
+    Statistics,
     UpdateLost,
     UpdateReceived,
 )
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.emulation import EmulatedLink, Emulation
-from weberlink.protocol.heartbeat import HeartbeatSchedule
+from weberlink.protocol.handshake import PROTOCOL_VERSION, pack_agreement
+from weberlink.protocol.liveness import HeartbeatSchedule
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Protection, Security
-from weberlink.protocol.wire import Kind, kind_of
+from weberlink.protocol.session import LocalEnd
+from weberlink.protocol.wire import DirectionLayout, Kind, kind_of
 from weberlink.update import MAX_SELECTOR, PreviousSample, Update, UpdateForm
 
 MASTER: Address = ("192.0.2.1", 40_000)
@@ -39,7 +42,7 @@ KEY = bytes(range(32))
 AGREEMENT = {"rate_hz": 1000, "codec.force.weber": 0.1, "codec.force.predictor": "hybrid"}
 TICK = 0.001
 SILENCE = 0.1
-GAP = HeartbeatSchedule(0.0, silence=SILENCE, tick_period=TICK).gap
+GAP = HeartbeatSchedule(0.0, silence=SILENCE, tick_period=TICK).max_gap
 """Longest between two datagrams over a path without delay [s]."""
 MENDED_WITHIN = 0.16
 """Time after the last loss, if nobody fell silent, in which the newest update arrives: one gap of the other end for the
@@ -121,14 +124,36 @@ def make_endpoint(role: Role, *, seed: int = 0, **changes: object) -> Endpoint:
 def exchanged(security: Security, seed: int = 1, prologue: bytes = b"") -> tuple[Protection, Protection]:
     """Keys of a new session: the initiator's and the responder's."""
     entropy = Random(f"exchange {seed}").randbytes
-    outgoing = security.call(prologue, entropy(security.private_size))
-    incoming = security.hear(prologue, outgoing.hello(b"hello"))
-    assert incoming is not None and incoming.payload == b"hello"
-    answered = incoming.answer(b"welcome", entropy(security.private_size))
+    hello, waiting = security.call(prologue, entropy(security.private_size), b"hello")
+    heard = security.hear(prologue, hello)
+    assert heard is not None and heard[0] == b"hello"
+    answered = security.answer(heard[1], entropy(security.private_size), b"welcome")
     assert answered is not None
-    opened = outgoing.open(answered[0])
+    opened = security.open(waiting, answered[0])
     assert opened is not None and opened[0] == b"welcome"
     return opened[1], answered[1]
+
+
+def local_end(**changes: object) -> LocalEnd:
+    """What the calls and sessions of an end share, with plain values except for `changes`."""
+    layout = DirectionLayout([forms(3)])
+    arguments: dict[str, object] = {
+        "security": PresharedKey(KEY),
+        "entropy": Random(4).randbytes,
+        "agreement": pack_agreement(AGREEMENT),
+        "version": PROTOCOL_VERSION,
+        "name": "master",
+        "expects": "",
+        "calls": True,
+        "outgoing": layout,
+        "incoming": layout,
+        "epoch": 0.0,
+        "tick_period": TICK,
+        "silence": SILENCE,
+        "longest_round_trip": 0.4,
+        "statistics": Statistics(),
+    }
+    return LocalEnd(**{**arguments, **changes})  # type: ignore[arg-type]
 
 
 Tick = Callable[["Pair", float, int], None]

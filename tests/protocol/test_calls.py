@@ -17,6 +17,7 @@ from tests.protocol.harness import (
     both,
     dropped,
     forms,
+    local_end,
     make_endpoint,
     sample_update,
     sent,
@@ -35,26 +36,24 @@ from weberlink.protocol import (
     StateError,
     TakenOver,
 )
-from weberlink.protocol.calls import FIRST_INTERVAL, LONGEST_INTERVAL, Answer, Dialer
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.handshake import (
+    FIRST_INTERVAL,
     HELLO_HEADER,
     INSTANCE_BYTES,
+    LONGEST_INTERVAL,
     PROTOCOL_VERSION,
+    WELCOME_HEADER,
+    Dialer,
     Hello,
-    HelloHeader,
-    LocalEnd,
-    Welcome,
     identity_of,
     pack_hello,
     pack_map,
-    read_answered,
-    read_hello_header,
 )
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Security
-from weberlink.protocol.session import LONGEST_SILENCE
+from weberlink.protocol.session import LONGEST_SILENCE, Session
 from weberlink.protocol.states import moved
 from weberlink.protocol.wire import Kind, kind_of
 from weberlink.update import ModelParameters, PreviousSample, Update
@@ -204,14 +203,14 @@ def test_authentic_random_bytes_are_malformed() -> None:
         slave = make_endpoint(Role.RESPONDER, security=security)
         slave.connect(0.0)
         for size in range(600, 640):
-            header = HelloHeader(PROTOCOL_VERSION, bytes(8), size).pack()
-            hello = security.call(header, random.randbytes(security.private_size)).hello(random.randbytes(size))
+            header = HELLO_HEADER.pack(Kind.HELLO, PROTOCOL_VERSION, bytes(8), size)
+            hello, _ = security.call(header, random.randbytes(security.private_size), random.randbytes(size))
             slave.receive_datagram(header + hello, MASTER, 0.0)
         assert slave.statistics.dropped == {DropReason.MALFORMED: 40}
         payload = pack_hello(Hello(b"", 0, "ann", bytes(INSTANCE_BYTES), "", False, 400_000, 0), security.overhead)
         for identity in (identity_of("ann"), identity_of("bob")):  # without an agreement; of another name
-            header = HelloHeader(PROTOCOL_VERSION, identity, 2000).pack()
-            hello = security.call(header, bytes(security.private_size)).hello(payload)
+            header = HELLO_HEADER.pack(Kind.HELLO, PROTOCOL_VERSION, identity, 2000)
+            hello, _ = security.call(header, bytes(security.private_size), payload)
             assert dropped(slave, header + hello, MASTER) == [DropReason.MALFORMED]
 
 
@@ -232,15 +231,15 @@ def test_each_bad_datagram_has_its_reason() -> None:
         (b"\x01" * 40, DropReason.TRUNCATED),
         (welcome, DropReason.UNEXPECTED),
         (hello, DropReason.REPLAYED),
-        (HelloHeader(PROTOCOL_VERSION, identity_of("master"), 0).pack() + bytes(500), DropReason.UNPROVEN),
+        (HELLO_HEADER.pack(Kind.HELLO, PROTOCOL_VERSION, identity_of("master"), 0) + bytes(500), DropReason.UNPROVEN),
     ):
         assert dropped(slave, data, MASTER) == [reason], data[:1]
     assert dropped(master, heartbeat, STRANGER) == [DropReason.FOREIGN_ADDRESS]
     assert dropped(master, hello, SLAVE) == dropped(master, welcome, SLAVE) == [DropReason.UNEXPECTED]
     caller = make_endpoint(Role.INITIATOR, seed=99)
     caller.connect(0.0)
-    own = read_hello_header(caller.datagrams_to_send()[0][0])
-    assert own is not None and own.stamp == read_answered(welcome), "for the same stamp"
+    own = caller.datagrams_to_send()[0][0]
+    assert HELLO_HEADER.unpack_from(own)[-1] == WELCOME_HEADER.unpack_from(welcome)[-1], "for the same stamp"
     assert dropped(caller, welcome, SLAVE) == [DropReason.UNPROVEN]
     assert caller.state is State.CONNECTING
     idle = make_endpoint(Role.RESPONDER)
@@ -376,9 +375,9 @@ def test_a_master_keeps_to_the_first_slave_that_answered(security: Security) -> 
 @by_suite
 def test_each_answer_to_a_call_has_its_outcome(security: Security) -> None:
     """The peer has the key, and may say anything; it may ignore the name that the master expects."""
-    end = LocalEnd(security, Random(1).randbytes, b"", 2, 0.0, "ann@operator", "robot:47000", 0.4)
+    end = local_end(security=security, name="ann@operator", expects="robot:47000")
     dialer = Dialer(end, bytes(INSTANCE_BYTES), stamp=lambda now: 1)
-    welcome = Welcome(0, 0, "robot:47000", 400_000)._asdict()
+    welcome = {"clock_us": 0, "delta_us": 0, "name": "robot:47000", "longest_round_trip_us": 400_000}
     for payload, outcome in (
         (b"\xc1", DropReason.MALFORMED),
         (pack_map({}), DropReason.MALFORMED),
@@ -391,16 +390,18 @@ def test_each_answer_to_a_call_has_its_outcome(security: Security) -> None:
             pack_map({**welcome, "name": "toy:47000"}),
             "the master expects slave 'robot:47000', and 'toy:47000' answered",
         ),
-        (pack_map(welcome), Answer),
+        (pack_map({**welcome, "clock_us": -500_000}), DropReason.STALE),
+        (pack_map(welcome), Session),
     ):
         dialer.start(0.0)
         hello = dialer.hello(0.0)
-        heard, header = security.hear(hello[:HELLO_HEADER], hello[HELLO_HEADER:]), read_hello_header(hello)
-        assert heard is not None and header is not None
-        answered = heard.answer(payload, bytes(security.private_size))
+        heard = security.hear(hello[: HELLO_HEADER.size], hello[HELLO_HEADER.size :])
+        _, version, _, stamp = HELLO_HEADER.unpack_from(hello)
+        assert heard is not None
+        answered = security.answer(heard[1], bytes(security.private_size), payload)
         assert answered is not None
-        found = dialer.on_welcome(header.pack_answer() + answered[0])
-        assert isinstance(found, Answer) if outcome is Answer else found == outcome
+        found = dialer.on_welcome(WELCOME_HEADER.pack(Kind.WELCOME, version, stamp) + answered[0], 0.0)
+        assert isinstance(found, Session) if outcome is Session else found == outcome
         assert (dialer.due < 0.0) is (outcome is None), "the next one is due at once if the clock went back"
 
 

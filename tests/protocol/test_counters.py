@@ -38,11 +38,9 @@ def test_each_number_is_new_once_and_old_ones_never(numbers: list[int]) -> None:
     for number in numbers:
         newest = max(marked, default=-1)
         assert window.newest == newest
-        assert window.is_new(number) == (number not in marked and newest - number < REPLAY_WINDOW)
-        if window.is_new(number):
-            window.mark(number)
-            marked.add(number)
-            assert not window.is_new(number)
+        assert window.accept(number) == (number not in marked and newest - number < REPLAY_WINDOW)
+        marked.add(number)
+        assert not window.accept(number)
 
 
 def meter(numbers: list[int]) -> LossMeter:
@@ -99,9 +97,9 @@ def test_burst_is_noticed_and_single_loss_remembered() -> None:
 def test_burst_is_the_mean_length_of_the_gaps(seed: int, reach: int) -> None:
     """Whatever the order of arrival; up to the weights, which differ little over 150 numbers."""
     random = Random(seed)
-    received = [-1, 0, *(number for number in range(1, 150) if random.random() < 0.7), 150]
+    received = [0, 1, *(number for number in range(2, 151) if random.random() < 0.7), 151]
     order = sorted(received[1:], key=lambda number: number + random.random() * reach)
-    made = meter([-1, *order, *range(151, 152 + reach + LOSS_PATIENCE)])
+    made = meter([0, *order, *range(152, 153 + reach + LOSS_PATIENCE)])
     lengths = [after - before - 1 for before, after in pairwise(received) if after - before > 1]
     assert made.lost == sum(lengths)
     assert made.burst == pytest.approx(sum(lengths) / len(lengths), rel=0.08)

@@ -58,12 +58,12 @@ def test_whole_credit_is_known_from_the_next_datagram_on(sent: list[tuple[int, i
 
 def test_granted_credit_cannot_fall() -> None:
     credit = Credit()
-    credit.granted = 5
+    credit.grant(5)
     with pytest.raises(ValueError, match="fall from 5 to 4"):
-        credit.granted = 4
+        credit.grant(4)
     assert credit.granted == 5
     with pytest.raises(ValueError, match="-1"):
-        Credit().granted = -1
+        Credit().grant(-1)
 
 
 def test_updates_repeats_and_heartbeats_carry_present_credit() -> None:

@@ -38,8 +38,7 @@ from weberlink.protocol import (
 )
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.endpoint import QUEUED_DATAGRAMS, QUEUED_EVENTS
-from weberlink.protocol.heartbeat import ASK_PACE, DENSEST, HeartbeatSchedule
-from weberlink.protocol.liveness import FADE_SHARE
+from weberlink.protocol.liveness import ASK_PACE, DENSEST, FADE_SHARE, HeartbeatSchedule
 from weberlink.protocol.retransmission import LEAST_EARLY_PER_S, SHORTEST_PACE
 from weberlink.protocol.wire import MARK, Kind, kind_of
 
@@ -205,7 +204,7 @@ def test_heartbeats_keep_their_gap() -> None:
     pair.run(10.0)
     schedule = HeartbeatSchedule(0.0, silence=SILENCE, tick_period=0.001)
     schedule.adapt(0.0, 0.0, 0.002, 0.0, pair.master.endpoint.liveness.round_trip)  # 1 ms each way
-    assert len(pair.tap) - before == pytest.approx(10.0 * 3.0 / schedule.reach, rel=0.05)
+    assert len(pair.tap) - before == pytest.approx(10.0 * 3.0 / schedule.max_echo_age, rel=0.05)
     for side in pair.sides:
         times = [at for at, sender, _ in pair.tap[before:] if sender is side]
         assert len(times) <= 25.0 * 10.0

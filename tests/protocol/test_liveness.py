@@ -20,7 +20,8 @@ def test_echo_tells_departure_on_own_clock(own: float, other: float, there: floa
     echo = peer.echo(3.0 + there + wait + other)
     end = Liveness(0.0, SILENCE, 0.0, own)
     now = 3.0 + there + wait + back + own
-    age = now - end.confirmation(echo, 0, now)
+    end.hear(3.0 + there + wait, echo, 0, now)
+    age = now - end.confirmed_at
     true = there + wait + back
     rounding = 1e-9 * (1.0 + abs(own))
     assert true - rounding <= age <= true + SILENCE / UNITS + rounding
@@ -42,23 +43,24 @@ def test_echo_of_just_now_is_current(ticks: int) -> None:
 def test_an_echo_is_unambiguous_for_almost_four_limits(units: int) -> None:
     unit = SILENCE / UNITS
     now = 1000.5 * unit
-    confirmed = Liveness(0.0, SILENCE, 0.0, 0.0).confirmation((1000 - units) % 255, 0, now)
-    assert confirmed == pytest.approx((1000 - units) * unit)
+    end = Liveness(0.0, SILENCE, 0.0, 0.0)
+    end.hear(now, (1000 - units) % 255, 0, now)
+    assert end.confirmed_at == pytest.approx((1000 - units) * unit)
 
 
 def test_nothing_heard_within_limit_echoes_deaf() -> None:
     peer = Liveness(0.0, SILENCE, 5.0, 5.0)
     assert peer.echo(5.0 + SILENCE) != DEAF
     assert peer.echo(5.0 + SILENCE + 1e-6) == DEAF
-    assert Liveness(0.0, SILENCE, 5.0, 5.0).confirmation(DEAF, 0, 5.0) == -inf
+    assert not peer.hear(5.0, DEAF, 0, 5.0) and peer.confirmed_at == -inf
 
 
 def test_overtaken_datagram_does_not_say_that_the_encoder_runs() -> None:
     """The dead-man button was released; an update that left before it comes later."""
     end = Liveness(0.0, SILENCE, 0.0, 0.0)
-    assert end.in_touch_at == -inf and not end.drives(0.0)
+    assert end.in_touch_at == end.encodes_until == -inf
     end.hear_encoder(1, 0.01, runs=True)
-    assert end.drives(0.01 + SILENCE) and not end.drives(0.0101 + SILENCE)
+    assert end.encodes_until == 0.01 + SILENCE
     end = Liveness(0.0, SILENCE, 0.0, 0.0)
     end.hear_encoder(2, 0.03, runs=False)
     end.hear_encoder(1, 0.04, runs=True)
@@ -72,9 +74,9 @@ def test_an_opening_session_drives_nothing_until_something_was_confirmed() -> No
     end = Liveness(0.0, 0.1, 0.0, 0.0)
     end.agree(0.2, 0.0)
     end.hear_encoder(1, 0.0, runs=True)
-    assert end.is_opening and not end.drives(0.05)
+    assert end.is_opening
     end.hear(0.05, floor(0.05 / (end.limit / UNITS)), 0, 0.05)  # the echo of what left now
-    assert not end.is_opening and end.drives(0.05)
+    assert not end.is_opening
 
 
 def test_age_counts_against_the_smaller_of_the_two_round_trips() -> None:

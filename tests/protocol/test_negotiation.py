@@ -6,7 +6,7 @@ import pytest
 
 from tests.protocol.harness import Pair, make_endpoint
 from weberlink.protocol import ChangeAnswered, ChangeProposed, DropReason, Role
-from weberlink.protocol.negotiation import NUMBERS, ParameterNegotiation
+from weberlink.protocol.negotiation import NUMBERS, Negotiation
 from weberlink.protocol.wire import LONGEST_CHANGE
 
 BODY = b'{"weber":0.2}'
@@ -40,36 +40,36 @@ def test_one_proposal_at_a_time() -> None:
 
 
 def test_only_a_new_proposal_is_told_and_only_the_present_one_answered() -> None:
-    negotiation = ParameterNegotiation()
+    negotiation = Negotiation()
     for number in range(1, 3 * NUMBERS):
-        proposal = negotiation.heard_proposal(number % NUMBERS, 100 + number, BODY)
+        proposal = negotiation.on_proposal(number % NUMBERS, 100 + number, BODY)
         assert proposal is not None
         negotiation.answer(proposal, None)
         for past in range(1, min(number, NUMBERS - 2)):
-            assert negotiation.heard_proposal((number - past) % NUMBERS, 100 + number - past, BODY) is None
-    negotiation = ParameterNegotiation()
-    first, second = (negotiation.heard_proposal(number, 100 * number, BODY) for number in (1, 2))
+            assert negotiation.on_proposal((number - past) % NUMBERS, 100 + number - past, BODY) is None
+    negotiation = Negotiation()
+    first, second = (negotiation.on_proposal(number, 100 * number, BODY) for number in (1, 2))
     assert first is not None and second is not None
     negotiation.answer(first, None)
     assert negotiation.due == inf
     negotiation.answer(second, "busy")
     assert negotiation.due == -inf
-    assert negotiation.take(0.0, 0.0).number == 2
+    assert negotiation.take(0.0, 0.0)[0] == 2
 
 
 def test_only_an_answer_to_the_present_proposal_counts_once() -> None:
-    negotiation = ParameterNegotiation()
-    assert negotiation.heard_answer(3, b"\x01") is None
+    negotiation = Negotiation()
+    assert negotiation.on_answer(3, b"\x01") is None
     negotiation.propose(10, BODY, 0.0)
-    assert negotiation.heard_answer(7, b"\x01") is None
-    assert negotiation.heard_answer(1, b"") is None
-    assert negotiation.heard_answer(1, b"\x01") == ChangeAnswered(10, BODY, None)
-    assert negotiation.heard_answer(1, b"\x00late") is None
+    assert negotiation.on_answer(7, b"\x01") is None
+    assert negotiation.on_answer(1, b"") is None
+    assert negotiation.on_answer(1, b"\x01") == ChangeAnswered(10, BODY, None)
+    assert negotiation.on_answer(1, b"\x00late") is None
 
 
 @pytest.mark.parametrize("rtt", [0.0, 0.005, 0.1, 1.0])
 def test_repeats_do_not_wait_for_an_answer(rtt: float) -> None:
-    negotiation = ParameterNegotiation()
+    negotiation = Negotiation()
     negotiation.propose(10, BODY, 0.0)
     sent, now = 0, 0.0
     while now <= max(0.01, rtt):

@@ -5,14 +5,11 @@ from random import Random
 import pytest
 from noise.connection import Keypair, NoiseConnection
 
-from weberlink.protocol.noise import NAME, OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Initiator, Responder, Secrets, SharedKey
+from weberlink.protocol import noise
+from weberlink.protocol.noise import NAME, OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Secrets, shared_key
 
-PSK = SharedKey(bytes(range(PSK_BYTES)))
+PSK = shared_key(bytes(range(PSK_BYTES)))
 PROLOGUE = b"\x01\x02 who and when"
-
-
-def as_they_are(secrets: Secrets) -> Secrets:
-    return secrets
 
 
 def judge(*, initiates: bool, psk: bytes, prologue: bytes, private: bytes) -> NoiseConnection:
@@ -29,15 +26,10 @@ def judge(*, initiates: bool, psk: bytes, prologue: bytes, private: bytes) -> No
     return connection
 
 
-def keys(connection: NoiseConnection) -> set[bytes]:
-    protocol = connection.noise_protocol
-    return {protocol.cipher_state_encrypt.k, protocol.cipher_state_decrypt.k}
-
-
 def agrees(connection: NoiseConnection, secrets: Secrets) -> bool:
-    return keys(connection) == {secrets.forward, secrets.backward} and (
-        connection.get_handshake_hash() == secrets.handshake_hash
-    )
+    ciphers = connection.noise_protocol
+    keys = {ciphers.cipher_state_encrypt.k, ciphers.cipher_state_decrypt.k}
+    return (keys, connection.get_handshake_hash()) == ({secrets.forward, secrets.backward}, secrets.handshake_hash)
 
 
 @pytest.mark.filterwarnings("ignore:One of ephemeral keypairs:UserWarning")
@@ -46,20 +38,19 @@ def test_both_roles_interoperate_byte_for_byte(seed: int) -> None:
     random = Random(seed)
     psk, prologue, first, second = (random.randbytes(size) for size in (32, seed * 9, 32, 32))
     payloads = random.randbytes(seed * 40), random.randbytes(seed * 7)
-    ours = Initiator(SharedKey(psk), prologue, first, as_they_are)
     theirs = judge(initiates=True, psk=psk, prologue=prologue, private=first)
-    hello = ours.hello(payloads[0])
+    hello, waiting = noise.call(shared_key(psk), prologue, first, payloads[0])
     assert hello == theirs.write_message(payloads[0])
-    answering = Responder.read(SharedKey(psk), prologue, hello, as_they_are)
+    heard = noise.hear(shared_key(psk), prologue, hello)
     their_answering = judge(initiates=False, psk=psk, prologue=prologue, private=second)
-    assert answering is not None
-    assert answering.payload == payloads[0] == their_answering.read_message(hello)
-    written = answering.answer(payloads[1], second)
-    assert written is not None
-    welcome, secrets = written
+    assert heard is not None
+    assert heard[0] == payloads[0] == their_answering.read_message(hello)
+    answered = noise.answer(heard[1], second, payloads[1])
+    assert answered is not None
+    welcome, secrets = answered
     assert welcome == their_answering.write_message(payloads[1])
     assert len(welcome) == OVERHEAD + len(payloads[1])
-    assert ours.open(welcome) == (payloads[1], secrets)
+    assert noise.open_answer(waiting, welcome) == (payloads[1], secrets)
     assert theirs.read_message(welcome) == payloads[1]
     assert agrees(theirs, secrets) and agrees(their_answering, secrets)
     assert theirs.encrypt(b"first") == their_answering.noise_protocol.cipher_state_decrypt.cipher.encrypt(
@@ -69,12 +60,9 @@ def test_both_roles_interoperate_byte_for_byte(seed: int) -> None:
 
 @pytest.mark.parametrize("public", [bytes(32), b"\x01" + bytes(31)])
 def test_another_key_or_prologue_or_a_public_key_of_low_order_makes_no_session(public: bytes) -> None:
-    ours = Initiator(PSK, PROLOGUE, bytes([7] * PRIVATE_BYTES), as_they_are)
-    hello = ours.hello(b"payload")
-    assert Responder.read(PSK, b"other", hello, as_they_are) is None
-    assert Responder.read(SharedKey(bytes(PSK_BYTES)), PROLOGUE, hello, as_they_are) is None
-    answering = Responder.read(PSK, PROLOGUE, hello, as_they_are)
-    assert answering is not None
-    assert ours.open(public + bytes(30)) is None
-    answering._peer = public
-    assert answering.answer(b"", bytes([8] * PRIVATE_BYTES)) is None
+    hello, waiting = noise.call(PSK, PROLOGUE, bytes([7] * PRIVATE_BYTES), b"payload")
+    assert noise.hear(PSK, b"other", hello) is noise.hear(shared_key(bytes(PSK_BYTES)), PROLOGUE, hello) is None
+    heard = noise.hear(PSK, PROLOGUE, hello)
+    assert heard is not None
+    assert noise.open_answer(waiting, public + bytes(30)) is None
+    assert noise.answer((heard[1][0], public), bytes([8] * PRIVATE_BYTES), b"") is None

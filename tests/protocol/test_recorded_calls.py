@@ -6,24 +6,20 @@ from random import Random
 
 import pytest
 
-from tests.protocol.harness import AGREEMENT, KEY, MASTER, STRANGER, Pair, make_endpoint
+from tests.protocol.harness import KEY, MASTER, STRANGER, Pair, local_end, make_endpoint
 from weberlink.protocol import DropReason, Endpoint, Role, State
 from weberlink.protocol.aio.paths import PEER_SHARE
 from weberlink.protocol.aio.queue import MOST_S
-from weberlink.protocol.calls import (
+from weberlink.protocol.handshake import (
     EXCHANGE_PACE,
     EXCHANGE_PACE_ENGAGED,
+    HELLO_HEADER,
+    INSTANCE_BYTES,
     KNOWN_MASTERS,
+    PROTOCOL_VERSION,
     REFUSAL_PACE,
     STALE_PACE,
     Dialer,
-)
-from weberlink.protocol.handshake import (
-    INSTANCE_BYTES,
-    PROTOCOL_VERSION,
-    HelloHeader,
-    LocalEnd,
-    pack_agreement,
 )
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import Kind, kind_of
@@ -32,8 +28,7 @@ from weberlink.protocol.wire import Kind, kind_of
 def recorded(count: int, *, name: str = "master", first: int = 1, step: int = 1) -> list[bytes]:
     """HELLOs of earlier runs of a master: proven, with rising stamps."""
     stamps = iter(range(first, first + count * step, step))
-    entropy = Random(f"{name} {first}").randbytes
-    end = LocalEnd(PresharedKey(KEY), entropy, pack_agreement(AGREEMENT), PROTOCOL_VERSION, 0.0, name, "", 0.4)
+    end = local_end(name=name, entropy=Random(f"{name} {first}").randbytes)
     dialer = Dialer(end, bytes(INSTANCE_BYTES), stamp=lambda now: next(stamps))
     dialer.start(0.0)
     return [dialer.hello(0.0) for _ in range(count)]
@@ -42,7 +37,7 @@ def recorded(count: int, *, name: str = "master", first: int = 1, step: int = 1)
 def forged(count: int) -> list[bytes]:
     """HELLOs of a sender without the key."""
     random = Random(4)
-    header = HelloHeader(PROTOCOL_VERSION, bytes(8), 2**60).pack()
+    header = HELLO_HEADER.pack(Kind.HELLO, PROTOCOL_VERSION, bytes(8), 2**60)
     return [header + random.randbytes(494) for _ in range(count)]
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from weberlink.protocol.retransmission import (
     GROWTH,
     GROWTH_SLACK,
-    LATE_SLACK,
+    JITTER_SLACK,
     LEAST_EARLY_PER_S,
     LONGEST_HOLD,
     LONGEST_PACE,
@@ -27,6 +27,7 @@ from weberlink.protocol.wire import UpdateLayout
 from weberlink.update import Update, UpdateForm
 
 LAYOUT = UpdateLayout([UpdateForm((3,), None)])
+UPDATE = Update(0, 0, (1, 2, 3))
 
 
 def stream(allowance: Allowance | None = None) -> OutgoingStream:
@@ -40,8 +41,8 @@ def acknowledge(stream: OutgoingStream, ack: int) -> bool:
 def test_a_repeat_is_due_until_the_update_or_a_repeat_of_it_is_acknowledged() -> None:
     retransmission = stream()
     assert retransmission.due_at(0.01, 0.1) == inf
-    retransmission.begin(6, 0.9)
-    retransmission.begin(7 + 2**16, 1.0)
+    retransmission.begin(UPDATE, 6, 0.9)
+    retransmission.begin(UPDATE, 7 + 2**16, 1.0)
     assert retransmission.due_at(0.01, 0.1) == 1.1
     retransmission.miss()  # evidence of a loss
     assert retransmission.due_at(0.01, 0.1) == 1.01
@@ -65,7 +66,7 @@ def test_repeats_keep_to_their_bound_over_any_pattern(steps: list[tuple[float, s
         now += wait
         if what == "update":
             number, begun_at, repeats = number + 1, now, 0
-            retransmission.begin(number, now, copies)
+            retransmission.begin(UPDATE, number, now, copies)
         elif what == "acknowledged":
             acknowledge(retransmission, number)
         elif what == "missed":
@@ -82,7 +83,7 @@ def test_streams_that_have_overdrawn_their_allowance_repeat_nothing_early() -> N
     allowance = Allowance()
     streams = [stream(allowance), stream(allowance)]
     for each in streams:
-        each.begin(1, 0.0, copies=6)
+        each.begin(UPDATE, 1, 0.0, copies=6)
     repeats = 0
     for each in streams:
         while each.due_at(0.0, inf) < inf:
@@ -90,7 +91,7 @@ def test_streams_that_have_overdrawn_their_allowance_repeat_nothing_early() -> N
             each.repeated(1 + repeats, 0.005 * repeats)
     assert repeats == 2 * LEAST_EARLY_PER_S and allowance.left(0.06) == 0
     for each in streams:
-        each.begin(20, 0.06, copies=6)
+        each.begin(UPDATE, 20, 0.06, copies=6)
         assert each.due_at(0.0, inf) == inf
 
 
@@ -113,7 +114,7 @@ def test_early_repeats_are_bounded_by_their_allowance(
             assert allowance.left(now) <= allowance.rate
         if what == "update":
             number += 1
-            streams[place % 2].begin(number, now, copies)
+            streams[place % 2].begin(UPDATE, number, now, copies)
         for each in streams:
             while each.due_at(0.0, inf) <= now:  # without evidence, and without end of patience
                 number, repeats = number + 1, repeats + 1
@@ -157,7 +158,7 @@ def test_allowance_stays_low_where_the_loss_grows_with_it(alone: float, growth: 
 
 @given(st.floats(0.0, 0.05), st.floats(0.001, 0.2))
 def test_allowance_stays_low_where_queues_grow_with_it(alone: float, growth: float) -> None:
-    together = GROWTH * alone + LATE_SLACK + growth
+    together = GROWTH * alone + JITTER_SLACK + growth
     found = rates(lambda second, rate: 0.1, 1000, lambda rate: together if rate > LEAST_EARLY_PER_S else alone)
     assert 0 < sum(rate > LEAST_EARLY_PER_S for rate in found) <= 1000.0 / LONGEST_HOLD + 8
 
@@ -171,16 +172,16 @@ def test_allowance_recovers_when_the_loss_itself_has_changed() -> None:
 
 def test_early_repeats_end_with_acknowledgement_or_newer_update() -> None:
     retransmission = stream()
-    retransmission.begin(7, 1.0, copies=2)
+    retransmission.begin(UPDATE, 7, 1.0, copies=2)
     assert retransmission.due_at(0.3, 9.0) == 1.0 + SHORTEST_PACE
     retransmission.repeated(8, 1.005)
     assert retransmission.due_at(0.3, 9.0) == 1.005 + SHORTEST_PACE
     retransmission.repeated(9, 1.01)
     assert retransmission.due_at(0.3, 9.0) > 9.0
-    retransmission.begin(10, 2.0, copies=1)
+    retransmission.begin(UPDATE, 10, 2.0, copies=1)
     assert acknowledge(retransmission, 10)
     assert retransmission.due_at(0.3, 9.0) == inf
-    retransmission.begin(11, 2.1)
+    retransmission.begin(UPDATE, 11, 2.1)
     assert retransmission.due_at(0.3, 9.0) > 9.0
 
 
@@ -195,19 +196,21 @@ def test_copies_leave_little_lost(loss: float, burst: float) -> None:
 
 def test_an_update_is_late_slower_with_each_repeat_and_forgotten_only_by_the_newest_datagram() -> None:
     sent = stream()
-    sent.update = Update(0, 0, (1, 2, 3))
-    sent.begin(5, 0.0)
-    assert not sent.is_late(0.1, 0.1) and sent.is_late(0.11, 0.1)
+    sent.begin(UPDATE, 5, 0.0)
+    assert not sent.is_lost(0.1, 0.1)
     assert sent.acknowledge(3, None, is_newest=False), "an old datagram without one says nothing"
     assert not sent.acknowledge(4, None, is_newest=True)
     for repeats, pace in ((1, 0.01), (2, 0.01), (3, 0.02), (4, 0.04)):
         sent.repeated(5 + repeats, 0.0)
         sent.miss()
         assert sent.due_at(0.01, 1.0) == pytest.approx(pace), repeats
-    assert sent.is_ambiguous(2**16) and not sent.is_ambiguous(2**16 + 7)
+    assert sent.unambiguous(2**16) == 2**16 + 1 and sent.unambiguous(2**16 + 7) == 2**16 + 7
     assert sent.acknowledge(10, 7, is_newest=True)
-    assert sent.is_ambiguous(2**16 + 7) and sent.is_ambiguous(2**16)
+    assert sent.unambiguous(2**16 + 7) == 2**16 + 8 and sent.unambiguous(2**16) == 2**16 + 1
     sent.acknowledge(9, 0, is_newest=False)
     assert not sent.is_forgotten
     sent.acknowledge(11, 0, is_newest=True)
     assert sent.is_forgotten
+    assert sent.is_lost(0.2, 0.1) and not sent.is_lost(0.3, 0.1), "once"
+    sent.begin(UPDATE, 12, 0.5)
+    assert sent.is_lost(0.61, 0.1) and not sent.is_pending, "not arrived within the limit"

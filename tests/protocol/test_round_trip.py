@@ -11,8 +11,7 @@ from tests.protocol.harness import SILENCE, TICK, Pair
 from weberlink.protocol import Connected, PeerSilent, Refused
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.liveness import DEAF, Liveness
-from weberlink.protocol.negotiation import ACCEPTED
-from weberlink.protocol.round_trip import FALL_AFTER, STEP, SWITCH_AHEAD, RoundTripAgreement, rounded_up
+from weberlink.protocol.negotiation import ACCEPTED, FALL_AFTER, STEP, SWITCH_AHEAD, RoundTripAgreement, rounded_up
 from weberlink.protocol.states import State
 
 
@@ -99,12 +98,12 @@ def test_next_value_waits_until_no_datagram_of_the_one_before_counts() -> None:
     agreement = RoundTripAgreement(liveness, 0.4, TICK, proposes=True)
 
     def proposes(needed: float, now: float) -> bool:
-        agreement.follow(needed, now, now)
-        return agreement.negotiation.is_proposing
+        agreement.on_needed(needed, now, now)
+        return agreement.is_proposing
 
     assert not proposes(0.05, SILENCE) and not proposes(0.015, 1.0)
     assert proposes(0.05, 1.0) and agreement.switch_at == inf
-    agreement.take_answer(agreement.negotiation.take(1.0, 0.0).number, ACCEPTED, 1.1)
+    agreement.take_answer(agreement.take(1.0, 0.0)[0], ACCEPTED, 1.1)
     assert not agreement.advance(1.149) and agreement.advance(1.0 + 2.0 * 0.05 + SWITCH_AHEAD)
     assert liveness.round_trip == pytest.approx(0.05)
     assert not proposes(0.2, 2.0), "the other end has not switched yet"
@@ -129,10 +128,3 @@ def test_after_a_cut_both_ends_are_silent_within_both_limits(delay: float, cut: 
     pair.run(SILENCE + longest + TICK)
     for side in pair.sides:
         assert not side.endpoint.is_peer_encoding(pair.now)
-
-
-def test_a_session_does_not_open_with_more_than_the_user_allows() -> None:
-    liveness = Liveness(0.0, 0.1, 0.0, 0.0)
-    agreement = RoundTripAgreement(liveness, 0.1, 0.001, proposes=False)
-    assert not agreement.open(101, 0.0) and not liveness.is_agreed
-    assert agreement.open(100, 0.0) and liveness.round_trip == 0.1

@@ -79,29 +79,29 @@ def test_every_rekeying_gives_new_keys(security: Security) -> None:
 @pytest.mark.parametrize("security", suites())
 def test_handshake_message_is_bound_to_prologue_and_call(security: Security) -> None:
     private = bytes(range(security.private_size))
-    outgoing, other = (security.call(b"head", private[:-2] + bytes((number, 0))) for number in (1, 2))
-    hello = outgoing.hello(b"payload")
-    other.hello(b"payload")
+    (hello, waiting), (_, other) = (
+        security.call(b"head", private[:-2] + bytes((number, 0)), b"payload") for number in (1, 2)
+    )
     assert len(hello) == len(b"payload") + security.overhead
-    incoming = security.hear(b"head", hello)
-    assert incoming is not None
+    heard = security.hear(b"head", hello)
+    assert heard is not None and heard[0] == b"payload"
     assert security.hear(b"heat", hello) is None
     assert all(security.hear(b"head", hello[:size]) is None for size in range(len(hello)))
     for bit in range(8 * len(hello)):
         damaged = bytearray(hello)
         damaged[bit // 8] ^= 1 << bit % 8
         assert security.hear(b"head", bytes(damaged)) is None
-    answered = incoming.answer(b"yes", private)
+    answered = security.answer(heard[1], private, b"yes")
     assert answered is not None
     assert len(answered[0]) == len(b"yes") + security.overhead
-    assert other.open(answered[0]) is None
-    assert outgoing.open(answered[0][:-1]) is None
-    assert outgoing.open(answered[0]) is not None
+    assert security.open(other, answered[0]) is None
+    assert security.open(waiting, answered[0][:-1]) is None
+    assert security.open(waiting, answered[0]) is not None
 
 
 def test_another_key_or_another_ephemeral_one_opens_nothing_and_reads_nothing() -> None:
     ours, theirs = PresharedKey(KEY), PresharedKey(bytes(32))
-    assert theirs.hear(b"", ours.call(b"", KEY).hello(b"")) is None
+    assert theirs.hear(b"", ours.call(b"", KEY, b"")[0]) is None
     sealed = exchanged(ours, seed=1)[0].seal(1, DATAGRAM)
     assert exchanged(theirs, seed=1)[1].open(1, sealed) is exchanged(ours, seed=2)[1].open(1, sealed) is None
     assert b"hidden" not in sealed
@@ -120,7 +120,7 @@ import sys
 import weberlink.protocol, weberlink.protocol.aio, weberlink.protocol.emulation, weberlink.protocol.keys
 from weberlink.protocol.checksum import Checksum
 suite = Checksum()
-assert suite.hear(b"", suite.call(b"", bytes(suite.private_size)).hello(b"")) is not None
+assert suite.hear(b"", suite.call(b"", bytes(suite.private_size), b"")[0]) is not None
 assert "cryptography" not in sys.modules
 import weberlink.protocol.psk
 assert "cryptography" in sys.modules

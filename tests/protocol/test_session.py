@@ -5,14 +5,13 @@ from typing import Any
 
 import pytest
 
-from tests.protocol.harness import exchanged, forms, sample_update, suites
+from tests.protocol.harness import exchanged, forms, local_end, sample_update, suites
 from weberlink.protocol import DropReason, Statistics
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.events import PeerClosed, UpdateReceived
-from weberlink.protocol.heartbeat import INTRODUCTIONS
-from weberlink.protocol.liveness import Liveness
+from weberlink.protocol.liveness import INTRODUCTIONS, Liveness
 from weberlink.protocol.security import Security
-from weberlink.protocol.session import REKEY_AFTER, REKEY_AFTER_S, Parameters, Session
+from weberlink.protocol.session import REKEY_AFTER, REKEY_AFTER_S, Session
 from weberlink.protocol.wire import PHASE, DirectionLayout
 from weberlink.update import PreviousSample, Update
 
@@ -21,11 +20,16 @@ def sessions(
     security: Security, first_sequence: int = 1, silence: float = 0.1, rekey_after: int = REKEY_AFTER
 ) -> tuple[Session, Session, Statistics, Statistics]:
     """Both ends of a session that have agreed on no round trip, and what each counts."""
-    layout = DirectionLayout([forms(3)])
-    parameters = Parameters(layout, layout, 0.0, 0.001, silence, opens=False, rekey_after=rekey_after)
     counted = Statistics(), Statistics()
     first, second = (
-        Session(protection, parameters, count, 0.0, 0.0, longest_round_trip=0.4, first_sequence=first_sequence)
+        Session(
+            local_end(calls=False, silence=silence, rekey_after=rekey_after, statistics=count),
+            protection,
+            0.0,
+            0.0,
+            longest_round_trip=0.4,
+            first_sequence=first_sequence,
+        )
         for protection, count in zip(exchanged(security), counted, strict=True)
     )
     for session in (first, second):

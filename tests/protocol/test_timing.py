@@ -72,7 +72,7 @@ def test_a_report_that_no_link_can_give_changes_nothing(minimum: float) -> None:
     assert not clock.learn(minimum, 1.0, 1.0)
     assert clock.peer_time(0.0) == pytest.approx(0.0)
     assert clock.rtt == pytest.approx(0.02)
-    assert clock.late == 0.0
+    assert clock.outgoing_jitter == 0.0
 
 
 def test_step_of_the_peers_clock_removes_the_mapping() -> None:

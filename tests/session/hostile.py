@@ -13,7 +13,6 @@ from weberlink.geometry.vector import is_finite, norm
 from weberlink.protocol import Endpoint, Role, State
 from weberlink.protocol.wire import CHANGE_TICK_BITS, Kind, pack_change, pack_path
 from weberlink.session.composition.channels import streams
-from weberlink.session.composition.joint_channels import joint_streams
 from weberlink.session.composition.link import Identity, build_endpoint, build_security
 from weberlink.session.simulation import MASTER_ADDRESS, SLAVE_ADDRESS, build_simulation
 from weberlink.telemetry.record import RECORD
@@ -181,7 +180,7 @@ class Duel:
 
 
 def all_streams(system: System) -> tuple[Any, Any]:
-    return streams(system) if system.codec.joints is None else joint_streams(system)
+    return streams(system)
 
 
 def cut(levels: tuple[int, ...], size: int) -> tuple[int, ...]:

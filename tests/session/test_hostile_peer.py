@@ -170,7 +170,7 @@ def failing_once(method: Callable[..., Any]) -> Callable[..., Any]:
 
 @replaces_methods
 @pytest.mark.parametrize("hero", ["master", "slave"])
-@pytest.mark.parametrize("where", ["apply", "decode", "answer", "change"])
+@pytest.mark.parametrize("where", ["apply", "value", "answer", "change"])
 def test_whatever_fails_at_contents_of_the_peer_is_its_fault_and_the_loop_goes_on(where: str, hero: str) -> None:
     duel = Duel(configured("none"), hero)
     side = duel.side
@@ -179,7 +179,7 @@ def test_whatever_fails_at_contents_of_the_peer_is_its_fault_and_the_loop_goes_o
     duel.tick(5)
     held = side.incoming[0].decoder
     assert held.newest is not None and not side.faults
-    if where in ("apply", "decode"):
+    if where in ("apply", "value"):
         setattr(side.incoming[0], where, failing_once(getattr(side.incoming[0], where)))
         assert duel.update(GOOD)
     else:

@@ -102,7 +102,7 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
         "weberlink.protocol.psk": secured,
         "weberlink.protocol.checksum": not secured,
         "weberlink.control.bounded": scheme == "bounded" and not arms,
-        **dict.fromkeys(("weberlink.codec.bundle", "weberlink_mujoco"), arms),
+        "weberlink_mujoco": arms,
         "weberlink.master.leader_port": arms and master,
         "weberlink.slave.follower_port": arms and slave,
         "weberlink.geometry.rotation": turns or mapped,

@@ -15,7 +15,7 @@ from typing import Literal
 from pydantic import BaseModel
 
 from weberlink.slave.integrators import IntegrationScheme, MassState
-from weberlink.slave.integrators.contact_force import contact_force
+from weberlink.slave.integrators.problem import contact_force
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 from weberlink.slave.scenes.shape import SceneShapeSettings
 

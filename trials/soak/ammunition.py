@@ -6,18 +6,9 @@ Pure, but for the key of the one kind that stands for a long recording. Knows no
 from collections.abc import Sequence
 from random import Random
 
-from weberlink.protocol.calls import Dialer
-from weberlink.protocol.counters import SEQUENCE_MASK
-from weberlink.protocol.handshake import (
-    HELLO_HEADER,
-    PROTOCOL_VERSION,
-    LocalEnd,
-    read_hello,
-    read_hello_header,
-    read_map,
-)
+from weberlink.protocol.handshake import HELLO_FIELDS, HELLO_HEADER, Hello, pack_hello, read_fields, read_map
 from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.wire import CLEAR_BYTES, Kind, kind_of, sequence_of
+from weberlink.protocol.wire import CLEAR_BYTES, SEQUENCE_MASK, Kind, kind_of, sequence_of
 
 KINDS = ("forged", "replayed", "truncated", "random", "handshake", "calls")
 """
@@ -68,9 +59,8 @@ def load(kind: str, genuine: Sequence[bytes], random: Random, key: bytes, calls:
 
 def stamp_of(call: bytes) -> int:
     """When a HELLO was made, by the clock of its master [ns]."""
-    header = read_hello_header(call)
-    assert header is not None
-    return header.stamp
+    stamp: int = HELLO_HEADER.unpack_from(call)[-1]
+    return stamp
 
 
 def _forge(like: bytes, sequence: int, random: Random) -> bytes:
@@ -80,18 +70,16 @@ def _forge(like: bytes, sequence: int, random: Random) -> bytes:
 
 def _calls(genuine: Sequence[bytes], key: bytes, random: Random, count: int) -> list[bytes]:
     """HELLOs like a genuine one, of as many calls with the key, whose answers nobody can use any more."""
-    security = PresharedKey(key)
+    security, size = PresharedKey(key), HELLO_HEADER.size
     hello = next((data for data in genuine if kind_of(data) == Kind.HELLO), None)
-    exchange = None if hello is None else security.hear(hello[:HELLO_HEADER], hello[HELLO_HEADER:])
-    body = None if exchange is None else read_map(exchange.payload)
-    said = None if body is None else read_hello(body)
-    if hello is None or said is None:
+    heard = None if hello is None else security.hear(hello[:size], hello[size:])
+    fields = None if heard is None else read_fields(read_map(heard[0]) or {}, HELLO_FIELDS)
+    if hello is None or fields is None:
         raise ValueError("no genuine HELLO was recorded to make others of")
-    end = LocalEnd(security, random.randbytes, said.agreement, PROTOCOL_VERSION, 0.0, said.name, "", 0.4)
-
-    def before(_now: float) -> int:
-        return stamp_of(hello) - count  # and rising, as those of a recording
-
-    dialer = Dialer(end, said.instance, stamp=before)
-    dialer.start(0.0)
-    return [dialer.hello(1.0) for _ in range(count)]
+    payload = pack_hello(Hello(*fields), security.overhead)
+    *header, stamp = HELLO_HEADER.unpack_from(hello)
+    calls, first = [], max(1, stamp - count)
+    for rising in range(first, first + count):  # as those of a recording
+        packed = HELLO_HEADER.pack(*header, rising)
+        calls.append(packed + security.call(packed, random.randbytes(security.private_size), payload)[0])
+    return calls

@@ -1,62 +1,70 @@
-"""The common part of both Polhem drivers: connecting, homing, limits of force and current, and the spec."""
+"""What both Polhem drivers are: connecting, homing, limits of force and current, and the spec."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from math import inf
 from time import monotonic
-from typing import ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
-from weberlink.geometry.cube import cube
-from weberlink.geometry.vector import ZERO, Vector, add
+from weberlink.geometry.vector import ZERO, Vector, add, cube
 from weberlink.hardware.discovery import DeviceLocator, PluggedDevice
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.devices.force_device import force_spec, limited_force
-from weberlink.master.devices.polhem.homing import PositionValidator
-from weberlink.master.devices.polhem.options import PolhemOptions, reminder
+from weberlink.master.devices.polhem.homing import Counts, PositionValidator
+from weberlink.master.devices.polhem.lock_step import FreeRunning, LockStep
+from weberlink.master.devices.polhem.options import PolhemOptions
 from weberlink.master.devices.polhem.parameters import MechanismParameters
-from weberlink.master.devices.threaded_device import ThreadedDevice
+from weberlink.master.devices.polhem.protocol import NO_CURRENT, Message, Sensors
+from weberlink.master.devices.threaded_device import ThreadedDevice, fingerprint
+from weberlink.registry import Tier
 
 BAD_REPLIES = 50
 """Bad replies in a row that are a fault; each takes 10 ms where nothing answers, and the motors get no current from the
 first on."""
-
 STALL_S = 0.05
 """Currents computed longer ago than this [s] are not sent: the process has been stopped in between."""
-
 REPLY_S = 0.01
 OPENING_S = 0.5
 """Longest time until a device gives good answers after its port was opened [s]: a board just plugged in is slow."""
-
-NO_CURRENT = (0, 0, 0)
 
 Answer = TypeVar("Answer")
 
 
 class PolhemExchange(ABC):
-    """One message out, one answer in; every message feeds the board's own watchdog.
+    """One message out, one answer in; every message feeds the board's own watchdog. A subclass knows its wire.
 
     Args:
-        name: of the driver.
         options: of the driver.
         force_n: largest force [N]; 0 for never a current.
         plugged: lists the devices that are plugged in.
+        connect: opens the port at a path.
     """
 
+    NAME: ClassVar[str]
+    """Of the driver."""
+    WATCHDOG_S: ClassVar[float]
+    """The board switches its motors off after this time without a message [s]."""
+
     def __init__(
-        self, name: str, options: PolhemOptions, force_n: float, plugged: Callable[[], Sequence[PluggedDevice]]
+        self,
+        options: Any,
+        force_n: float,
+        plugged: Callable[[], Sequence[PluggedDevice]],
+        connect: Callable[[str], Any],
     ) -> None:
         self._options = options
         self._force_n = force_n
-        self._locator = DeviceLocator(name, options.port, plugged)
-        self._parameters: MechanismParameters | None = None
+        self._locator = DeviceLocator(self.NAME, options.port, plugged)
+        self._open_port = connect
+        self._parameters: MechanismParameters = options.wired()
+        self._dialogue: LockStep | FreeRunning | None = None
         self._validator: PositionValidator | None = None
-        self._counts: tuple[int, ...] | None = None
+        self._counts: Counts | None = None
         """The last valid ones, relative to the home pose."""
-
-    @property
-    def orientation_trouble(self) -> str | None:
+        self.orientation_trouble: str | None = None
         """Why readings lack the orientation although the device has sensors for it; None where they have it."""
-        return None
 
     def start_afresh(self) -> None:
         """Home the device again at the next `open`, whichever device it is."""
@@ -68,9 +76,9 @@ class PolhemExchange(ABC):
         try:
             self._connect(path)
             if self._validator is None:
-                self._validator = self._home()
+                self._validator = PositionValidator(self._parameters, self._home())
             asked = monotonic()
-            counts, _ = self._insist(lambda: self._measure(NO_CURRENT))
+            counts = self._continuous(self._insist(NO_CURRENT))
             reading = self._validator.begin(counts, asked, monotonic(), oriented=self.orientation_trouble is None)
         except HardwareFault as fault:
             self.close()  # otherwise the next attempt could not open the port
@@ -80,52 +88,72 @@ class PolhemExchange(ABC):
 
     def exchange(self, command: Vector) -> DeviceReading:
         assert self._validator is not None
-        assert self._parameters is not None
         assert self._counts is not None
         asked, currents = monotonic(), NO_CURRENT
         if command != ZERO:
             mechanism, limit = self._parameters.mechanism, self._options.max_current_ma
             currents = mechanism.limited_currents_ma(command, self._counts, self._force_n, limit)
-        counts, buttons = self._measure(currents, asked + STALL_S)
-        oriented = self.orientation_trouble is None
-        reading = self._validator.next(counts, asked, monotonic(), buttons, oriented=oriented)
+        sensors = self._ask(currents, asked + STALL_S)
+        counts, oriented = self._continuous(sensors), self.orientation_trouble is None
+        reading = self._validator.next(counts, asked, monotonic(), int(sensors.button), oriented=oriented)
         self._counts = self._validator.relative(counts)
         return reading
 
+    def close(self) -> None:
+        dialogue = self._dialogue
+        if dialogue is not None:
+            with suppress(HardwareFault):
+                self._ask(NO_CURRENT)
+            self._dialogue = None
+            dialogue.line.close()
+
     def carrying_force(self) -> Vector:
         """Force at the handle that carries the links in the last pose [N]; zero before the first."""
-        counts, parameters = self._counts, self._parameters
-        return ZERO if counts is None or parameters is None else parameters.mechanism.carrying_force(counts)
-
-    @abstractmethod
-    def close(self) -> None: ...
+        return ZERO if self._counts is None else self._parameters.mechanism.carrying_force(self._counts)
 
     @abstractmethod
     def _connect(self, path: str) -> None:
-        """Open the port, and check that the device is the expected one.
+        """Open the port, begin the dialogue, and check that the device is the expected one.
 
         Raises:
             HardwareFault: it is another one, or the port cannot be opened.
         """
 
     @abstractmethod
-    def _home(self) -> PositionValidator:
-        """Find the home pose of a device that was just met."""
+    def _await_button(self) -> None:
+        """Wait until the calibration button is pressed, and let the counters be those of the home pose."""
 
-    @abstractmethod
-    def _measure(self, currents: tuple[int, int, int], fresh_until: float = ...) -> tuple[tuple[int, ...], int]:
-        """Send currents [mA], zero after `fresh_until` [s]; get the counts and the buttons pressed, a bit each.
+    def _home_counts(self) -> Counts:
+        """Contents of the counters in the home pose, gimbal in the order of its axes."""
+        return (0,) * 6
 
-        Raises:
-            BadReply: no valid answer.
-        """
+    def _home_here(self, home: Counts) -> Counts:
+        """Make the pose of now the home pose; gives the contents of the counters there."""
+        here = self._continuous(self._insist(NO_CURRENT))
+        return tuple(count - held for count, held in zip(here, home, strict=True))
 
-    def _insist(self, ask: Callable[[], Answer]) -> Answer:
+    def _home(self) -> Counts:
+        """Find the home pose of a device that was just met: the contents of its counters there."""
+        home = self._home_counts()
+        if self._options.homing == "button":
+            self._await_button()
+        return self._home_here(home) if self._options.homing == "at_open" else home
+
+    def _continuous(self, sensors: Sensors) -> Counts:
+        """Counts without wrapping, those of the gimbal in the order of its axes."""
+        return sensors.counts
+
+    def _ask(self, message: Message, fresh_until: float = inf) -> Sensors:
+        """One message out and one answer in; raises BadReply where no good one comes. See `LockStep.ask`."""
+        assert self._dialogue is not None
+        return self._dialogue.ask(message, REPLY_S, fresh_until)
+
+    def _insist(self, message: Message) -> Sensors:
         """Ask until there is a good answer, for `OPENING_S` at most; then raise the last complaint."""
         until = monotonic() + OPENING_S
         while True:
             try:
-                return ask()
+                return self._ask(message)
             except BadReply:
                 if monotonic() > until:
                     raise
@@ -135,20 +163,20 @@ class PolhemDevice(ThreadedDevice):
     """A device whose first connection after `open` finds its home, and whose later ones keep it.
 
     Args:
-        name: of the driver.
         options: of the driver.
-        parameters: of its mechanism.
-        exchange: builds the exchange for the largest force [N].
         tick_period: [s].
-        signs: fingerprint of the settings; without it as `options.signs_checked` there is no force.
-        watchdog_s: of the board [s].
-        named: whether the options say which device it is.
-        buttons: number of buttons on the handle.
+        connect: opens the port at a path; None for that of the driver.
 
     Raises:
         ValueError: the options ask for more force than the makers publish.
     """
 
+    TIER: ClassVar[Tier] = "emulated only"
+    EXCHANGE: ClassVar[type[PolhemExchange]]
+    PORT: ClassVar[Any]
+    """Opens the port at a path."""
+    BUTTONS: ClassVar[int] = 0
+    """On the handle."""
     SIGN_OPTIONS: ClassVar[Mapping[str, str]] = {
         "x": "encoder_directions of B and C, or home_counts",
         "y": "the first of encoder_directions",
@@ -162,41 +190,43 @@ class PolhemDevice(ThreadedDevice):
     }
     """What to change where the force along an axis goes the wrong way."""
 
-    def __init__(
-        self,
-        name: str,
-        options: PolhemOptions,
-        parameters: MechanismParameters,
-        exchange: Callable[[float], PolhemExchange],
-        tick_period: float,
-        *,
-        signs: str,
-        watchdog_s: float,
-        named: bool = True,
-        buttons: int = 0,
-    ) -> None:
+    def __init__(self, options: PolhemOptions, tick_period: float, connect: Callable[[str], Any] | None = None) -> None:
+        parameters, driver = options.wired(), self.EXCHANGE
         spec = force_spec(
-            name,
+            driver.NAME,
             options,
-            signs if named else None,
+            self.fingerprint(options) if options.is_named else None,
             force_n=limited_force(options.force_n, parameters.force_n, parameters.name),
             axes="xyz",
             stiffness_n_m=parameters.stiffness_n_m,
             workspace_m=cube(parameters.reach_m),
             rate_hz=1.0 / tick_period,
-            buttons=buttons,
-            orientation=0 not in parameters.mechanism.drive.gimbal_counts_per_turn,
-            watchdog_s=watchdog_s,
-            reminder=reminder(options, parameters, named=named),
+            buttons=self.BUTTONS,
+            orientation=parameters.mechanism.drive.has_gimbal,
+            watchdog_s=driver.WATCHDOG_S,
+            reminder=options.reminder(parameters),
         )
-        self._polhem_exchange = polhem = exchange(spec.force_n)
+        self._polhem = polhem = driver(options, spec.force_n, self.plugged, connect or type(self).PORT)
         self._carries = options.gravity_compensation and spec.force_feedback
         super().__init__(spec, polhem, tick_period, bad_replies=BAD_REPLIES, reconnect=options.reconnect_s)
 
     @property
     def trouble(self) -> str | None:
-        return super().trouble or self._polhem_exchange.orientation_trouble
+        return super().trouble or self._polhem.orientation_trouble
 
     def command(self, force: Vector, now: float) -> None:
         """With gravity compensation the command holds the weight of the links too: limits and ramp are for the sum."""
-        super().command(add(force, self._polhem_exchange.carrying_force()) if self._carries else force, now)
+        super().command(add(force, self._polhem.carrying_force()) if self._carries else force, now)
+
+    @classmethod
+    def plugged(cls) -> list[PluggedDevice]:
+        """The devices that are plugged in."""
+        raise NotImplementedError
+
+    @classmethod
+    def fingerprint(cls, options: PolhemOptions) -> str:
+        """Of all that a sign check holds for: kind, parameter set, signs of encoders and motors, home counts."""
+        parameters = options.wired()
+        wiring = parameters.mechanism.drive.wiring
+        signs = f"encoders {wiring.encoder} motors {wiring.motor} {wiring.home_counts}"
+        return fingerprint(f"{cls.EXCHANGE.NAME} {options.kind} {parameters.name} {signs}")

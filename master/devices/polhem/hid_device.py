@@ -1,184 +1,163 @@
 """`polhem_hid`: WoodenHaptics and Polhem with an mbed board, on USB HID."""
 
-from collections.abc import Callable
-from contextlib import suppress
-from math import inf
+from collections.abc import Sequence
 from time import monotonic
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from weberlink.hardware.discovery import PluggedDevice, UsbId, hid_devices
-from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.guardian import Guardian
 from weberlink.hardware.hid_port import HidPort
-from weberlink.master.devices.polhem.driver import NO_CURRENT, OPENING_S, REPLY_S, PolhemDevice, PolhemExchange
-from weberlink.master.devices.polhem.hid_protocol import (
+from weberlink.master.devices.polhem.driver import OPENING_S, REPLY_S, PolhemDevice, PolhemExchange
+from weberlink.master.devices.polhem.homing import Counts, await_press
+from weberlink.master.devices.polhem.lock_step import FreeRunning, Line, LockStep
+from weberlink.master.devices.polhem.options import PolhemHidOptions
+from weberlink.master.devices.polhem.protocol import (
+    HID_WATCHDOG_S,
+    LONG,
+    NO_CURRENT,
     SHORT,
-    WATCHDOG_S,
-    Currents,
-    HidLine,
-    ReportPort,
+    Message,
     Sensors,
     SetCounters,
     Unwrapper,
+    decode_sensors,
+    encode_command,
 )
-from weberlink.master.devices.polhem.homing import PositionValidator, await_press
-from weberlink.master.devices.polhem.lock_step import LockStep
-from weberlink.master.devices.polhem.options import PolhemHidOptions, signs_fingerprint
-from weberlink.registry import Tier
 
-NAME = "polhem_hid"
 USAGE_PAGE = 0xFFAB
 UNREPORTED = 0
-
 SET_WITHIN_COUNTS = 100
 """Largest motion of a held handle while the counters are set."""
 
 
+class HidLine(Line):
+    """An open `HidPort`."""
+
+    def __init__(self, port: Any) -> None:
+        self._port = port
+        self._number = 0
+        self.size = LONG
+        """Bytes in a report of this device, as `find_size` found."""
+
+    def find_size(self) -> None:
+        """Find the kind of device from the size of its first report, whose contents may be old.
+
+        Raises:
+            HardwareFault: no report comes, or one of another length.
+        """
+        gives_up = monotonic() + OPENING_S
+        while not (reports := self._port.read_all(monotonic() + REPLY_S)):
+            if monotonic() > gives_up:
+                raise HardwareFault("sends no reports; unplug it and plug it in again")
+            self.send(NO_CURRENT)  # sets a device in motion that waits for its host
+        size = len(reports[-1])
+        if size not in (LONG, SHORT):
+            raise HardwareFault(f"sends reports of {size} bytes, expected {LONG} or {SHORT}: it is no such device")
+        self.size = size
+
+    def send(self, message: Message) -> None:
+        self._number += 1
+        self._port.write(encode_command(message, self.size, self._number))
+
+    def hear(self, until: float) -> Sequence[Sensors | None]:
+        return [decode_sensors(report) if len(report) == self.size else None for report in self._port.read_all(until)]
+
+    def guard(self, guardian: Guardian) -> None:
+        """Start the guardian, which takes the currents off when this process stops."""
+        guardian.zero = b"\0" + encode_command(NO_CURRENT, self.size)
+        guardian.rests = (guardian.zero[:7],)  # the number of the report, and the currents
+        self._port.guard(guardian)
+
+    def close(self) -> None:
+        self._port.close()
+
+
 class ReportExchange(PolhemExchange):
-    """Speaks HID reports; the board's watchdog switches the motors off after 0.5 s without a report.
+    """Speaks HID reports.
 
     A report of 14 bytes answers the one before it: the first after opening may be old. The older kind of device sends
     at its own rate, and the newest report counts.
-
-    Args:
-        options: of the driver.
-        force_n: largest force [N]; 0 for never a current, and no guardian.
-        connect: opens the device at a path.
     """
 
-    def __init__(
-        self, options: PolhemHidOptions, force_n: float, connect: Callable[[str], ReportPort] = HidPort
-    ) -> None:
-        super().__init__(NAME, options, force_n, PolhemHidDevice.plugged)
+    NAME = "polhem_hid"
+    WATCHDOG_S = HID_WATCHDOG_S
+
+    def __init__(self, options: PolhemHidOptions, force_n: float, *others: Any) -> None:
+        super().__init__(options, force_n, *others)
         # The board's own watchdog is slow.
         self.guardian = Guardian(b"") if force_n > 0.0 else None
-        self._hid_options = options
-        self._wired = self._parameters = options.wired()
-        self._open_port = connect
-        self._line: HidLine | None = None
-        self._dialogue: LockStep[Currents | SetCounters, Sensors] | None = None
+        self._is_short = options.report_bytes == SHORT
         self._unwrapper = Unwrapper()
 
     def start_afresh(self) -> None:
         super().start_afresh()
         self._unwrapper.reset()
 
-    def close(self) -> None:
-        line = self._line
-        if line is not None:
-            with suppress(HardwareFault):
-                self._ask(NO_CURRENT)
-            self._line = None
-            line.close()
-
     def _connect(self, path: str) -> None:
-        self._line, self._dialogue = HidLine(path, self._open_port), None
-        self._line.find_size(monotonic, OPENING_S, REPLY_S)
-        size, expected = self._line.size, self._hid_options.report_bytes
-        if size != expected:
+        line = HidLine(self._open_port(path))
+        self._dialogue = FreeRunning(line)
+        line.find_size()
+        expected = self._options.report_bytes
+        if line.size != expected:
             raise HardwareFault(
-                f"sends reports of {size} bytes, the file says {expected}; their signs differ: set "
-                f"master.device.report_bytes: {size} and check the signs"
+                f"sends reports of {line.size} bytes, the file says {expected}; their signs differ: set "
+                f"master.device.report_bytes: {line.size} and check the signs"
             )
         if self.guardian is not None and path.startswith("/"):  # else by libusb, where nobody else can write
-            self._line.guard(self.guardian)
-        self._dialogue = None if size == SHORT else LockStep(self._line, NO_CURRENT)
+            line.guard(self.guardian)
+        if not self._is_short:
+            self._dialogue = LockStep(line)
 
-    def _ask(self, command: Currents | SetCounters, fresh_until: float = inf) -> Sensors:
-        """One report out and one in; raises BadReply where none comes in time. `fresh_until`: see `LockStep.ask`."""
-        if self._dialogue is not None:
-            return self._dialogue.ask(command, REPLY_S, fresh_until)
-        line = self._line
-        assert line is not None
-        line.hear(0.0)  # drop older reports
-        line.send(command if monotonic() <= fresh_until else NO_CURRENT)
-        reports = line.hear(monotonic() + REPLY_S)
-        if not reports or reports[-1] is None:
-            raise BadReply("does not answer")
-        return reports[-1]
+    def _home_counts(self) -> Counts:
+        size = 3 if self._is_short else 6
+        if not self._options.counters_hold_home:
+            return (0,) * size
+        wiring = self._parameters.mechanism.drive.wiring
+        return (*wiring.home_counts, *wiring.gimbal_home_counts)[:size]
 
-    def _measure(self, currents: Currents, fresh_until: float = inf) -> tuple[tuple[int, ...], int]:
-        sensors = self._ask(currents, fresh_until)
-        return self._continuous(sensors), int(sensors.button)
-
-    def _home(self) -> PositionValidator:
-        homing, home = self._options.homing, self._home_counts()
-        validator = PositionValidator(self._wired, home)
-        if homing == "power_up":
-            return validator
-        sensors = self._insist(lambda: self._ask(NO_CURRENT))
-        if homing == "button":
-            self._await_button(sensors)
+    def _home_here(self, home: Counts) -> Counts:
         if self._is_short:
-            here = self._continuous(sensors)
-            return PositionValidator(self._wired, tuple(count - held for count, held in zip(here, home, strict=True)))
+            return super()._home_here(home)
+        self._insist(NO_CURRENT)  # the first answer may be old
         here = self._continuous(self._set_counters(self._ordered(home)))
         if max(abs(count - held) for count, held in zip(here[:3], home[:3], strict=True)) > SET_WITHIN_COUNTS:
             raise HardwareFault("does not set its counters when it is told to; set homing: power_up")
-        return validator
+        return home
 
-    def _await_button(self, sensors: Sensors) -> None:
+    def _await_button(self) -> None:
         if self._is_short:
             raise HardwareFault("is a board with 8-byte reports, without a calibration button; set homing: at_open")
+        sensors = self._insist(NO_CURRENT)
         if sensors.calibrate:  # pressed some time ago, wherever the handle was then
             self._set_counters(sensors.counts)
         await_press(lambda: self._ask(NO_CURRENT), lambda _, now: now.calibrate, self._options.home_patience_s)
+        self._home_here(self._home_counts())
 
-    def _set_counters(self, counts: tuple[int, ...]) -> Sensors:
+    def _set_counters(self, counts: Counts) -> Sensors:
         a, b, c, d, e, f = counts
         self._unwrapper.reset()
-        return self._insist(lambda: self._ask(SetCounters((a, b, c, d, e, f))))
+        return self._insist(SetCounters((a, b, c, d, e, f)))
 
-    @property
-    def _is_short(self) -> bool:
-        return self._hid_options.report_bytes == SHORT
-
-    def _home_counts(self) -> tuple[int, ...]:
-        """Contents of the counters in the home pose."""
-        size = 3 if self._is_short else 6
-        if not self._hid_options.counters_hold_home:
-            return (0,) * size
-        drive = self._wired.mechanism.drive
-        return (*drive.home_counts, *drive.gimbal_home_counts)[:size]
-
-    def _continuous(self, sensors: Sensors) -> tuple[int, ...]:
-        """Counts without wrapping, those of the gimbal in the order of its axes."""
+    def _continuous(self, sensors: Sensors) -> Counts:
         return self._ordered(self._unwrapper.unwrap(sensors.counts))
 
-    def _ordered(self, counts: tuple[int, ...]) -> tuple[int, ...]:
+    def _ordered(self, counts: Counts) -> Counts:
         """Between the order of the counters and that of the gimbal's axes, either way."""
-        if len(counts) == 6 and self._wired.gimbal_reversed_over_hid:
+        if len(counts) == 6 and self._parameters.gimbal_reversed_over_hid:
             return (*counts[:3], *counts[:2:-1])
         return counts
 
 
 class PolhemHidDevice(PolhemDevice):
-    """14-byte reports in lock-step, or the older ones of 8 bytes; the length that the options say is checked.
+    """14-byte reports in lock-step, or the older ones of 8 bytes; the length that the options say is checked."""
 
-    Without a report for 0.5 s the device itself switches its motors off; it has no other limit.
-    """
-
-    TIER: ClassVar[Tier] = "emulated only"
     Options = PolhemHidOptions
+    EXCHANGE = ReportExchange
+    PORT = HidPort
+    BUTTONS = 1
     USB: ClassVar[tuple[UsbId, ...]] = (UsbId(0x1234, 0x0006),)
-
-    def __init__(self, options: PolhemHidOptions, tick_period: float) -> None:
-        super().__init__(
-            NAME,
-            options,
-            options.wired(),
-            lambda force_n: ReportExchange(options, force_n),
-            tick_period,
-            signs=self.fingerprint(options),
-            watchdog_s=WATCHDOG_S,
-            buttons=1,
-        )
 
     @classmethod
     def plugged(cls) -> list[PluggedDevice]:
         return hid_devices(cls.USB, (USAGE_PAGE, UNREPORTED))
-
-    @classmethod
-    def fingerprint(cls, options: PolhemHidOptions) -> str:
-        """Fingerprint of the settings that a sign check holds for."""
-        return signs_fingerprint(f"{NAME} {options.report_bytes}", options.wired())

@@ -7,31 +7,26 @@ are therefore rejected.
 
 from collections.abc import Callable
 from time import monotonic, sleep
-from typing import NamedTuple, NoReturn, TypeVar
+from typing import NamedTuple, NoReturn
 
 from weberlink.geometry.vector import Vector, distance
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.devices.polhem.parameters import MechanismParameters
+from weberlink.master.devices.polhem.protocol import Sensors
 
 SPEED_M_S = 3.0
 """Largest speed of a hand."""
-
 SLACK_M = 0.003
 """Tolerance for inexact times."""
-
 SILENCE_S = 0.25
 """After this time without an answer the device may have lost its power."""
-
 AWAY_M = 0.05
 """Largest accepted motion of the handle while the device was unplugged."""
-
 SHIFT_M = 0.01
 """Restarted counters are harmless within this distance of the home pose."""
-
 NEAR_COUNTS = 100
 """Restarted counters are within this range at the next answer."""
-
 STILL_M = 0.5
 """An encoder counts as broken when the handle moves this far without a change of its count."""
 
@@ -75,13 +70,21 @@ class PositionValidator:
         Raises:
             HardwareFault: the position is outside the workspace, or too far from the last one.
         """
-        known = _Known(counts, self._position(counts), asked)
-        if self._last is None:
-            self._believe_home(known)
-        else:
-            self._believe_return(known, self._last)
+        position, before, reach = self._mechanism.position(self.relative(counts)), self._last, self._reach
+        if self._lost is not None:  # motion does not restore it
+            raise HardwareFault(self._lost)
+        if before is not None:
+            gone = distance(position, before.position)
+            if gone > AWAY_M or (gone > SHIFT_M and _nearer_zero(counts[:3], before.counts[:3])):
+                self._lose(f"it came back {gone * 1e3:.0f} mm from where it was")
+        elif max(map(abs, position)) > reach:
+            place = ", ".join(f"{component * 1e3:.0f}" for component in position)
+            raise HardwareFault(
+                f"is not homed: it reports ({place}) mm, more than {reach * 1e3:.0f} mm from the middle; "
+                "see `homing` in its options"
+            )
         self._still_for = [0.0, 0.0, 0.0]
-        return self._take(known, answered, 0, oriented=oriented)
+        return self._accept(_Known(counts, position, asked), answered, 0, oriented)
 
     def next(
         self, counts: Counts, asked: float, answered: float, buttons: int = 0, *, oriented: bool = True
@@ -96,65 +99,37 @@ class PositionValidator:
         """
         before = self._last
         assert before is not None
-        known = _Known(counts, self._position(counts), asked)
-        gone, elapsed = distance(known.position, before.position), answered - before.asked
+        position = self._mechanism.position(self.relative(counts))
+        gone, elapsed = distance(position, before.position), answered - before.asked
         what = f"its position jumped by {gone * 1e3:.0f} mm in {elapsed * 1e3:.1f} ms"
-        if self._doubted is not None and distance(known.position, self._doubted) < gone:
+        if self._doubted is not None and distance(position, self._doubted) < gone:
             self._lose(what)
-        if elapsed > SILENCE_S and gone > SHIFT_M and _began_again(counts, before.counts):
+        # Counters, those of the gimbal included, that look as if they had restarted at zero.
+        began_again = (
+            gone > SHIFT_M
+            and _nearer_zero(counts[:3], before.counts[:3])
+            and (len(counts) == 3 or _nearer_zero(counts[3:], before.counts[3:]))
+        )
+        if began_again and elapsed > SILENCE_S:
             self._lose(what)
-        if self._is_doubtful(counts, before, gone, elapsed):
-            self._doubted = known.position
+        if gone > SLACK_M + SPEED_M_S * elapsed or (began_again and max(map(abs, counts[:3])) <= NEAR_COUNTS):
+            self._doubted = position
             raise BadReply(what)
-        self._watch_encoders(before.counts, counts, gone)
-        return self._take(known, answered, buttons, oriented=oriented)
+        for axis in range(3):
+            self._still_for[axis] = self._still_for[axis] + gone if counts[axis] == before.counts[axis] else 0.0
+            if self._still_for[axis] > STILL_M:
+                self._lose(f"the encoder of motor {'ABC'[axis]} stands still while the others move, check its cable")
+        return self._accept(_Known(counts, position, asked), answered, buttons, oriented)
 
-    def _is_doubtful(self, counts: Counts, before: _Known, gone: float, elapsed: float) -> bool:
-        if gone > SLACK_M + SPEED_M_S * elapsed:
-            return True
-        near_zero = max(map(abs, counts[:3])) <= NEAR_COUNTS
-        return near_zero and gone > SHIFT_M and _began_again(counts, before.counts)
-
-    def _take(self, known: _Known, answered: float, buttons: int, *, oriented: bool) -> DeviceReading:
-        self._last = known
-        self._doubted = None
-        reach = self._reach
+    def _accept(self, known: _Known, answered: float, buttons: int, oriented: bool) -> DeviceReading:
+        self._last, self._doubted, reach = known, None, self._reach
         x, y, z = (min(max(component, -reach), reach) for component in known.position)
         orientation = self._mechanism.orientation(self.relative(known.counts)) if oriented else None
         return DeviceReading(answered, (x, y, z), orientation=orientation, buttons=buttons)
 
-    def _position(self, counts: Counts) -> Vector:
-        return self._mechanism.position(self.relative(counts))
-
-    def _watch_encoders(self, before: Counts, counts: Counts, gone: float) -> None:
-        for axis in range(3):
-            self._still_for[axis] = self._still_for[axis] + gone if counts[axis] == before[axis] else 0.0
-            if self._still_for[axis] > STILL_M:
-                self._lose(f"the encoder of motor {'ABC'[axis]} stands still while the others move, check its cable")
-
-    def _believe_home(self, known: _Known) -> None:
-        if max(map(abs, known.position)) > self._reach:
-            place = ", ".join(f"{component * 1e3:.0f}" for component in known.position)
-            raise HardwareFault(
-                f"is not homed: it reports ({place}) mm, more than {self._reach * 1e3:.0f} mm from the middle; "
-                "see `homing` in its options"
-            )
-
-    def _believe_return(self, known: _Known, before: _Known) -> None:
-        if self._lost is not None:  # motion does not restore it
-            raise HardwareFault(self._lost)
-        gone = distance(known.position, before.position)
-        if gone > AWAY_M or (gone > SHIFT_M and _nearer_zero(known.counts[:3], before.counts[:3])):
-            self._lose(f"it came back {gone * 1e3:.0f} mm from where it was")
-
     def _lose(self, why: str) -> NoReturn:
         self._lost = f"has lost its home: {why}; close, put it in its home pose and home it again"
         raise HardwareFault(self._lost)
-
-
-def _began_again(counts: Counts, before: Counts) -> bool:
-    """Whether the counters, those of the gimbal included, look as if they restarted at zero."""
-    return _nearer_zero(counts[:3], before[:3]) and (len(counts) == 3 or _nearer_zero(counts[3:], before[3:]))
 
 
 def _nearer_zero(counts: Counts, before: Counts) -> bool:
@@ -164,35 +139,30 @@ def _nearer_zero(counts: Counts, before: Counts) -> bool:
 
 PRESSED_WITHIN_COUNTS = 8
 """Counters that were set to zero between two looks are within this range."""
-
 STEP_COUNTS = 40
 """A jump to zero from at least this count is the button: no hand is that fast."""
-
 PAUSE_S = 0.002
 """Pause between two looks [s]; shorter than every watchdog."""
-
 LONGEST_S = 0.02
 """Looks farther apart than this [s] are ignored: the hand may have passed the home pose meanwhile."""
 
-Look = TypeVar("Look")
 
-
-def await_press(look: Callable[[], Look], pressed: Callable[[Look, Look], bool], patience: float) -> Look:
-    """Look until two looks in a row show that the button was pressed between them; gives the later one.
+def await_press(look: Callable[[], Sensors], pressed: Callable[[Counts, Sensors], bool], patience: float) -> None:
+    """Look until one look shows, by the counts of the one before, that the button was pressed between the two.
 
     Raises:
         HardwareFault: nobody presses it within `patience` [s], or the device is gone.
     """
     until = monotonic() + patience
-    before: tuple[Look, float] | None = None
+    before: tuple[Counts, float] | None = None
     while (began := monotonic()) < until:
         try:
             now = look()
         except BadReply:
             continue
         if before is not None and monotonic() - before[1] <= LONGEST_S and pressed(before[0], now):
-            return now
-        before = (now, began)
+            return
+        before = (now.counts, began)
         sleep(PAUSE_S)
     raise HardwareFault(
         f"nobody pressed the calibration button in {patience:g} s; put the handle in its home pose and press it after "
@@ -200,6 +170,6 @@ def await_press(look: Callable[[], Look], pressed: Callable[[Look, Look], bool],
     )
 
 
-def zeroed(before: tuple[int, ...], now: tuple[int, ...]) -> bool:
+def zeroed(before: Counts, now: Sensors) -> bool:
     """Whether counters were set to zero between two looks."""
-    return max(map(abs, now[:3])) <= PRESSED_WITHIN_COUNTS and max(map(abs, before[:3])) >= STEP_COUNTS
+    return max(map(abs, now.counts[:3])) <= PRESSED_WITHIN_COUNTS and max(map(abs, before[:3])) >= STEP_COUNTS

@@ -1,81 +1,91 @@
-"""A dialogue in lock-step: one answer for every message, never taken for the answer to another one.
+"""Dialogues with a board: which answer belongs to which message.
 
-An answer does not say which message it belongs to, so it counts only while no other is owed. After a missing answer,
-none is accepted until all owed answers have come, or until the line was quiet for `QUIET_S` and then answered a single
-message with a single answer.
+In lock-step there is one answer for every message, and it does not say for which. So it counts only while no other is
+owed. After a missing answer, none is accepted until all owed answers have come, or until the line was quiet for
+`QUIET_S` and then answered a single message with a single answer.
 """
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from math import inf
 from time import monotonic
-from typing import Generic, NoReturn, Protocol, TypeVar
+from typing import NoReturn
 
 from weberlink.hardware.fault import BadReply
-
-Message = TypeVar("Message")
-Answer = TypeVar("Answer")
-Message_contra = TypeVar("Message_contra", contravariant=True)
+from weberlink.master.devices.polhem.protocol import NO_CURRENT, Message, Sensors
 
 QUIET_S = 0.25
 """Owed answers count as lost after this silence [s]."""
-
 SLICE_S = 0.01
 """The longest wait for what is owed in one `ask` [s]."""
-
 PROBE_S = 0.025
 """Time in which a probe must get exactly one answer [s]; longer than from a message to the rest after it."""
-
 UNKNOWN = 1_000_000
 """Number of owed answers after an unexpected one."""
-
 SILENT, LATE = "does not answer", "answers late"
 
 
-class MessageLine(Protocol[Message_contra, Answer]):
+class Line(ABC):
     """Carries messages and answers; raises HardwareFault when disconnected."""
 
-    def send(self, message: Message_contra) -> None: ...
+    @abstractmethod
+    def send(self, message: Message) -> None: ...
 
-    def hear(self, until: float) -> list[Answer | None]:
+    @abstractmethod
+    def hear(self, until: float) -> Sequence[Sensors | None]:
         """All answers that have come, oldest first, as soon as there are any; empty if none comes by `until` [s].
 
         None stands for one that cannot be understood.
         """
-        ...
+
+    @abstractmethod
+    def close(self) -> None: ...
 
 
-class LockStep(Generic[Message, Answer]):
-    """The host's end of a dialogue.
+class FreeRunning:
+    """A board that answers at its own rate: the newest answer after a message counts."""
+
+    def __init__(self, line: Line) -> None:
+        self.line = line
+
+    def ask(self, message: Message, patience: float, fresh_until: float = inf) -> Sensors:
+        """As of `LockStep.ask`."""
+        self.line.hear(0.0)  # drop what is older
+        self.line.send(message if monotonic() <= fresh_until else NO_CURRENT)
+        answers = self.line.hear(monotonic() + patience)
+        if not answers or answers[-1] is None:
+            raise BadReply(SILENT)
+        return answers[-1]
+
+
+class LockStep:
+    """The host's end of a dialogue. A message without current goes out at once where an answer does not come.
 
     Args:
-        line: to the device.
-        rest: message that is safe at any time; goes out at once where an answer does not come.
+        line: to the board.
         clock: that of the line [s].
     """
 
-    def __init__(
-        self, line: MessageLine[Message, Answer], rest: Message, clock: Callable[[], float] = monotonic
-    ) -> None:
-        self._line = line
-        self._rest = rest
+    def __init__(self, line: Line, clock: Callable[[], float] = monotonic) -> None:
+        self.line = line
         self._clock = clock
         self._owed = 0
         self._heard_at = 0.0
         self._complaint = ""
 
-    def ask(self, message: Message, patience: float, fresh_until: float = inf) -> Answer:
+    def ask(self, message: Message, patience: float, fresh_until: float = inf) -> Sensors:
         """Send a message and wait for its answer, for at most `patience` [s].
 
-        After `fresh_until` [s] the rest goes out in its place: this process has stood still since the message was made.
+        After `fresh_until` [s] no current goes out in its place: this process has stood still since it was made.
 
         Raises:
-            BadReply: it does not come, cannot be understood, or could be that to another message; the device was told
+            BadReply: it does not come, cannot be understood, or could be that to another message; the board was told
                 to rest. In doubt about which is which, the message is not sent.
             HardwareFault: the line is cut.
         """
         self._settle()
-        self._line.send(message if self._clock() <= fresh_until else self._rest)
-        answers = self._line.hear(self._clock() + patience)
+        self.line.send(message if self._clock() <= fresh_until else NO_CURRENT)
+        answers = self.line.hear(self._clock() + patience)
         if not answers:
             self._doubt(2, SILENT)
         if len(answers) > 1:
@@ -87,7 +97,7 @@ class LockStep(Generic[Message, Answer]):
 
     def _settle(self) -> None:
         """Wait until no answer is owed."""
-        strays = self._line.hear(0.0)
+        strays = self.line.hear(0.0)
         if self._owed == 0 and strays:
             self._doubt(UNKNOWN, LATE)
         until = self._clock() + SLICE_S
@@ -100,16 +110,16 @@ class LockStep(Generic[Message, Answer]):
                 self._probe()
             elif now >= until:
                 raise BadReply(self._complaint)
-            strays = self._line.hear(min(until, self._heard_at + QUIET_S)) if self._owed > 0 else []
+            strays = self.line.hear(min(until, self._heard_at + QUIET_S)) if self._owed > 0 else []
 
     def _probe(self) -> None:
-        """Send the rest message, and check that it gets exactly one answer, promptly."""
-        self._line.send(self._rest)
+        """Send a message without current, and check that it gets exactly one answer, promptly."""
+        self.line.send(NO_CURRENT)
         sent = self._clock()
-        heard = len(self._line.hear(sent + SLICE_S))
+        heard = len(self.line.hear(sent + SLICE_S))
         at_once = heard == 1
         while self._clock() < sent + PROBE_S:
-            heard += len(self._line.hear(sent + PROBE_S))
+            heard += len(self.line.hear(sent + PROBE_S))
         self._heard_at = self._clock()
         if not at_once or heard != 1:
             self._owed = max(1, self._owed + 1 - heard)
@@ -117,8 +127,8 @@ class LockStep(Generic[Message, Answer]):
         self._owed = 0
 
     def _doubt(self, owed: int, complaint: str) -> NoReturn:
-        """Send the rest message, and accept nothing until `owed` answers have come."""
-        self._line.send(self._rest)
+        """Send a message without current, and accept nothing until `owed` answers have come."""
+        self.line.send(NO_CURRENT)
         self._owed = owed
         self._heard_at = self._clock()
         self._complaint = complaint

@@ -6,10 +6,9 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from weberlink.master.devices.force_device import ForceOptions, PortOptions
-from weberlink.master.devices.polhem.hid_protocol import LONG
-from weberlink.master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Board, MechanismParameters, Wiring
-from weberlink.master.devices.polhem.serial_protocol import CURRENT_LIMIT_MA, MODELS
-from weberlink.master.devices.threaded_device import fingerprint
+from weberlink.master.devices.polhem.mechanism import Wiring
+from weberlink.master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Board, MechanismParameters
+from weberlink.master.devices.polhem.protocol import CURRENT_LIMIT_MA, LONG, MODELS
 
 Sign = Literal[-1, 1]
 Signs = tuple[Sign, Sign, Sign]
@@ -71,6 +70,33 @@ class PolhemOptions(ForceOptions, PortOptions):
         default=2000.0, gt=0.0, le=HID_CURRENT_LIMIT_MA, description="per motor; the device has no limit of its own"
     )
 
+    @property
+    def is_named(self) -> bool:
+        """Whether the options say which device it is."""
+        return True
+
+    @property
+    def kind(self) -> str:
+        """Which signs a check of them holds for, besides those of the mechanism."""
+        raise NotImplementedError
+
+    def wired(self) -> MechanismParameters:
+        """The mechanism with the signs of these options; raises as `wire`."""
+        raise NotImplementedError
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        self.wired()
+        return self
+
+    def reminder(self, parameters: MechanismParameters) -> str:
+        """What to say before a run: where the handle has to be, and what is uncertain of a device that is named."""
+        where = {
+            "at_open": ("hold the handle in its home pose while the run starts",),
+            "button": ("press the calibration button in the home pose when the run starts",),
+        }
+        return "; ".join((*where.get(self.homing, ()), *(parameters.warnings if self.is_named else ())))
+
     def wire(self, name: str, board: Board) -> MechanismParameters:
         """The set `name` with the signs published for `board`, changed as these options say.
 
@@ -89,7 +115,7 @@ class PolhemOptions(ForceOptions, PortOptions):
                     f"{list(wiring.encoder)} and {list(wiring.motor)}; set encoder_directions and motor_directions"
                 )
             encoder = motor = self.directions
-        if self.gravity_compensation and known.mechanism.weight is None:
+        if self.gravity_compensation and not known.mechanism.linkage.masses:
             raise ValueError(f"gravity_compensation: no masses are published for {name}")
         if wiring is None:
             if encoder is None or motor is None or self.home_counts is None:
@@ -98,7 +124,7 @@ class PolhemOptions(ForceOptions, PortOptions):
                     f"parameters: signs of {name} are published for {boards}, not for {BOARDS[board]}: set "
                     "encoder_directions, motor_directions and home_counts"
                 )
-            wiring = Wiring(encoder, motor, self.home_counts, "the configuration")
+            wiring = Wiring(encoder, motor, self.home_counts)
         return known.wired(
             replace(
                 wiring,
@@ -121,15 +147,22 @@ class PolhemSerialOptions(PolhemOptions):
         default=2000.0, gt=0.0, le=CURRENT_LIMIT_MA, description="per motor; beyond 6000 the device would give none"
     )
 
-    def wired(self, model: str) -> MechanismParameters:
-        """Parameters of a model with these options; for `auto`, those of WoodenHaptics, which has no force then."""
-        numbers = {name: number for number, name in MODELS.items()}
-        return self.wire(self.parameters or MODEL_SETS[numbers.get(model, numbers["woodenhaptics"])], "serial")
+    @property
+    def is_named(self) -> bool:
+        return self.model != "auto"
 
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        self.wired(self.model)
-        return self
+    @property
+    def kind(self) -> str:
+        return self.model
+
+    def wired(self, model: str | None = None) -> MechanismParameters:
+        """With `auto`, those of the model that answered, WoodenHaptics before, and without the gimbal: the spec could
+        not promise an orientation.
+        """
+        numbers = {name: number for number, name in MODELS.items()}
+        number = numbers.get(model or self.model, numbers["woodenhaptics"])
+        parameters = self.wire(self.parameters or MODEL_SETS[number], "serial")
+        return parameters if self.is_named else parameters.without_gimbal()
 
 
 class PolhemHidOptions(PolhemOptions):
@@ -147,27 +180,9 @@ class PolhemHidOptions(PolhemOptions):
         description="the counters hold the home counts in the home pose, as the makers' software sets them, not zero",
     )
 
+    @property
+    def kind(self) -> str:
+        return str(self.report_bytes)
+
     def wired(self) -> MechanismParameters:
-        """The mechanism with the signs of these options."""
         return self.wire(self.parameters, "hid14" if self.report_bytes == LONG else "hid8")
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        self.wired()
-        return self
-
-
-def reminder(options: PolhemOptions, parameters: MechanismParameters, *, named: bool) -> str:
-    """What to say before a run: where the handle has to be, and what is uncertain of a device that is named."""
-    where = {
-        "at_open": ("hold the handle in its home pose while the run starts",),
-        "button": ("press the calibration button in the home pose when the run starts",),
-    }
-    return "; ".join((*where.get(options.homing, ()), *(parameters.warnings if named else ())))
-
-
-def signs_fingerprint(driver: str, parameters: MechanismParameters) -> str:
-    """Changes with the driver, the parameter set, the signs of encoders and motors, and the home counts."""
-    drive = parameters.mechanism.drive
-    signs = f"encoders {drive.encoder_directions} motors {drive.motor_directions}"
-    return fingerprint(f"{driver} {parameters.name} {signs} {drive.home_counts}")

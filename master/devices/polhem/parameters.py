@@ -1,22 +1,21 @@
 """The published parameter sets of the mechanisms, read from `parameters.yaml`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Self
 
 import yaml
 
-from weberlink.master.devices.polhem.linkages import (
-    FiveBarWeight,
+from weberlink.master.devices.polhem.mechanism import (
+    CableDrive,
     Linkage,
-    LinkMass,
-    ParallelogramWeight,
+    Mechanism,
     SerialParallelogram,
+    Signs,
     SpatialFiveBar,
-    Weight,
+    Wiring,
 )
-from weberlink.master.devices.polhem.mechanism import CableDrive, Counts, Mechanism, Signs
 
 BEYOND_HOME_M = 0.05
 
@@ -25,35 +24,12 @@ Board = Literal["serial", "hid14", "hid8"]
 
 
 @dataclass(frozen=True)
-class Wiring:
-    """The signs and home counts of a mechanism on one kind of board.
-
-    The boards count differently: the firmware with 14-byte reports has the reversed quadrature table of the one with 8.
-
-    Args:
-        encoder: direction of each encoder A, B, C.
-        motor: direction of each motor.
-        home_counts: what the encoders would read in the home pose if their zero were that of the angles.
-        source: the host program that these signs were read in.
-        gimbal: direction of each sensor of the gimbal.
-        gimbal_home_counts: as `home_counts`.
-    """
-
-    encoder: Signs
-    motor: Signs
-    home_counts: Counts
-    source: str
-    gimbal: Signs = (1, 1, 1)
-    gimbal_home_counts: Counts = (0, 0, 0)
-
-
-@dataclass(frozen=True)
 class MechanismParameters:
     """A mechanism with what its makers publish about it.
 
     Args:
         name: of the set.
-        mechanism: with the signs of the first of `wirings`.
+        mechanism: with the first of `wirings`.
         wirings: the published signs, by board.
         source: where all this was read.
         force_n: largest force [N].
@@ -82,25 +58,17 @@ class MechanismParameters:
         return max(2.0 * self.radius_m, max(map(abs, home)) + BEYOND_HOME_M)
 
     def without_gimbal(self) -> Self:
-        return self._driven(replace(self.mechanism.drive, gimbal_counts_per_turn=(0, 0, 0)))
+        return replace(self, mechanism=self.mechanism.driven(gimbal_counts_per_turn=(0, 0, 0)))
 
     def on(self, board: Board) -> Self:
         """With the signs published for a board; KeyError where there are none."""
         return self.wired(self.wirings[board])
 
     def wired(self, wiring: Wiring) -> Self:
-        drive = replace(
-            self.mechanism.drive,
-            encoder_directions=wiring.encoder,
-            motor_directions=wiring.motor,
-            home_counts=wiring.home_counts,
-            gimbal_directions=wiring.gimbal,
-            gimbal_home_counts=wiring.gimbal_home_counts,
-        )
-        return self._driven(drive)
+        return replace(self, mechanism=self.mechanism.driven(wiring=wiring))
 
-    def _driven(self, drive: CableDrive) -> Self:
-        return replace(self, mechanism=replace(self.mechanism, drive=drive))
+
+LINKAGES: Mapping[str, Callable[..., Linkage]] = {"parallelogram": SerialParallelogram, "five_bar": SpatialFiveBar}
 
 
 def signs(text: str) -> Signs:
@@ -109,59 +77,30 @@ def signs(text: str) -> Signs:
     return (a, b, c)
 
 
-def _tuples(row: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: tuple(value) if isinstance(value, list) else value for key, value in row.items()}
-
-
 def _wiring(
-    encoder: str, motor: str, home: list[int], source: str, gimbal: str = "+++", gimbal_home: Sequence[int] = (0, 0, 0)
+    encoder: str, motor: str, home: list[int], _source: str, gimbal: str = "+++", gimbal_home: Sequence[int] = (0, 0, 0)
 ) -> Wiring:
-    a, b, c = home
-    d, e, f = gimbal_home
-    return Wiring(signs(encoder), signs(motor), (a, b, c), source, signs(gimbal), (d, e, f))
+    (a, b, c), (d, e, f) = home, gimbal_home
+    return Wiring(signs(encoder), signs(motor), (a, b, c), signs(gimbal), (d, e, f))
 
 
-def _linkage(row: Mapping[str, Any]) -> tuple[Linkage, Weight | None]:
-    if "five_bar" in row:
-        links = {name: LinkMass(*mass) for name, mass in row["five_bar_weight"].items()}
-        linkage = SpatialFiveBar(**_tuples(row["five_bar"]))
-        return linkage, FiveBarWeight(linkage, **links)
-    weight = row.get("parallelogram_weight")
-    return SerialParallelogram(**_tuples(row["parallelogram"])), None if weight is None else ParallelogramWeight(
-        **weight
-    )
-
-
-def _parameters(name: str, row: Mapping[str, Any]) -> MechanismParameters:
-    wirings = {board: _wiring(*columns) for board, columns in row["wirings"].items()}
-    first = next(iter(wirings.values()))
+def _parameters(name: str, row: dict[str, Any]) -> MechanismParameters:
+    row = {key: tuple(value) if isinstance(value, list) else value for key, value in row.items()}
+    wirings = {board: _wiring(*columns) for board, columns in row.pop("wirings").items()}
+    kind = next(kind for kind in LINKAGES if kind in row)
+    links = row.pop(kind)
+    linkage = LINKAGES[kind](**links | {"origin": tuple(links["origin"])})
     keys = ("capstan_m", "body_m", "counts_per_turn", "torque_constant_n_m_a", "gimbal_counts_per_turn")
-    drive = CableDrive(
-        encoder_directions=first.encoder,
-        motor_directions=first.motor,
-        home_counts=first.home_counts,
-        gimbal_directions=first.gimbal,
-        gimbal_home_counts=first.gimbal_home_counts,
-        **_tuples({key: row[key] for key in keys if key in row}),
-    )
-    linkage, weight = _linkage(row)
-    return MechanismParameters(
-        name,
-        Mechanism(drive, linkage, row.get("gimbal_axes", "xyx"), weight),
-        wirings,
-        source=row["source"],
-        warnings=tuple(row.get("warnings", ())),
-        gimbal_reversed_over_hid=row.get("gimbal_reversed_over_hid", False),
-        **row["limits"],
-    )
+    drive = CableDrive(next(iter(wirings.values())), **{key: row.pop(key) for key in keys if key in row})
+    mechanism = Mechanism(drive, linkage, row.pop("gimbal_axes", "xyx"))
+    return MechanismParameters(name, mechanism, wirings, **row.pop("limits"), **row)
 
 
-def _read_sets() -> dict[str, MechanismParameters]:
-    rows: dict[str, Any] = yaml.safe_load(Path(__file__).with_name("parameters.yaml").read_text(encoding="utf-8"))
-    return {name: _parameters(name, row) for name, row in rows.items() if name != "sources"}
-
-
-PARAMETERS = _read_sets()
+PARAMETERS = {
+    name: _parameters(name, row)
+    for name, row in yaml.safe_load(Path(__file__).with_name("parameters.yaml").read_text(encoding="utf-8")).items()
+    if "wirings" in row
+}
 """All published sets by name, from `parameters.yaml`."""
 
 MODEL_SETS = {1: "polhem_v3", 2: "vintage_phantom", 3: "woodenhaptics_2015"}

@@ -1,21 +1,22 @@
 """The common part of the emulated Polhem boards: a handle in a hand, encoders, motors, amplifiers and faults."""
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
 from math import sin, tau
-from typing import ClassVar
+from typing import ClassVar, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from weberlink.geometry.vector import ZERO, Vector, subtract
 from weberlink.hardware.emulator import FaultyDevice
 from weberlink.master.devices.polhem.options import SetName, Signs
 from weberlink.master.devices.polhem.parameters import PARAMETERS
+from weberlink.master.devices.polhem.protocol import Counts6
 from weberlink.master.emulators.handle import Handle, HandleOptions
 from weberlink.master.emulators.polhem.host_wiring import HostWiring
 
 Currents = tuple[float, float, float]
-Counts6 = tuple[int, int, int, int, int, int]
 
 OFF: Currents = (0.0, 0.0, 0.0)
 WRIST_RAD = 0.3
@@ -50,19 +51,39 @@ class BoardOptions(BaseModel):
     )
     processing_s: float = Field(default=0.0002, ge=0.0, le=0.1, description="from a message to what it causes")
 
+    @property
+    def set_name(self) -> str:
+        return self.parameters or "woodenhaptics_2015"
+
+    def wiring(self) -> HostWiring:
+        """As a published host expects it; raises ValueError where none is published."""
+        raise NotImplementedError
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        self.wiring()
+        return self
+
 
 class PolhemBoard(FaultyDevice):
     """The board of an emulated device (see `weberlink.hardware.emulator`); subclasses speak the wire formats.
 
-    Args:
-        options: of the device.
-        name: of the parameter set of its mechanism.
-        wiring: as a published host expects it.
-        watchdog_s: how long the amplifiers stay on after a message [s].
+    Attributes:
+        messages: that came, right or wrong.
+        errors: wrong ones among them.
+        handle: in the hand.
+        currents_ma: in the motors now [mA].
+        largest_current_ma: that there has been in a motor [mA].
+        last_force_at: when there was last a current in any motor [s]; None for never.
+        enabled: whether the amplifiers are on.
+        watchdog_trips: how often they went off without a message.
 
     Raises:
         ValueError: it is to have a weight, and none is published.
     """
+
+    WATCHDOG_S: ClassVar[float]
+    """How long the amplifiers stay on after a message [s]."""
 
     OWN_FAULTS: ClassVar[Mapping[str, str]] = FAULTS
     fault_values: Mapping[str, range | float] = {
@@ -72,46 +93,59 @@ class PolhemBoard(FaultyDevice):
         **dict.fromkeys(("x_mm", "y_mm", "z_mm"), FARTHEST_MM),
     }
 
-    def __init__(self, options: BoardOptions, name: str, wiring: HostWiring, watchdog_s: float) -> None:
+    def __init__(self, options: BoardOptions) -> None:
         super().__init__()
-        self.messages = 0
-        """Messages that came, right or wrong."""
-        self.errors = 0
-        """Wrong ones among them."""
-        self._parameters = PARAMETERS[name]
+        self.messages = self.errors = 0
+        self._parameters = PARAMETERS[options.set_name]
         mechanism, (a, b, c) = self._parameters.mechanism, options.encoder_signs
-        if options.weight and mechanism.weight is None:
+        if options.weight and not mechanism.linkage.masses:
             raise ValueError("weight: no masses are published for this mechanism")
-        drive = wiring.wire(mechanism.drive)
-        d, e, f = drive.encoder_directions
-        g, h, i = drive.home_counts
+        wiring = options.wiring().on(mechanism.drive)
+        (d, e, f), (g, h, i) = wiring.encoder, wiring.home_counts
         # The home pose stays where it is: an encoder that counts the other way has its zero on the other side.
-        drive = replace(drive, encoder_directions=(a * d, b * e, c * f), home_counts=(a * g, b * h, c * i))
-        self.mechanism = replace(mechanism, drive=drive)
+        wiring = replace(wiring, encoder=(a * d, b * e, c * f), home_counts=(a * g, b * h, c * i))
+        self.mechanism = mechanism.driven(wiring=wiring)
         self.handle = Handle(options.handle)
         self.currents_ma: Currents = OFF
-        """Currents in the motors now [mA]."""
-        self.enabled = False
-        """Whether the amplifiers are on."""
-        self.watchdog_trips = 0
         self.largest_current_ma = 0.0
-        """Largest current there has been in a motor [mA]."""
         self.last_force_at: float | None = None
-        """When there was last a current in any motor [s]; None for never."""
+        self.enabled = False
+        self.watchdog_trips = 0
         self._button_pressed = False
         """Whether the calibration button was pressed since the board last looked."""
         self._weight = options.weight
         self._processing = options.processing_s
         self._motor_signs = options.motor_signs
-        self._watchdog = watchdog_s
         self._fed = True
         self._off_at: float | None = None
+        self._step_at: float | None = None
+        """When the board goes on: a message takes effect, or a report leaves."""
+        self._leaving: list[bytes] = []
         self._now: float | None = None
         self._zero: Counts6 = (0, 0, 0, 0, 0, 0)
         self._stuck: dict[int, int] = {}
         self._truth = self._true_counts(0.0)
         if not options.homed:
             self._zero = self._truth
+
+    def advance(self, now: float) -> None:
+        while self._step_at is not None and self._step_at <= now:
+            at, self._step_at = self._step_at, None
+            self._advance_to(at)
+            self._step(at, now)
+        self._advance_to(now)
+        self.take_faults()
+
+    @abstractmethod
+    def _step(self, at: float, now: float) -> None:
+        """Go on at `at` [s], which may be before `now`."""
+
+    def replies(self, now: float) -> list[bytes]:  # noqa: ARG002 - what leaves is made when it is due
+        leaving, self._leaving = self._leaving, []
+        return leaving
+
+    def next_timer(self) -> float | None:
+        return min((each for each in (self._step_at, self._off_at) if each is not None), default=None)
 
     @property
     def counts(self) -> Counts6:
@@ -127,11 +161,6 @@ class PolhemBoard(FaultyDevice):
         push = ZERO if self.currents_ma == OFF else self.mechanism.force(self.currents_ma, self._truth)
         return subtract(push, self.mechanism.carrying_force(self._truth)) if self._weight else push
 
-    @property
-    def position(self) -> Vector:
-        """Position of the handle in the device's frame [m]."""
-        return self.handle.position
-
     def _advance_to(self, now: float) -> None:
         """Move hand, encoders and watchdog on to `now` [s]."""
         if self._off_at is not None and now >= self._off_at:
@@ -145,7 +174,7 @@ class PolhemBoard(FaultyDevice):
         if not self._fed:
             return
         self.enabled = True
-        self._off_at = now + self._watchdog
+        self._off_at = now + self.WATCHDOG_S
         a, b, c = (sign * current for sign, current in zip(self._motor_signs, currents_ma, strict=True))
         self.currents_ma = (a, b, c)
         self.largest_current_ma = max(self.largest_current_ma, *map(abs, self.currents_ma))
@@ -153,7 +182,6 @@ class PolhemBoard(FaultyDevice):
             self.last_force_at = self._now
 
     def _set_counters(self, counts: Counts6) -> None:
-        """Set the counters to these counts."""
         a, b, c, d, e, f = (true - count for true, count in zip(self._truth, counts, strict=True))
         self._zero = (a, b, c, d, e, f)
 
@@ -167,6 +195,8 @@ class PolhemBoard(FaultyDevice):
                 self._switch_off()
                 self._fed = True
                 self._button_pressed = False
+                self._step_at = None
+                self._leaving.clear()
                 self._stuck.clear()
                 self._zero = self._truth
             case "trip_watchdog":

@@ -11,15 +11,14 @@ a driver with a wrong sign shows a wrong position or force.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import pi, tau
 from typing import Literal, get_args
 
-from weberlink.master.devices.polhem.linkages import Triple
-from weberlink.master.devices.polhem.mechanism import CableDrive, Counts, Signs
+from weberlink.master.devices.polhem.mechanism import CableDrive, Counts, Signs, Triple, Wiring
+from weberlink.master.devices.polhem.parameters import Board
 
 Host = Literal["hfabapi", "haptikfabrikenapi", "woody_experimental"]
-Wire = Literal["serial", "hid14", "hid8"]
 
 
 @dataclass(frozen=True)
@@ -44,28 +43,15 @@ class HostWiring:
     gimbal: Signs = (1, 1, 1)
     gimbal_zero: Counts = (0, 0, 0)
 
-    def wire(self, drive: CableDrive) -> CableDrive:
-        """The drive with these signs, at 0 counts in the home pose."""
+    def on(self, drive: CableDrive) -> Wiring:
+        """The wiring of a drive with these signs, at 0 counts in the home pose."""
         home = []
         for axis in range(3):
             per_count = tau / drive.counts_per_turn[axis] * drive.capstan_m[axis] / drive.body_m[axis]
             angle = self.motor[axis] * self.zero_counts[axis] * per_count + self.zero_rad[axis]
             home.append(round(angle / (self.encoder[axis] * per_count)))
         a, b, c = home
-        return replace(
-            drive,
-            encoder_directions=self.encoder,
-            motor_directions=self.motor,
-            home_counts=(a, b, c),
-            gimbal_directions=self.gimbal,
-            gimbal_home_counts=self.gimbal_zero,
-        )
-
-
-def _signs(flags: Counts) -> Signs:
-    """`motor_and_body_aligned`: -1 where the flag is set."""
-    a, b, c = (-1 if flag else 1 for flag in flags)
-    return (a, b, c)
+        return Wiring(self.encoder, self.motor, (a, b, c), self.gimbal, self.gimbal_zero)
 
 
 def _flagged(
@@ -76,12 +62,12 @@ def _flagged(
     *,
     negated: bool = False,
 ) -> HostWiring:
-    """From the flags of the newer hosts; `negated` if the host negates the counts."""
-    a, b, c = motor = _signs(flags)
-    return HostWiring((-a, -b, -c) if negated else motor, motor, zero, gimbal=gimbal, gimbal_zero=gimbal_zero)
+    """From the flags `motor_and_body_aligned` of the newer hosts; `negated` if the host negates the counts."""
+    a, b, c = (-1 if flag else 1 for flag in flags)
+    return HostWiring((-a, -b, -c) if negated else (a, b, c), (a, b, c), zero, gimbal=gimbal, gimbal_zero=gimbal_zero)
 
 
-HOST_WIRINGS: Mapping[tuple[Host, Wire], Mapping[str, HostWiring]] = {
+HOST_WIRINGS: Mapping[tuple[Host, Board], Mapping[str, HostWiring]] = {
     ("hfabapi", "serial"): {
         "woodenhaptics_2015": _flagged((0, 1, 1), (0, 0, -6000)),
         "woodenhaptics_2019": _flagged((0, 0, 0), (0, 0, 6000)),
@@ -109,11 +95,11 @@ HOST_WIRINGS: Mapping[tuple[Host, Wire], Mapping[str, HostWiring]] = {
     },
 }
 
-HOSTS: Mapping[Wire, Host] = {"serial": "hfabapi", "hid14": "haptikfabrikenapi", "hid8": "woody_experimental"}
+HOSTS: Mapping[Board, Host] = {"serial": "hfabapi", "hid14": "haptikfabrikenapi", "hid8": "woody_experimental"}
 """The default host for each board."""
 
 
-def host_wiring(name: str, wire: Wire, host: Host | None = None) -> HostWiring:
+def host_wiring(name: str, wire: Board, host: Host | None = None) -> HostWiring:
     """How a device with a set of parameters is wired on a kind of board.
 
     Raises:

@@ -7,20 +7,21 @@ they are answered with errors 8 and 256. One sensor of the gimbal is read per me
 
 import re
 from collections.abc import Mapping
-from typing import ClassVar, NamedTuple, Self
+from typing import ClassVar
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from weberlink.master.devices.polhem.options import Model
 from weberlink.master.devices.polhem.parameters import MODEL_SETS
-from weberlink.master.devices.polhem.serial_protocol import (
+from weberlink.master.devices.polhem.protocol import (
     CURRENT_LIMIT_MA,
     MODELS,
-    WATCHDOG_S,
-    SerialStatus,
+    SERIAL_WATCHDOG_S,
+    Counts6,
+    Sensors,
     encode_status,
 )
-from weberlink.master.emulators.polhem.board import FAULTS, BoardOptions, Counts6, Currents, PolhemBoard
+from weberlink.master.emulators.polhem.board import FAULTS, BoardOptions, Currents, PolhemBoard
 from weberlink.master.emulators.polhem.host_wiring import HostWiring, host_wiring
 
 BUFFER = 127
@@ -31,13 +32,6 @@ NUMBERS = {name: number for number, name in MODELS.items()}
 NO_COUNTS: Counts6 = (0, 0, 0, 0, 0, 0)
 
 _THREE = re.compile(rb"\[\s*([+-]?\d+),\s*([+-]?\d+),\s*([+-]?\d+)")
-
-
-class BracketMessage(NamedTuple):
-    """Bytes up to a closing bracket, and their error."""
-
-    text: bytes
-    error: int
 
 
 class PolhemSerialEmulatorOptions(BoardOptions):
@@ -52,17 +46,13 @@ class PolhemSerialEmulatorOptions(BoardOptions):
     def wiring(self) -> HostWiring:
         return host_wiring(self.set_name, "serial")
 
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        self.wiring()
-        return self
-
 
 class PolhemSerialEmulator(PolhemBoard):
     """See `weberlink.hardware.emulator`."""
 
     Options = PolhemSerialEmulatorOptions
     transport: ClassVar[str] = "serial"
+    WATCHDOG_S = SERIAL_WATCHDOG_S
     OWN_FAULTS: ClassVar[Mapping[str, str]] = {
         **FAULTS,
         "gimbal_error": "sensors of the gimbal that cannot be read: 1, 2, 4 or their sum; 0: none",
@@ -73,11 +63,11 @@ class PolhemSerialEmulator(PolhemBoard):
         options = PolhemSerialEmulatorOptions() if options is None else options
         self.model = self._true_model = NUMBERS[options.model]
         """Model number that it reports."""
-        super().__init__(options, options.set_name, options.wiring(), WATCHDOG_S)
+        super().__init__(options)
         self._waiting = b""
         self._buffer = b""
-        self._work: tuple[float, BracketMessage] | None = None
-        self._answers: list[bytes] = []
+        self._work = b"", 0
+        """The message that takes effect next, up to its closing bracket, and its error."""
         self._loops = 0
         self._counts = NO_COUNTS
         """Counts as last read, which an answer with an error repeats."""
@@ -87,29 +77,9 @@ class PolhemSerialEmulator(PolhemBoard):
         self._waiting += data
         self._begin(now)
 
-    def advance(self, now: float) -> None:
-        while self._work is not None and self._work[0] <= now:
-            at, message = self._work
-            self._work = None
-            self._advance_to(at)
-            self._calibrate()
-            self._answer(message, at)
-            self._begin(at)
-        self._advance_to(now)
-        self.take_faults()
-        self._calibrate()
-
-    def replies(self, now: float) -> list[bytes]:  # noqa: ARG002 - an answer leaves when it is made
-        answers, self._answers = self._answers, []
-        return answers
-
-    def next_timer(self) -> float | None:
-        due = [each for each in (self._work and self._work[0], self._off_at) if each is not None]
-        return min(due, default=None)
-
     def _begin(self, now: float) -> None:
         """Read up to the end of a message, unless the last one is still being processed (`await_message`)."""
-        if self._work is not None:
+        if self._step_at is not None:
             return
         end = self._waiting.find(b"]", 0, BUFFER - len(self._buffer))
         taken = end + 1 or BUFFER - len(self._buffer)
@@ -117,26 +87,32 @@ class PolhemSerialEmulator(PolhemBoard):
         self._waiting = self._waiting[taken:]
         if end < 0 and len(self._buffer) < BUFFER:
             return
-        message, self._buffer = BracketMessage(self._buffer, FULL if end < 0 else _framing(self._buffer)), b""
-        if end >= 0 and not message.error:
+        text, self._buffer, error = self._buffer, b"", 0
+        if end < 0:
+            error = FULL
+        elif b"[" not in text:
+            error = NO_BEGINNING
+        elif text.count(b",") != 2:  # commas before its beginning count too
+            error = NOT_THREE
+        else:
             waiting = self._waiting.lstrip(FILLING)  # dropped, as far as it has come by now
-            if waiting:
-                message = message._replace(error=TRAILING)
+            error = TRAILING if waiting else 0
             self._waiting = waiting[1:]
-        self._work = (now + self._processing, message)
+        self._work, self._step_at = (text, error), now + self._processing
 
-    def _answer(self, message: BracketMessage, now: float) -> None:
+    def _step(self, at: float, now: float) -> None:  # noqa: ARG002
+        text, error = self._work
         self.messages += 1
         self._loops += 1
-        error = message.error
-        currents = None if error else _currents(message.text)
+        currents = None if error else _currents(text)
         if currents is None:
             error = error or UNREADABLE
             self.errors += 1
         else:
-            self._drive(currents, now)
+            self._drive(currents, at)
             error = self._measure()
-        self._answers.append(encode_status(SerialStatus(self.model, self._counts, error)))
+        self._leaving.append(encode_status(Sensors(self._counts, model=self.model, error=error)))
+        self._begin(at)
 
     def _measure(self) -> int:
         """Read the motor encoders and one gimbal sensor in turn; gives the error bit of that sensor."""
@@ -149,29 +125,18 @@ class PolhemSerialEmulator(PolhemBoard):
         self._counts = (a, b, c, d, e, f)
         return error
 
-    def _calibrate(self) -> None:
-        if self._button_pressed:
-            self._button_pressed = False
-            self._set_counters(NO_COUNTS)
-            self._counts = NO_COUNTS
-
     def apply_fault(self, name: str, value: float) -> None:
         match name:
             case "wrong_model":
                 self.model = int(value) or self._true_model
             case "gimbal_error":
                 self._gimbal_error = int(value)
+            case "button":  # the board itself sets its counters to zero
+                self._set_counters(NO_COUNTS)
+                self._counts = NO_COUNTS
             case "restart":
-                self._waiting, self._buffer, self._work, self._counts = b"", b"", None, NO_COUNTS
-                self._answers.clear()
+                self._waiting, self._buffer, self._counts = b"", b"", NO_COUNTS
         super().apply_fault(name, value)
-
-
-def _framing(text: bytes) -> int:
-    """The error of a message that ends with a bracket; commas before its beginning count too."""
-    if b"[" not in text:
-        return NO_BEGINNING
-    return 0 if text.count(b",") == 2 else NOT_THREE
 
 
 def _currents(text: bytes) -> Currents | None:
@@ -179,9 +144,5 @@ def _currents(text: bytes) -> Currents | None:
     match = _THREE.match(text[text.rfind(b"[") :].split(b"\0")[0])
     if match is None:
         return None
-    a, b, c = (int(part) for part in match.groups())
-    return (_allowed(a), _allowed(b), _allowed(c))
-
-
-def _allowed(current_ma: int) -> float:
-    return float(current_ma) if abs(current_ma) <= CURRENT_LIMIT_MA else 0.0
+    a, b, c = (current if abs(current := float(part)) <= CURRENT_LIMIT_MA else 0.0 for part in match.groups())
+    return (a, b, c)

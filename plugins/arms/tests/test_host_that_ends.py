@@ -17,8 +17,8 @@ import pytest
 
 from tests.program import ROOT
 from tests.wait import PATIENCE, until
-from weberlink.hardware.emulator import PtyDevice
-from weberlink.hardware.emulators import EMULATORS
+from weberlink.hardware.emulator import EMULATORS
+from weberlink.testing.serving import PtyDevice
 from weberlink_arms.feetech.arm import SO101
 
 pytestmark = pytest.mark.realtime(alone=True)

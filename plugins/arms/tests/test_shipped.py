@@ -8,8 +8,8 @@ from tests.program import weberlink
 from weberlink.config import load
 from weberlink.figures.verdict import verdict
 from weberlink.protocol.keys import generate
+from weberlink.session.advice import measured_tick_s
 from weberlink.session.simulation import simulate
-from weberlink.session.tick_cost import measured_tick_s
 
 pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 

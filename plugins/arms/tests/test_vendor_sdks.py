@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.wait import until
-from weberlink.hardware.emulator import PtyDevice
+from weberlink.testing.serving import PtyDevice
 from weberlink_arms.dynamixel import registers
 from weberlink_arms.dynamixel.packet import FRAMING as DYNAMIXEL
 from weberlink_arms.emulators.feetech import FeetechEmulator

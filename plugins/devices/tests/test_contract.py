@@ -15,7 +15,7 @@ from plugins.devices.tests.force_dimension.fake import STATE, Devices
 from plugins.devices.tests.pads.test_gamepad import Pad
 from plugins.devices.tests.touch import fake_hd
 from weberlink.geometry.vector import ZERO, distance
-from weberlink.hardware.umockdev_input import EVENT
+from weberlink.hardware.emulator import EVENT
 from weberlink.hardware.worker import LOST_S
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.testing.devices import PUSH, DeviceBench, DeviceContract, ForceDeviceContract, StoppedHostContract, armed

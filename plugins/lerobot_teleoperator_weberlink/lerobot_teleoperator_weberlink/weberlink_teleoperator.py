@@ -7,8 +7,7 @@ from lerobot.teleoperators.teleoperator import Teleoperator
 from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
 
 from lerobot_teleoperator_weberlink.config_weberlink import WeberlinkTeleoperatorConfig
-from weberlink.cli.axis_units import AxisUnits
-from weberlink.cli.live_ends import LiveEnd, find_end
+from weberlink.cli.live_ends import AxisUnits, LiveEnd, find_end
 
 
 class WeberlinkTeleoperator(Teleoperator):

@@ -21,12 +21,11 @@ from weberlink.session.advice import advise, dry_run
 from weberlink.session.composition.channels import streams
 from weberlink.session.composition.link import build_security
 from weberlink.session.composition.slave import build_scene
-from weberlink.slave.robots.contract import Robot, RobotSpec, TimedRobot
+from weberlink.slave.robots.contract import Robot, RobotSpec
 from weberlink.slave.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from weberlink.arms.contract import ArmSpec
-    from weberlink.codec.bundle import BundleChannel
 
 UDP_IP_BYTES = 28
 SAMPLES = 2000
@@ -46,7 +45,7 @@ class Stream(NamedTuple):
     title: str
     coding: str
     most: float | None
-    channel: "Channel | BundleChannel"
+    channel: Channel
 
 
 def describe(configuration: Configuration) -> Iterator[str]:
@@ -91,9 +90,9 @@ def _hand_and_tool(system: System, device: Device | None, robot: Robot | None) -
         yield f"master    device {system.master.device.driver}{_detail(device)}, {_displayed(system, device)}"
         if system.master.mapping is not None:
             yield f"          mapped: {_mapping(system.master.mapping)}"
-    if isinstance(robot, TimedRobot):
-        robot.measure_steps(perf_counter)  # as the daemon does
     if robot is not None:
+        if hasattr(robot, "measure_steps"):
+            robot.measure_steps(perf_counter)  # as the daemon does
         silence = system.slave.limits.on_silence
         yield f"slave     robot {system.slave.robot.driver}{_detail(robot)}; on silence {silence}"
         yield from _measured(robot.spec)
@@ -212,11 +211,10 @@ def _choice(predictor: str, channel: Channel) -> str:
 
 
 def _streams_of_arms(system: System) -> Iterator[Stream]:
-    from weberlink.session.composition.joint_channels import joint_streams  # noqa: PLC0415 - for arms alone
 
     parts = {"joints": system.codec.joints, "gripper": system.codec.gripper}
     used = [(name, part.angle, part.torque) for name, part in parts.items() if part is not None]
-    for (name, angle, torque), forward, backward in zip(used, *joint_streams(system), strict=True):
+    for (name, angle, torque), forward, backward in zip(used, *streams(system), strict=True):
         coding = f"angles {angle.predictor}; bound {_each(angle.bound_rad)} rad"
         yield Stream(name, coding, angle.max_updates_per_s, forward)
         coding = f"torques {torque.predictor}; k = {torque.weber:g}, floor {_each(torque.floor_nm)} N m"

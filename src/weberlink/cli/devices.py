@@ -1,8 +1,8 @@
 """The `device list` command: lists drivers and the hardware plugged in, and suggests fixes. It opens no device."""
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
@@ -128,10 +128,12 @@ def survey(host: DeviceAccess | None = None, sides: Mapping[str, Sequence[Regist
     has_rules = rules.installed(here.rules)
     drivers: list[DriverStatus] = []
     for side, table in ((side, table) for side, tables in sides.items() for table in tables):
-        packages = _packages(table)
-        drivers.extend(
-            _Inspection(side, table, driver, packages.get(driver), here, has_rules).status() for driver in sorted(table)
-        )
+        packages = {
+            entry.name: entry.dist.name if entry.dist is not None else entry.value
+            for entry in entry_points(group=table.group or "")
+            if entry.name not in table.built_in
+        }
+        drivers.extend(_status(side, table, name, packages.get(name), here, has_rules) for name in sorted(table))
         drivers.extend(
             DriverStatus(side, driver, f"weberlink-{guest}", None, guest, ABSENT, (), (install_line(guest),))
             for driver, guest in sorted(table.absent().items())
@@ -139,101 +141,72 @@ def survey(host: DeviceAccess | None = None, sides: Mapping[str, Sequence[Regist
     return Survey(drivers, has_rules)
 
 
-@dataclass(frozen=True)
-class _Inspection:
-    """Examines one driver."""
-
-    side: str
-    table: Registry[Any]
-    driver: str
-    package: str | None
-    host: DeviceAccess
-    has_rules: bool
-
-    def status(self) -> DriverStatus:
-        try:
-            driver = self.table[self.driver]
-            if not isinstance(driver, type):
-                raise TypeError(f"{driver!r} is no class")  # noqa: TRY301 - as an error of its import
-        except Exception as error:  # another package may raise anything at import
-            why = str(error) if isinstance(error, PartError) else f"cannot be loaded: {in_words(error)}"
-            return self._status(None, None, BROKEN, (), why)
-        kind = "hardware" if is_hardware(driver) else "virtual"
-        package, extra = getattr(driver, "NEEDS", (None, None))
-        if package is not None and find_spec(package) is None:
-            return self._status(kind, extra, NO_EXTRA, (), install_line(str(extra)))
-        if kind == "virtual":
-            return self._status(kind, extra, READY)
-        return self._hardware(driver, extra)
-
-    def _hardware(self, driver: Any, extra: str | None) -> DriverStatus:
-        try:
-            listed = driver.plugged() if hasattr(driver, "plugged") else None
-        except Exception as error:  # a listing that fails must not hide the other drivers
-            return self._status("hardware", extra, BROKEN, (), f"plugged devices cannot be listed: {in_words(error)}")
-        if listed is None:
-            return self._status("hardware", extra, UNSEEN)
-        plugged = tuple(listed)
-        states = [self._state(found) for found in plugged]
-        advice = [line for found, state in zip(plugged, states, strict=True) for line in self._advice(found, state)]
-        usable = [found for found, state in zip(plugged, states, strict=True) if state == READY]
-        if len(usable) > 1:
-            choices = " or ".join(f"port: {self._lasting(found.path)}" for found in usable)
-            choices = getattr(driver, "CHOSEN_BY", choices)
-            advice.append(f"{len(usable)} are plugged in; say which under {SECTIONS[self.side]}: {choices}")
-        state = READY if usable else states[0] if states else NOTHING
-        return self._status("hardware", extra, state, plugged, *advice)
-
-    def _status(
-        self, kind: str | None, extra: str | None, state: str, plugged: tuple[PluggedDevice, ...] = (), *advice: str
-    ) -> DriverStatus:
-        tier = getattr(self.table[self.driver], "TIER", None) if kind == "hardware" else None
-        return DriverStatus(self.side, self.driver, self.package, kind, extra, state, plugged, advice, tier)
-
-    def _state(self, found: PluggedDevice) -> str:
-        if found.path.startswith("/") and not self.host.accessible(found.path):
-            return NO_PERMISSION if self.has_rules or not rules.covers(self.package) else NO_RULES
-        return READY if found.problem is None else UNUSABLE
-
-    def _advice(self, found: PluggedDevice, state: str) -> Iterator[str]:
-        if state == NO_RULES:
-            yield rules.install_line()
-        elif state == NO_PERMISSION:
-            yield rules.group_line(found.path, self.host.groups) or (
-                f"unplug {found.path} and plug it in again: it was plugged in before the rules were installed"
-                if rules.covers(self.package)
-                else f"no permission to open {found.path}; {self.package} documents the udev rule that it needs"
-            )
-        elif state == UNUSABLE:
-            yield f"{found.path}: {found.problem}"
-        else:
-            yield from self._latency(found)
-
-    def _latency(self, found: PluggedDevice) -> Iterator[str]:
-        """Advice for a slow latency timer, which only FTDI chips have."""
-        timer = self.host.ttys / Path(found.path).name / "device" / "latency_timer"
-        try:
-            latency_ms = int(timer.read_text())
-        except (OSError, ValueError):
-            return
-        if latency_ms > LATENCY_MS:
-            by_hand = f"echo {LATENCY_MS} | sudo tee {timer}"
-            line = by_hand if self.has_rules or not rules.covers(self.package) else rules.install_line()
-            yield f"{found.path} delays replies by {latency_ms} ms (latency timer): {line}"
-
-    def _lasting(self, path: str) -> str:
-        """The stable name of a port, if it has one."""
-        try:
-            links = sorted(self.host.links.iterdir())
-        except OSError:
-            return path
-        return next((str(link) for link in links if os.path.realpath(link) == os.path.realpath(path)), path)
+def _status(
+    side: str, table: Registry[Any], name: str, package: str | None, host: DeviceAccess, has_rules: bool
+) -> DriverStatus:
+    """Examine one driver."""
+    try:
+        driver = table[name]
+        if not isinstance(driver, type):
+            raise TypeError(f"{driver!r} is no class")  # noqa: TRY301 - as an error of its import
+    except Exception as error:  # another package may raise anything at import
+        why = str(error) if isinstance(error, PartError) else f"cannot be loaded: {in_words(error)}"
+        return DriverStatus(side, name, package, None, None, BROKEN, (), (why,))
+    needed, extra = getattr(driver, "NEEDS", (None, None))
+    kind, tier = ("hardware", getattr(driver, "TIER", None)) if is_hardware(driver) else ("virtual", None)
+    found = DriverStatus(side, name, package, kind, extra, READY, tier=tier)
+    if needed is not None and find_spec(needed) is None:
+        return replace(found, state=NO_EXTRA, advice=(install_line(str(extra)),))
+    if kind == "virtual":
+        return found
+    try:
+        listed = driver.plugged() if hasattr(driver, "plugged") else None
+    except Exception as error:  # a listing that fails must not hide the other drivers
+        return replace(found, state=BROKEN, advice=(f"plugged devices cannot be listed: {in_words(error)}",))
+    if listed is None:
+        return replace(found, state=UNSEEN)
+    plugged = tuple(listed)
+    states = [_device_state(device, package, host, has_rules) for device in plugged]
+    advice = [line for _, line in states if line]
+    usable = [device for device, (state, _) in zip(plugged, states, strict=True) if state == READY]
+    if len(usable) > 1:
+        choices = " or ".join(f"port: {_lasting(device.path, host.links)}" for device in usable)
+        choices = getattr(driver, "CHOSEN_BY", choices)
+        advice.append(f"{len(usable)} are plugged in; say which under {SECTIONS[side]}: {choices}")
+    state = READY if usable else states[0][0] if states else NOTHING
+    return replace(found, state=state, plugged=plugged, advice=tuple(advice))
 
 
-def _packages(table: Registry[Any]) -> dict[str, str]:
-    """Driver name to package, for drivers of other packages."""
-    return {
-        entry.name: entry.dist.name if entry.dist is not None else entry.value
-        for entry in entry_points(group=table.group or "")
-        if entry.name not in table.built_in
-    }
+def _device_state(
+    device: PluggedDevice, package: str | None, host: DeviceAccess, has_rules: bool
+) -> tuple[str, str | None]:
+    """State of a device that is plugged in, and what to do about it."""
+    path, covered = device.path, rules.covers(package)
+    if path.startswith("/") and not host.accessible(path):
+        if covered and not has_rules:
+            return NO_RULES, rules.install_line()
+        group = rules.group_line(path, host.groups)
+        if group is None and covered:
+            group = f"unplug {path} and plug it in again: it was plugged in before the rules were installed"
+        return NO_PERMISSION, group or f"no permission to open {path}; {package} documents the udev rule that it needs"
+    if device.problem is not None:
+        return UNUSABLE, f"{path}: {device.problem}"
+    timer = host.ttys / Path(path).name / "device" / "latency_timer"  # which only FTDI chips have
+    try:
+        latency_ms = int(timer.read_text())
+    except (OSError, ValueError):
+        return READY, None
+    if latency_ms <= LATENCY_MS:
+        return READY, None
+    by_hand = f"echo {LATENCY_MS} | sudo tee {timer}"
+    line = by_hand if has_rules or not covered else rules.install_line()
+    return READY, f"{path} delays replies by {latency_ms} ms (latency timer): {line}"
+
+
+def _lasting(path: str, links: Path) -> str:
+    """The stable name of a port, if it has one."""
+    try:
+        named = sorted(links.iterdir())
+    except OSError:
+        return path
+    return next((str(link) for link in named if os.path.realpath(link) == os.path.realpath(path)), path)

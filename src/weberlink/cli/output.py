@@ -7,39 +7,21 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Any, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
-from weberlink.order import COMPLETED, FAILED, INTERRUPTED, MISCONFIGURED
+from weberlink.order import COMPLETED, FAILED, MISCONFIGURED
 from weberlink.registry import fault_of
 from weberlink.session.targets import STANDARD_OUTPUT
 
 if TYPE_CHECKING:
-    from rich.console import Console, RenderableType
+    from rich.console import Console
 
     from weberlink.figures.tree import Figures
 
 PROGRESS_EVERY_S = 10.0
 """Least time between two lines about the progress of a command without a terminal [s]."""
-
-
-class Study(Protocol):
-    """Results of a study command."""
-
-    @property
-    def document(self) -> dict[str, Any]: ...
-
-    @property
-    def table(self) -> "RenderableType": ...
-
-    @property
-    def figures(self) -> Callable[[Path], None] | None: ...
-
-    @property
-    def interrupted(self) -> str: ...
-
-    def draw(self, folder: Path) -> None: ...
 
 
 @contextmanager
@@ -122,31 +104,6 @@ def attempt(write: Callable[[], object], where: Path) -> str | None:
     except OSError as error:
         return f"{where}: cannot be written: {error.strerror}"
     return None
-
-
-def publish(study: Study, json_out: Path | None, plots: Path | None) -> None:
-    """Print, write and draw the results of a study; a failure of one does not prevent the others.
-
-    After Ctrl-C these are the partial results, and the exit status is `INTERRUPTED`.
-    """
-    document = study.document | ({"interrupted": True} if study.interrupted else {})
-    failed = None
-    try:
-        write(document, json_out, lambda console: console.print(study.table))
-    except typer.Exit as exit_:
-        failed = exit_
-    kept = "printed" if json_out is None else "in the JSON above" if json_out == STANDARD_OUTPUT else f"in {json_out}"
-    try:
-        problem = None if plots is None else attempt(lambda: study.draw(plots), plots)
-    except KeyboardInterrupt:
-        fail(f"interrupted while drawing: the results are {kept}, not all figures are in {plots}", INTERRUPTED)
-    if problem is not None:
-        fail(problem, FAILED)
-    if failed is not None:
-        raise failed
-    if study.interrupted:
-        undrawn = "; no figures are drawn of them" if plots is not None and study.figures is None else ""
-        fail(f"interrupted: {study.interrupted} are done, and {kept}{undrawn}", INTERRUPTED)
 
 
 def finish(

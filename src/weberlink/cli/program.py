@@ -17,8 +17,8 @@ class Program(CommandGroup):
 
     topics: ClassVar = {
         "Run": {name: f"{_HERE}.sessions:{name}" for name in ("loopback", "master", "slave", "simulate")},
-        "Look": {name: f"{_HERE}.look:{name}" for name in ("check", "doctor", "bridge")},
-        "Setup": {name: f"{_HERE}.setup:{name}" for name in ("device", "keygen", "configs")},
+        "Look": {name: f"{_HERE}.commands:{name}" for name in ("check", "doctor", "bridge")},
+        "Setup": {name: f"{_HERE}.commands:{name}" for name in ("device", "keygen", "configs")},
     }
     extended_by = "weberlink.commands"
 

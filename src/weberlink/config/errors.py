@@ -1,17 +1,20 @@
 """Configuration errors in one line: field path, what was expected, and the nearest known key."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from importlib.util import find_spec
 from traceback import format_exception
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
+from pydantic.errors import PydanticInvalidForJsonSchema
 from pydantic_core import ErrorDetails
 
 from weberlink.installation import install_line
 from weberlink.registry import PartError, fault_of
+
+M = TypeVar("M", bound=BaseModel)
 
 
 class ConfigurationError(ValueError):
@@ -32,12 +35,123 @@ def trace_of(error: BaseException) -> list[str]:
     return []
 
 
+def require_package(package: str, extra: str, asked: str) -> None:
+    """Require an optional package.
+
+    Args:
+        package: import name.
+        extra: extra of this project that installs it.
+        asked: the option or key that needs it, as the user wrote it.
+
+    Raises:
+        ConfigurationError: it is not installed.
+    """
+    if find_spec(package) is None:
+        raise ConfigurationError(f"{asked}: needs {package}; install it with: {install_line(extra)}")
+
+
 STUCK = re.compile(r"[ \t]*(?:- )?([A-Za-z_]\w*:)(?=[^\s:/])")
 """A key whose value follows without a space: for YAML, both are one word."""
 
 
 def no_space(stuck: re.Match[str]) -> str:
     return f'a space is missing behind "{stuck[1]}"'
+
+
+def one_of(known: Sequence[str], given: object) -> str:
+    """What a value that is none of several names should be; with the nearest of them."""
+    nearest = get_close_matches(str(given), known, n=1)
+    listed = f"{', '.join(map(repr, known[:-1]))} or {known[-1]!r}" if len(known) > 1 else repr(known[0])
+    return f"should be {listed}, not {given!r}" + (f"; did you mean {nearest[0]}?" if nearest else "")
+
+
+def validated(model: type[M], document: Mapping[str, Any], *where: str, strict: bool | None = None) -> M:
+    """Settings of a part of a file.
+
+    Args:
+        model: of the settings.
+        document: the part, as YAML has it.
+        where: path of the part.
+        strict: whether a text is no number.
+
+    Raises:
+        ConfigurationError: for the first of its errors.
+    """
+    try:
+        return model.model_validate(document, strict=strict)
+    except ValidationError as error:
+        raise ConfigurationError(_line(error, model, document, where)) from None
+
+
+def _line(error: ValidationError, model: type[BaseModel], document: Mapping[str, Any], where: tuple[str, ...]) -> str:
+    """The first error; a wrong key comes before the missing one that it may stand for."""
+    errors = error.errors(include_url=False)
+    first = errors[0]
+    path = _path(first, document)
+    if first["type"] == "missing":
+        siblings = (each for each in errors if each["loc"][:-1] == first["loc"][:-1])
+        first = next((each for each in siblings if each["type"] == "extra_forbidden"), first)
+    elif len(path) < len(first["loc"]):  # of a setting of several forms, the error of the form that the value has
+        alike = (each for each in errors if each["loc"][: len(path)] == first["loc"][: len(path)])
+        first = next((each for each in alike if each["type"] not in _EXPECTED), first)
+    path = _path(first, document)
+    shown = ".".join((*where, *map(str, path))) or "the file"
+    if first["type"] == "extra_forbidden":
+        return f"{shown}: unknown key{_hint(model, document, path)}"
+    if not path and first["type"] == "value_error":  # of several fields; the message names them
+        return _expectation(first)
+    return f"{shown}: {_expectation(first)}"
+
+
+def _path(error: ErrorDetails, document: Any) -> list[int | str]:
+    """The keys and indices of an error; its location has tags and forms of settings too, which no document has."""
+    path: list[int | str] = []
+    for part in error["loc"]:
+        if isinstance(document, Mapping | Sequence) and not isinstance(document, str):
+            try:
+                document = document[part]  # type: ignore[index]
+            except (KeyError, IndexError, TypeError):
+                continue
+            path.append(part)
+    return [*path, error["loc"][-1]] if error["type"] == "missing" else path
+
+
+def _hint(model: type[BaseModel], document: Any, path: Sequence[int | str]) -> str:
+    """The nearest of the keys that are known in the place of an unknown one, or all of them; or where it may belong."""
+    try:
+        schema = model.model_json_schema()
+    except PydanticInvalidForJsonSchema:
+        return ""
+    definitions = schema.get("$defs", {})
+    nodes = list(_mappings(schema, definitions, document))
+    for part in path[:-1]:
+        document = document[part]
+        below = [node["items"] if isinstance(part, int) else node["properties"][part] for node in nodes]
+        nodes = [each for node in below for each in _mappings(node, definitions, document)]
+    keys = {name: each for node in nodes for name, each in node.get("properties", {}).items()}
+    close = get_close_matches(str(path[-1]), keys, n=1, cutoff=0.5)
+    hint = f"; did you mean {close[0]}?" if close else f"; known are {', '.join(sorted(keys))}" if keys else ""
+    takes_any = [
+        name
+        for name, each in keys.items()
+        if any(node.get("additionalProperties") is True for node in _mappings(each, definitions, {}))
+    ]
+    if len(takes_any) == 1:
+        hint += f"; options of a driver belong into {'.'.join(map(str, (*path[:-1], *takes_any)))}"
+    return hint
+
+
+def _mappings(node: dict[str, Any], definitions: dict[str, Any], document: Any) -> Iterator[dict[str, Any]]:
+    """The forms of a JSON Schema that a part of a document may have: mappings that have its tags, and lists."""
+    if "$ref" in node:
+        node = definitions[node["$ref"].rpartition("/")[2]]
+    for each in node.get("anyOf", node.get("oneOf", ())):
+        yield from _mappings(each, definitions, document)
+    fields = node.get("properties", {}).items()
+    tags = {name: field["const"] for name, field in fields if "const" in field}
+    is_tagged = isinstance(document, Mapping) and any(document.get(name, tag) != tag for name, tag in tags.items())
+    if ("items" in node if isinstance(document, list) else "properties" in node) and not is_tagged:
+        yield node
 
 
 _EXPECTED = {
@@ -60,98 +174,6 @@ _EXPECTED = {
 """What a value should be, by the type of error of pydantic, whose own words name its classes."""
 
 
-def describe(error: ValidationError, model: type[BaseModel], where: tuple[str, ...]) -> str:
-    """Describe the first error in one line; a wrong key comes before the missing one that it may stand for."""
-    errors = error.errors(include_url=False)
-    unknown = (
-        each for each in errors if each["type"] == "extra_forbidden" and each["loc"][:-1] == errors[0]["loc"][:-1]
-    )
-    first = next(unknown, errors[0]) if errors[0]["type"] == "missing" else _nearest_form(errors)
-    location, known, sections = _place(model, tuple(str(part) for part in first["loc"]))
-    path = ".".join((*where, *location)) or "the file"
-    if first["type"] == "extra_forbidden":
-        return f"{path}: unknown key{_nearest(location[-1], known)}{sections}"
-    if not location and first["type"] == "value_error":  # of several fields; the message names them
-        return _expectation(first)
-    return f"{path}: {_expectation(first)}"
-
-
-_FORM = re.compile(r"constrained-\w+|`?(tuple|list)\[.*|float|int")
-"""How pydantic names the forms of a setting that may be a number or a list."""
-
-
-def _nearest_form(errors: Sequence[ErrorDetails]) -> ErrorDetails:
-    """The first error; of a setting of several forms, that of the form which the value has."""
-    first = errors[0]
-    at = next((place for place, part in enumerate(first["loc"]) if _FORM.fullmatch(str(part))), None)
-    if at is None:
-        return first
-    alike = (each for each in errors if each["loc"][:at] == first["loc"][:at] and each["type"] not in _EXPECTED)
-    return next(alike, first)
-
-
-def one_of(known: Sequence[str], given: object) -> str:
-    """What a value that is none of several names should be; with the nearest of them."""
-    nearest = get_close_matches(str(given), known, n=1)
-    listed = f"{', '.join(map(repr, known[:-1]))} or {known[-1]!r}" if len(known) > 1 else repr(known[0])
-    return f"should be {listed}, not {given!r}" + (f"; did you mean {nearest[0]}?" if nearest else "")
-
-
-def _nearest(key: str, known: list[str]) -> str:
-    close = get_close_matches(key, known, n=1, cutoff=0.5)
-    if close:
-        return f"; did you mean {close[0]}?"
-    return f"; known are {', '.join(known)}" if known else ""
-
-
-def _place(model: type[BaseModel], location: tuple[str, ...]) -> tuple[list[str], list[str], str]:
-    """The path of a location as the file has it, the keys that are known beside its last part, and where others belong.
-
-    The parts of a location are keys, indices, tags of unions and forms of a setting; the file has no tags or forms.
-    """
-    candidates, sections = [model], ""
-    path: list[str] = []
-    known: list[str] = []
-    for part in location:
-        open_ = [
-            name for each in candidates for name, field in each.model_fields.items() if _takes_any(field.annotation)
-        ]
-        sections = f"; options of a driver belong into {'.'.join([*path, *open_])}" if len(open_) == 1 else ""
-        known = sorted({name for candidate in candidates for name in candidate.model_fields})
-        having = [candidate for candidate in candidates if part in candidate.model_fields]
-        tagged = [candidate for candidate in candidates if part in _tags(candidate)]
-        if tagged and not having:
-            candidates = tagged
-            continue
-        if _FORM.fullmatch(part) and not having:
-            continue
-        path.append(part)
-        below = [child for each in having for child in _models_in(each.model_fields[part].annotation)]
-        candidates = below or candidates
-    return path, known, sections
-
-
-def _takes_any(annotation: Any) -> bool:
-    """Whether a field holds keys that its driver knows."""
-    return any(each.model_config.get("extra") == "allow" for each in _models_in(annotation))
-
-
-def _models_in(annotation: Any) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation, *getattr(annotation, "variants", list)()]
-    return [model for argument in getattr(annotation, "__args__", ()) for model in _models_in(argument)]
-
-
-def _tags(model: type[BaseModel]) -> set[str]:
-    """Literal values of a model's fields, which select it from a union."""
-    return {
-        value
-        for field in model.model_fields.values()
-        for value in getattr(field.annotation, "__args__", ())
-        if isinstance(value, str)
-    }
-
-
 def _expectation(error: ErrorDetails) -> str:
     message = error["msg"].removeprefix("Value error, ").removeprefix("Input ")
     given = error["input"]
@@ -165,18 +187,3 @@ def _expectation(error: ErrorDetails) -> str:
     shown = "" if isinstance(given, (dict, BaseModel)) else f", not {given!r}"
     stuck = STUCK.match(given) if isinstance(given, str) and "mapping" in message else None
     return f"{message}{shown}" if stuck is None else f"{message}{shown}; {no_space(stuck)}"
-
-
-def require_package(package: str, extra: str, asked: str) -> None:
-    """Require an optional package.
-
-    Args:
-        package: import name.
-        extra: extra of this project that installs it.
-        asked: the option or key that needs it, as the user wrote it.
-
-    Raises:
-        ConfigurationError: it is not installed.
-    """
-    if find_spec(package) is None:
-        raise ConfigurationError(f"{asked}: needs {package}; install it with: {install_line(extra)}")

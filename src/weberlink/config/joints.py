@@ -4,11 +4,12 @@ A setting for each axis is one number for all of them, or a list with one for ea
 limits, the gripper last where `codec.gripper` is given.
 """
 
-from typing import Annotated, Literal, Self, TypeVar
+from collections.abc import Iterator
+from typing import Annotated, Literal, TypeVar
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from weberlink.config.deadband import Settings
+from weberlink.config.settings import Settings
 from weberlink.geometry.joints import MOST_JOINTS, Joints
 
 JointName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$")]
@@ -79,10 +80,9 @@ class JointCodecSettings(Settings):
     angle: AngleCodecSettings = AngleCodecSettings()
     torque: JointTorqueCodecSettings = JointTorqueCodecSettings()
 
-    @model_validator(mode="after")
-    def _one_each(self) -> Self:
+    def contradictions(self) -> Iterator[str]:
         if len(set(self.names)) != len(self.names):
-            raise ValueError("names: names each joint once")
+            yield "names: names each joint once"
         for name, setting in (
             ("angle.bound_rad", self.angle.bound_rad),
             ("angle.coupling_nm_rad", self.angle.coupling_nm_rad),
@@ -91,8 +91,7 @@ class JointCodecSettings(Settings):
             try:
                 per_axis(setting or 0.0, len(self.names))
             except ValueError as error:
-                raise ValueError(f"{name} {error}") from None
-        return self
+                yield f"{name} {error}"
 
 
 class GripperAngleSettings(AngleCodecSettings):

@@ -3,96 +3,92 @@
 The options of a device or robot driver belong to the driver, and are validated once its name is known.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Iterator
+from functools import partial
 from ipaddress import ip_address, ip_network
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    GetCoreSchemaHandler,
-    GetJsonSchemaHandler,
-    field_validator,
-    model_validator,
-)
-from pydantic_core.core_schema import CoreSchema, no_info_after_validator_function
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from weberlink.arms.mapping import LeaderMappingSettings
-from weberlink.codec.predictors import ADAPTIVE, ADAPTIVE_BANK, BANKS, HYBRID, HYBRID_BANK, PREDICTORS, Predictor
-from weberlink.config.deadband import ISOTROPIC_SETTINGS, DeadbandSettings, Settings
-from weberlink.config.errors import one_of
+from weberlink.codec.deadband import ISOTROPIC
+from weberlink.codec.predictors import ADAPTIVE_BANK, BANKS, HYBRID_BANK, PREDICTORS
 from weberlink.config.joints import (
     FollowerLimits,
     GripperCodecSettings,
     JointCodecSettings,
     LeaderLimits,
 )
+from weberlink.config.settings import (
+    DeadbandSettings,
+    Interval,
+    PredictedSettings,
+    PredictorFor,
+    Settings,
+    rising,
+    settings_of,
+)
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.table import SchemeName
 from weberlink.protocol.endpoint import MOST_TICKS
 from weberlink.protocol.handshake import check_name
-from weberlink.protocol.round_trip import LONGEST as LONGEST_ROUND_TRIP
+from weberlink.protocol.negotiation import LONGEST as LONGEST_ROUND_TRIP
 from weberlink.protocol.session import LONGEST_SILENCE
 from weberlink.slave.scenes.settings import SceneSettings
 from weberlink.update import MAX_SELECTOR
 
-
-class PredictorFor:
-    """Validates the name of a predictor that suits a channel.
-
-    Args:
-        suits: whether a predictor may be used on the channel.
-        others: names that are allowed too.
-    """
-
-    def __init__(self, suits: Callable[[Predictor], bool], *others: str) -> None:
-        self._suits = suits
-        self._others = others
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return no_info_after_validator_function(self._check, handler(source))
-
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return handler(schema) | {"enum": self._known()}
-
-    def _check(self, name: str) -> str:
-        if name in self._others or (name in PREDICTORS and self._suits(PREDICTORS[name])):  # imports no other one
-            return name
-        raise ValueError(one_of([*self._known(), *self._installed()], name))
-
-    def built_in(self) -> list[str]:
-        return [name for name in PREDICTORS.built_in if self._suits(PREDICTORS[name])]
-
-    def _known(self) -> list[str]:
-        return [*self.built_in(), *self._others]
-
-    def _installed(self) -> Iterator[str]:
-        """Suitable predictors of other distributions; none that cannot be imported."""
-        for name in PREDICTORS:
-            with suppress(ImportError, ValueError):
-                if name not in PREDICTORS.built_in and self._suits(PREDICTORS[name]):
-                    yield name
-
+if TYPE_CHECKING:
+    from weberlink.protocol.emulation import Emulation
 
 _BANK_SIZE = Field(min_length=1, max_length=MAX_SELECTOR + 1)
-_FORCE = PredictorFor(lambda _: True)
-_TORQUE = PredictorFor(lambda predictor: not predictor.describes_contact)
-_POSITION = PredictorFor(lambda predictor: not predictor.geometric)
-ForceBank = Annotated[tuple[Annotated[str, _FORCE], ...], _BANK_SIZE]
-TorqueBank = Annotated[tuple[Annotated[str, _TORQUE], ...], _BANK_SIZE]
-PositionBank = Annotated[tuple[Annotated[str, _POSITION], ...], _BANK_SIZE]
-ForcePredictor = Annotated[str, PredictorFor(lambda _: True, *BANKS)]
-TorquePredictor = Annotated[str, PredictorFor(lambda predictor: not predictor.describes_contact, *BANKS)]
-PositionPredictor = Annotated[str, PredictorFor(lambda predictor: not predictor.geometric, *BANKS)]
+ForceBank = Annotated[tuple[Annotated[str, PredictorFor("force")], ...], _BANK_SIZE]
+TorqueBank = Annotated[tuple[Annotated[str, PredictorFor("torque")], ...], _BANK_SIZE]
+PositionBank = Annotated[tuple[Annotated[str, PredictorFor("position")], ...], _BANK_SIZE]
+ForcePredictor = Annotated[str, PredictorFor("force", *BANKS)]
+TorquePredictor = Annotated[str, PredictorFor("torque", *BANKS)]
+PositionPredictor = Annotated[str, PredictorFor("position", *BANKS)]
 
 Axes = Literal["x", "y", "z", "xy", "xz", "yz", "xyz"]
-Range = tuple[Annotated[float, Field(gt=0, le=1e9)], Annotated[float, Field(gt=0, le=1e9)]]
-Interval = tuple[float, float]
+Positive = Annotated[float, Field(gt=0, le=1e9)]
+Range = Annotated[tuple[Positive, Positive], AfterValidator(rising)]
 Name = Annotated[str, AfterValidator(check_name)]
+
+
+def split_address(text: str) -> tuple[str, int]:
+    """Host and port of "host:port" or "[v6]:port".
+
+    Raises:
+        ValueError: if it is neither.
+    """
+    host, colon, port = text.rpartition(":")
+    if not (colon and host.strip("[]") and port.isdigit() and int(port) < 65_536):
+        raise ValueError(f"must be host:port, not {text!r}")
+    if ":" in host and not (host.startswith("[") and host.endswith("]")):
+        raise ValueError(f"must be host:port, an IPv6 address in brackets as [::1]:47000, not {text!r}")
+    return host.strip("[]"), int(port)
+
+
+EXAMPLES = [ip_network(text) for text in ("192.0.2.0/24", "198.51.100.0/24", "203.0.113.0/24", "2001:db8::/32")]
+"""Addresses for documentation (RFC 5737, RFC 3849), which nobody has: placeholders of shipped files."""
+
+
+def is_placeholder(host: str) -> bool:
+    """Whether a host is an address for documentation, in the place of which one's own is to be put."""
+    try:
+        address = ip_address(host.partition("%")[0])
+    except ValueError:
+        return False
+    return any(address in network for network in EXAMPLES)
+
+
+def is_loopback(address: str) -> bool:
+    """Whether both ends of a "host:port" are on this host."""
+    host, _ = split_address(address)
+    try:
+        return host == "localhost" or ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def _host_and_port(text: str) -> str:
@@ -122,44 +118,6 @@ JOINT_SCHEMES = ("none", "bounded")
 """Control schemes for arms led joint by joint."""
 
 
-class PredictedSettings(Settings):
-    """The predictors of a channel."""
-
-    @classmethod
-    def adaptive_bank(cls) -> Sequence[str]:
-        """The bank of `adaptive` by default."""
-        raise NotImplementedError
-
-    predictor: str
-    bank: tuple[str, ...]
-    max_updates_per_s: float | None = Field(default=None, ge=1, le=10_000)
-    """Largest rate of updates in the long run, after a burst of half a second's worth (at least 16): a signal that
-    would send more widens the deadband smoothly. None for no limit. Updates that the link loses are sent again beside
-    it."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _usual_bank(cls, data: Any) -> Any:
-        if isinstance(data, dict) and data.get("predictor") == ADAPTIVE and "bank" not in data:
-            return {**data, "bank": cls.adaptive_bank()}
-        return data
-
-    @field_validator("bank")
-    @classmethod
-    def _distinct(cls, bank: tuple[str, ...]) -> tuple[str, ...]:
-        if len(set(bank)) != len(bank):
-            raise ValueError("names each predictor once")
-        return bank
-
-    @model_validator(mode="after")
-    def _fitting(self) -> Self:
-        others = [name for name in self.bank if name not in HYBRID_BANK] if self.predictor == HYBRID else []
-        estimated = [name for name in others if PREDICTORS[name].estimated]
-        if estimated:
-            raise ValueError(f"bank: {', '.join(estimated)} in a bank needs predictor: {ADAPTIVE}, not {HYBRID}")
-        return self
-
-
 class DirectionFaults(Settings):
     """Faults of one direction of the link."""
 
@@ -183,6 +141,28 @@ class DirectionFaults(Settings):
     """Times in which nothing arrives: pairs of start and duration, or triples of start, duration and period for a link
     that flaps: [2, 0.1, 0.2] drops everything for the first 100 ms of every 200 ms, from 2 s on."""
 
+    def emulation(self) -> "Emulation":
+        """In SI units."""
+        from weberlink.protocol.emulation import Emulation  # noqa: PLC0415 - only where a file asks for it
+
+        return Emulation(
+            delay_s=self.delay_ms * 1e-3,
+            jitter_s=self.jitter_ms * 1e-3,
+            loss=self.loss,
+            burst=self.burst,
+            reorder=self.reorder,
+            duplicate=self.duplicate,
+            corrupt=self.corrupt,
+            rate_bit_s=None if self.rate_kbit_s is None else self.rate_kbit_s * 1e3,
+            blackouts=self.blackouts_s,
+        )
+
+    def contradictions(self) -> Iterator[str]:
+        try:
+            self.emulation()
+        except ValueError as error:  # such as a loss that these bursts cannot have
+            yield str(error)
+
 
 class EmulationSettings(DirectionFaults):
     """Faults put on each side's outgoing datagrams, seeded; the same in both directions unless one is set apart."""
@@ -197,11 +177,16 @@ class EmulationSettings(DirectionFaults):
     @property
     def directions(self) -> tuple[DirectionFaults, DirectionFaults]:
         """Faults of the way to the slave, and of the way to the master."""
+        both = {name: getattr(self, name) for name in DirectionFaults.model_fields}
         to_slave, to_master = (
-            self if own is None else self.model_copy(update={name: getattr(own, name) for name in own.model_fields_set})
+            DirectionFaults(**both | ({} if own is None else own.model_dump(exclude_unset=True)))
             for own in (self.to_slave, self.to_master)
         )
         return to_slave, to_master
+
+    def contradictions(self) -> Iterator[str]:
+        for direction in self.directions:
+            yield from direction.contradictions()
 
 
 class NameSettings(Settings):
@@ -256,17 +241,15 @@ class LinkSettings(Settings):
     emulate: EmulationSettings | None = None
     """Faults to put on the link; leave out for a real one."""
 
-    @model_validator(mode="after")
-    def _trust(self) -> "LinkSettings":
+    def contradictions(self) -> Iterator[str]:
         if self.finder is not None:
             if "security" in self.model_fields_set:
-                raise ValueError("finder has the key; leave security out, or finder")
+                yield "finder has the key; leave security out, or finder"
         elif self.security == "psk":
             if self.key_file is None:
-                raise ValueError("security psk needs key_file; make one with: weberlink keygen KEYFILE")
+                yield "security psk needs key_file; make one with: weberlink keygen KEYFILE"
         elif not (is_loopback(self.listen) and is_loopback(self.slave)):
-            raise ValueError(f"security {self.security} is for loopback addresses only; between hosts use psk")
-        return self
+            yield f"security {self.security} is for loopback addresses only; between hosts use psk"
 
 
 class TrustSettings(Settings):
@@ -276,21 +259,11 @@ class TrustSettings(Settings):
     """The master renders a fitted contact on its own: nothing stiffer than its device displays stably."""
     radius_m: Range = (0.001, 10.0)
 
-    @model_validator(mode="after")
-    def _rising(self) -> "TrustSettings":
-        for name in ("stiffness_n_m", "radius_m"):
-            low, high = getattr(self, name)
-            if not low < high:
-                raise ValueError(f"{name} must rise, not [{low}, {high}]")
-        return self
-
 
 class ForceCodecSettings(PredictedSettings):
     """The backward channel."""
 
-    @classmethod
-    def adaptive_bank(cls) -> Sequence[str]:
-        return ADAPTIVE_BANK
+    adaptive_bank = staticmethod(lambda: ADAPTIVE_BANK)
 
     predictor: ForcePredictor = "hybrid"
     """What both ends predict with."""
@@ -303,7 +276,7 @@ class ForceCodecSettings(PredictedSettings):
     """Absolute threshold [N] below which Weber's law fails; 0 reproduces the paper."""
     reference: Literal["actual", "displayed", "sent"] = "actual"
     """Which force k scales."""
-    deadband: DeadbandSettings = ISOTROPIC_SETTINGS
+    deadband: DeadbandSettings = settings_of(ISOTROPIC)(shape=ISOTROPIC)
     """The shape of what stays unsent: isotropic, cone, level_crossing or velocity_adaptive."""
     step_n: float = Field(default=0.001, gt=0, le=1)
     """Wire step [N]; 16 bits span +-32767 steps."""
@@ -314,28 +287,21 @@ class ForceCodecSettings(PredictedSettings):
     """How long the encoder waits before it decides on a sample, so that it knows what follows: fewer updates, and the
     operator feels what no model of the position predicts this much later. 0 for none."""
 
-    @model_validator(mode="after")
-    def _smoothed(self) -> "ForceCodecSettings":
-        if self.smooth_ms > 0.0 and not self.deadband.deadband.is_ball:
-            raise ValueError(f"smooth_ms needs a deadband that is a ball, not {self.deadband.shape}")
-        return self
-
-    @model_validator(mode="after")
-    def _shaped(self) -> "ForceCodecSettings":
+    def contradictions(self) -> Iterator[str]:
+        yield from super().contradictions()
         shape, deadband = self.deadband.shape, self.deadband.deadband
+        if self.smooth_ms > 0.0 and not deadband.is_ball:
+            yield f"smooth_ms needs a deadband that is a ball, not {shape}"
         if deadband.needs_actual and self.reference != "actual":
-            raise ValueError(f"deadband {shape} needs reference: actual, since it is drawn around the measured force")
+            yield f"deadband {shape} needs reference: actual, since it is drawn around the measured force"
         if deadband.needs_floor and self.floor_n == 0.0:
-            raise ValueError(f"deadband {shape} needs floor_n above 0: it is the lowest level")
-        return self
+            yield f"deadband {shape} needs floor_n above 0: it is the lowest level"
 
 
 class MotionCodecSettings(PredictedSettings):
     """What position and orientation have in common."""
 
-    @classmethod
-    def adaptive_bank(cls) -> Sequence[str]:
-        return _POSITION.built_in()
+    adaptive_bank = staticmethod(partial(PredictorFor("position").among, PREDICTORS.built_in))
 
     predictor: PositionPredictor = "linear"
     """What both ends predict with."""
@@ -359,9 +325,7 @@ class PositionCodecSettings(MotionCodecSettings):
 class TorqueCodecSettings(PredictedSettings):
     """The backward channel of the rotation."""
 
-    @classmethod
-    def adaptive_bank(cls) -> Sequence[str]:
-        return _TORQUE.built_in()
+    adaptive_bank = staticmethod(partial(PredictorFor("torque").among, PREDICTORS.built_in))
 
     predictor: TorquePredictor = "hybrid"
     """What both ends predict with."""
@@ -405,13 +369,11 @@ class CodecSettings(Settings):
     gripper: GripperCodecSettings | None = None
     """The gripper of the arms, `{}` for its defaults; leave out for none."""
 
-    @model_validator(mode="after")
-    def _gripper_of_an_arm(self) -> Self:
+    def contradictions(self) -> Iterator[str]:
         if self.gripper is not None and self.joints is None:
-            raise ValueError("gripper: belongs to an arm; give its joints too, with joints: {names: [...]}")
+            yield "gripper: belongs to an arm; give its joints too, with joints: {names: [...]}"
         if self.joints is not None and self.rotation is not None:
-            raise ValueError("joints: an arm has no rotation of its own; leave out codec.rotation")
-        return self
+            yield "joints: an arm has no rotation of its own; leave out codec.rotation"
 
 
 class ControlSettings(Settings):
@@ -461,7 +423,8 @@ class MasterLimits(Settings):
     torque_nm: float = Field(default=0.5, ge=1e-3, le=1e4)
     """Largest torque [N m], on top of the device's own limit; with `codec.rotation`."""
     slew_n_s: float | None = Field(default=None, ge=1e-3, le=1e9)
-    """Fastest change of force [N/s]; by default that of the device's stiffest wall, touched at 1 m/s."""
+    """Fastest change of force [N/s], but for a fade to zero; by default that of the device's stiffest wall, touched at
+    1 m/s."""
     slew_nm_s: float | None = Field(default=None, ge=1e-3, le=1e9)
     """Fastest change of torque [N m/s]; by default torque may rise to its largest in the time in which force may."""
     ramp_ms: float = Field(default=50.0, gt=0, le=5000)
@@ -494,11 +457,6 @@ class WallSettings(Settings):
     box_m: tuple[Interval, Interval, Interval] | None = None
     """Lowest and highest position of the robot on x, y, z; slave.limits.workspace_m if not given."""
 
-    @field_validator("box_m")
-    @classmethod
-    def _rising(cls, box: tuple[Interval, Interval, Interval] | None) -> tuple[Interval, Interval, Interval] | None:
-        return box if box is None else _rising_intervals(box)
-
 
 class MappingSettings(Settings):
     """From the device's frame to the robot's; all that is sent, recorded and reported is in the robot's."""
@@ -516,11 +474,9 @@ class MappingSettings(Settings):
     walls: WallSettings | None = None
     """Virtual walls; `{}` for those of slave.limits.workspace_m, leave out for none."""
 
-    @model_validator(mode="after")
-    def _bounded(self) -> "MappingSettings":
+    def contradictions(self) -> Iterator[str]:
         if self.clutch is not None and self.walls is None:
-            raise ValueError("clutch needs walls, since indexing may lead anywhere; add walls: {}")
-        return self
+            yield "clutch needs walls, since indexing may lead anywhere; add walls: {}"
 
 
 class MasterSettings(Settings):
@@ -567,18 +523,9 @@ class SlaveLimits(Settings):
     joints: FollowerLimits | None = None
     """Of a follower arm, `{}` or nothing for its own limits and the speeds by default; with `codec.joints`."""
 
-    @model_validator(mode="after")
-    def _presses_before_it_trips(self) -> Self:
+    def contradictions(self) -> Iterator[str]:
         if self.contact_n is not None and self.trip_n is not None and self.contact_n > self.trip_n:
-            raise ValueError(
-                f"contact_n {self.contact_n:g} is above trip_n {self.trip_n:g}, at which the robot backs off"
-            )
-        return self
-
-    @field_validator("workspace_m")
-    @classmethod
-    def _rising(cls, workspace: tuple[Interval, Interval, Interval]) -> tuple[Interval, Interval, Interval]:
-        return _rising_intervals(workspace)
+            yield f"contact_n {self.contact_n:g} is above trip_n {self.trip_n:g}, at which the robot backs off"
 
 
 class SlaveSettings(Settings):
@@ -609,95 +556,38 @@ class System(Settings):
         """[s]."""
         return 1.0 / self.rate_hz
 
-    @model_validator(mode="after")
-    def _silence_fits(self) -> "System":
+    def contradictions(self) -> Iterator[str]:
+        link, force = self.link, self.codec.force
         longest = 1e3 * MOST_TICKS / self.rate_hz
-        if self.link.silence_ms > longest:
-            raise ValueError(f"link.silence_ms: at most {longest:.0f} at rate_hz {self.rate_hz:g}")
-        return self
+        if link.silence_ms > longest:
+            yield f"link.silence_ms: at most {longest:.0f} at rate_hz {self.rate_hz:g}"
+        delays = {
+            "link.playout_ms": link.playout_ms,
+            "codec.force.lookahead_ms": force.lookahead_ms,
+            "codec.position.lookahead_ms": self.codec.position.lookahead_ms,
+        }
+        most = LOOKAHEAD_SHARE * link.silence_ms
+        for name, delay in delays.items():
+            if delay > most:
+                yield f"{name}: at most {most:g}, half of link.silence_ms; a later sample is stale"
+        pressed, floor = self.slave.limits.contact_n, force.floor_n
+        if pressed is not None and pressed < floor:
+            yield f"slave.limits.contact_n: {pressed:g} is not felt; use at least codec.force.floor_n, {floor:g}"
+        yield from self._misplaced()
 
-    @model_validator(mode="after")
-    def _lookahead_fits(self) -> "System":
-        longest = LOOKAHEAD_SHARE * self.link.silence_ms
-        if self.link.playout_ms > longest:
-            raise ValueError(f"link.playout_ms: at most {longest:g}, half of link.silence_ms; a later sample is stale")
-        for name, channel in (("force", self.codec.force), ("position", self.codec.position)):
-            if channel.lookahead_ms > longest:
-                raise ValueError(
-                    f"codec.{name}.lookahead_ms: at most {longest:g}, half of link.silence_ms; a later sample is stale"
-                )
-        return self
-
-    @model_validator(mode="after")
-    def _contact_is_felt(self) -> "System":
-        limit, floor = self.slave.limits.contact_n, self.codec.force.floor_n
-        if limit is not None and limit < floor:
-            raise ValueError(
-                f"slave.limits.contact_n: {limit:g} is not felt; use at least codec.force.floor_n, {floor:g}"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _joints_fit(self) -> "System":
-        has_limits = self.master.limits.joints is not None or self.slave.limits.joints is not None
+    def _misplaced(self) -> Iterator[str]:
+        """What arms have in a file without them, and the other way round."""
+        master, scheme = self.master, self.control.scheme
         if self.codec.joints is None:
-            if has_limits or self.master.joint_mapping is not None:
-                raise ValueError("limits.joints and master.joint_mapping: need codec.joints, the joints of the arms")
-            return self
+            if any(each is not None for each in (master.limits.joints, self.slave.limits.joints, master.joint_mapping)):
+                yield "limits.joints and master.joint_mapping: need codec.joints, the joints of the arms"
+            return
         lost = {
             "axes": self.axes != "xyz",
-            "master.mapping": self.master.mapping is not None,
+            "master.mapping": master.mapping is not None,
             "slave.scene": bool(self.slave.scene),
         }
-        for name, is_given in lost.items():
-            if is_given:
-                raise ValueError(f"{name}: has no meaning for an arm led joint by joint (codec.joints); leave it out")
-        if self.control.scheme not in JOINT_SCHEMES:
-            raise ValueError(
-                f"control.scheme: with codec.joints {' or '.join(JOINT_SCHEMES)}, not {self.control.scheme}"
-            )
-        return self
-
-
-def split_address(text: str) -> tuple[str, int]:
-    """Host and port of "host:port" or "[v6]:port".
-
-    Raises:
-        ValueError: if it is neither.
-    """
-    host, colon, port = text.rpartition(":")
-    if not (colon and host.strip("[]") and port.isdigit() and int(port) < 65_536):
-        raise ValueError(f"must be host:port, not {text!r}")
-    if ":" in host and not (host.startswith("[") and host.endswith("]")):
-        raise ValueError(f"must be host:port, an IPv6 address in brackets as [::1]:47000, not {text!r}")
-    return host.strip("[]"), int(port)
-
-
-def _rising_intervals(box: tuple[Interval, Interval, Interval]) -> tuple[Interval, Interval, Interval]:
-    for axis, (low, high) in zip("xyz", box, strict=True):
-        if not low < high:
-            raise ValueError(f"{axis} must rise, not [{low}, {high}]")
-    return box
-
-
-EXAMPLES = [ip_network(text) for text in ("192.0.2.0/24", "198.51.100.0/24", "203.0.113.0/24", "2001:db8::/32")]
-"""Addresses for documentation (RFC 5737, RFC 3849), which nobody has: placeholders of shipped files."""
-
-
-def is_placeholder(host: str) -> bool:
-    """Whether a host is an address for documentation, in the place of which one's own is to be put."""
-    try:
-        address = ip_address(host.partition("%")[0])
-    except ValueError:
-        return False
-    return any(address in network for network in EXAMPLES)
-
-
-def is_loopback(address: str) -> bool:
-    host, _ = split_address(address)
-    if host == "localhost":
-        return True
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return False
+        for name in (name for name, is_given in lost.items() if is_given):
+            yield f"{name}: has no meaning for an arm led joint by joint (codec.joints); leave it out"
+        if scheme not in JOINT_SCHEMES:
+            yield f"control.scheme: with codec.joints {' or '.join(JOINT_SCHEMES)}, not {scheme}"

@@ -4,18 +4,19 @@
 """
 
 import ast
-import inspect
 import json
 import sys
+from collections.abc import Iterator
+from inspect import cleandoc, getsource
 from itertools import pairwise
 from pathlib import Path
+from textwrap import dedent
 from typing import Any
 
 from weberlink.codec.deadband import DEADBANDS
-from weberlink.config import joints, model
-from weberlink.config.deadband import settings_of
 from weberlink.config.finders import FINDERS
 from weberlink.config.model import System
+from weberlink.config.settings import Settings, settings_of
 from weberlink.installation import guests
 from weberlink.master.devices import DEVICES
 from weberlink.master.devices.leaders import LEADERS
@@ -28,7 +29,12 @@ def schema() -> dict[str, Any]:
     """The schema of a whole file, with the options of every driver of the kernel and its guests; needs all of them."""
     document = System.model_json_schema()
     definitions = document["$defs"]
-    _explain(definitions | {System.__name__: document})
+    explained: dict[str, type] = {each.__name__: each for each in _heirs(Settings)}
+    explained |= {settings_of(shape).__name__: DEADBANDS[shape].Options for shape in DEADBANDS.built_in}
+    for name, section in (definitions | {System.__name__: document}).items():
+        for base in reversed(explained[name].__mro__) if name in explained else ():
+            if base.__module__.startswith("weberlink."):
+                _explain(section, base)
     del definitions["DriverSettings"]
     parts: tuple[tuple[str, str, tuple[Registry[Any], ...]], ...] = (
         ("MasterSettings", "device", (DEVICES, LEADERS)),
@@ -43,39 +49,30 @@ def schema() -> dict[str, Any]:
         made = {"type": "object", "required": ["driver"], "oneOf": [*choices, other]}
         is_optional = "anyOf" in definitions[owner]["properties"][field]
         definitions[owner]["properties"][field] = {"anyOf": [made, {"type": "null"}]} if is_optional else made
-    del definitions["ShapeSettings"]
-    shapes = {each.__name__: each.model_json_schema() for each in map(settings_of, DEADBANDS.built_in)}
-    definitions.update(shapes)
     # A deadband of another package may take any options.
-    other_shape = {"not": {"enum": list(DEADBANDS.built_in)}, "type": "string"}
-    other_deadband: dict[str, Any] = {"properties": {"shape": other_shape}, "type": "object"}
-    default = definitions["ForceCodecSettings"]["properties"]["deadband"]["default"]
-    definitions["ForceCodecSettings"]["properties"]["deadband"] = {
-        "default": default,
-        "oneOf": [*({"$ref": f"#/$defs/{name}"} for name in shapes), other_deadband],
-        "title": "Deadband",
-    }
+    others = {"properties": {"shape": {"not": {"enum": list(DEADBANDS.built_in)}, "type": "string"}}, "type": "object"}
+    deadband = definitions["ForceCodecSettings"]["properties"]["deadband"]
+    deadband["oneOf"].append(others)
+    del deadband["discriminator"]
     return document | {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "WeberLink configuration"}
 
 
-def _explain(definitions: dict[str, Any]) -> None:
-    """Describe every field by the text below it. Pydantic could, but a daemon would wait for that at every start."""
-    classes = [
-        (module, node)
-        for module in (joints, model)
-        for node in ast.parse(inspect.getsource(module)).body
-        if isinstance(node, ast.ClassDef)
-    ]
-    known = {node.name: getattr(module, node.name) for module, node in classes}
-    for _, each in classes:
-        heirs = [heir for heir in definitions if issubclass(known.get(heir, object), known[each.name])]
-        for field, text in pairwise(each.body):
-            match field, text:
-                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str() as explanation)):
-                    for properties in (definitions[heir]["properties"] for heir in heirs):
-                        if name in properties:
-                            described = properties[name] | {"description": inspect.cleandoc(explanation)}
-                            properties[name] = dict(sorted(described.items()))
+def _heirs(base: type[Any]) -> Iterator[type[Any]]:
+    for each in base.__subclasses__():
+        yield each
+        yield from _heirs(each)
+
+
+def _explain(section: dict[str, Any], owner: type) -> None:
+    """Describe fields by the text below them. Pydantic could, but a daemon would wait for that at every start."""
+    (body,) = ast.parse(dedent(getsource(owner))).body
+    assert isinstance(body, ast.ClassDef)
+    for field, text in pairwise(body.body):
+        match field, text:
+            case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str() as explanation)):
+                if name in section["properties"]:
+                    described = section["properties"][name] | {"description": cleandoc(explanation)}
+                    section["properties"][name] = dict(sorted(described.items()))
 
 
 def _driver(name: str, options: Any, definitions: dict[str, Any]) -> dict[str, Any]:

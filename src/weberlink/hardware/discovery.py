@@ -20,9 +20,6 @@ class UsbId(NamedTuple):
     def matches(self, vendor: int | None, product: int | None) -> bool:
         return vendor == self.vendor and self.product in (None, product)
 
-    def __str__(self) -> str:
-        return f"{self.vendor:04x}:{'any' if self.product is None else f'{self.product:04x}'}"
-
 
 @dataclass(frozen=True, slots=True)
 class PluggedDevice:
@@ -58,15 +55,10 @@ def serial_ports(ids: Iterable[UsbId]) -> list[PluggedDevice]:
     from serial.tools.list_ports import comports  # noqa: PLC0415 - a daemon without a serial device does without
 
     wanted = tuple(ids)
-    return sorted(
-        (
-            PluggedDevice(
-                port.device, port.product or port.description or "", port.serial_number or "", _problem(port.device)
-            )
-            for port in comports()
-            if any(id_.matches(port.vid, port.pid) for id_ in wanted)
-        ),
-        key=lambda found: found.path,
+    return _by_path(
+        (port.device, port.product or port.description, port.serial_number)
+        for port in comports()
+        if any(id_.matches(port.vid, port.pid) for id_ in wanted)
     )
 
 
@@ -78,16 +70,13 @@ def hid_devices(
     A composite device has several; the usage page, or the usage within it, selects one.
     """
     wanted = tuple(ids)
-    found = []
-    for entry in hidapi().enumerate():
-        if any(id_.matches(entry["vendor_id"], entry["product_id"]) for id_ in wanted) and (
-            entry.get("usage_page", 0) in usage_pages and (not usages or entry.get("usage", 0) in usages)
-        ):
-            path = entry["path"].decode(errors="replace")
-            found.append(
-                PluggedDevice(path, _text(entry, "product_string"), _text(entry, "serial_number"), _problem(path))
-            )
-    return sorted(found, key=lambda each: each.path)
+    return _by_path(
+        (entry["path"].decode(errors="replace"), entry.get("product_string"), entry.get("serial_number"))
+        for entry in hidapi().enumerate()
+        if any(id_.matches(entry["vendor_id"], entry["product_id"]) for id_ in wanted)
+        and entry.get("usage_page", 0) in usage_pages
+        and (not usages or entry.get("usage", 0) in usages)
+    )
 
 
 def input_devices(key: int, root: Path = Path("/sys/class/input")) -> list[PluggedDevice]:
@@ -98,9 +87,8 @@ def input_devices(key: int, root: Path = Path("/sys/class/input")) -> list[Plugg
         words = _attribute(device, "capabilities/key").split() or ["0"]  # hexadecimal, the highest first
         size = 8 * calcsize("l")
         if sum(int(word, 16) << size * place for place, word in enumerate(reversed(words))) >> key & 1:
-            path = f"/dev/input/{entry.name}"
-            found.append(PluggedDevice(path, _attribute(device, "name"), _attribute(device, "uniq"), _problem(path)))
-    return sorted(found, key=lambda each: each.path)
+            found.append((f"/dev/input/{entry.name}", _attribute(device, "name"), _attribute(device, "uniq")))
+    return _by_path(found)
 
 
 def usb_devices(ids: Iterable[UsbId], root: Path = Path("/sys/bus/usb/devices")) -> list[PluggedDevice]:
@@ -117,8 +105,17 @@ def usb_devices(ids: Iterable[UsbId], root: Path = Path("/sys/bus/usb/devices"))
             continue
         if any(id_.matches(vendor, product) for id_ in wanted):
             path = f"/dev/bus/usb/{bus:03d}/{number:03d}"
-            found.append(PluggedDevice(path, _attribute(entry, "product"), _attribute(entry, "serial"), _problem(path)))
-    return sorted(found, key=lambda each: each.path)
+            found.append((path, _attribute(entry, "product"), _attribute(entry, "serial")))
+    return _by_path(found)
+
+
+def _by_path(found: Iterable[tuple[str, str | None, str | None]]) -> list[PluggedDevice]:
+    """Devices of their paths, names and serial numbers; with the problem, where this user may not open one."""
+    devices = []
+    for path, name, number in sorted(found, key=lambda each: each[0]):
+        may = not path.startswith("/dev/") or os.access(path, os.R_OK | os.W_OK)
+        devices.append(PluggedDevice(path, name or "", number or "", None if may else permission_advice(path)))
+    return devices
 
 
 def _attribute(device: Path, name: str) -> str:
@@ -149,22 +146,12 @@ def only(found: Sequence[PluggedDevice], what: str, option: str) -> PluggedDevic
     return found[0]
 
 
-def _problem(path: str) -> str | None:
-    if not path.startswith("/dev/") or os.access(path, os.R_OK | os.W_OK):
-        return None
-    return permission_advice(path)
-
-
 def permission_advice(path: str) -> str:
     """Advice when this user may not open a device."""
     return (
         f"no permission to open {path}; install the shipped rules with: weberlink device rules, "
         "then unplug it and plug it in again"
     )
-
-
-def _text(entry: dict[str, Any], key: str) -> str:
-    return entry.get(key) or ""
 
 
 class DeviceLocator:

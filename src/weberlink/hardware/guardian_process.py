@@ -17,7 +17,9 @@ import sys
 import termios
 from contextlib import suppress
 from mmap import mmap
+from struct import Struct
 from time import monotonic_ns, sleep
+from zlib import crc32
 
 LEASE, BEATS, WRITES, SLOT = range(4)
 """Words of 64 bits in the shared memory: `BEATS` and `WRITES` are written by the guardian, the others by the parent.
@@ -26,8 +28,9 @@ LEASE, BEATS, WRITES, SLOT = range(4)
 """
 WORDS_SIZE = 4 * 8
 SLOT_SIZE = 2048
-"""Each of the two messages behind the words, its length in front. The parent writes the one that is not in use."""
-LENGTH_SIZE = 2
+"""Each of the two messages behind the words, its `HEAD` in front. The parent writes the one that is not in use."""
+HEAD = Struct("<HI")
+"""Length and checksum of a message."""
 MEMORY_SIZE = WORDS_SIZE + 2 * SLOT_SIZE
 
 PAUSE_NS = 20_000_000
@@ -52,15 +55,11 @@ def main(arguments: list[str]) -> None:
 
 
 def put_message(memory: memoryview, message: bytes) -> None:
-    """Set what the guardian is to write.
-
-    A message that changes while a force stands needs a checksum: a processor that reorders stores (ARM) may show the
-    guardian a part of it. The guardian repeats it.
-    """
+    """Set what the guardian is to write."""
     words = memory.cast("q")
     slot = 1 - words[SLOT]
     at = WORDS_SIZE + slot * SLOT_SIZE
-    stored = len(message).to_bytes(LENGTH_SIZE, "little") + message
+    stored = HEAD.pack(len(message), crc32(message)) + message
     if len(stored) > SLOT_SIZE:
         raise ValueError(f"a message of {len(message)} bytes is too long for a guardian")
     memory[at : at + len(stored)] = stored
@@ -68,9 +67,15 @@ def put_message(memory: memoryview, message: bytes) -> None:
 
 
 def get_message(memory: memoryview) -> bytes:
-    at = WORDS_SIZE + memory.cast("q")[SLOT] * SLOT_SIZE
-    begin = at + LENGTH_SIZE
-    return bytes(memory[begin : begin + int.from_bytes(memory[at:begin], "little")])
+    """The message in use; the one before it where a processor that reorders stores (ARM) shows a part of it."""
+    newest = memory.cast("q")[SLOT]
+    for slot in (newest, 1 - newest):
+        at = WORDS_SIZE + slot * SLOT_SIZE
+        size, check = HEAD.unpack_from(memory, at)
+        message = bytes(memory[at + HEAD.size : at + HEAD.size + size])
+        if crc32(message) == check:
+            return message
+    return b""
 
 
 def watch(memory: memoryview, socket: int, device: int) -> None:

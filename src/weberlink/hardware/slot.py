@@ -4,19 +4,13 @@ The values are stored together with a number, which rises with each write, and a
 recognises values that are only partly written on any processor, and takes them at its next look.
 """
 
+from mmap import mmap
 from struct import Struct
-from typing import Any, Protocol
+from typing import Any
 from zlib import crc32
 
 NUMBER = Struct("<Q")
 CHECK = Struct("<I")
-
-
-class Memory(Protocol):
-    """What a slot lies in: an `mmap`, or a `bytearray` within one process."""
-
-    def __getitem__(self, key: slice, /) -> Any: ...
-    def __setitem__(self, key: slice, value: bytes, /) -> None: ...
 
 
 class Slot:
@@ -30,7 +24,7 @@ class Slot:
 
     __slots__ = ("_at", "_body", "_end", "_memory", "_number")
 
-    def __init__(self, memory: Memory, at: int, values: Struct) -> None:
+    def __init__(self, memory: mmap | bytearray | memoryview, at: int, values: Struct) -> None:
         self._memory = memory
         self._body = Struct(f"<Q{values.format.removeprefix('<')}")
         self._at, self._end = at, at + size_of(values)

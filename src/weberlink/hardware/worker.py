@@ -8,7 +8,7 @@ from math import inf
 from select import select
 from threading import Event, Thread, current_thread
 from time import monotonic
-from typing import Generic, Protocol, TypeVar, runtime_checkable
+from typing import Generic, Protocol, TypeVar
 
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.guardian import Guardian
@@ -26,7 +26,10 @@ JOIN_S = 1.0
 
 
 class Exchange(Protocol[Command_contra, Sample_co]):
-    """The blocking operations on a device; each of them has a time limit."""
+    """The blocking operations on a device; each of them has a time limit.
+
+    With a board that keeps the last force without a host, it has a `guardian` too, a `Guardian`.
+    """
 
     def open(self) -> Sample_co:
         """Connect, and give the first sample.
@@ -50,14 +53,6 @@ class Exchange(Protocol[Command_contra, Sample_co]):
     def close(self) -> None:
         """Leave the device safe; never raises, may be called again."""
         ...
-
-
-@runtime_checkable
-class GuardedExchange(Protocol):
-    """An exchange with a device whose board keeps the last force without a host."""
-
-    guardian: Guardian | None
-    """None if the device has no force."""
 
 
 class Worker(Generic[Command, Sample]):
@@ -100,7 +95,7 @@ class Worker(Generic[Command, Sample]):
         clock: Callable[[], float] = monotonic,
     ) -> None:
         self._exchange = exchange
-        self._guardian = exchange.guardian if isinstance(exchange, GuardedExchange) else None
+        self._guardian: Guardian | None = getattr(exchange, "guardian", None)
         self._rest = rest
         self._period = period
         self._on_command = on_command
@@ -231,19 +226,17 @@ class Worker(Generic[Command, Sample]):
             self._error = error if isinstance(error, Exception) else None
             self.fault = f"internal error: {error!r}"
         finally:
-            self._close()
-
-    def _close(self) -> None:
-        try:
-            self._exchange.close()
-        except Exception as error:
-            self.fault = self.fault or f"internal error: {error!r}"
+            try:
+                self._exchange.close()
+            except Exception as error:
+                self.fault = self.fault or f"internal error: {error!r}"
 
     def _pause(self, wake: int, due: float) -> float:
         """Wait for a command or until `due`; returns when the next exchange is due."""
         if self._on_command:
             select((wake,), (), (), self._period)
-            self._clear(wake)
+            with suppress(BlockingIOError):
+                os.eventfd_read(wake)
             return due
         wait = due - self._clock()
         if wait > 0.0:
@@ -251,19 +244,16 @@ class Worker(Generic[Command, Sample]):
         now, following = self._clock(), due + self._period
         return following if now < following else now + self._period  # missed exchanges are skipped
 
-    @staticmethod
-    def _clear(wake: int) -> None:
-        with suppress(BlockingIOError):
-            os.eventfd_read(wake)
-
     def _once(self) -> None:
         """Exchange until a reply is good, reconnecting if needed; retries send the rest command."""
         command, at, gaps = self._command
         began = self._clock()
         if began - at > self._stale or gaps != self._gaps_met:
             command, self._share, self._gaps_met = self._rest, 0.0, gaps
-        else:
-            command = self._faded(command, began)
+        elif self._scale is not None and self._share < 1.0:
+            # The steps of the ramp are limited however long the last exchange took.
+            self._share = min(1.0, self._share + min(began - self._began, self._period) / self._ramp)
+            command = self._scale(command, self._share)
         self._began = began
         if self._guardian is not None:
             self._guardian.given(at, self._stale)
@@ -293,13 +283,6 @@ class Worker(Generic[Command, Sample]):
                 self._return(fault, lost_at + self._reconnect)
                 bad = 0
             began = self._clock()
-
-    def _faded(self, command: Command, now: float) -> Command:
-        """The command scaled by the ramp, whose steps are limited however long the last exchange took."""
-        if self._scale is None or self._share == 1.0:
-            return command
-        self._share = min(1.0, self._share + min(now - self._began, self._period) / self._ramp)
-        return self._scale(command, self._share)
 
     def _return(self, fault: HardwareFault, until: float) -> None:
         """Reopen the device until the time is over; then raise the fault."""

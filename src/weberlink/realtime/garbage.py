@@ -6,7 +6,6 @@ from time import perf_counter
 CAUTION = 2.0
 """A pass is expected to take up to this many times as long as the one before it."""
 FIRST_GUESS_S = 1e-4
-YOUNG, FULL = 0, 2
 
 
 def freeze_garbage() -> None:
@@ -25,22 +24,13 @@ def thaw_garbage() -> None:
 class Passes:
     """Count and cost of the passes over one generation [s]."""
 
-    __slots__ = ("count", "last_s", "worst_s")
+    __slots__ = ("count", "generation", "last_s", "worst_s")
 
-    def __init__(self) -> None:
+    def __init__(self, generation: int) -> None:
+        self.generation = generation
         self.count = 0
         self.last_s = FIRST_GUESS_S
         self.worst_s = 0.0
-
-    def run(self, generation: int) -> None:
-        began = perf_counter()
-        gc.collect(generation)
-        self.last_s = perf_counter() - began
-        self.worst_s = max(self.worst_s, self.last_s)
-        self.count += 1
-
-    def fits(self, slack_s: float) -> bool:
-        return CAUTION * self.last_s <= slack_s
 
 
 class GarbageSchedule:
@@ -68,8 +58,8 @@ class GarbageSchedule:
         self._overdue = every_ticks * patience
         self._full_every = full_every
         self._waited = 0
-        self.young = Passes()
-        self.full = Passes()
+        self.young = Passes(0)
+        self.full = Passes(2)
         self.forced = 0
 
     def tick(self, slack_s: float) -> None:
@@ -79,11 +69,15 @@ class GarbageSchedule:
             return
         full = (self.young.count + self.full.count + 1) % self._full_every == 0
         passes = self.full if full else self.young
-        if not passes.fits(slack_s):
+        if slack_s < CAUTION * passes.last_s:
             if self._waited < self._overdue:
                 return
             self.forced += 1
-        passes.run(FULL if full else YOUNG)
+        began = perf_counter()
+        gc.collect(passes.generation)
+        passes.last_s = perf_counter() - began
+        passes.worst_s = max(passes.worst_s, passes.last_s)
+        passes.count += 1
         self._waited = 0
 
     def summary(self) -> dict[str, float]:

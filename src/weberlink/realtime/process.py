@@ -11,8 +11,6 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from signal import Signals
 
-from weberlink.realtime.libc import LIBC, checked
-
 # <sys/prctl.h>, <sys/mman.h>
 _SET_PARENT_DEATH_SIGNAL = 1
 _SET_TIMER_SLACK = 29
@@ -21,8 +19,17 @@ _LOCK_FUTURE = 2
 HIGHEST_PRIORITY = os.sched_get_priority_max(os.SCHED_FIFO)
 LATENCY_REQUEST = "/dev/cpu_dma_latency"
 
+LIBC = ctypes.CDLL(None, use_errno=True)
 LIBC.prctl.argtypes = (ctypes.c_int, ctypes.c_ulong, ctypes.c_ulong, ctypes.c_ulong, ctypes.c_ulong)
 LIBC.mlockall.argtypes = (ctypes.c_int,)
+
+
+def checked(result: int) -> int:
+    """The result of a call of libc. Raises OSError if it is negative, with the error number of the call."""
+    if result < 0:
+        number = ctypes.get_errno()
+        raise OSError(number, os.strerror(number))
+    return result
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,10 +81,17 @@ def prepare(priority: int, lock_memory: bool, cpu: int | None, *, wakeful: bool 
     if cpu is not None and cpu < 0:
         raise ValueError(f"cpu must be 0 or more, got {cpu}")
     return Grants(
-        priority=_schedule(priority) if priority else NOT_ASKED,
+        priority=_asked(
+            lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority)),
+            f"SCHED_FIFO {priority}",
+            f"needs CAP_SYS_NICE or an rtprio limit of {priority} or more",
+        )
+        if priority
+        else NOT_ASKED,
         memory=_asked(_lock_memory, "memory locked") if lock_memory else NOT_ASKED,
         cpu=NOT_ASKED if cpu is None else _pin(cpu),
-        timer_slack=_asked(_sharpen_timers, "timer slack 1 ns"),
+        # The kernel may delay timers by 50 us to wake up less often; 1 ns is the least, as 0 means the default.
+        timer_slack=_asked(lambda: checked(LIBC.prctl(_SET_TIMER_SLACK, 1, 0, 0, 0)), "timer slack 1 ns"),
         wakeful=_stay_awake() if wakeful else NOT_ASKED,
     )
 
@@ -111,14 +125,6 @@ def forbid_core_dumps() -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (limit, limit))
 
 
-def _schedule(priority: int) -> Grant:
-    return _asked(
-        lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority)),
-        f"SCHED_FIFO {priority}",
-        f"needs CAP_SYS_NICE or an rtprio limit of {priority} or more",
-    )
-
-
 def _lock_memory() -> None:
     try:
         checked(LIBC.mlockall(_LOCK_CURRENT | _LOCK_FUTURE))
@@ -135,11 +141,6 @@ def _pin(cpu: int) -> Grant:
     return _asked(lambda: os.sched_setaffinity(0, {cpu}), f"CPU {cpu}")
 
 
-def _sharpen_timers() -> None:
-    # The kernel may delay timers by 50 us to wake up less often; 1 ns is the least, as 0 means the default.
-    checked(LIBC.prctl(_SET_TIMER_SLACK, 1, 0, 0, 0))
-
-
 def _stay_awake() -> Grant:
     """Hold the kernel's request for the least wake-up latency (its PM QoS interface) until this process ends."""
     try:
@@ -152,7 +153,7 @@ def _stay_awake() -> Grant:
     return Grant(True, "processors awake")
 
 
-def _asked(ask: Callable[[], None], detail: str, needs: str = "") -> Grant:
+def _asked(ask: Callable[[], object], detail: str, needs: str = "") -> Grant:
     try:
         ask()
     except PermissionError as error:

@@ -17,7 +17,7 @@ if sys.version_info >= (3, 13):
 else:
     import ctypes
 
-    from weberlink.realtime.libc import LIBC, checked
+    from weberlink.realtime.process import LIBC, checked
 
     # These two flags are O_NONBLOCK and O_CLOEXEC on every Linux architecture; the third is from <sys/timerfd.h>.
     _FLAGS = os.O_NONBLOCK | os.O_CLOEXEC

@@ -1,20 +1,15 @@
 """The channels of a side: one codec, one stream of updates, and one sensor or place on this end each."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from weberlink.codec import Decoder, Encoder
-from weberlink.codec.predictors.model import UNFITTED, Hold, ModelRecord
-from weberlink.control.contract import UNREACHED_S, MasterControl
-from weberlink.geometry.vector import ZERO, Vector, norm
+from weberlink.codec.predictors.model import Hold
+from weberlink.control.contract import UNREACHED_S
+from weberlink.control.ends import MasterControl
+from weberlink.geometry.vector import Vector, norm
 from weberlink.session.port import Sensor
 from weberlink.update import Update
-
-if TYPE_CHECKING:
-    from weberlink.codec.bundle import BundleDecoder, BundleEncoder
-
-Value = Any
-"""A vector, or the joints of an arm; None for nothing."""
 
 
 class Unreached:
@@ -78,51 +73,21 @@ class OutgoingChannel:
         unreached: looks after a force that the other end may feel elsewhere; None for other signals.
 
     Attributes:
-        coded: the sample that this tick decided on; without one, the newest measurement.
         update: made in this tick, if any.
-        held: what the decoder of the peer holds after this tick if nothing was lost; None for nothing.
-        model: the contact model of the newest update.
     """
 
     def __init__(
-        self,
-        name: str,
-        stream: int,
-        encoder: "Encoder | BundleEncoder",
-        sensor: Sensor,
-        unreached: Unreached | None = None,
+        self, name: str, stream: int, encoder: Encoder, sensor: Sensor, unreached: Unreached | None = None
     ) -> None:
-        self.name, self.stream, self.encoder, self.sensor = name, stream, encoder, sensor
-        self._unreached = unreached
-        self._sample = sensor.sample
-        self.coded: Value = sensor.value
+        self.name, self.stream, self.encoder, self.sensor, self.unreached = name, stream, encoder, sensor, unreached
         self.update: Update | None = None
-        self.held: Value = None
-        self.model: ModelRecord = UNFITTED
-
-    def reset(self) -> None:
-        self.encoder.reset()
-        self.model = UNFITTED
 
     def encode(self, tick: int) -> None:
         """Encode the newest sample into `update`, where one must be sent."""
-        encoder = self.encoder
-        value, position, most = self._sample()
-        if self._unreached is not None:
-            position = self._unreached.place(tick, value, position)
-        self.update = update = encoder.encode(tick, value, position, most)
-        self.coded = encoder.coded
-        if update is None:
-            self.held = encoder.predicted
-            return
-        mirror = encoder.mirror
-        self.held = mirror.first
-        self.model = mirror.record
-
-    def idle(self, tick: int) -> None:
-        """A tick in which nothing is encoded."""
-        self.update, self.coded = None, self.sensor.value
-        self.held = self.encoder.mirror.value(tick, self.sensor.sample()[1])
+        value, position, most = self.sensor.sample()
+        if self.unreached is not None:
+            position = self.unreached.place(tick, value, position)
+        self.update = self.encoder.encode(tick, value, position, most)
 
 
 class IncomingChannel:
@@ -137,27 +102,20 @@ class IncomingChannel:
 
     Attributes:
         received: updates applied in this tick.
-        model: the contact model of the newest update.
+        value: gives the value at a tick of the peer and a position; None before the first update.
     """
 
     def __init__(
         self,
         name: str,
         stream: int,
-        decoder: "Decoder | BundleDecoder",
+        decoder: Decoder,
         place: Sensor | None = None,
         learner: MasterControl | None = None,
     ) -> None:
-        self.name, self.stream, self.decoder = name, stream, decoder
-        self._place = place
-        self._learner = learner
-        self._value = decoder.value
+        self.name, self.stream, self.decoder, self.place, self.learner = name, stream, decoder, place, learner
         self.received = 0
-        self.model: ModelRecord = UNFITTED
-
-    def reset(self) -> None:
-        self.decoder.reset()
-        self.model = UNFITTED
+        self.value = decoder.joints if decoder.is_arm else decoder.value
 
     def apply(self, update: Update) -> None:
         """Take an update.
@@ -167,12 +125,6 @@ class IncomingChannel:
         """
         self.decoder.apply(update)
         self.received += 1
-        self.model = self.decoder.record
-        if self._learner is not None:
+        if self.learner is not None:
             newest: Any = self.decoder.newest
-            self._learner.learn(self.decoder.surface, newest.value, newest.position)
-
-    def decode(self, tick: float) -> Value:
-        """The value now; `tick` is of the peer. None before the first update."""
-        place = self._place
-        return self._value(tick, ZERO if place is None else place.value)
+            self.learner.learn(self.decoder.surface, newest.value, newest.position)

@@ -18,7 +18,7 @@ from weberlink.telemetry.runtime_directory import ForeignFileError, check, liste
 if TYPE_CHECKING:  # who only asks needs no event loop
     import asyncio
 
-    from weberlink.realtime.shell import Transport
+    from weberlink.realtime.loop import Transport
     from weberlink.session.daemon import LiveLink
     from weberlink.session.side import Side
 

@@ -16,10 +16,8 @@ from traceback import format_exception, print_exception
 from types import FrameType
 from typing import Any
 
-from pydantic import ValidationError
-
 from weberlink.config import MASTER, Configuration, ConfigurationError, System, load
-from weberlink.config.errors import describe, trace_of
+from weberlink.config.errors import trace_of, validated
 from weberlink.config.finders import PathFinder, finder_of, finding
 from weberlink.config.model import DirectionFaults, split_address
 from weberlink.order import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS
@@ -28,11 +26,11 @@ from weberlink.protocol.aio.udp import UdpShell
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.protocol.events import Address
 from weberlink.realtime.garbage import GarbageSchedule
+from weberlink.realtime.loop import REASONS, AfterTick, TickLoop
 from weberlink.realtime.process import die_with_parent, prepare
-from weberlink.realtime.shell import REASONS, AfterTick, run
 from weberlink.registry import fault_of, in_words
 from weberlink.session import description
-from weberlink.session.composition.link import Identity, build_link, build_security, emulation_of
+from weberlink.session.composition.link import Identity, build_security
 from weberlink.session.control_socket import ControlSocket, WithControlSocket
 from weberlink.session.description import DaemonOrder, failure
 from weberlink.session.side import Side
@@ -114,7 +112,11 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
         described.publish(paths=udp.paths)
         stack.callback(described.remove)
         ring = RingWriter.create(
-            order.ring, side=order.side, rate_hz=system.rate_hz, capacity=int(RING_SECONDS * system.rate_hz)
+            order.ring,
+            side=order.side,
+            rate_hz=system.rate_hz,
+            capacity=int(RING_SECONDS * system.rate_hz),
+            records=side.layout,
         )
         # Launcher and recorder may be slow to start: the launcher removes the file when both have read it.
         stack.callback(lambda: ring.close(unlink=os.getppid() != order.parent))
@@ -127,17 +129,17 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
             side.close()
             return failure(str(stopped)) | {"failed": False, "realtime": grants.as_dict()}
         stack.callback(side.close)
-        ran = run(
+        ran = TickLoop(
             side,
-            transport=WithControlSocket(udp, ControlSocket(order.ring, side, link)),
-            ticker_period=system.tick_period,
+            WithControlSocket(udp, ControlSocket(order.ring, side, link)),
+            system.tick_period,
             duration_s=order.duration_s,
             start_at=epoch,
             stop_limit_s=stop_limit_s(system, order.side),
             after_tick=_after_tick(side, udp, ring, described),
             garbage=GarbageSchedule(max(1, int(GARBAGE_EVERY_S * system.rate_hz))),
             busy_poll=system.realtime.busy_poll,
-        )
+        ).run()
     return {
         "outcome": side.outcome or ran.outcome,
         "failed": side.failure is not None or not ran.orderly,
@@ -221,11 +223,9 @@ class LiveLink:
         if unknown := [name for name in settings if name not in LINK_SETTINGS]:
             return f"{unknown[0]} is no setting of the link; known are {', '.join(LINK_SETTINGS)}"
         try:
-            faults = DirectionFaults.model_validate(self._faults | dict(settings), strict=True)
-            self.link.change(emulation_of(faults))
-        except ValidationError as error:
-            return describe(error, DirectionFaults, ())
-        except ValueError as error:  # of several settings, such as a loss that these bursts cannot have
+            faults = validated(DirectionFaults, self._faults | dict(settings), strict=True)
+            self.link.change(faults.emulation())
+        except ValueError as error:
             return str(error)
         self._faults = dict(faults)
         return None
@@ -240,7 +240,7 @@ def emulated_link(name: str, system: System, epoch: float) -> LiveLink | None:
     faults = to_slave if name == MASTER else to_master
     uniform = Random(f"{emulate.seed}/{name}").random  # noqa: S311
     fixed = None if system.control.live_changes else "the link is fixed in this session: control.live_changes is off"
-    return LiveLink(faults, build_link(faults, uniform, epoch), fixed)
+    return LiveLink(faults, EmulatedLink(faults.emulation(), uniform, epoch), fixed)
 
 
 def stop_limit_s(system: System, side: str) -> float:

@@ -22,7 +22,7 @@ from weberlink.child_process import Child, python
 from weberlink.config import MASTER, SIDES, SLAVE, Configuration
 from weberlink.figures.paths import LinkPath, notable, paths_of
 from weberlink.figures.verdict import verdict
-from weberlink.master.devices import pointer_link, remote_link
+from weberlink.master.devices import target_link
 from weberlink.order import MISCONFIGURED, NOTE, STOP_SIGNALS
 from weberlink.protocol.keys import generate
 from weberlink.session import control_socket, description
@@ -125,8 +125,8 @@ class Daemon:
             self._ring,
             description.path_beside(self._ring),
             control_socket.path_beside(self._ring),
-            pointer_link.socket_path(self.pid),
-            remote_link.target_path(self.pid),
+            target_link.link_path(self.pid, target_link.POINTER),
+            target_link.link_path(self.pid, target_link.LEADER),
         ):
             left.unlink(missing_ok=True)
 

@@ -23,7 +23,7 @@ from weberlink.protocol.emulation import EmulatedLink
 from weberlink.protocol.states import State
 from weberlink.registry import fault_of, is_hardware
 from weberlink.session.composition.channels import lookahead_ms
-from weberlink.session.composition.link import build_link, build_security
+from weberlink.session.composition.link import build_security
 from weberlink.session.composition.master import build_master
 from weberlink.session.composition.slave import build_slave
 from weberlink.session.interruption import Interruption
@@ -178,8 +178,8 @@ def build_simulation(configuration: Configuration) -> Simulation:
         master=build_master(configuration, entropy=chance["master"].randbytes, peer=SLAVE_ADDRESS, **common),
         slave=build_slave(configuration, entropy=chance["slave"].randbytes, **common),
         links=(
-            build_link(to_slave, chance["forward"].random, 0.0),
-            build_link(to_master, chance["backward"].random, 0.0),
+            Link(to_slave.emulation(), chance["forward"].random, 0.0),
+            Link(to_master.emulation(), chance["backward"].random, 0.0),
         ),
         tick_period=system.tick_period,
     )
@@ -193,7 +193,7 @@ def refuse_live(configuration: Configuration) -> None:
         ("slave.robot", configuration.robot, system.slave.robot.driver),
     ):
         if part is not None and is_hardware(part.driver):
-            from weberlink.hardware.emulators import EMULATORS  # noqa: PLC0415 - for the complaint alone
+            from weberlink.hardware.emulator import EMULATORS  # noqa: PLC0415 - for the complaint alone
 
             emulated = f", against `weberlink device emulate {name}` if need be" if name in EMULATORS else ""
             unsaid = "" if hasattr(part.driver, "plugged") else "; one that moves nothing real says COMPUTED = True"

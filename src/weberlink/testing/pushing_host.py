@@ -9,13 +9,13 @@ from select import select
 from time import monotonic, sleep
 from typing import Any
 
-from weberlink.master.devices import load
+from weberlink.master.devices import DEVICES
 
 TICK = 0.001
 
 
 def main(name: str, options: str, force: str) -> None:
-    driver: Any = load(name)
+    driver: Any = DEVICES.load(name)
     wanted = driver.Options.model_validate_json(options)
     if hasattr(driver, "fingerprint"):
         wanted = wanted.model_copy(update={"signs_checked": driver.fingerprint(wanted)})

@@ -51,4 +51,4 @@ class SteppedWorker(Worker[Any, Any]):
     def stop(self) -> None:
         if self._runs:
             self._runs = False
-            self._close()
+            self._exchange.close()

@@ -11,10 +11,10 @@ from time import monotonic, sleep
 from typing import Any, Self
 
 from weberlink.geometry.vector import Vector
-from weberlink.hardware.emulator import PtyDevice, ServedDevice, WireFaults
-from weberlink.hardware.emulators import EMULATORS
+from weberlink.hardware.emulator import EMULATORS, WireFaults
 from weberlink.hardware.fault import HardwareFault
 from weberlink.testing.devices import DeviceBench, armed
+from weberlink.testing.serving import PtyDevice, ServedDevice
 from weberlink.testing.time import real_time
 
 FLICKER = 3
@@ -23,7 +23,7 @@ FLICKER = 3
 
 def emulated(name: str, **options: Any) -> Any:
     """The emulator of a driver."""
-    kind: Any = EMULATORS.load(name)
+    kind = EMULATORS.load(name)
     return kind(kind.Options.model_validate(options))
 
 

@@ -107,9 +107,9 @@ def _workspace(master: Mapping[str, Any]) -> float | None:
     device = dict(master.get("system", {}).get("master", {}).get("device", {}))
     if device.pop("driver", None) != "pointer":
         return None
-    from weberlink.master.devices import load  # noqa: PLC0415 - for this device only
+    from weberlink.master.devices import DEVICES  # noqa: PLC0415 - for this device only
 
-    options = load("pointer").Options.model_validate(device)
+    options = DEVICES.load("pointer").Options.model_validate(device)
     return float(getattr(options, "workspace_m"))  # noqa: B009 - of this driver
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from random import Random
 
 from weberlink.geometry.vector import Vector
-from weberlink.master.devices.pointer_link import PointerTarget
+from weberlink.master.devices.target_link import PointerTarget
 from weberlink.testing.time import TICK
 
 Path = Callable[[float], tuple[Vector, bool] | None]

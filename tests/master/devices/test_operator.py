@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.examples import examples
 from weberlink.geometry.rotation import quaternion, vector
 from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale, unit
-from weberlink.master.devices import load
+from weberlink.master.devices import DEVICES
 from weberlink.master.devices.hand import modelled_hand
 from weberlink.master.devices.hand_options import HandOptions, WristOptions
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
@@ -150,7 +150,7 @@ def test_after_the_approach_it_follows_the_recording(recording: Path, scale: flo
 @pytest.mark.parametrize("name", ["operator", "replay"])
 def test_same_calls_give_identical_runs_and_a_long_gap_is_a_pause(name: str, recording: Path) -> None:
     def positions(seed: int) -> list[Vector]:
-        driver, found = load(name), list[Vector]()
+        driver, found = DEVICES.load(name), list[Vector]()
         needed = {"trace": recording, "center_m": ZERO} if name == "replay" else {}
         device = driver(driver.Options(**needed, seed=seed), TICK)
         for _ in range(2):  # a second session starts as afresh

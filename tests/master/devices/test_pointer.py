@@ -10,7 +10,7 @@ from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
 from weberlink.master.devices.pointer import PointerDevice, PointerOptions
-from weberlink.master.devices.pointer_link import PointerTarget
+from weberlink.master.devices.target_link import PointerTarget
 from weberlink.testing.time import TICK
 
 HOME: Vector = (0.0, 0.0, 0.03)

@@ -8,7 +8,7 @@ import pytest
 from weberlink.arms.contract import ArmReading
 from weberlink.geometry.joints import Joints
 from weberlink.master.devices.remote_leader import RemoteLeader, RemoteLeaderOptions
-from weberlink.master.devices.remote_link import LeaderTarget
+from weberlink.master.devices.target_link import LeaderTarget
 from weberlink.testing.time import TICK
 
 OPTIONS = {"joints": ("pan", "lift"), "gripper": True, "lower_rad": (-1.0, -1.5, 0.0), "upper_rad": (1.0, 1.5, 1.2)}
@@ -20,11 +20,9 @@ class Program:
 
     def __init__(self, target: Joints, begins: float = 0.0, ends: float = inf) -> None:
         self.target, self._begins, self.ends = target, begins, ends
-        self.axes = 0
         self._tick = 0
 
-    def open(self, axes: int) -> None:
-        self.axes = axes
+    def open(self) -> None: ...
 
     def newest(self) -> LeaderTarget | None:
         self._tick += 1
@@ -58,7 +56,6 @@ def test_arm_begins_where_the_program_is_within_its_limits(target: Joints, goes_
     """The follower approaches from where it is, so the leader need not come from its home."""
     led = Led(Program(target, begins=0.1))
     readings = led.go(500)
-    assert led.program.axes == 3
     assert (readings[50].angles, readings[50].buttons) == ((0.0, 0.0, 0.0), 0)
     assert (readings[-1].angles, readings[-1].buttons) == (goes_to, 1)
 

@@ -14,14 +14,19 @@ import pytest
 
 from tests.master.devices.test_wires import MESSAGES
 from tests.strangers import as_stranger, ask_socket, needs_root, read_file
-from weberlink.master.devices.pointer_link import PointerSender, PointerTarget, TargetSocket, pack, socket_path
-from weberlink.master.devices.remote_link import (
+from weberlink.master.devices.target_link import (
+    LEADER,
+    POINTER,
     SIZE,
     LeaderTarget,
+    PointerSender,
+    PointerTarget,
     TargetInUseError,
     TargetMemory,
+    TargetSocket,
     TargetWriter,
-    target_path,
+    link_path,
+    pack,
 )
 from weberlink.telemetry.runtime_directory import ForeignFileError
 
@@ -43,7 +48,7 @@ def listening() -> Iterator[TargetSocket]:
 def wire(listening: TargetSocket) -> Iterator[socket.socket]:
     """Sends any bytes to it."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as raw:
-        raw.connect(str(socket_path(os.getpid())))
+        raw.connect(str(link_path(os.getpid(), POINTER)))
         yield raw
 
 
@@ -97,7 +102,7 @@ def test_sender_waits_for_a_socket_that_comes_later() -> None:
         assert sender.send(HERE, True) or sender.send(HERE, True), "the first one may find the last socket closed"
         assert source.newest() is not None
         source.close()
-        assert not socket_path(os.getpid()).exists()
+        assert not link_path(os.getpid(), POINTER).exists()
         source.close()
         assert source.newest() is None
         assert not sender.send(HERE, True)
@@ -109,8 +114,8 @@ def test_sender_waits_for_a_socket_that_comes_later() -> None:
 
 @pytest.fixture
 def memory() -> Iterator[TargetMemory]:
-    made = TargetMemory()
-    made.open(len(HERE))
+    made = TargetMemory(len(HERE))
+    made.open()
     yield made
     made.close()
 
@@ -129,9 +134,9 @@ def test_target_is_read_once_and_who_leaves_lets_go(memory: TargetMemory) -> Non
     assert memory.newest() == LeaderTarget(HERE, False)
 
 
-LEADER = """
+PROGRAM = """
 import sys, time
-from weberlink.master.devices.remote_link import TargetWriter
+from weberlink.master.devices.target_link import TargetWriter
 writer = TargetWriter(int(sys.argv[1]))
 print("x", flush=True)
 time.sleep(60)
@@ -144,7 +149,7 @@ def test_one_program_leads_at_a_time_until_it_ends_or_is_killed(memory: TargetMe
         TargetWriter(os.getpid())
     first.close()
     first.close()
-    child = subprocess.Popen([sys.executable, "-c", LEADER, str(os.getpid())], stdout=subprocess.PIPE)
+    child = subprocess.Popen([sys.executable, "-c", PROGRAM, str(os.getpid())], stdout=subprocess.PIPE)
     assert child.stdout is not None
     assert child.stdout.read(1) == b"x"
     with pytest.raises(TargetInUseError):
@@ -157,7 +162,7 @@ def test_one_program_leads_at_a_time_until_it_ends_or_is_killed(memory: TargetMe
 
 
 def test_file_goes_with_the_daemon_and_another_in_its_place_is_refused(memory: TargetMemory) -> None:
-    path = target_path(os.getpid())
+    path = link_path(os.getpid(), LEADER)
     path.write_bytes(bytes(SIZE))
     with pytest.raises(ForeignFileError, match="not the target of a remote leader"):
         TargetWriter(os.getpid())
@@ -173,9 +178,9 @@ def test_file_goes_with_the_daemon_and_another_in_its_place_is_refused(memory: T
 
 @needs_root
 def test_another_user_can_neither_send_nor_read(listening: TargetSocket, memory: TargetMemory) -> None:
-    for path in (socket_path(os.getpid()), target_path(os.getpid())):
+    for path in (link_path(os.getpid(), POINTER), link_path(os.getpid(), LEADER)):
         assert path.lstat().st_mode & 0o777 == 0o600
         assert path.parent.lstat().st_mode & 0o777 == 0o700
-    assert as_stranger(ask_socket, socket_path(os.getpid()), pack(HERE, True, 1)) == "refused"
+    assert as_stranger(ask_socket, link_path(os.getpid(), POINTER), pack(HERE, True, 1)) == "refused"
     assert listening.newest() is None
-    assert as_stranger(read_file, str(target_path(os.getpid()))) == "refused"
+    assert as_stranger(read_file, str(link_path(os.getpid(), LEADER))) == "refused"

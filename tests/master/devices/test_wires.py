@@ -6,23 +6,20 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.master.devices import pointer_link
-from weberlink.master.devices.polhem.hid_protocol import (
+from weberlink.master.devices import target_link
+from weberlink.master.devices.polhem.protocol import (
     LONG,
+    LONGEST,
     SHORT,
     Sensors,
     SetCounters,
+    StatusReader,
     decode_command,
+    decode_currents,
     decode_sensors,
     encode_command,
-    encode_sensors,
-)
-from weberlink.master.devices.polhem.serial_protocol import (
-    LONGEST,
-    SerialStatus,
-    SerialStatusReader,
-    decode_currents,
     encode_currents,
+    encode_sensors,
     encode_status,
 )
 from weberlink.testing.messages import Message, MessageContract
@@ -35,8 +32,8 @@ def integers(bits: int) -> st.SearchStrategy[int]:
     return st.integers(-edge, edge - 1)
 
 
-def status(line: bytes) -> SerialStatus:
-    (only,) = SerialStatusReader().feed(line)
+def status(line: bytes) -> Sensors:
+    (only,) = StatusReader().feed(line)
     return only
 
 
@@ -45,7 +42,12 @@ def three(each: st.SearchStrategy[Any]) -> st.SearchStrategy[tuple[Any, ...]]:
 
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
-statuses = st.builds(SerialStatus, st.integers(1, 3), st.tuples(*[integers(32)] * 6), st.integers(0, 2047))
+statuses = st.builds(
+    lambda counts, model, error: Sensors(counts, model=model, error=error),
+    st.tuples(*[integers(32)] * 6),
+    st.integers(1, 3),
+    st.integers(0, 2047),
+)
 long_sensors = st.builds(
     lambda main, gimbal, *flags: Sensors((*main, *gimbal), *flags),
     three(integers(16)),
@@ -54,10 +56,10 @@ long_sensors = st.builds(
     st.booleans(),
 )
 targets = st.builds(
-    pointer_link.PointerTarget, three(finite), st.booleans(), st.integers(0, 2**64 - 1), three(st.floats(-3.6, 3.6))
+    target_link.PointerTarget, three(finite), st.booleans(), st.integers(0, 2**64 - 1), three(st.floats(-3.6, 3.6))
 )
-mark = pointer_link.MARK
-datagram = pointer_link.LAYOUT.pack
+mark = target_link.MARK
+datagram = target_link.LAYOUT.pack
 
 MESSAGES = {
     "polhem currents": Message(
@@ -83,8 +85,8 @@ MESSAGES = {
     ),
     "pointer": Message(
         targets,
-        lambda target: pointer_link.pack(*target),
-        pointer_link.unpack,
+        lambda target: target_link.pack(*target),
+        target_link.unpack,
         refused=(
             b"WLP1" + datagram(mark, 3, True, *HERE, *HERE)[4:],
             datagram(mark, 3, True, nan, 0.0, 0.0, *HERE),
@@ -111,18 +113,18 @@ class TestMessages(MessageContract):
 
 
 @given(st.lists(statuses, max_size=4), st.data())
-def test_answers_come_whole_however_the_stream_is_cut(said: list[SerialStatus], data: st.DataObject) -> None:
+def test_answers_come_whole_however_the_stream_is_cut(said: list[Sensors], data: st.DataObject) -> None:
     stream = b"".join(map(encode_status, said))
     cuts = sorted(data.draw(st.lists(st.integers(0, len(stream)), max_size=6)))
-    reader, heard = SerialStatusReader(), list[SerialStatus]()
+    reader, heard = StatusReader(), list[Sensors]()
     for start, end in zip([0, *cuts], [*cuts, len(stream)], strict=True):
         heard += reader.feed(stream[start:end])
     assert (heard, reader.malformed) == (said, 0)
 
 
 @given(st.lists(st.binary(max_size=300), max_size=5), statuses)
-def test_noise_ends_at_the_next_answer(noise: list[bytes], wanted: SerialStatus) -> None:
-    reader = SerialStatusReader()
+def test_noise_ends_at_the_next_answer(noise: list[bytes], wanted: Sensors) -> None:
+    reader = StatusReader()
     for part in noise:
         reader.feed(part)
         assert reader.kept <= LONGEST
@@ -138,7 +140,7 @@ def test_noise_ends_at_the_next_answer(noise: list[bytes], wanted: SerialStatus)
 def test_bytes_are_those_of_the_makers() -> None:
     assert encode_currents((1, -20, 300)) == b"[1,-20,300]\n\0\0\0\0", "at least 16 bytes"
     assert encode_currents((-6000, 6000, -6000)) == b"[-6000,6000,-6000]\n"
-    assert encode_status(SerialStatus(3, (1, -2, 3, 0, 0, 0), 8)) == b"[3,1,-2,3,0,0,0,8]\n"
+    assert encode_status(Sensors((1, -2, 3, 0, 0, 0), model=3, error=8)) == b"[3,1,-2,3,0,0,0,8]\n"
     assert (LONG, SHORT) == (14, 8)
     assert encode_command((1, -2, 3), LONG) == bytes.fromhex("0100 feff 0300 0000 0000 0000 0000")
     assert encode_command((1, -2, 3), SHORT, 0x10005) == bytes.fromhex("0100 feff 0300 0500")

@@ -5,11 +5,11 @@ from typing import Any
 import pytest
 
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
-from weberlink.master.devices.polhem.hid_protocol import LONG, SHORT, decode_sensors, encode_command
 from weberlink.master.devices.polhem.options import PolhemHidOptions, PolhemSerialOptions
-from weberlink.master.devices.polhem.parameters import PARAMETERS, MechanismParameters
+from weberlink.master.devices.polhem.parameters import PARAMETERS, Board, MechanismParameters
+from weberlink.master.devices.polhem.protocol import LONG, SHORT, decode_sensors, encode_command
 from weberlink.master.emulators.polhem.hid_board import PolhemHidEmulator, PolhemHidEmulatorOptions
-from weberlink.master.emulators.polhem.host_wiring import HOST_WIRINGS, Host, Wire
+from weberlink.master.emulators.polhem.host_wiring import HOST_WIRINGS, Host
 from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
 
 STILL = {"script": [{"motion": "rest", "duration_s": 100.0}], "tremor_m": 0.0, "hand": {"stiffness_n_m": 3000.0}}
@@ -19,7 +19,7 @@ ALL = [(host, wire, name) for (host, wire), sets in HOST_WIRINGS.items() for nam
 Device = PolhemHidEmulator | PolhemSerialEmulator
 
 
-def device(host: Host, wire: Wire, name: str, **options: Any) -> Device:
+def device(host: Host, wire: Board, name: str, **options: Any) -> Device:
     options = {"handle": STILL, "parameters": name, **options}
     if wire == "serial":
         return PolhemSerialEmulator(PolhemSerialEmulatorOptions.model_validate(options))
@@ -27,7 +27,7 @@ def device(host: Host, wire: Wire, name: str, **options: Any) -> Device:
     return PolhemHidEmulator(PolhemHidEmulatorOptions.model_validate(options))
 
 
-def driver(wire: Wire, name: str, **options: Any) -> MechanismParameters:
+def driver(wire: Board, name: str, **options: Any) -> MechanismParameters:
     """What a driver makes of the set where the file says nothing of signs."""
     if wire == "serial":
         return PolhemSerialOptions.model_validate({"parameters": name, **options}).wired("woodenhaptics")
@@ -65,7 +65,7 @@ def carried(emulator: Device, axis: int, way_mm: float) -> tuple[float, tuple[in
 
 @pytest.mark.parametrize(("host", "wire", "name"), ALL)
 @pytest.mark.parametrize("axis", range(3))
-def test_positions_are_those_of_the_hand(host: Host, wire: Wire, name: str, axis: int) -> None:
+def test_positions_are_those_of_the_hand(host: Host, wire: Board, name: str, axis: int) -> None:
     _, counts = carried(device(host, wire, name), axis, 25.0)
     x, y, z = (0.025 * (axis == each) for each in range(3))
     assert distance(driver(wire, name).mechanism.position(counts), (x, y, z)) < 5e-4
@@ -80,7 +80,7 @@ def felt(emulator: Device, parameters: MechanismParameters, force: Vector) -> Ve
 
 @pytest.mark.parametrize(("host", "wire", "name"), ALL)
 @pytest.mark.parametrize("force", FORCES, ids="xyz")
-def test_forces_are_felt_where_they_are_commanded(host: Host, wire: Wire, name: str, force: Vector) -> None:
+def test_forces_are_felt_where_they_are_commanded(host: Host, wire: Board, name: str, force: Vector) -> None:
     options = {"motor_directions": (1, 1, 1)} if (host, wire) == ("haptikfabrikenapi", "hid8") else {}
     assert distance(felt(device(host, wire, name), driver(wire, name, **options), force), force) < 0.03
 
@@ -88,23 +88,23 @@ def test_forces_are_felt_where_they_are_commanded(host: Host, wire: Wire, name: 
 @pytest.mark.parametrize("signs", [(-1, 1, 1), (1, -1, 1), (1, 1, -1)])
 def test_encoder_and_motor_signs_are_independent(signs: tuple[int, int, int]) -> None:
     name = "woodenhaptics_2015"
-    published = driver("hid8", name).mechanism.drive
+    published = driver("hid8", name).mechanism.drive.wiring
 
     def turned(what: tuple[int, ...]) -> tuple[int, ...]:
         return tuple(a * b for a, b in zip(what, signs, strict=True))
 
     encoders = {
-        "encoder_directions": turned(published.encoder_directions),
+        "encoder_directions": turned(published.encoder),
         "home_counts": turned(published.home_counts),
     }
-    motors = {"motor_directions": turned(published.motor_directions)}
+    motors = {"motor_directions": turned(published.motor)}
     for what, options in (("encoder_signs", encoders), ("motor_signs", motors)):
         for force in FORCES:
             emulator = device("woody_experimental", "hid8", name, **{what: signs})
             assert distance(felt(emulator, driver("hid8", name, **options), force), force) < 0.03
 
 
-@pytest.mark.parametrize("name", [name for name, each in PARAMETERS.items() if each.mechanism.weight is not None])
+@pytest.mark.parametrize("name", [name for name, each in PARAMETERS.items() if each.mechanism.linkage.masses])
 def test_the_weight_of_the_links_is_carried(name: str) -> None:
     """At rest the hand feels the links without it, and nearly nothing with it."""
     emulator = device("hfabapi", "serial", name, weight=True)

@@ -8,15 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from weberlink.hardware.emulator import WireFaults
-from weberlink.hardware.emulators import EMULATORS
-from weberlink.master import devices
-from weberlink.master.devices import leaders
-from weberlink.master.devices.polhem.hid_protocol import LONG, SHORT, encode_command
-from weberlink.master.devices.polhem.serial_protocol import encode_currents
+from weberlink.hardware.emulator import EMULATORS, WireFaults
+from weberlink.master.devices import DEVICES
+from weberlink.master.devices.leaders import LEADERS
+from weberlink.master.devices.polhem.protocol import LONG, SHORT, encode_command, encode_currents
 
-DRIVERS = {**devices.drivers(), **leaders.drivers()}
-every_emulator = pytest.mark.parametrize("name", sorted(set(EMULATORS) & set(DRIVERS)))
+DRIVERS = {*DEVICES, *LEADERS}
+every_emulator = pytest.mark.parametrize("name", sorted(set(EMULATORS) & DRIVERS))
 
 
 @every_emulator

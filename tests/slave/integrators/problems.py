@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.slave.integrators import INTEGRATORS, ControlledMass, MassState
-from weberlink.slave.integrators.contact_force import contact_force
+from weberlink.slave.integrators.problem import contact_force
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import PlaneShape, SphereShape

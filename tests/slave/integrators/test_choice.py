@@ -13,7 +13,7 @@ from weberlink.slave.scenes.contact import FrictionCone
 from weberlink.slave.scenes.scene import Scene
 
 TICK = 0.001
-CONE = FrictionCone(0.5, 0.4)
+CONE = FrictionCone(static=0.5, dynamic=0.4)
 FULL = int(BUDGET * TICK / SPLITTING_S)
 
 

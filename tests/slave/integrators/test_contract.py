@@ -12,12 +12,12 @@ from tests.slave.integrators.problems import BODY, UP, ball, corner, difference,
 from tests.slave.scenes.solids import scenes
 from weberlink.geometry.vector import ZERO
 from weberlink.slave.integrators import INTEGRATORS, ControlledMass, MassState
-from weberlink.slave.integrators.contact_force import contact_force
+from weberlink.slave.integrators.problem import contact_force
 from weberlink.slave.scenes.contact import FrictionCone
 from weberlink.slave.scenes.scene import Scene
 
 TICK = 0.001
-CONE = FrictionCone(0.5, 0.4)
+CONE = FrictionCone(static=0.5, dynamic=0.4)
 every_integrator = pytest.mark.parametrize("name", sorted(INTEGRATORS))
 SCENES: dict[str, Callable[[], Scene]] = {
     "wall": lambda: wall(2000.0),

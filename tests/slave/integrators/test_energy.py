@@ -10,7 +10,7 @@ from tests.slave.scenes.solids import SHAPES
 from weberlink.geometry.vector import Vector, dot, is_finite, norm, subtract
 from weberlink.slave.integrators import INTEGRATORS, ControlledMass, MassState
 from weberlink.slave.integrators.choice import chosen
-from weberlink.slave.integrators.contact_force import contact_force
+from weberlink.slave.integrators.problem import contact_force
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject, Touch
 from weberlink.slave.scenes.scene import Scene, SceneState
 from weberlink.slave.scenes.shape import Shape
@@ -18,7 +18,12 @@ from weberlink.slave.scenes.solids import PlaneShape
 
 STEPS = 60
 LOSING = sorted(name for name, scheme in INTEGRATORS.items() if scheme.gains_nothing)
-CONES = (None, FrictionCone(0.5, 0.4), FrictionCone(0.8, 0.3), FrictionCone(2.0, 0.0))
+CONES = (
+    None,
+    FrictionCone(static=0.5, dynamic=0.4),
+    FrictionCone(static=0.8, dynamic=0.3),
+    FrictionCone(static=2.0, dynamic=0.0),
+)
 SOLIDS: dict[str, tuple[Shape, ...]] = {
     **{name: (shape,) for name, shape in SHAPES.items()},
     "two planes": (PlaneShape((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), PlaneShape((0.01, 0.0, 0.0), (-0.8, 0.0, 0.6))),

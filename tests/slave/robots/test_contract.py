@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from weberlink.geometry.vector import ZERO
-from weberlink.slave.robots import BUILT_IN, load
+from weberlink.slave.robots import BUILT_IN, ROBOTS
 from weberlink.slave.scenes.contact import SceneObject
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import PlaneShape
@@ -24,6 +24,6 @@ class TestComputedRobots(RobotContract):
     @pytest.fixture(params=COMPUTED)
     def bench(self, request: pytest.FixtureRequest) -> Iterator[RobotBench]:
         ground = Scene([SceneObject(PlaneShape(ZERO, (0.0, 0.0, 1.0)), GROUND)])
-        driver = load(request.param)
+        driver = ROBOTS.load(request.param)
         robot = driver(driver.Options(), ground, TICK)
         yield RobotBench(robot, virtual_time(), (0.01, -0.01, 0.02), (0.01, -0.01, -0.01))

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.slave.robots import load
+from weberlink.slave.robots import ROBOTS
 from weberlink.slave.robots.contract import Robot, RobotFault
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
 from weberlink.slave.scenes.contact import SceneObject
@@ -20,7 +20,7 @@ every_driver = pytest.mark.parametrize("name", ["point", "simulated"])
 
 
 def robot_of(name: str, scene: Scene | None = None, **options: Any) -> Robot:
-    driver = load(name)
+    driver = ROBOTS.load(name)
     return driver(driver.Options(**options), scene, TICK)
 
 
@@ -63,7 +63,7 @@ def test_the_sensor_saturates_at_its_range(name: str) -> None:
 @pytest.mark.parametrize("options", [{"workspace_m": 0.0}, {"home_m": [0, 0, 1]}, {"colour": "red"}, {"force_n": -1}])
 def test_wrong_options_are_refused_by_name(name: str, options: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=next(iter(options))):
-        load(name).Options(**options)
+        ROBOTS.load(name).Options(**options)
 
 
 @given(st.floats(10.0, 1e7), st.floats(10.0, 1e6), st.floats(1e-6, 0.05))

@@ -4,11 +4,10 @@ from math import sin
 
 from weberlink.geometry.vector import Vector
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
-from weberlink.slave.scenes.derived import CarvedShape, TurnedShape
 from weberlink.slave.scenes.height_field import HeightFieldShape, bumps
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.shape import Shape
-from weberlink.slave.scenes.solids import BoxCavity, BoxShape, PlaneShape, SphereShape
+from weberlink.slave.scenes.solids import BoxCavity, BoxShape, CarvedShape, PlaneShape, SphereShape, TurnedShape
 
 UP: Vector = (0.0, 0.0, 1.0)
 GROUND = PlaneShape((0.0, 0.0, 0.0), UP)
@@ -39,7 +38,7 @@ def elastic(*shapes: Shape) -> Scene:
 
 def scenes() -> dict[str, Scene]:
     """Fresh scenes: each shape alone, then combinations with everything that a contact can have."""
-    cone = FrictionCone(0.5, 0.4)
+    cone = FrictionCone(static=0.5, dynamic=0.4)
     everything = [SceneObject(shape, 300.0 + 100.0 * i, cone, 2.0) for i, shape in enumerate(SHAPES.values())]
     return {
         **{name: elastic(shape) for name, shape in SHAPES.items()},

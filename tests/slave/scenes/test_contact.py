@@ -18,7 +18,7 @@ STATIC, DYNAMIC = 0.5, 0.4
 
 def pressed() -> Scene:
     """On the ground at the origin, under 4 N."""
-    scene = Scene([SceneObject(GROUND, STIFFNESS, FrictionCone(STATIC, DYNAMIC))])
+    scene = Scene([SceneObject(GROUND, STIFFNESS, FrictionCone(static=STATIC, dynamic=DYNAMIC))])
     scene.force((0.0, 0.0, 0.001), TICK)
     scene.force((0.0, 0.0, -DEPTH), TICK)
     return scene
@@ -45,7 +45,7 @@ def test_stepwise_positions_keep_the_sliding_force() -> None:
 @given(steps=st.lists(st.tuples(*[st.floats(-0.001, 0.001)] * 3), min_size=1, max_size=60))
 def test_force_stays_in_cone_on_curved_surface(steps: list[Vector]) -> None:
     ball = SphereShape((0.0, 0.0, -0.03), 0.03)
-    scene = Scene([SceneObject(ball, STIFFNESS, FrictionCone(STATIC, DYNAMIC))])
+    scene = Scene([SceneObject(ball, STIFFNESS, FrictionCone(static=STATIC, dynamic=DYNAMIC))])
     scene.force((0.0, 0.0, 0.01), TICK)
     x = y = 0.0
     z = -0.003

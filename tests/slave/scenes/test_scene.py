@@ -98,12 +98,12 @@ def test_non_finite_position_gives_zero_force(bad: float) -> None:
 @examples(40)
 def test_a_softened_scene_yields_as_if_made_of_the_softer_material(most: float, depth: float, aside: float) -> None:
     """Stiffness is cut to the limit, damping falls in proportion, and friction stays a share of the pressure."""
-    stiff, soft = SceneObject(GROUND, 1e4, FrictionCone(0.6, 0.4), 20.0), SceneObject(GROUND, 300.0, None, 5.0)
-    softened = Scene([stiff, soft])
+    cone = FrictionCone(static=0.6, dynamic=0.4)
+    softened = Scene([SceneObject(GROUND, 1e4, cone, 20.0), SceneObject(GROUND, 300.0, None, 5.0)])
     softened.soften(most)
     made = Scene(
         [
-            SceneObject(GROUND, min(1e4, most), FrictionCone(0.6, 0.4), 20.0 * min(1.0, most / 1e4)),
+            SceneObject(GROUND, min(1e4, most), cone, 20.0 * min(1.0, most / 1e4)),
             SceneObject(GROUND, min(300.0, most), None, 5.0 * min(1.0, most / 300.0)),
         ]
     )

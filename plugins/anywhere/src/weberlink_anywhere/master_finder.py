@@ -32,7 +32,7 @@ QUICK_TRIES, QUICK_S = 2, 1.0
 """Once there was a session, calls that are given up when no server answers so soon. Where the outage is, or that of the
 relay, a call that waits longer comes to nothing, and keeps the next one waiting."""
 SESSION_S = 2.0
-"""For the first session, once there is a path: twenty HELLOs (weberlink.protocol.calls)."""
+"""For the first session, once there is a path: twenty HELLOs (weberlink.protocol.handshake)."""
 LACK_S = 15.0
 """Between calls, while a session lives on fewer paths than it could have."""
 

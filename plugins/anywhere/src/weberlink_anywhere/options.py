@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from weberlink.config.deadband import Settings
 from weberlink.config.model import Address, Name
+from weberlink.config.settings import Settings
 
 
 def _mailbox_url(text: str) -> str:

@@ -193,7 +193,7 @@ class Paths:
     def _end(self, number: int) -> None:
         path = self._open.pop(number)
         # A session that lives on its only path is consent enough, and was challenged there if an address has changed
-        # (weberlink.protocol.path); it keeps the path until ICE has found another one.
+        # (weberlink.protocol.address); it keeps the path until ICE has found another one.
         if self.sessions.get(path.peer) != ENGAGED or self.count(path.peer) > 1:
             self._tell(PathLost(number))
         for key in [key for key, value in self._places.items() if value == number]:

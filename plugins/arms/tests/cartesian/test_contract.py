@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from plugins.arms.tests.benches import Stepped
-from weberlink.slave.robots import load
+from weberlink.slave.robots import ROBOTS
 from weberlink.testing.robots import HardwareRobotContract, RobotBench
 from weberlink.testing.time import TICK
 from weberlink_arms.emulators.open_manipulator import DynamixelEmulator, DynamixelEmulatorOptions
@@ -19,7 +19,7 @@ class TestDynamixel(HardwareRobotContract):
     @pytest.fixture
     def bench(self) -> Iterator[RobotBench]:
         floor = {"shape": "plane", "point_m": [0.0, 0.0, FLOOR_M], "stiffness_n_m": 500.0}
-        driver = load("dynamixel")
+        driver = ROBOTS.load("dynamixel")
         robot = driver(driver.Options(approach_m_s=0.2), None, TICK)
         stepped = Stepped(robot, DynamixelEmulator(DynamixelEmulatorOptions.model_validate({"scene": [floor]})))
         yield RobotBench(

@@ -14,8 +14,8 @@ from pydantic import ValidationError
 
 from tests.wait import until
 from weberlink.geometry.vector import Vector, distance
-from weberlink.hardware.emulator import PtyDevice
 from weberlink.slave.robots.contract import RobotFault, RobotReading
+from weberlink.testing.serving import PtyDevice
 from weberlink_arms.cartesian.driver import DynamixelRobot
 from weberlink_arms.cartesian.options import DynamixelOptions
 from weberlink_arms.emulators.open_manipulator import DynamixelEmulator

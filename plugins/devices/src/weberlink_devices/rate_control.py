@@ -17,9 +17,8 @@ from typing import NamedTuple, Self
 
 from pydantic import Field, model_validator
 
-from weberlink.geometry.cube import check_home, cube
 from weberlink.geometry.rotation import IDENTITY, product, quaternion, unit_quaternion
-from weberlink.geometry.vector import ZERO, Vector, scale
+from weberlink.geometry.vector import ZERO, Vector, check_home, cube, scale
 from weberlink.hardware.threaded import ThreadedDriver
 from weberlink.hardware.worker import Exchange, Worker
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, check_finite

@@ -4,7 +4,7 @@ import asyncio
 import os
 import sys
 import webbrowser
-from collections.abc import Callable, Iterator, Sized
+from collections.abc import Callable, Coroutine, Iterable, Iterator, Sized
 from contextlib import AsyncExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -14,11 +14,11 @@ from signal import SIGHUP, SIGINT, SIGTERM, Signals
 from socket import socket
 from tempfile import NamedTemporaryFile
 from time import monotonic
+from typing import Any
 
 import uvloop
 from aiohttp import web
 
-from weberlink.cli.tasks import first_result
 from weberlink.telemetry.runtime_directory import directory
 from weberlink_page import access, address
 from weberlink_page.camera import CameraService, View
@@ -121,8 +121,21 @@ async def _serve(settings: MonitorSettings, attempt: TrySession | None) -> Sessi
         if attempt is not None and attempt.left_s is not None:
             leaving = end_when_left(watch.viewers, attempt.left_s, over, say)
             stack.callback(asyncio.get_running_loop().create_task(leaving).cancel)
-        await first_result([watch.run(), over.wait() if launcher is None else _until_over(launcher, over, watch)])
+        await _first([watch.run(), over.wait() if launcher is None else _until_over(launcher, over, watch)])
     return None if launcher is None else launcher.last
+
+
+async def _first(coroutines: Iterable[Coroutine[Any, Any, object]]) -> None:
+    """Run coroutines until the first one ends; cancels the others. Raises its error."""
+    tasks = [asyncio.ensure_future(each) for each in coroutines]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 async def _until_over(launcher: SessionLauncher, over: asyncio.Event, watch: SessionWatcher) -> None:

@@ -7,7 +7,7 @@ from pydantic import AfterValidator, Field
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.devices.pointer import PointerDevice, PointerOptions
-from weberlink.master.devices.pointer_link import TargetSource
+from weberlink.master.devices.target_link import PointerTarget, TargetSource
 from weberlink_ros2.admission import Subscription
 from weberlink_ros2.names import LARGEST_DOMAIN, check_endpoint, check_topic
 from weberlink_ros2.process import ListenerProcess
@@ -38,7 +38,7 @@ class Ros2Options(PointerOptions):
         return Subscription(self.topic, self.domain, self.connect, self.frame_id, self.origin_m, silence, turns)
 
 
-class PoseSource(TargetSource, Protocol):
+class PoseSource(TargetSource[PointerTarget], Protocol):
     """Targets from a process that may end; the texts are those of `ListenerProcess`."""
 
     trouble: str | None

@@ -1,6 +1,6 @@
 """The parent's side of the listener, a process that takes the poses from Zenoh.
 
-The two share a socket pair of small datagrams: the targets of `pointer_link`, and texts about what is wrong. The kernel
+The two share a socket pair of small datagrams: the targets of `target_link`, and texts about what is wrong. The kernel
 closes it however either of them ends, so each notices the end of the other.
 """
 
@@ -11,7 +11,7 @@ from time import monotonic
 
 from weberlink.child_process import Child, python
 from weberlink.master.devices.contract import DeviceFault
-from weberlink.master.devices.pointer_link import MARK, PointerTarget, unpack
+from weberlink.master.devices.target_link import MARK, PointerTarget, unpack
 from weberlink_ros2.admission import Subscription
 
 READY, TROUBLE, FAILED = b"WLR1", b"WLT1", b"WLF1"
@@ -29,7 +29,7 @@ END_S = 3.0
 
 
 class ListenerProcess:
-    """A `weberlink.master.devices.pointer_link.TargetSource` that starts a listener.
+    """A `weberlink.master.devices.target_link.TargetSource` that starts a listener.
 
     Attributes:
         trouble: why no pose leads, or why some do not; None if all is well.

@@ -4,7 +4,7 @@ import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import Annotated, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
 import typer
 
@@ -17,10 +17,14 @@ from weberlink.cli.arguments import (
     finite,
     folder_target,
 )
-from weberlink.cli.output import Study, attempt, fail, progress_bar, publish
-from weberlink.cli.sessions import free_port
-from weberlink.order import FAILED
+from weberlink.cli.output import attempt, fail, progress_bar, write
+from weberlink.cli.sessions import one_host
+from weberlink.order import FAILED, INTERRUPTED
+from weberlink.session.targets import STANDARD_OUTPUT
 from weberlink_studies.figure_options import Footer, Format, figures
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
 Plots = Annotated[
     Path | None,
@@ -44,6 +48,49 @@ class Studies(CommandGroup):
 
 
 study = typer.Typer(name="study", cls=Studies, help="Reproduce and extend the studies.", no_args_is_help=True)
+
+
+class Study(Protocol):
+    """Results of a study command."""
+
+    @property
+    def document(self) -> dict[str, Any]: ...
+
+    @property
+    def table(self) -> "RenderableType": ...
+
+    @property
+    def figures(self) -> Callable[[Path], None] | None: ...
+
+    @property
+    def interrupted(self) -> str: ...
+
+    def draw(self, folder: Path) -> None: ...
+
+
+def publish(study: Study, json_out: Path | None, plots: Path | None) -> None:
+    """Print, write and draw the results of a study; a failure of one does not prevent the others.
+
+    After Ctrl-C these are the partial results, and the exit status is `INTERRUPTED`.
+    """
+    document = study.document | ({"interrupted": True} if study.interrupted else {})
+    failed = None
+    try:
+        write(document, json_out, lambda console: console.print(study.table))
+    except typer.Exit as exit_:
+        failed = exit_
+    kept = "printed" if json_out is None else "in the JSON above" if json_out == STANDARD_OUTPUT else f"in {json_out}"
+    try:
+        problem = None if plots is None else attempt(lambda: study.draw(plots), plots)
+    except KeyboardInterrupt:
+        fail(f"interrupted while drawing: the results are {kept}, not all figures are in {plots}", INTERRUPTED)
+    if problem is not None:
+        fail(problem, FAILED)
+    if failed is not None:
+        raise failed
+    if study.interrupted:
+        undrawn = "; no figures are drawn of them" if plots is not None and study.figures is None else ""
+        fail(f"interrupted: {study.interrupted} are done, and {kept}{undrawn}", INTERRUPTED)
 
 
 class StudyWithRows(Study, Protocol):
@@ -240,7 +287,7 @@ def experiment(
         try:
             words = conduct(
                 request,
-                ports=lambda: free_port(file, overrides),
+                ports=lambda: one_host(file, overrides),
                 source=sys.stdin,
                 screen=sys.stdout,
                 report=lambda done, total: progress(done, total, "trials"),

@@ -1,6 +1,6 @@
 """The report on the link to a waiting slave: way out of this host, path, figures, and settings that suit them.
 
-Every threshold is one by which a session itself decides (`weberlink.protocol.heartbeat`), or by which `check` warns
+Every threshold is one by which a session itself decides (`weberlink.protocol.liveness`), or by which `check` warns
 (`weberlink.session.advice`). What both ends must hold alike has to be set on both hosts.
 """
 
@@ -17,9 +17,9 @@ from weberlink.config import MASTER, Configuration, System
 from weberlink.config.finders import finder_of
 from weberlink.config.model import LinkSettings, split_address
 from weberlink.protocol.aio.sockets import numeric
-from weberlink.protocol.heartbeat import HeartbeatSchedule
+from weberlink.protocol.liveness import HeartbeatSchedule
+from weberlink.protocol.negotiation import LONGEST, in_ms, rounded_up
 from weberlink.protocol.probing import Heard
-from weberlink.protocol.round_trip import LONGEST, in_ms, rounded_up
 from weberlink.protocol.session import LONGEST_SILENCE
 from weberlink.protocol.timing import LONGEST_RTT
 from weberlink.session.advice import Parts, uncontrolled_delay
@@ -341,8 +341,8 @@ def silence_needs(figures: LinkFigures, tick_period: float) -> tuple[float, floa
         limit = 1e-3 * SILENCE_STEP_MS * step
         schedule = HeartbeatSchedule(0.0, silence=limit, tick_period=tick_period)
         schedule.adapt(*loss, LONGEST_RTT, 0.0, 0.0)
-        densest = schedule.reach
+        densest = schedule.max_echo_age
         schedule.adapt(*loss, figures.rtt_s[1], figures.jitter_s[1], round_trip)
-        if schedule.reach > densest:  # else it would need more heartbeats than it may send
+        if schedule.max_echo_age > densest:  # else it would need more heartbeats than it may send
             return limit, longest
     return 2.0 * LONGEST_SILENCE, longest

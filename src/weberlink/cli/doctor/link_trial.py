@@ -26,7 +26,6 @@ from weberlink.protocol.aio.udp import UdpShell
 from weberlink.protocol.probing import Heard, ProbingEndpoint
 from weberlink.realtime.process import prepare
 from weberlink.session.composition.channels import streams
-from weberlink.session.composition.joint_channels import joint_streams
 from weberlink.session.composition.link import Identity, build_endpoint, build_security
 from weberlink.session.daemon import emulated_link
 from weberlink.session.description import default_name
@@ -157,7 +156,7 @@ def build_probe(configuration: Configuration, epoch: float, finder: PathFinder |
     name, expects = default_name(MASTER, link.listen), ""
     if finder is not None:
         name, expects = finder.own, finder.expects
-    forward, backward = streams(system) if system.codec.joints is None else joint_streams(system)
+    forward, backward = streams(system)
     endpoint = build_endpoint(
         system,
         Role.INITIATOR,

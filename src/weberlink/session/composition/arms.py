@@ -1,36 +1,11 @@
 """What both sides of a session of arms build alike from a configuration."""
 
-from collections.abc import Sequence
-from typing import Any
-
 from weberlink.arms.contract import ArmSpec
-from weberlink.codec.bundle import BundleChannel, BundleDecoder, BundleEncoder
 from weberlink.codec.sample import INT16_MAX
 from weberlink.config import ConfigurationError, System
 from weberlink.config.joints import per_axis
 from weberlink.geometry.joints import Joints
-from weberlink.session.channels import IncomingChannel, OutgoingChannel
-from weberlink.session.composition.joint_channels import joint_streams
-
-
-def outgoing(
-    names: Sequence[str],
-    channels: Sequence[BundleChannel],
-    sensors: Sequence[Any],
-    encoders: Sequence[BundleEncoder] | None = None,
-) -> list[OutgoingChannel]:
-    made = [BundleEncoder(channel) for channel in channels] if encoders is None else encoders
-    return [
-        OutgoingChannel(name, stream, encoder, sensor)
-        for stream, (name, encoder, sensor) in enumerate(zip(names, made, sensors, strict=False))
-    ]
-
-
-def incoming(names: Sequence[str], decoders: Sequence[BundleDecoder]) -> list[IncomingChannel]:
-    return [
-        IncomingChannel(name, stream, decoder)
-        for stream, (name, decoder) in enumerate(zip(names, decoders, strict=False))
-    ]
+from weberlink.session.composition.channels import streams
 
 
 def joint_names(system: System) -> tuple[str, ...]:
@@ -69,7 +44,7 @@ def check_arm_axes(where: str, spec: ArmSpec, system: System) -> None:
 
 def check_angles(where: str, spec: ArmSpec, system: System) -> None:
     """A wire that cannot say an angle would move the arm elsewhere."""
-    limit = joint_streams(system)[0][0].limit
+    limit = streams(system)[0][0].value_quantizer.limit
     reach = max(map(abs, (*spec.lower, *spec.upper)))
     if reach > limit:
         raise ConfigurationError(

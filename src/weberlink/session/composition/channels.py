@@ -1,15 +1,16 @@
-"""The coded channels and the force deadband of a configuration, as both sides build them."""
+"""The coded streams of a configuration, of a hand and of an arm, as both sides build them."""
 
 from collections.abc import Mapping
 from typing import Any
 
 from weberlink.codec import Channel, force_channel, position_channel
-from weberlink.codec.channel import Smoothing
+from weberlink.codec.channel import Smoothing, joint_channel
 from weberlink.codec.deadband import Deadband, DeadbandSetup
 from weberlink.codec.deadband.contract import Measures
 from weberlink.codec.predictors import FitLimits
 from weberlink.codec.rate import UpdateRate
 from weberlink.config import System
+from weberlink.config.joints import AngleCodecSettings, JointTorqueCodecSettings, per_axis
 from weberlink.config.model import ControlSettings, ForceCodecSettings, MappingSettings
 from weberlink.control.contract import LEAST_CONTACT, AccountParameters
 from weberlink.control.table import SCHEMES
@@ -132,10 +133,19 @@ def lookahead_ms(system: System) -> dict[str, float]:
 
 
 def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
-    """All forward and all backward channels by stream: the translation and, where the file asks for it, the rotation.
+    """All forward and all backward channels by stream.
 
-    An orientation is coded as a position and a torque as a force, in radians and newton metres.
+    Those of a hand are the translation and, where the file asks for it, the rotation: an orientation is coded as a
+    position and a torque as a force, in radians and newton metres. Those of an arm are its joints and, where it has
+    one, its gripper.
     """
+    if system.codec.joints is not None:
+        groups = [(system.codec.joints.angle, system.codec.joints.torque, len(system.codec.joints.names))]
+        if system.codec.gripper is not None:
+            groups.append((system.codec.gripper.angle, system.codec.gripper.torque, 1))
+        return tuple(_angles(angle, count, system) for angle, _, count in groups), tuple(
+            _torques(torque, count, system) for _, torque, count in groups
+        )
     forward, backward = channels(system)
     if system.codec.rotation is None:
         return (forward,), (backward,)
@@ -161,6 +171,36 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         tick_period=system.tick_period,
     )
     return (forward, turning), (backward, twisting)
+
+
+def _angles(settings: AngleCodecSettings, count: int, system: System) -> Channel:
+    return joint_channel(
+        predictor=settings.predictor,
+        bounds=per_axis(settings.bound_rad, count),
+        step=settings.step_rad,
+        tick_period=system.tick_period,
+        rate=rate_of(settings.max_updates_per_s, system),
+    )
+
+
+def _torques(settings: JointTorqueCodecSettings, count: int, system: System, weber: float | None = None) -> Channel:
+    return joint_channel(
+        predictor=settings.predictor,
+        bounds=per_axis(settings.floor_nm, count),
+        weber=settings.weber if weber is None else weber,
+        step=settings.step_nm,
+        tick_period=system.tick_period,
+        rest=(0.0,) * count,
+        rate=rate_of(settings.max_updates_per_s, system),
+    )
+
+
+def torque_deadbands(system: System, weber: float) -> list[Deadband]:
+    """Of the parts of an arm's torques, at a Weber factor that a session may have changed."""
+    joints = system.codec.joints
+    assert joints is not None
+    channel = _torques(joints.torque, len(joints.names), system, weber)
+    return [part.deadband for part in (channel, *channel.more)]
 
 
 def banks(system: System) -> tuple[tuple[str, ...], tuple[str, ...] | None]:

@@ -1,7 +1,7 @@
 """Builds the teleoperator's side of a session of arms, from a configuration."""
 
 from weberlink.arms.contract import ArmSpec, FollowerArm
-from weberlink.codec.bundle import BundleDecoder, BundleEncoder
+from weberlink.codec import Decoder, Encoder
 from weberlink.codec.sample import INT16_MAX
 from weberlink.config import Configuration, ConfigurationError, System
 from weberlink.config.joints import FollowerLimits
@@ -11,16 +11,14 @@ from weberlink.protocol import Role
 from weberlink.protocol.liveness import HORIZON_SHARE
 from weberlink.protocol.security import Security
 from weberlink.realtime.stall import Watchdog
+from weberlink.session.channels import IncomingChannel, OutgoingChannel
 from weberlink.session.composition.arms import (
     check_angles,
     check_arm_axes,
     each_axis,
-    incoming,
-    outgoing,
     within,
 )
-from weberlink.session.composition.channels import playout_ticks
-from weberlink.session.composition.joint_channels import joint_streams
+from weberlink.session.composition.channels import playout_ticks, streams, torque_deadbands
 from weberlink.session.composition.link import (
     ANONYMOUS,
     Entropy,
@@ -31,7 +29,6 @@ from weberlink.session.composition.link import (
     tuning_of,
     with_file_name,
 )
-from weberlink.session.rows import JointRows
 from weberlink.session.side import Side
 from weberlink.slave.follower_port import FollowerPort
 
@@ -51,7 +48,7 @@ def build_following(
         ConfigurationError: if the follower cannot be made as the file asks.
     """
     system, follower = configuration.system, build_follower(configuration)
-    forward, backward = joint_streams(system)
+    forward, backward = streams(system)
     spec, limits = follower.spec, system.slave.limits
     own = limits.joints or FollowerLimits()
     lower, upper = angle_limits(system, spec)
@@ -67,22 +64,30 @@ def build_following(
         trip=within("slave.limits.joints.trip_nm", own.trip_nm, spec.torque_nm),
         by_button=system.master.engage is not None,
     )
-    encoders = [BundleEncoder(channel) for channel in backward]
+    outgoing = [
+        OutgoingChannel(name, stream, Encoder(channel), sensor)
+        for stream, (name, channel, sensor) in enumerate(
+            zip(("joint_torque", "gripper_torque"), backward, filter(None, (port.joints, port.gripper)), strict=False)
+        )
+    ]
 
     def retune(settings: LiveSettings, peer_tick: float) -> None:  # noqa: ARG001 - the encoder decides from now on
-        encoders[0].retune(settings.weber)
+        first, *more = torque_deadbands(system, settings.weber)
+        outgoing[0].encoder.retune(first, [0], more)
 
     return Side(
         port=port,
-        outgoing=outgoing(("joint_torque", "gripper_torque"), backward, (port.joints, port.gripper), encoders),
-        incoming=incoming(("joint_angle", "gripper_angle"), [BundleDecoder(channel) for channel in forward]),
+        outgoing=outgoing,
+        incoming=[
+            IncomingChannel(name, stream, Decoder(channel))
+            for stream, (name, channel) in enumerate(zip(("joint_angle", "gripper_angle"), forward, strict=False))
+        ],
         tuning=tuning_of(system, retune, leads=False),
         endpoint=endpoint,
         tick_period=system.tick_period,
         horizon=HORIZON_SHARE * system.link.silence_ms * 1e-3,
         watchdog=Watchdog(limits.robot_ms * 1e-3),
         stopwatch=stopwatch,
-        rows=JointRows,
         playout=playout_ticks(system),
     )
 
@@ -102,9 +107,9 @@ def build_follower(configuration: Configuration) -> FollowerArm:
     check_arm_axes("slave.robot", follower.spec, system)
     check_angles("slave.robot", follower.spec, system)
     angle_limits(system, follower.spec)
-    _, backward = joint_streams(system)
+    _, backward = streams(system)
     largest = max(follower.spec.torque_nm)
-    limit = backward[0].limit
+    limit = backward[0].value_quantizer.limit
     if largest > limit:
         raise ConfigurationError(
             f"codec.joints.torque.step_nm: spans {limit:g} N m but slave.robot measures up to {largest:g} N m; use a "

@@ -3,31 +3,30 @@
 from collections.abc import Callable
 
 from weberlink.arms.contract import ArmSpec, LeaderArm
-from weberlink.codec.bundle import BundleDecoder
+from weberlink.arms.sensor import sensors
+from weberlink.codec import Decoder, Encoder
 from weberlink.config import Configuration, System
 from weberlink.config.joints import AngleCodecSettings, LeaderLimits, per_axis
 from weberlink.control.axes import LEVER, build_axes
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
 from weberlink.geometry.joints import Joints
+from weberlink.master.gate import Bound, ContactLimiter, ContactWatch, OutputGate
 from weberlink.master.leader_port import LeaderPort, PressedAxes
-from weberlink.master.safety import ContactLimiter, ForceGate
 from weberlink.protocol import Role
 from weberlink.protocol.events import Address
 from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
 from weberlink.protocol.security import Security
 from weberlink.realtime.stall import Watchdog
+from weberlink.session.channels import IncomingChannel, OutgoingChannel
 from weberlink.session.composition.arms import (
     check_angles,
     check_arm_axes,
     each_axis,
     has_gripper,
-    incoming,
     joint_names,
-    outgoing,
     within,
 )
-from weberlink.session.composition.channels import account, longest_round_trip, playout_ticks, signal_delay
-from weberlink.session.composition.joint_channels import joint_streams
+from weberlink.session.composition.channels import account, longest_round_trip, playout_ticks, signal_delay, streams
 from weberlink.session.composition.link import (
     ANONYMOUS,
     Entropy,
@@ -39,7 +38,6 @@ from weberlink.session.composition.link import (
     with_file_name,
 )
 from weberlink.session.composition.master import check_button, check_force_ends
-from weberlink.session.rows import JointRows
 from weberlink.session.side import Side
 
 SLEW_S = 0.05
@@ -62,43 +60,49 @@ def build_leading(
         ConfigurationError: if the leader cannot do what the file asks.
     """
     system, leader = configuration.system, build_leader(configuration)
-    forward, backward = joint_streams(system)
+    forward, backward = streams(system)
     limits = system.master.limits
     most, slew = torque_limits(system, leader.spec)
     control = build_axes(system.control.scheme, LEVER, account(system.control, system.master.mapping))
     endpoint = build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity)
     silence, engage = system.link.silence_ms * 1e-3, system.master.engage
-    joints = len(joint_names(system))
+    axes_of = sensors("angles", len(leader.spec.joints), leader.spec.axes)
+    least, delay, ramp = _least(system), signal_delay(system), limits.ramp_ms * 1e-3
+    bounds = []
+    for sensor in axes_of:
+        limiter = ContactLimiter(max(sensor.part(most)), FREE_FORCE * LEVER, longest_round_trip(system) + delay)
+        contact = ContactWatch(limiter, endpoint, sensor.part(least), delay)
+        bounds.append(Bound(sensor.part(most), sensor.part(slew), ramp, width=1, contact=contact))
     port = LeaderPort(
-        arm=leader,
+        leader,
         control=control,
         endpoint=endpoint,
-        gate=ForceGate(ramp=limits.ramp_ms * 1e-3, silence=silence, fade_share=FADE_SHARE),
-        most=most,
-        slew=slew,
+        gate=OutputGate(bounds, ramp=ramp, silence=silence, fade_share=FADE_SHARE),
+        sensors=axes_of,
         button=None if engage is None else engage.button,
         pressed=_pressed(system, lambda: tuning.settings.weber),
-        contacts=[
-            ContactLimiter(max(axes), FREE_FORCE * LEVER, longest_round_trip(system) + signal_delay(system))
-            for axes in (most[:joints], most[joints:])
-            if axes
-        ],
-        least=_least(system),
-        delay=signal_delay(system),
+        displays_torque=any(limit > 0.0 for limit in most),
     )
 
     tuning = tuning_of(system, lambda settings, tick: None, leads=True)  # noqa: ARG005 - decoders of joints need not know
     return Side(
         port=port,
-        outgoing=outgoing(("joint_angle", "gripper_angle"), forward, (port.joints, port.gripper)),
-        incoming=incoming(("joint_torque", "gripper_torque"), [BundleDecoder(channel) for channel in backward]),
+        outgoing=[
+            OutgoingChannel(name, stream, Encoder(channel), sensor)
+            for stream, (name, channel, sensor) in enumerate(
+                zip(("joint_angle", "gripper_angle"), forward, axes_of, strict=False)
+            )
+        ],
+        incoming=[
+            IncomingChannel(name, stream, Decoder(channel))
+            for stream, (name, channel) in enumerate(zip(("joint_torque", "gripper_torque"), backward, strict=False))
+        ],
         tuning=tuning,
         endpoint=endpoint,
         tick_period=system.tick_period,
         horizon=HORIZON_SHARE * silence,
         watchdog=Watchdog(limits.device_ms * 1e-3),
         stopwatch=stopwatch,
-        rows=JointRows,
         playout=playout_ticks(system),
     )
 

@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING
 from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.sample import INT16_MAX
 from weberlink.config import Configuration, ConfigurationError, System
-from weberlink.control.contract import AxesMaster
 from weberlink.control.sent import SentCommands
 from weberlink.control.table import build_master_control
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.contract import Device, DeviceSpec, TorqueDevice
-from weberlink.master.operator_port import ContactWatch, Display, HandPosition, OperatorPort
-from weberlink.master.safety import ContactLimiter, ForceGate, ForceLimiter, SlewLimiter
+from weberlink.master.gate import Bound, ContactLimiter, HandContact, OutputGate
+from weberlink.master.operator_port import Display, HandPort, HandPosition
 from weberlink.protocol import Role
 from weberlink.protocol.events import Address
 from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
@@ -89,7 +88,7 @@ def build_master(
 
     endpoint = build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity)
     free, longest = free_force(system), longest_round_trip(system) + signal_delay(system)
-    contact = ContactWatch(
+    contact = HandContact(
         ContactLimiter(force_limit, free, longest),
         force_decoder,
         endpoint,
@@ -98,10 +97,10 @@ def build_master(
         delay=signal_delay(system),
         playout=playout_ticks(system),
     )
-    displays = [
-        Display(ForceLimiter(force_limit), SlewLimiter(_force_slew(system, device)), device.command, control, contact)
-    ]
     limits, silence, engage = system.master.limits, system.link.silence_ms * 1e-3, system.master.engage
+    ramp = limits.ramp_ms * 1e-3
+    bounds = [Bound((force_limit,), (_force_slew(system, device),), ramp, contact=contact)]
+    displays = [Display(control, [3], device.command)]
     hand = HandPosition(control, force_bound, free)
     outgoing = [OutgoingChannel("position", 0, Encoder(forward[0]), hand)]
     incoming = [IncomingChannel("force", 0, force_decoder, hand, control)]
@@ -115,15 +114,20 @@ def build_master(
         outgoing.append(OutgoingChannel("orientation", 1, encoder, orientation))
         incoming.append(IncomingChannel("torque", 1, Decoder(backward[1]), orientation))
         torques = build_axes(system.control.scheme, HANDLE, account(system.control, system.master.mapping, turns=True))
-        displays.append(_torque_display(system, device, torques))
+        displayed = device.spec.torque_n_m
+        most = limits.torque_nm / _force_scale(system)
+        most = min(most, displayed) if displayed > 0.0 else most
+        bounds.append(Bound((most,), (_torque_slew(system, device),), ramp))
+        turn = device.turn if isinstance(device, TorqueDevice) and displayed > 0.0 else None
+        displays.append(Display(torques, [3], turn, first=1))
         turning = torques, lambda: orientation.turned
-    port = OperatorPort(
-        device=device,
+    port = HandPort(
+        device,
         displays=displays,
         control=control,
         endpoint=endpoint,
         hand=hand,
-        gate=ForceGate(ramp=limits.ramp_ms * 1e-3, silence=silence, fade_share=FADE_SHARE),
+        gate=OutputGate(bounds, ramp=ramp, silence=silence, fade_share=FADE_SHARE),
         button=None if engage is None else engage.button,
         turning=turning,
     )
@@ -138,17 +142,6 @@ def build_master(
         watchdog=Watchdog(limits.device_ms * 1e-3),
         stopwatch=stopwatch,
         playout=playout_ticks(system),
-    )
-
-
-def _torque_display(system: System, device: Device, control: AxesMaster) -> Display:
-    displayed = device.spec.torque_n_m
-    allowed = system.master.limits.torque_nm / _force_scale(system)
-    return Display(
-        ForceLimiter(min(allowed, displayed) if displayed > 0.0 else allowed),
-        SlewLimiter(_torque_slew(system, device)),
-        device.turn if isinstance(device, TorqueDevice) and displayed > 0.0 else None,
-        control,
     )
 
 
@@ -257,7 +250,7 @@ def _mapped(system: System, device: Device) -> Device:
     Raises:
         ConfigurationError: if the device has no such button.
     """
-    from weberlink.master.mapping import Clutch, FrameMap, MappedDevice, Walls  # noqa: PLC0415
+    from weberlink.master.mapping.mapped_device import Clutch, FrameMap, MappedDevice, Walls  # noqa: PLC0415
 
     mapping, limits = system.master.mapping, system.master.limits
     assert mapping is not None

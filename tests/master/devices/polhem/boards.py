@@ -6,17 +6,17 @@ from typing import Any
 from weberlink.hardware.emulator import WireFaults
 from weberlink.hardware.guardian import Guardian
 from weberlink.master.devices.polhem.driver import PolhemDevice
-from weberlink.master.devices.polhem.hid_device import PolhemHidDevice, ReportExchange
-from weberlink.master.devices.polhem.hid_protocol import (
+from weberlink.master.devices.polhem.hid_device import PolhemHidDevice
+from weberlink.master.devices.polhem.options import PolhemHidOptions
+from weberlink.master.devices.polhem.protocol import (
     LONG,
-    WATCHDOG_S,
     Sensors,
     SetCounters,
     decode_command,
+    decode_currents,
     encode_sensors,
+    encode_status,
 )
-from weberlink.master.devices.polhem.options import PolhemHidOptions
-from weberlink.master.devices.polhem.serial_protocol import SerialStatus, decode_currents, encode_status
 from weberlink.testing.time import TICK
 
 
@@ -35,7 +35,7 @@ class Teensy:
         *messages, self._rest = (self._rest + data.replace(b"\0", b"")).split(b"\n")
         for message in messages:
             self.currents.append(decode_currents(message))
-            self._answers.append(encode_status(SerialStatus(self.model, self.counts, self.error)))
+            self._answers.append(encode_status(Sensors(self.counts, model=self.model, error=self.error)))
 
     def advance(self, now: float) -> None: ...
 
@@ -86,13 +86,4 @@ def hid_device(board: Any, *, checked: bool = True, **settings: Any) -> PolhemDe
     options = PolhemHidOptions(port="/dev/hidraw9", **settings)
     signs = PolhemHidDevice.fingerprint(options)
     options = options.model_copy(update={"signs_checked": signs if checked else None})
-    return PolhemDevice(
-        "polhem_hid",
-        options,
-        options.wired(),
-        lambda force_n: ReportExchange(options, force_n, board),
-        TICK,
-        signs=signs,
-        watchdog_s=WATCHDOG_S,
-        buttons=1,
-    )
+    return PolhemHidDevice(options, TICK, board)

@@ -14,14 +14,14 @@ import pytest
 from tests.master.devices.polhem.boards import ScriptedHidBoard, Teensy, hid_device
 from tests.wait import until
 from weberlink.geometry.vector import ZERO, norm
-from weberlink.hardware.emulator import PtyDevice
 from weberlink.master.devices.polhem.driver import PolhemDevice
-from weberlink.master.devices.polhem.hid_protocol import LONG, SHORT, SetCounters
 from weberlink.master.devices.polhem.options import PolhemSerialOptions
 from weberlink.master.devices.polhem.parameters import PARAMETERS
+from weberlink.master.devices.polhem.protocol import LONG, SHORT, SetCounters
 from weberlink.master.devices.polhem.serial_device import PolhemSerialDevice
 from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
-from weberlink.testing.driving import drive, fault_of, refusal
+from weberlink.testing.devices import drive, fault_of, refusal
+from weberlink.testing.serving import PtyDevice
 from weberlink.testing.time import TICK
 
 MIDDLE = (*PARAMETERS["woodenhaptics_2015"].mechanism.counts_at(ZERO), 0, 0, 0)
@@ -230,7 +230,7 @@ def test_the_older_kind_is_homed_on_the_host_and_has_no_button(hid: Make) -> Non
 def test_counters_are_followed_beyond_16_bits(hid: Make) -> None:
     """A device that turns on and on, its home pose far away: 32767 is followed by -32768."""
     mechanism = PARAMETERS["polhem_v2"].on("hid14").mechanism
-    near, home = mechanism.counts_at(ZERO), mechanism.drive.home_counts
+    near, home = mechanism.counts_at(ZERO), mechanism.drive.wiring.home_counts
     shift = 32_760 - near[2]
     board = ScriptedHidBoard((near[0], near[1], near[2] + shift, 0, 0, 0))
     device = hid(board, parameters="polhem_v2", home_counts=(home[0], home[1], home[2] - shift))

@@ -10,6 +10,7 @@ from weberlink.geometry.vector import Vector, distance
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.polhem.homing import PositionValidator, await_press, zeroed
 from weberlink.master.devices.polhem.parameters import PARAMETERS
+from weberlink.master.devices.polhem.protocol import Sensors
 
 WOODY = PARAMETERS["woodenhaptics_2015"]
 PHANTOM = PARAMETERS["vintage_phantom"]
@@ -122,28 +123,28 @@ def test_stuck_encoder_is_noticed() -> None:
     ],
 )
 def test_a_press_is_a_jump_to_zero(before: tuple[int, ...], now: tuple[int, ...], pressed: bool) -> None:
-    assert zeroed(before, now) == pressed
+    assert zeroed(before, Sensors(now)) == pressed
 
 
-def looking(*answers: int | None, pause: float = 0.0) -> Callable[[], int]:
+def looking(*answers: int | None, pause: float = 0.0) -> Callable[[], Sensors]:
     """Gives the answers one by one, and then the last; None is a bad reply."""
     left = list(answers)
 
-    def look() -> int:
+    def look() -> Sensors:
         sleep(pause)
         answer = left.pop(0) if len(left) > 1 else left[0]
         if answer is None:
             raise BadReply("does not answer")
-        return answer
+        return Sensors((answer,))
 
     return look
 
 
 def test_a_press_is_found_between_bad_replies_in_time() -> None:
-    def pressed(before: int, now: int) -> bool:
-        return now > before + 100
+    def pressed(before: tuple[int, ...], now: Sensors) -> bool:
+        return now.counts[0] > before[0] + 100
 
-    assert await_press(looking(5, None, 5, 6, 1000), pressed, 10.0) == 1000
+    await_press(looking(5, None, 5, 6, 1000), pressed, 10.0)
     with pytest.raises(HardwareFault, match=r"nobody pressed the calibration button in 0\.02 s"):
         await_press(looking(0), pressed, 0.02)
     with pytest.raises(HardwareFault, match="nobody pressed"):

@@ -1,17 +1,23 @@
 """Which answer belongs to which message, in virtual time over a line with any delay."""
 
+from typing import Any
+
 import pytest
 
 from weberlink.hardware.fault import BadReply
 from weberlink.master.devices.polhem.driver import BAD_REPLIES
-from weberlink.master.devices.polhem.lock_step import PROBE_S, QUIET_S, SLICE_S, LockStep
+from weberlink.master.devices.polhem.lock_step import PROBE_S, QUIET_S, SLICE_S, Line, LockStep
+from weberlink.master.devices.polhem.protocol import Sensors
 
 PATIENCE = 0.01
-REST = -1
+REST = 0
 
 
-class DelayedLine:
-    """Echoes every message `late` seconds later; time passes only while somebody listens."""
+class DelayedLine(Line):
+    """Echoes every message `late` seconds later; time passes only while somebody listens.
+
+    A message is the first of its currents; an answer has it as its model.
+    """
 
     def __init__(self, late: float = 0.001) -> None:
         self.now = 100.0
@@ -23,28 +29,30 @@ class DelayedLine:
     def clock(self) -> float:
         return self.now
 
-    def send(self, message: int) -> None:
-        self.sent.append((self.now, message))
+    def send(self, message: Any) -> None:
+        self.sent.append((self.now, message[0]))
         if self.lost:
             self.lost -= 1
             return
-        self.coming.append((self.now + self.late, message))
+        self.coming.append((self.now + self.late, message[0]))
 
-    def hear(self, until: float) -> list[int]:
+    def close(self) -> None: ...
+
+    def hear(self, until: float) -> list[Sensors]:
         due = min((at for at, _ in self.coming), default=float("inf"))
         self.now = max(self.now, min(due, until))
-        answers = [answer for at, answer in self.coming if at <= self.now]
+        answers = [Sensors((), model=answer) for at, answer in self.coming if at <= self.now]
         self.coming = [(at, answer) for at, answer in self.coming if at > self.now]
         return answers
 
 
-def talk(line: DelayedLine) -> LockStep[int, int]:
-    return LockStep(line, REST, line.clock)
+def talk(line: DelayedLine) -> LockStep:
+    return LockStep(line, line.clock)
 
 
-def asked(dialogue: LockStep[int, int], message: int) -> int | str:
+def asked(dialogue: LockStep, message: int) -> int | str:
     try:
-        return dialogue.ask(message, PATIENCE)
+        return dialogue.ask((message, 0, 0), PATIENCE).model
     except BadReply as reply:
         return str(reply)
 
@@ -52,8 +60,8 @@ def asked(dialogue: LockStep[int, int], message: int) -> int | str:
 def test_stale_message_is_replaced_by_rest() -> None:
     line = DelayedLine()
     dialogue = talk(line)
-    assert dialogue.ask(1, PATIENCE, line.now) == 1
-    assert dialogue.ask(2, PATIENCE, line.now - 1e-6) == REST
+    assert dialogue.ask((1, 0, 0), PATIENCE, line.now).model == 1
+    assert dialogue.ask((2, 0, 0), PATIENCE, line.now - 1e-6).model == REST
     assert [message for _, message in line.sent] == [1, REST]
 
 
@@ -86,7 +94,7 @@ def test_lost_answer_is_given_up_after_silence() -> None:
 def test_late_answers_are_never_mixed_up(late: float) -> None:
     line = DelayedLine()
     dialogue = talk(line)
-    assert asked(dialogue, 0) == 0
+    assert asked(dialogue, 500) == 500
     line.late = late
     # What is later than the longest silence is a fault before the silence has been heard twice.
     replies = [asked(dialogue, message) for message in range(1, 400 if late < QUIET_S else BAD_REPLIES)]

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from tests.examples import examples
 from weberlink.geometry.rotation import Quaternion, turned
 from weberlink.geometry.vector import Vector, distance, dot, norm
-from weberlink.master.devices.polhem.linkages import GRAVITY_M_S2
-from weberlink.master.devices.polhem.mechanism import Counts
+from weberlink.master.devices.polhem.mechanism import GRAVITY_M_S2, Counts
 from weberlink.master.devices.polhem.parameters import PARAMETERS, Board, MechanismParameters
 
 every_set = pytest.mark.parametrize("parameters", PARAMETERS.values(), ids=PARAMETERS)
@@ -54,8 +53,9 @@ def test_inverse_undoes_position_and_the_jacobian_is_its_derivative(parameters: 
 @every_set
 def test_virtual_work_agrees_at_hand_and_motors(parameters: MechanismParameters) -> None:
     """F.dx = tau.dtheta, with the torque taken from the currents and the angle from the counts."""
-    drive = replace(parameters.mechanism.drive, motor_directions=parameters.mechanism.drive.encoder_directions)
-    mechanism, random = replace(parameters.mechanism, drive=drive), Random(3)
+    wiring = parameters.mechanism.drive.wiring
+    mechanism, random = parameters.mechanism.driven(wiring=replace(wiring, motor=wiring.encoder)), Random(3)
+    drive = mechanism.drive
     for position in positions(parameters):
         counts = mechanism.counts_at(position)
         force = (random.uniform(-5, 5), random.uniform(-5, 5), random.uniform(-5, 5))
@@ -110,8 +110,7 @@ def test_five_bar_and_its_weight_are_those_of_the_makers(
     """As hfab_polhem.h computes them: the angle of the forearm, and the derivative of the energy of the links."""
     mechanism, angles = PARAMETERS["polhem_v3"].mechanism, (0.0, radians(t2), radians(t3))
     assert mechanism.linkage.forearm(angles) == pytest.approx(forearm, abs=1e-7)
-    assert mechanism.weight is not None
-    assert mechanism.weight.torques(angles) == pytest.approx((0.0, by_2, by_3), abs=1e-6)
+    assert mechanism.linkage.weight(angles) == pytest.approx((0.0, by_2, by_3), abs=1e-6)
 
 
 @pytest.mark.parametrize(("b", "c"), [(0.0, 1.6), (0.4, 1.2), (-0.2, 2.0)])
@@ -122,8 +121,7 @@ def test_parallelogram_weight_is_derivative_of_energy(b: float, c: float) -> Non
     step = 1e-5
     by_b = (energy(b + step, c) - energy(b - step, c)) / (2.0 * step)
     by_c = (energy(b, c + step) - energy(b, c - step)) / (2.0 * step)
-    assert WOODY.weight is not None
-    assert WOODY.weight.torques((0.3, b, c)) == pytest.approx((0.0, by_b, by_c), abs=1e-8)
+    assert WOODY.linkage.weight((0.3, b, c)) == pytest.approx((0.0, by_b, by_c), abs=1e-8)
 
 
 @pytest.mark.parametrize("name", ["polhem_v1", "polhem_v3", "vintage_phantom"])
@@ -131,7 +129,7 @@ def test_straight_gimbal_points_along_the_forearm(name: str) -> None:
     mechanism = PARAMETERS[name].mechanism
     for position in positions(PARAMETERS[name]):
         counts = mechanism.counts_at(position)
-        orientation = mechanism.orientation((*counts, *(-count for count in mechanism.drive.gimbal_home_counts)))
+        orientation = mechanism.orientation((*counts, *(-count for count in mechanism.drive.wiring.gimbal_home_counts)))
         assert orientation is not None
         assert hypot(*orientation) == pytest.approx(1.0)
         angles = mechanism.drive.angles(counts)
@@ -157,7 +155,7 @@ def test_each_gimbal_axis_turns_the_handle(
 ) -> None:
     """In the middle of the workspace, from the straight gimbal on."""
     mechanism = PARAMETERS[name].on(board).mechanism
-    home = mechanism.drive.gimbal_home_counts
+    home = mechanism.drive.wiring.gimbal_home_counts
     found = mechanism.orientation((*mechanism.counts_at(ORIGIN), *(a - b for a, b in zip(gimbal, home, strict=True))))
     assert found == pytest.approx(orientation, abs=1e-4)
 

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 import yaml
 
-from weberlink.master.devices import load
-from weberlink.master.devices.polhem.mechanism import CableDrive
+from weberlink.master.devices import DEVICES
+from weberlink.master.devices.polhem.mechanism import Wiring
 from weberlink.master.devices.polhem.options import PolhemHidOptions
 from weberlink.master.devices.polhem.parameters import PARAMETERS, MechanismParameters
 
@@ -35,20 +35,20 @@ def test_the_workspace_holds_the_home_pose_and_twice_the_radius(name: str, reach
     assert PARAMETERS[name].reach_m == pytest.approx(reach_m)
 
 
-def drive_of(**settings: Any) -> CableDrive:
-    return PolhemHidOptions(parameters="polhem_v3", **settings).wired().mechanism.drive
+def wiring_of(**settings: Any) -> Wiring:
+    return PolhemHidOptions(parameters="polhem_v3", **settings).wired().mechanism.drive.wiring
 
 
 @pytest.mark.parametrize("name", ["encoder_directions", "motor_directions", "home_counts", "gimbal_directions"])
 def test_signs_and_home_counts_are_replaced_separately(name: str) -> None:
     value = (1, 2, 3) if name == "home_counts" else (-1, 1, -1)
-    changed: Any = {name: value}
-    assert drive_of(**changed) == replace(drive_of(), **changed) != drive_of()
+    changed: Any = {name.removesuffix("_directions"): value}
+    assert wiring_of(**{name: value}) == replace(wiring_of(), **changed) != wiring_of()
 
 
 def test_old_directions_key_sets_both_signs() -> None:
-    both = replace(drive_of(), encoder_directions=(-1, 1, 1), motor_directions=(-1, 1, 1))
-    assert drive_of(directions=(-1, 1, 1)) == both
+    both = replace(wiring_of(), encoder=(-1, 1, 1), motor=(-1, 1, 1))
+    assert wiring_of(directions=(-1, 1, 1)) == both
 
 
 PAGE = (Path(__file__).parents[4] / "docs" / "devices" / "polhem.md").read_text()
@@ -58,5 +58,5 @@ EXAMPLES = [block.split("```")[0] for block in PAGE.split("```yaml\n")[1:]]
 @pytest.mark.parametrize("example", EXAMPLES)
 def test_examples_are_options_of_their_driver(example: str) -> None:
     settings: dict[str, Any] = yaml.safe_load(example)["master"]["device"]
-    driver: Any = load(settings.pop("driver"))
+    driver: Any = DEVICES.load(settings.pop("driver"))
     assert driver(driver.Options(**settings), 0.001).spec.name

@@ -8,12 +8,12 @@ from typing import Any, Final, Generic, TypeVar
 
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import HardwareFault
-from weberlink.hardware.pace import check_pace
 from weberlink_arms.servo.bus import ServoPort
 from weberlink_arms.servo.filter import LowPass
 from weberlink_arms.servo.gravity import Gravity, no_gravity
 from weberlink_arms.servo.on_close import SETTLE_S, give_way
 from weberlink_arms.servo.options import AngleScale
+from weberlink_arms.servo.pace import check_pace
 from weberlink_arms.servo.servos import Servos
 
 Command = TypeVar("Command")

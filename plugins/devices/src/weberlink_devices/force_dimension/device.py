@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from pydantic import BaseModel
 
-from weberlink.geometry.cube import cube
+from weberlink.geometry.vector import cube
 from weberlink.hardware.discovery import PluggedDevice, UsbId, usb_devices
 from weberlink.hardware.fault import HardwareFault
 from weberlink.master.devices.force_device import force_spec

@@ -6,7 +6,7 @@ of rest.
 
 from typing import ClassVar
 
-from weberlink.hardware.umockdev_input import EV_ABS, EV_KEY, EV_SYN, AxisRange, InputIdentity, event
+from weberlink.hardware.emulator import EV_ABS, EV_KEY, EV_SYN, AxisRange, InputIdentity, event
 from weberlink_devices.gamepad.device import KEYS
 from weberlink_devices.thumb import DeflectionEmulator, ThumbOptions
 

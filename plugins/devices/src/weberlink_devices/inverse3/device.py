@@ -6,8 +6,7 @@ from typing import ClassVar
 
 from pydantic import BaseModel
 
-from weberlink.geometry.cube import cube
-from weberlink.geometry.vector import Vector
+from weberlink.geometry.vector import Vector, cube
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.guardian import Guardian

@@ -14,7 +14,8 @@ from websockets.http11 import Request
 from websockets.protocol import State
 from websockets.server import ServerProtocol
 
-from weberlink.hardware.emulator import LONGEST_PAUSE_S, ServedDevice, WireFaults
+from weberlink.hardware.emulator import WireFaults
+from weberlink.testing.serving import LONGEST_PAUSE_S, ServedDevice
 
 CHUNK = 65536
 LOOPBACK = "127.0.0.1"

@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.hardware.umockdev import HidIdentity
+from weberlink.hardware.emulator import HidIdentity
 from weberlink_devices.spacemouse.reports import FULL_COUNTS, PuckState
 from weberlink_devices.thumb import DeflectionEmulator, ThumbOptions
 

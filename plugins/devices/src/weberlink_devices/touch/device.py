@@ -8,9 +8,8 @@ from typing import ClassVar
 
 from pydantic import BaseModel
 
-from weberlink.geometry.cube import cube
 from weberlink.geometry.rotation import IDENTITY, of_matrix
-from weberlink.geometry.vector import ZERO, Vector, is_finite, within
+from weberlink.geometry.vector import ZERO, Vector, cube, is_finite, within
 from weberlink.hardware.discovery import PluggedDevice, UsbId, serial_ports
 from weberlink.hardware.fault import HardwareFault
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, Quaternion

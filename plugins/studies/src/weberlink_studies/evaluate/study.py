@@ -59,7 +59,7 @@ class EvaluationStudy:
         rate = None if most is None else UpdateRate.limited_to(most, period_s)
         return force_channel(
             predictor=predictor,
-            deadband=shape.configured(DeadbandSetup(weber, self.floor, "actual", period_s, shape.defaults())),
+            deadband=shape.configured(DeadbandSetup(weber, self.floor, "actual", period_s, shape.Options())),
             force_step=self.force_step,
             position_step=self.position_step,
             saturates=self.saturates,

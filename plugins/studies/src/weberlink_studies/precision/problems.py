@@ -113,7 +113,7 @@ def scene_object(surface: ProblemSurface) -> SceneObject:
     return SceneObject(
         shape,
         surface.stiffness,
-        FrictionCone(friction.static, friction.dynamic) if friction is not None else None,
+        FrictionCone(static=friction.static, dynamic=friction.dynamic) if friction is not None else None,
         surface.damping if surface.damping > 0.0 else None,
     )
 

@@ -1,0 +1,227 @@
+"""What the boards of Polhem and its relatives send and understand: HID reports, and lines of text on a serial port.
+
+An mbed sends and takes reports of 14 bytes, after each of which it waits for one from the host (lock-step), or of 8 at
+its own rate. It counts in 32 bits and reports 16; `Unwrapper` restores the count. A Teensy answers every message
+`[a,b,c]` with currents in mA by exactly one `[model,e0,...,e5,error]`. An answer with an error of the message repeats
+the last counts, and the currents were not applied; one of `GIMBAL_ERRORS` comes after they were.
+
+Sources: firmware and host code of the makers, the serial board with firmware 2.0.
+"""
+
+import re
+from dataclasses import dataclass
+from struct import Struct
+from typing import NamedTuple
+
+HID_WATCHDOG_S, SERIAL_WATCHDOG_S = 0.5, 0.1
+"""A board switches its motors off after this time without a message [s]."""
+
+Currents = tuple[int, int, int]
+"""[mA]"""
+Counts6 = tuple[int, int, int, int, int, int]
+NO_CURRENT: Currents = (0, 0, 0)
+
+
+@dataclass(frozen=True, slots=True)
+class SetCounters:
+    """Command that the counters hold these counts from now on, and no current; in reports of 14 bytes only."""
+
+    counts: Counts6
+
+
+Message = Currents | SetCounters
+
+
+class Sensors(NamedTuple):
+    """What a board says of itself.
+
+    Args:
+        counts: six, or three in a report of 8 bytes; in reports of 16 bits each.
+        button: whether that of the stylus is pressed; in reports of 14 bytes only.
+        calibrate: whether the calibration button was pressed since the counters were last set; likewise.
+        number: of a report of 8 bytes, 16 bits.
+        model: one of `MODELS`, over serial.
+        error: `ERRORS` or-ed together, over serial.
+    """
+
+    counts: tuple[int, ...]
+    button: bool = False
+    calibrate: bool = False
+    number: int = 0
+    model: int = 0
+    error: int = 0
+
+
+# --- HID
+
+BUTTON_ABOVE, BUTTON_OFFSET = 5000, 10_000
+"""While the button of the stylus is pressed, the offset is added to the fourth counter."""
+CURRENTS, SET_COUNTERS = 0, 1
+"""What a report of 14 bytes commands."""
+_LONG, _SHORT = Struct("<7h"), Struct("<3hH")
+LONG, SHORT = _LONG.size, _SHORT.size
+"""Bytes in a report of the newer and of the older kind."""
+
+
+def decode_sensors(report: bytes) -> Sensors:
+    """Raises ValueError for a report of another length."""
+    if len(report) == LONG:
+        *counts, info = _LONG.unpack(report)
+        pressed = counts[3] > BUTTON_ABOVE
+        if pressed:
+            counts[3] -= BUTTON_OFFSET
+        return Sensors(tuple(counts), pressed, info == 1)
+    _check_length(report)
+    *counts, number = _SHORT.unpack(report)
+    return Sensors(tuple(counts), number=number)
+
+
+def encode_sensors(sensors: Sensors) -> bytes:
+    """Counts beyond 16 bits lose their upper ones, as in the device."""
+    counts = [wrapped(count) for count in sensors.counts]
+    if len(counts) == 3:
+        return _SHORT.pack(*counts, sensors.number & 0xFFFF)
+    if sensors.button:
+        counts[3] = wrapped(counts[3] + BUTTON_OFFSET)
+    return _LONG.pack(*counts, int(sensors.calibrate))
+
+
+def encode_command(command: Message, size: int, number: int = 0) -> bytes:
+    """A report of `size` bytes, without the report number that hidapi wants in front.
+
+    Args:
+        command: currents [mA] within 16 bits, or counters to set.
+        size: `LONG` or `SHORT`.
+        number: of the report; goes into the older kind only.
+
+    Raises:
+        ValueError: if the older kind is to set counters, or there is no such kind.
+    """
+    if size == SHORT and not isinstance(command, SetCounters):
+        return _SHORT.pack(*command, number & 0xFFFF)
+    if size != LONG:
+        raise ValueError(f"expected a report of {LONG} bytes, got {size} for {command}")
+    if isinstance(command, SetCounters):
+        a, b, c, d, e, f = map(wrapped, command.counts)
+        return _LONG.pack(d, e, f, SET_COUNTERS, a, b, c)
+    return _LONG.pack(*command, CURRENTS, 0, 0, 0)
+
+
+def decode_command(report: bytes) -> Message:
+    """As the device understands it: whatever is not command 1 is currents. Raises ValueError for another length."""
+    if len(report) == LONG:
+        d, e, f, command, a, b, c = _LONG.unpack(report)
+        return SetCounters((a, b, c, d, e, f)) if command == SET_COUNTERS else (d, e, f)
+    _check_length(report)
+    a, b, c, _ = _SHORT.unpack(report)
+    return (a, b, c)
+
+
+def _check_length(report: bytes) -> None:
+    if len(report) != SHORT:
+        raise ValueError(f"expected a report of {LONG} or {SHORT} bytes, got {len(report)}")
+
+
+def wrapped(count: int) -> int:
+    """The lower 16 bits of a count, as a signed number."""
+    return (count + 0x8000 & 0xFFFF) - 0x8000
+
+
+class Unwrapper:
+    """Extends counts of 16 bits; correct while none moves by 32768 or more between two reports."""
+
+    def __init__(self) -> None:
+        self._counts: tuple[int, ...] | None = None
+
+    def unwrap(self, counts: tuple[int, ...]) -> tuple[int, ...]:
+        """The first counts after `reset` are taken as they are."""
+        before = self._counts
+        if before is not None:
+            counts = tuple(last + wrapped(now - last) for last, now in zip(before, counts, strict=True))
+        self._counts = counts
+        return counts
+
+    def reset(self) -> None:
+        self._counts = None
+
+
+# --- serial
+
+CURRENT_LIMIT_MA = 6000
+"""Beyond this the firmware gives a motor no current at all."""
+LEAST_WRITE = 16
+"""Messages are padded with NUL to this length: shorter writes are slower, according to the maker."""
+MODELS = {1: "polhem", 2: "vintage_phantom", 3: "woodenhaptics"}
+ERRORS = {
+    1: "gimbal sensor 1 does not answer",
+    2: "gimbal sensor 2 does not answer",
+    4: "gimbal sensor 3 does not answer",
+    8: "two messages at once",
+    128: "message too long",
+    256: "message without a beginning",
+    512: "message without its three currents",
+    1024: "message that it cannot read",
+}
+"""Bits of the last number of an answer."""
+GIMBAL_ERRORS = 1 | 2 | 4
+"""Errors after which the message was applied and the three main counts are valid."""
+LONGEST = 8 * 12 + 2
+"""Longest answer: eight numbers of 32 bits with separators."""
+
+_STATUS = re.compile(rb"\[(-?\d{1,10}(?:,-?\d{1,10}){7})\]")
+_COMMAND = re.compile(rb"\[(-?\d{1,10}),(-?\d{1,10}),(-?\d{1,10})\][\n\r\0]*")
+
+
+def encode_currents(currents_ma: Currents) -> bytes:
+    """The message that commands currents [mA]; raises ValueError for one that the device would take for zero."""
+    if max(map(abs, currents_ma)) > CURRENT_LIMIT_MA:
+        raise ValueError(f"expected currents within +-{CURRENT_LIMIT_MA} mA, got {currents_ma}")
+    return (b"[%d,%d,%d]\n" % currents_ma).ljust(LEAST_WRITE, b"\0")
+
+
+def decode_currents(message: bytes) -> Currents:
+    """The currents that one whole message commands [mA], within the limit or not; raises ValueError if it is none."""
+    match = _COMMAND.fullmatch(message)
+    if match is None:
+        raise ValueError(f"expected [mA,mA,mA], got {message!r}")
+    a, b, c = (int(part) for part in match.groups())
+    return (a, b, c)
+
+
+def encode_status(status: Sensors) -> bytes:
+    return b"[%d,%d,%d,%d,%d,%d,%d,%d]\n" % (status.model, *status.counts, status.error)
+
+
+class StatusReader:
+    """Finds answers in a stream that may begin anywhere and contain errors; never raises."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+        self.malformed = 0
+        """Number of malformed answers."""
+
+    def feed(self, data: bytes) -> list[Sensors]:
+        """The answers that end in `data`, oldest first."""
+        *ended, rest = (self._rest + data).split(b"]")
+        self._rest = rest[-LONGEST:]
+        answers = []
+        for each in ended:
+            match = _STATUS.fullmatch(each[each.rfind(b"[") :] + b"]")
+            if match is None:
+                self.malformed += 1
+            else:
+                model, *counts, error = (int(part) for part in match[1].split(b","))
+                answers.append(Sensors(tuple(counts), model=model, error=error))
+        return answers
+
+    @property
+    def kept(self) -> int:
+        """Number of buffered bytes."""
+        return len(self._rest)
+
+
+def complaint(error: int) -> str:
+    """The bits of an error in words; empty for none."""
+    words = [words for bit, words in ERRORS.items() if error & bit]
+    unknown = error & ~sum(ERRORS)
+    return ", ".join([*words, *([f"error {unknown}"] if unknown else [])])

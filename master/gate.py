@@ -1,0 +1,367 @@
+"""The gate of the operator's end: every force and torque on the hand leaves through it, and nothing after it adds any.
+
+It bounds the magnitude and the rate of change of what really leaves, fades with the session and the link, and lets no
+force last that the robot's end states no contact for.
+"""
+
+from collections.abc import Sequence
+from math import copysign, hypot, inf
+
+from weberlink.codec.decoder import Decoder
+from weberlink.codec.sample import Sample
+from weberlink.control.contract import UNREACHED_S
+from weberlink.control.gate import Approach
+from weberlink.control.sent import SentCommands
+from weberlink.geometry.joints import Joints
+from weberlink.geometry.vector import Vector
+from weberlink.protocol.endpoint import Endpoint
+
+PATIENCE = 0.045
+"""Time beyond the round trip for which the robot's end may leave a force without a contact [s]: for a robot that lags
+behind its command, and an update that comes late. 5 ms below what the law allows: a contact that a model claims counts
+as younger than it may be by so much (`HandContact`)."""
+FALL = 0.015
+"""Last part of it, in which the bound falls to what needs no contact [s]; jitter may delay the news of one until then.
+"""
+FADE = 0.1
+"""Time in which what is left falls to zero [s]."""
+GRACE = 0.05
+"""Time after which what still asks for a force is at fault [s]: a scheme fades out what it was told to let go of."""
+LOOK_S = 0.005
+"""A force lasts for so long until the received model is asked for a contact, and a correction of the model is waited
+for so much longer than the round trip and its jitter [s]."""
+ROUNDING = 1.0 + 1e-9
+
+
+class ContactLimiter:
+    """No force without a contact: bounds what is displayed while the robot's end states none.
+
+    A hand may be ahead of the robot in a contact that a model predicts, for as long as the answer takes: the round trip
+    and `PATIENCE`. By then the bound has fallen to `free`, and it falls on to 0. It does not depend on the control
+    scheme or on a predictor, and holds whatever they ask for. A scheme is told as the bound begins to fall; one that
+    asks for more than `free` `GRACE` beyond the law is at fault.
+
+    Time with no more than `free` counts back, so that taps ahead of the robot do not add up.
+
+    Args:
+        most: largest force [N], or torque [N m].
+        free: largest one that needs no contact.
+        longest: round trip that is assumed while none is known, and never exceeded [s].
+
+    Attributes:
+        free: largest force that needs no contact.
+        lasted: time for which more than `free` was asked for since a contact was stated [s].
+        quiet: whether nothing is bounded, and nothing was asked for lately that needs a contact.
+        doubtful: whether it has lasted so long that the bound falls.
+        unfounded: whether more than `free` was asked for until `GRACE` after the limit; it ends with the doubt.
+    """
+
+    __slots__ = ("_bound", "_free", "_longest", "_most", "doubtful", "free", "lasted", "quiet", "unfounded")
+
+    def __init__(self, most: float, free: float, longest: float) -> None:
+        self._most = most
+        self._free = free
+        self.free = free * ROUNDING
+        self._longest = longest
+        self.reset()
+
+    def reset(self) -> None:
+        self.lasted = 0.0
+        self._bound = inf
+        self.quiet = True
+        self.doubtful = self.unfounded = False
+
+    def bound(
+        self, asked: float, elapsed: float, round_trip: float | None, *, stated: float, claimed: float = 0.0
+    ) -> float:
+        """The largest force that may be displayed now [N]; inf for no bound.
+
+        Args:
+            asked: size of the force before fade and slew limit [N].
+            elapsed: time since the last call [s].
+            round_trip: of signals over the link [s]; None while unknown.
+            stated: how long ago the robot's end stated a contact at the latest [s]; inf where it states none.
+            claimed: for how long a model has claimed a contact that the robot's end has not contradicted yet [s]: the
+                time waits, and counts in full if it does.
+        """
+        patience = self._longest if round_trip is None or round_trip > self._longest else round_trip
+        patience += PATIENCE
+        if asked > self.free:
+            self.lasted = min(self.lasted + elapsed, stated, patience + FADE + GRACE)
+        else:
+            self.lasted = min(max(0.0, self.lasted - elapsed), stated)
+        left = patience - self.lasted + claimed
+        self.doubtful = left < FALL
+        if not self.doubtful:
+            self.unfounded = False
+            self._bound = inf  # what comes back fades in: the gate approaches it
+        else:
+            if left > 0.0:
+                allowed = self._free + (self._most - self._free) * left / FALL
+            else:
+                allowed = self._free * max(0.0, 1.0 + left / FADE)
+                self.unfounded = self.unfounded or -left >= GRACE
+            self._bound = max(allowed, min(self._bound, self._most) - self._most * elapsed / FALL)
+        self.quiet = self._bound == inf and self.lasted == 0.0
+        return self._bound
+
+
+class ContactWatch:
+    """Tells a limiter whether the robot's end states a contact: by what is decoded of the torques of an arm.
+
+    Args:
+        limiter: takes the time.
+        endpoint: measures the link.
+        least: smallest torque of each axis that states a contact [N m]: less may be left over within the deadband.
+        delay: what look-ahead and play-out add to the round trip [s].
+    """
+
+    def __init__(self, limiter: ContactLimiter, endpoint: Endpoint, least: Joints, delay: float) -> None:
+        self.limiter, self._endpoint, self._least, self._delay = limiter, endpoint, least, delay
+
+    def reset(self) -> None:
+        self.limiter.reset()
+
+    def bound(self, asked: float, decoded: Joints, elapsed: float) -> float:
+        """The largest force or torque that may leave now; inf for no bound.
+
+        Args:
+            asked: the largest before fade and slew limit.
+            decoded: as received.
+            elapsed: time since the last call [s].
+        """
+        rtt = self._endpoint.clock.rtt
+        round_trip = None if rtt is None else rtt + self._delay
+        stated, claimed = self._heard(decoded, elapsed, round_trip)
+        return self.limiter.bound(asked, elapsed, round_trip, stated=stated, claimed=claimed)
+
+    def _heard(self, decoded: Joints, elapsed: float, round_trip: float | None) -> tuple[float, float]:  # noqa: ARG002
+        """How long ago the robot's end stated a contact at the latest, and for how long a model claims one [s]."""
+        for torque, least in zip(decoded, self._least, strict=True):
+            if abs(torque) > least:
+                return 0.0, 0.0
+        return inf, 0.0
+
+
+class HandContact(ContactWatch):
+    """The same of the force on a hand, which a model may predict ahead of the robot.
+
+    The robot's end states a contact by an update whose sample has a force; and while it is silent, by the received
+    model, at the place that its silence is about: where the robot was commanded to a round trip ago, since by now a
+    correction of the model for that place would have come. A robot that is elsewhere says so
+    (`weberlink.session.channels.Unreached`).
+
+    Args: as of `ContactWatch`, and these.
+        decoder: of the force.
+        least: smallest force that states a contact [N].
+        sent: the commands so far.
+        playout: how much later than received an update is used [ticks].
+    """
+
+    def __init__(
+        self,
+        limiter: ContactLimiter,
+        decoder: Decoder,
+        endpoint: Endpoint,
+        *,
+        least: float,
+        sent: SentCommands,
+        delay: float,
+        playout: int,
+    ) -> None:
+        super().__init__(limiter, endpoint, (least,), delay)
+        self._decoder, self._least_force, self._sent, self._playout = decoder, least, sent, playout
+        self._tick = self._claimed = 0.0
+        self._newest_sample: Sample | None = None
+        self._is_new = False
+
+    def reset(self) -> None:
+        super().reset()
+        self._sent.reset()
+        self._claimed = 0.0
+
+    def note_command(self, command: Vector, tick: float) -> None:
+        """Take in the command of this tick [m], and the present tick of the other side."""
+        self._sent.add(command)
+        self._tick = tick
+        newest = self._decoder.newest
+        self._is_new, self._newest_sample = newest is not self._newest_sample, newest
+
+    def _heard(self, decoded: Joints, elapsed: float, round_trip: float | None) -> tuple[float, float]:  # noqa: ARG002
+        newest = self._newest_sample
+        if self._is_new and newest is not None and hypot(*newest.value) > self._least_force:
+            self._claimed = UNREACHED_S
+            return 0.0, 0.0
+        if self.limiter.lasted < LOOK_S:
+            return inf, 0.0
+        waited = 0.0 if round_trip is None else round_trip + self._endpoint.clock.jitter + LOOK_S
+        x, y, z = self._decoder.stated(self._tick - self._playout, self._sent.ago(waited))
+        self._claimed = self._claimed + elapsed if hypot(x, y, z) > self._least_force else 0.0
+        if self._claimed < UNREACHED_S + LOOK_S:
+            return inf, self._claimed
+        return UNREACHED_S, 0.0
+
+
+class Bound:
+    """The bounds of a channel: of a force or a torque on a hand, or of the torques of some axes of an arm.
+
+    Args:
+        most: largest length of each part [N], or [N m]; 0 for one that displays nothing.
+        slew: fastest change of each part [N/s], or [N m/s], > 0; may be infinite.
+        ramp: time in which a part may grow to its largest after an engagement or a silence [s], > 0.
+        width: axes of each part: three for a hand, one for an arm, whose axes are limited one by one.
+        contact: ends what no contact founds; None for what is displayed as it is decoded.
+
+    Attributes:
+        asked: largest length of what is wanted, within its limit, before fade and slew limit.
+        output: what left last.
+        clipped: whether a part was longer than its limit.
+    """
+
+    __slots__ = ("_approach", "_most", "_nothing", "_width", "asked", "clipped", "contact", "output")
+
+    def __init__(
+        self, most: Joints, slew: Joints, ramp: float, *, width: int = 3, contact: ContactWatch | None = None
+    ) -> None:
+        if len(most) != len(slew):
+            raise ValueError(f"{len(most)} limits but {len(slew)} slew limits")
+        if not all(limit >= 0.0 for limit in most):
+            raise ValueError(f"limits must not be negative: {most}")
+        self._most, self._width, self.contact = most, width, contact
+        self._nothing: Joints = (0.0,) * (width * len(most))
+        growth = [max(limit, 1e-300) * ROUNDING / ramp for limit in most]
+        self._approach = Approach(self._nothing, [width] * len(most), slew, growth, grows=True)
+        self.output = self._nothing
+        self.asked = 0.0
+        self.clipped = False
+
+    @property
+    def is_held_back(self) -> bool:
+        """Whether the slew limit changed the newest value."""
+        return self._approach.held_back
+
+    def reset(self) -> None:
+        """Nothing leaves, and what comes next is approached."""
+        self.output = self._approach.held = self._nothing
+        self._approach.arrived = False
+        if self.contact is not None:
+            self.contact.reset()
+
+    def passed(
+        self, wanted: Joints, decoded: Joints, gain: float, kept: float, step: float, *, was_open: bool
+    ) -> Joints:
+        """What leaves in this tick.
+
+        Args:
+            wanted: of all axes; what is not finite counts as nothing.
+            decoded: as received.
+            gain: share that the fade lets through.
+            kept: share that it leaves of the last output.
+            step: time since the last tick [s].
+            was_open: whether anything could leave in the last tick: before, nothing is asked for.
+        """
+        goal = self._limited(wanted)
+        approach, contact, most = self._approach, self.contact, inf
+        if was_open and contact is not None and not (contact.limiter.quiet and self.asked <= contact.limiter.free):
+            most = contact.bound(self.asked, decoded, step)
+        # Fade and contact take away at once, of what is wanted and of what left last; the slew limit is for the rest.
+        held = approach.held
+        if kept != 1.0:
+            held = tuple([value * kept for value in held])
+        if gain != 1.0:
+            goal = tuple([value * gain for value in goal])
+        if most < inf:
+            goal, held = self._within(goal, most), self._within(held, most)
+        approach.held = held
+        if gain != 1.0 or most < inf:
+            approach.arrived = False
+        self.output = approach.advance(goal, step)
+        if gain != 1.0 or most < inf:
+            approach.arrived = False
+        return self.output
+
+    def _limited(self, wanted: Joints) -> Joints:
+        """The parts, shortened to their limits."""
+        limited: Joints = ()
+        width, first = self._width, 0
+        self.asked, self.clipped = 0.0, False
+        for most in self._most:
+            part = wanted[first : first + width]
+            length = hypot(*part)
+            if length - length != 0.0:
+                part, length = self._nothing[:width], 0.0
+            elif length > most:
+                self.clipped = self.clipped or most > 0.0
+                scale = most / length
+                part = (copysign(most, part[0]),) if width == 1 else tuple([value * scale for value in part])
+                length = most
+            self.asked = max(self.asked, length)
+            limited += part
+            first += width
+        return limited
+
+    def _within(self, values: Joints, most: float) -> Joints:
+        """All parts as much shorter as the largest needs it."""
+        width = self._width
+        largest = max([hypot(*values[first : first + width]) for first in range(0, len(values), width)])
+        return values if largest <= most else tuple([value * (most / largest) for value in values])
+
+
+class OutputGate:
+    """All that leaves for the operator's hand, and the share of it that the session and the link let through.
+
+    The gate opens in `ramp` seconds after the session engages and closes as fast when it ends or stops. While the ends
+    are engaged but out of touch (`Liveness.in_touch_at`), it closes over the last part of the silence limit, so that
+    nothing is left when the limit is reached. When the peer returns, the force fades in.
+
+    Args:
+        bounds: one for each channel.
+        ramp: time from closed to open and back [s], > 0.
+        silence: limit of silence [s], > 0.
+        fade_share: part of the limit, 0..1, after which the force begins to fade.
+
+    Attributes:
+        gain: the share, 0 to 1; without a jump, but for `close`.
+        ramping: whether the beginning or the end of a session reduces the force; False for silence.
+    """
+
+    __slots__ = ("_fade_from", "_kept", "_ramp", "_silence", "_was_open", "bounds", "gain", "ramping")
+
+    def __init__(self, bounds: Sequence[Bound], *, ramp: float, silence: float, fade_share: float) -> None:
+        self.bounds = bounds
+        self._ramp = ramp
+        self._silence = silence
+        self._fade_from = fade_share * silence
+        self.gain, self._kept = 0.0, 1.0
+        self._was_open = False
+        self.ramping = True
+
+    def close(self) -> None:
+        """Nothing leaves any more, at once; what was heard of contacts is forgotten."""
+        self.gain = 0.0
+        for bound in self.bounds:
+            bound.reset()
+
+    def fade(self, *, engaged: bool, age: float, step: float) -> None:
+        """Move the share.
+
+        Args:
+            engaged: whether anything may be felt at all.
+            age: how long the ends have been out of touch [s].
+            step: time since the last tick [s].
+        """
+        before, self._kept = self.gain, 1.0
+        self._was_open = before > 0.0
+        if engaged and before == 1.0 and age <= self._fade_from:
+            self.ramping = False
+            return
+        share = step / self._ramp
+        heard = (self._silence - age) / (self._silence - self._fade_from)
+        self.gain = max(0.0, min(min(1.0, before + share) if engaged else before - share, heard))
+        if self.gain < before:
+            self._kept = self.gain / before
+        self.ramping = not engaged or self.gain < min(1.0, heard)
+
+    def passed(self, index: int, wanted: Joints, decoded: Joints, step: float) -> Joints:
+        """What leaves of a channel in this tick; arguments as of `Bound.passed`."""
+        return self.bounds[index].passed(wanted, decoded, self.gain, self._kept, step, was_open=self._was_open)

@@ -1,0 +1,193 @@
+"""Commands that look at a file or a machine (check, doctor, bridge), and that set one up (device, keygen, configs).
+
+Each imports what it needs when it runs.
+"""
+
+import sys
+from contextlib import nullcontext
+from pathlib import Path
+from textwrap import wrap
+from typing import Annotated, Literal
+
+import typer
+
+from weberlink.cli.arguments import CommandGroup, File, Json, Set, file_target
+from weberlink.cli.output import fail, failing, tell, write
+from weberlink.order import COMPLETED, FAILED, MASTER, MISCONFIGURED, SIDES
+from weberlink.session.targets import STANDARD_OUTPUT
+
+
+class Bridges(CommandGroup):
+    """Those of other distributions."""
+
+    extended_by = "weberlink.bridges"
+
+
+bridge = typer.Typer(name="bridge", cls=Bridges, help="Carry a running session to other systems.", no_args_is_help=True)
+
+
+def check(file: File, set_: Set = None) -> None:
+    """Validate FILE; print its parts, their cost and warnings."""
+    from weberlink.cli.check import describe  # noqa: PLC0415
+    from weberlink.config import load  # noqa: PLC0415
+
+    for line in list(describe(load(file, set_ or ()))):
+        typer.echo(
+            "\n".join(wrap(line, 80, subsequent_indent=" " * 10, break_long_words=False, break_on_hyphens=False))
+        )
+
+
+def doctor(
+    file: Annotated[
+        Path | None, typer.Argument(metavar="[FILE]", help="Configuration whose needs are checked; default: the usual.")
+    ] = None,
+    side: Annotated[
+        Literal["master", "slave"] | None, typer.Option("--side", help="Check what this side needs; default: both.")
+    ] = None,
+    link: Annotated[
+        str | None,
+        typer.Option(
+            "--link",
+            metavar="PEER|HOST",
+            help="Measure the link to the waiting slave instead, and name settings that suit it: of a known peer where "
+            "link.finder finds a path, else of HOST or HOST:PORT. No device is opened, and the robot does not move.",
+        ),
+    ] = None,
+    seconds: Annotated[
+        float, typer.Option("--duration", metavar="S", min=1.0, max=600.0, help="Of the measurement of the link [s].")
+    ] = 10.0,
+    json_out: Json = None,
+    set_: Set = None,
+) -> None:
+    """Check this machine, or the link to the robot.
+
+    For real time, with FILE for what that needs; or with --link the link. Suggests fixes, takes some seconds.
+    """
+    from rich.console import Console  # noqa: PLC0415
+
+    from weberlink.cli.doctor import Grade, Needs, examine  # noqa: PLC0415
+    from weberlink.config import load  # noqa: PLC0415
+
+    overrides, sides = set_ or [], SIDES if side is None else (side,)
+    if file is None and (link is not None or overrides):
+        fail(f"{'--set' if link is None else '--link'}: needs a FILE", MISCONFIGURED)
+    console = Console(stderr=True)
+    waiting = console.status("measuring for some seconds") if console.is_terminal else nullcontext()
+    if link is None or file is None:
+        needs = Needs(sides=sides) if file is None else Needs.of(load(file, overrides, sides), sides)
+        with waiting:
+            found = examine(needs)
+    else:
+        from weberlink.cli.doctor.link import examine_link, towards  # noqa: PLC0415
+
+        overrides = towards(link, load(file, overrides, [MASTER]), overrides)
+        configuration = load(file, overrides, [MASTER])
+        with waiting:
+            found = examine_link(configuration, overrides, seconds)
+    write(found.document, json_out, found.show)
+    raise typer.Exit(FAILED if found.count(Grade.PROBLEM) else COMPLETED)
+
+
+device = typer.Typer(
+    name="device", cls=CommandGroup, help="List, test or emulate devices and robots.", no_args_is_help=True
+)
+Options = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set an option of the driver; may be repeated.")
+]
+
+
+@device.command("list")
+def device_list(json_out: Json = None) -> None:
+    """List drivers and plugged devices, and suggest fixes."""
+    from weberlink.cli.devices import survey  # noqa: PLC0415
+
+    found = survey()
+    write(found.document, json_out, found.show)
+
+
+@device.command("test")
+def device_test(
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Name of the driver; `weberlink device list` lists them.")
+    ],
+    config: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Configuration with options of the driver.")
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Agree to force and motion in advance.")] = False,
+    set_: Options = None,
+) -> None:
+    """Test a device step by step, at last with a gentle force.
+
+    It shows the readings, checks signs without force and, after a yes, with a gentle force.
+    """
+    from weberlink.cli.device_test import DeviceTestError, run  # noqa: PLC0415
+    from weberlink.cli.dialog import Dialog  # noqa: PLC0415
+
+    with failing(DeviceTestError):
+        run(name, Dialog(sys.stdin, sys.stdout, yes=yes), config, set_ or ())
+
+
+@device.command()
+def emulate(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Driver of the device to emulate.")],
+    command: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[-- COMMAND...]", help="Command to run meanwhile; {port} is the port. HID devices need one."
+        ),
+    ] = None,
+    link: Annotated[
+        Path | None, typer.Option(metavar="PATH", help="Path of the serial port; default: weberlink-NAME.")
+    ] = None,
+    faults: Annotated[Path | None, typer.Option(metavar="PATH", help="FIFO that fault commands are read from.")] = None,
+    set_: Options = None,
+) -> None:
+    """Emulate a device, with faults on request, until Ctrl-C."""
+    from weberlink.cli.emulate import run  # noqa: PLC0415
+
+    out = sys.stderr if command else sys.stdout  # the command may use standard output itself
+    raise typer.Exit(run(name, link, tuple(set_ or ()), tuple(command or ()), out=out, source=sys.stdin, faults=faults))
+
+
+@device.command("rules")
+def device_rules() -> None:
+    """Install the udev rules, which give access without root."""
+    from weberlink.cli import rules  # noqa: PLC0415
+
+    with failing(rules.RulesError):
+        typer.echo("\n".join(rules.install()))
+
+
+def keygen(
+    out: Annotated[
+        Path, typer.Argument(metavar="OUT", callback=file_target, help="Where to write the key, with mode 0600.")
+    ],
+) -> None:
+    """Write a new pre-shared key for one master and one slave."""
+    from weberlink.protocol.keys import KeyFileError, generate  # noqa: PLC0415
+
+    with failing(KeyFileError, MISCONFIGURED):
+        generate(out)
+    typer.echo(f"{out}: key written, readable by you alone; copy it to the other host over a channel you trust")
+
+
+def configs(
+    name: Annotated[
+        str | None, typer.Argument(metavar="[NAME]", help="A shipped file to copy, or a folder of them; default: list.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Where to copy it; default: here; - for standard output.")
+    ] = None,
+) -> None:
+    """List the shipped files; copy one, with the files it names."""
+    from weberlink.cli.shipped import copy, show, text_of  # noqa: PLC0415
+
+    if name is None:
+        if out is not None:
+            fail("--out: is for one file: weberlink configs NAME --out FILE", MISCONFIGURED)
+        write({}, None, show)
+    elif out == STANDARD_OUTPUT:
+        typer.echo(text_of(name), nl=False)
+    else:
+        written = copy(name, out)
+        typer.echo("\n".join(map(str, written))) if written else tell(f"{name}: is there already")

@@ -1,0 +1,138 @@
+"""What the sections of a file are made of: their base, the names of predictors, and the shape of a deadband."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import fields
+from functools import cache
+from typing import Annotated, Any, ClassVar, Literal, Self, get_type_hints
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    SerializeAsAny,
+    create_model,
+    model_validator,
+)
+from pydantic_core.core_schema import CoreSchema, no_info_after_validator_function
+
+from weberlink.codec.deadband import DEADBANDS, Deadband
+from weberlink.codec.predictors import ADAPTIVE, HYBRID, PREDICTORS, suits, unfit_for_hybrid
+from weberlink.config.errors import one_of
+from weberlink.slave.scenes.settings import ByShape
+
+
+class Settings(BaseModel):
+    """Keys of a file; unknown ones, and numbers that are not finite, are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    def contradictions(self) -> Iterator[str]:
+        """Why settings that are right one by one do not go together."""
+        yield from ()
+
+    @model_validator(mode="after")
+    def _go_together(self) -> Self:
+        for line in self.contradictions():
+            raise ValueError(line)
+        return self
+
+
+def rising(ends: tuple[float, float]) -> tuple[float, float]:
+    if not ends[0] < ends[1]:
+        raise ValueError(f"must rise, not [{ends[0]}, {ends[1]}]")
+    return ends
+
+
+Interval = Annotated[tuple[float, float], AfterValidator(rising)]
+
+
+class PredictorFor:
+    """Validates the name of a predictor that suits a signal; imports no other one.
+
+    Args:
+        signal: as of `weberlink.codec.predictors.suits`.
+        others: names that are allowed too.
+    """
+
+    def __init__(self, signal: str, *others: str) -> None:
+        self._signal = signal
+        self._others = others
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return no_info_after_validator_function(self._check, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return handler(schema) | {"enum": self.among(PREDICTORS.built_in)}
+
+    def _check(self, name: str) -> str:
+        if name in self._others or (name in PREDICTORS and suits(name, self._signal)):
+            return name
+        raise ValueError(one_of(self.among(PREDICTORS), name))
+
+    def among(self, names: Iterable[str]) -> list[str]:
+        """The names of those that suit, without any that cannot be imported."""
+        known = []
+        for name in names:
+            with suppress(ImportError, ValueError):
+                known += [name] if suits(name, self._signal) else []
+        return [*known, *self._others]
+
+
+class PredictedSettings(Settings):
+    """The predictors of a channel."""
+
+    adaptive_bank: ClassVar[Callable[[], Sequence[str]]]
+    """The bank of `adaptive` by default."""
+
+    predictor: str
+    bank: tuple[str, ...]
+    max_updates_per_s: float | None = Field(default=None, ge=1, le=10_000)
+    """Largest rate of updates in the long run, after a burst of half a second's worth (at least 16): a signal that
+    would send more widens the deadband smoothly. None for no limit. Updates that the link loses are sent again beside
+    it."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _usual_bank(cls, data: Any) -> Any:
+        if isinstance(data, dict) and data.get("predictor") == ADAPTIVE and "bank" not in data:
+            return {**data, "bank": cls.adaptive_bank()}
+        return data
+
+    def contradictions(self) -> Iterator[str]:
+        if len(set(self.bank)) != len(self.bank):
+            yield "bank: names each predictor once"
+        misfits = unfit_for_hybrid(self.bank) if self.predictor == HYBRID else []
+        if misfits:
+            yield f"bank: {', '.join(misfits)} in a bank needs predictor: {ADAPTIVE}, not {HYBRID}"
+
+
+class ShapeSettings(Settings):
+    """The name of a deadband; its options are the fields of a subclass."""
+
+    shape: str
+
+    @property
+    def deadband(self) -> type[Deadband]:
+        return DEADBANDS[self.shape]
+
+    @property
+    def options(self) -> Any:
+        return self.deadband.Options(**self.model_dump(exclude={"shape"}))
+
+
+@cache
+def settings_of(shape: str) -> type[ShapeSettings]:
+    """The settings of a shape: its options as fields."""
+    deadband = DEADBANDS.load(shape)
+    hints = get_type_hints(deadband.Options, include_extras=True)
+    own: dict[str, Any] = {each.name: (hints[each.name], each.default) for each in fields(deadband.Options)}
+    title = "".join(part.title() for part in shape.split("_")) + "Settings"
+    tag: Any = Literal[shape]
+    return create_model(title, __base__=ShapeSettings, __doc__=deadband.summary, shape=(tag, ...), **own)
+
+
+DeadbandSettings = Annotated[SerializeAsAny[ShapeSettings], ByShape(settings_of, DEADBANDS.built_in)]

@@ -1,0 +1,89 @@
+"""How everything that leaves for a hand or a robot comes to what is wanted: in steps, and slowly until it is there.
+
+Each end has one gate, which adds its own bounds: `weberlink.master.gate.OutputGate`, `weberlink.slave.guard.Guard`.
+"""
+
+from collections.abc import Callable, Sequence
+from math import dist, hypot
+from typing import Any
+
+from weberlink.compiled import mypyc_attr
+from weberlink.geometry.joints import Joints
+
+
+def toward(start: Joints, goal: Joints, way: float) -> Joints:
+    """The goal, or the point on the way to it that is `way` from the start."""
+    length = dist(start, goal)
+    if not length > way:  # a way without end is NaN where no time has passed
+        return goal
+    share = way / length
+    return tuple([a + share * (b - a) for a, b in zip(start, goal, strict=True)])
+
+
+@mypyc_attr(allow_interpreted_subclasses=True)
+class Approach:
+    """Follows a value in bounded steps, part by part; until it has arrived, in smaller ones.
+
+    A part is some axes that have one length: the three of a force or a position, or a single axis of an arm.
+
+    Args:
+        start: what left last.
+        widths: how many axes each part has.
+        rates: fastest change of each part while it follows [1/s], > 0; may be infinite.
+        approaches: the same until it has arrived.
+        grows: whether the approach bounds how fast a value grows, not how it changes: a force may fall at once.
+        step_toward: the point on the way to the second value that is so far from the first.
+
+    Attributes:
+        held: what left last.
+        arrived: whether the approach is over.
+        held_back: whether the rate held back a value that is not in the approach.
+    """
+
+    __slots__ = ("_grows", "_parts", "_rest", "_step_toward", "arrived", "held", "held_back")
+
+    def __init__(
+        self,
+        start: Joints,
+        widths: Sequence[int],
+        rates: Sequence[float],
+        approaches: Sequence[float],
+        *,
+        grows: bool = False,
+        step_toward: Callable[[Any, Any, float], Any] = toward,
+    ) -> None:
+        self._parts: list[tuple[int, int, float, float]] = []
+        first = 0
+        for width, rate, approach in zip(widths, rates, approaches, strict=True):
+            if not (rate > 0.0 and approach > 0.0):
+                raise ValueError(f"rates must be positive, not {rate!r} and {approach!r}")
+            self._parts.append((first, first + width, rate, approach))
+            first += width
+        if first != len(start):
+            raise ValueError(f"{len(start)} axes, but parts of {first}")
+        self._grows, self._rest, self._step_toward = grows, (0.0,) * first, step_toward
+        self.held = start
+        self.arrived = self.held_back = False
+
+    def advance(self, goal: Joints, step: float) -> Joints:
+        """Go on towards a goal, as far as the time `step` [s] allows."""
+        held, arrived = self.held, self.arrived
+        self.held_back = False
+        if goal == held:
+            self.arrived = True
+            return held
+        moved: Joints = ()
+        for first, last, rate, approach in self._parts:
+            here, there = held[first:last], goal[first:last]
+            way = rate * step
+            if not arrived:
+                if self._grows:
+                    there = toward(self._rest[first:last], there, hypot(*here) + approach * step)
+                else:
+                    way = approach * step
+            part = self._step_toward(here, there, way)
+            self.held_back = self.held_back or part != there
+            moved += part
+        self.held = moved
+        self.arrived = arrived or moved == goal
+        return moved

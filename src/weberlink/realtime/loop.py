@@ -1,0 +1,235 @@
+"""The event loop of a daemon: ticks, signals, and how a run ends."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from math import inf
+from signal import SIG_UNBLOCK, SIGHUP, SIGINT, SIGTERM, Signals, pthread_sigmask
+from time import monotonic
+from typing import Protocol
+
+import uvloop
+
+from weberlink.realtime.garbage import GarbageSchedule, freeze_garbage, thaw_garbage
+from weberlink.realtime.ticker import Ticker
+
+REASONS = {SIGINT: "interrupted", SIGHUP: "hung up"}
+AfterTick = Callable[[int, float, float, float], None]
+
+
+class Ticking(Protocol):
+    """One end of the system, as the loop sees it. Times are of `time.monotonic` [s]."""
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the side has come to rest; the run ends after this tick."""
+
+    @property
+    def outcome(self) -> str | None:
+        """How the run ended, if the side ended it; None otherwise."""
+
+    def tick(self, index: int, deadline: float, now: float) -> None:
+        """Do the work of tick `index`. An index that was skipped is a deadline that was missed."""
+
+    def stop(self, now: float, reason: str) -> None:
+        """Begin an orderly stop: ramp forces to zero, say goodbye. Ticks go on until `stopped`."""
+
+    def fail(self, now: float, error: BaseException) -> None:
+        """Command zero force at once; no tick follows."""
+
+
+class Transport(Protocol):
+    """What carries datagrams and fires the timers that belong to them."""
+
+    def open(self, loop: asyncio.AbstractEventLoop) -> Awaitable[None] | None:
+        """Claim sockets; may be a coroutine."""
+
+    def service(self, now: float) -> None:
+        """Before each tick: timers that are due, datagrams that have arrived."""
+
+    def flush(self, now: float) -> None:
+        """After each tick: hand over what is to be sent. Does not block."""
+
+    def close(self) -> None:
+        """Release what `open` claimed, also if that did not finish."""
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Ticks done and missed, passes of the collector, how the run ended, and whether without `Ticking.fail`."""
+
+    ticks: int
+    missed: int
+    outcome: str | None
+    orderly: bool
+    garbage: GarbageSchedule | None = None
+
+
+class TickLoop:
+    """Runs a side in this process until it has stopped.
+
+    In a tick: `transport.service`, `side.tick`, `transport.flush`, `after_tick`, then garbage collection if there is
+    slack. A run ends when the side is `stopped`: by itself, or after `side.stop` at the first signal ("interrupted",
+    "terminated", "hung up") or at the end of the duration ("completed"). A second signal other than a hang-up, or a
+    stop that takes too long, ends it at once through `side.fail`.
+
+    Args:
+        side: what ticks.
+        transport: of its datagrams.
+        period: time between ticks [s].
+        duration_s: from the first tick to the stop [s]; None for no end.
+        start_at: the first deadline [s, `time.monotonic`]; None for one period after opening.
+        stop_limit_s: hard bound on an orderly stop [s].
+        after_tick: receives index, deadline, now [s] and the time from now to the end of `flush` [us]; for telemetry.
+        garbage: schedule for the collector, which is then frozen during the run; None leaves the collector alone.
+        busy_poll: poll sockets and clock instead of sleeping between ticks (`Ticker`); takes a processor.
+    """
+
+    def __init__(
+        self,
+        side: Ticking,
+        transport: Transport,
+        period: float,
+        *,
+        duration_s: float | None = None,
+        start_at: float | None = None,
+        stop_limit_s: float = 1.0,
+        after_tick: AfterTick | None = None,
+        garbage: GarbageSchedule | None = None,
+        busy_poll: bool = False,
+    ) -> None:
+        self._ticker = Ticker(period, self._tick, start_at=start_at, on_error=self._fault, polls=busy_poll)
+        self._side = side
+        self._transport = transport
+        self._period = self._ticker.period_s
+        self._duration = inf if duration_s is None else round(duration_s / self._period)
+        self._stop_at_index: float | None = None
+        self._stop_limit = stop_limit_s
+        self._stop_by = inf
+        self._after_tick = after_tick
+        self._garbage = garbage
+        self._ticks = 0
+        self._reason: str | None = None
+        self._error: BaseException | None = None
+        self._failed = False
+        self._signalled = False
+        self._done = asyncio.Event()
+
+    def run(self, stop_signals: tuple[Signals, ...] = (SIGINT, SIGTERM, SIGHUP)) -> Run:
+        """Run to the end; once for each object.
+
+        Args:
+            stop_signals: begin a stop; must be () outside the main thread.
+
+        Raises:
+            BaseException: whatever the side, the transport or a callback of the loop raised. By then `side.fail` has
+                been called and the transport is closed.
+        """
+        with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+            runner.run(self._run(stop_signals))
+        if self._error is not None:
+            raise self._error
+        outcome = self._side.outcome or self._reason
+        return Run(self._ticks, self._ticker.missed, outcome, not self._failed, self._garbage)
+
+    async def _run(self, stop_signals: tuple[Signals, ...]) -> None:
+        loop = asyncio.get_running_loop()
+        loop.set_exception_handler(
+            lambda _loop, context: self._fault(context.get("exception") or RuntimeError(context["message"]))
+        )
+        for number in stop_signals:
+            loop.add_signal_handler(number, self._signal, number)
+        # A parent may have blocked them until there is a handler.
+        pthread_sigmask(SIG_UNBLOCK, stop_signals)
+        try:
+            opening = self._transport.open(loop)
+            if opening is not None:
+                await self._unless_stopped(opening)
+            if not self._done.is_set():
+                await self._live()
+        except BaseException as error:
+            self._fault(error)
+        finally:
+            self._ticker.stop()
+            for number in stop_signals:
+                loop.remove_signal_handler(number)
+            self._transport.close()
+
+    async def _unless_stopped(self, opening: Awaitable[None]) -> None:
+        """Wait for the transport, unless a stop comes first: looking up a host may take long."""
+        ready, ended = asyncio.ensure_future(opening), asyncio.ensure_future(self._done.wait())
+        try:
+            await asyncio.wait((ready, ended), return_when=asyncio.FIRST_COMPLETED)
+            if ready.done():
+                ready.result()
+        finally:
+            for waiting in (ready, ended):
+                waiting.cancel()
+            await asyncio.gather(ready, ended, return_exceptions=True)
+
+    async def _live(self) -> None:
+        if self._garbage is not None:
+            freeze_garbage()
+        try:
+            self._ticker.start()
+            await self._done.wait()
+        finally:
+            if self._garbage is not None:
+                thaw_garbage()
+
+    def _tick(self, index: int, deadline: float, now: float) -> None:
+        if self._stop_at_index is None:
+            self._stop_at_index = index + self._duration
+        if self._reason is None and index >= self._stop_at_index:
+            self._stop(now, "completed")
+        if now >= self._stop_by:
+            self._abandon(TimeoutError(f"the stop took longer than {self._stop_limit} s"))
+            return
+        self._transport.service(now)
+        self._side.tick(index, deadline, now)
+        self._transport.flush(now)
+        self._ticks += 1
+        if self._after_tick is not None:
+            self._after_tick(index, deadline, now, (monotonic() - now) * 1e6)
+        if self._side.stopped:
+            self._finish()
+        elif self._garbage is not None:
+            self._garbage.tick(deadline + self._period - monotonic())
+
+    def _stop(self, now: float, reason: str) -> None:
+        self._reason = reason
+        self._stop_by = now + self._stop_limit
+        self._side.stop(now, reason)
+
+    def _signal(self, number: Signals) -> None:
+        reason = REASONS.get(number, "terminated")
+        if self._signalled:
+            if number != SIGHUP:
+                self._abandon(InterruptedError(f"{reason} a second time"))
+            return
+        self._signalled = True
+        if self._reason is None:
+            self._stop(monotonic(), reason)
+        if not self._ticker.running:
+            self._finish()  # nothing has moved yet, and there is no tick that would finish the stop
+
+    def _fault(self, error: BaseException) -> None:
+        if self._error is None:
+            self._error = error
+        self._abandon(error)
+
+    def _abandon(self, error: BaseException) -> None:
+        if not self._failed:
+            self._failed = True
+            now = monotonic()
+            # Best effort: what failed first is what must be reported.
+            with suppress(Exception):
+                self._side.fail(now, error)
+            with suppress(Exception):
+                self._transport.flush(now)
+        self._finish()
+
+    def _finish(self) -> None:
+        self._ticker.stop()
+        self._done.set()
