@@ -1,6 +1,7 @@
 """Commands that run a system or one side of it."""
 
 import json
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from weberlink.session.advice import Parts
 
 PeerLabel = Annotated[str | None, typer.Option("--peer", metavar="NAME", help="Meet this known peer only.")]
-INVITE = ""
-"""In place of a code: one is made and shown."""
 
 
 # Each command imports what it needs when it runs.
@@ -50,12 +49,12 @@ def master(
         bool, typer.Option("--take-over", help="Replace the master that the slave serves now, which then stops.")
     ] = False,
     join: Annotated[
-        str | None, typer.Option("--join", metavar="CODE", help="Pair with the robot that shows this code, then run.")
-    ] = None,
+        bool, typer.Option("--join", help="Ask for the code that a robot shows, pair with it, then run.")
+    ] = False,
     peer: PeerLabel = None,
 ) -> None:
     """Run the operator side."""
-    added = partial(acquainted, file, set_ or (), MASTER, peer, join)
+    added = partial(acquainted, file, set_ or (), MASTER, peer, pairs=join)
     _live("master", file, set_, added, [MASTER], duration, json_out, record, log, take_over=take_over)
 
 
@@ -69,25 +68,40 @@ def slave(
     invite: Annotated[
         bool, typer.Option("--invite", help="Show a code by which an operator pairs with this robot, then run.")
     ] = False,
+    accept: Annotated[
+        bool, typer.Option("--accept", help="With --invite: keep the operator's key without a question.")
+    ] = False,
     peer: PeerLabel = None,
 ) -> None:
     """Run the teleoperator side."""
-    added = partial(acquainted, file, set_ or (), SLAVE, peer, INVITE if invite else None)
+    added = partial(acquainted, file, set_ or (), SLAVE, peer, pairs=invite, accept=accept)
     _live("slave", file, set_, added, [SLAVE], duration, json_out, record, log)
 
 
-def acquainted(path: Path, overrides: Sequence[str], side: str, label: str | None, code: str | None) -> list[str]:
-    """Overrides by which the path finder of the file meets a peer; with a code, the two hosts are paired first."""
-    if label is None and code is None:
+def acquainted(
+    path: Path, overrides: Sequence[str], side: str, label: str | None, *, pairs: bool, accept: bool = False
+) -> list[str]:
+    """Overrides by which the path finder of the file meets a peer; the two hosts are paired first if `pairs`."""
+    if not pairs and label is None and not accept:
         return []
     from weberlink.config import ConfigurationError, load  # noqa: PLC0415
 
+    if accept and not pairs:
+        raise ConfigurationError("--accept: goes with --invite")
+    asked = "--peer" if not pairs else "--join" if side == MASTER else "--invite"
     configuration = load(path, overrides, [side])
     if configuration.finder is None:
-        asked = "--peer" if code is None else "--join" if code else "--invite"
         raise ConfigurationError(f"{asked}: needs link.finder in the file, which knows other hosts by name")
-    if code is not None:
-        label = configuration.finder.driver.pair(configuration, side, code, label)
+    if pairs:
+        code = ""
+        if side == MASTER:  # not an argument: other users of the host can read those
+            if sys.stdin.isatty():
+                sys.stderr.write("Code that the robot's host shows: ")
+                sys.stderr.flush()
+            code = sys.stdin.readline().strip()
+            if not code:
+                raise ConfigurationError("--join: standard input gave no code; the robot's host shows it")
+        label = configuration.finder.driver.pair(configuration, side, code, label, accept=accept)
         if side == SLAVE:  # which waits for all that it knows
             return []
     return [f"link.finder.peer={json.dumps(label)}"]
