@@ -77,11 +77,11 @@ class Ring(Telemetry):
 class Command(Program):
     """`weberlink ARGUMENTS`, and what it says; dead at the end of the `with`."""
 
-    def __init__(self, *arguments: object, prefix: tuple[str, ...] = ()) -> None:
+    def __init__(self, *arguments: object, prefix: tuple[str, ...] = (), given: str | None = None) -> None:
         self._folder = TemporaryDirectory(prefix="weberlink-command-")
         self._out = Path(self._folder.name, "said")
         with self._out.open("w+b") as out:
-            super().__init__(*arguments, prefix=(*ENDS_WITH_TRIAL, *prefix), terminal=out.fileno())
+            super().__init__(*arguments, prefix=(*ENDS_WITH_TRIAL, *prefix), terminal=out.fileno(), given=given)
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         super().__exit__(kind, error, at)
