@@ -2,7 +2,7 @@
 
 The daemon of the master makes a file of mode 0600 in the runtime directory, which no other user can enter. For
 `pointer` it is an AF_UNIX socket: a datagram is complete in itself, so a lost one costs nothing once the next has
-arrived. For `remote_leader` it is shared memory with one target, a `weberlink.hardware.slot`, so one that is only
+arrived. For `remote_leader` it is shared memory with one target, a `weberlink.slot`, so one that is only
 partly written is recognised and read in the next tick. One process at a time leads an arm: it holds a lock on the file,
 which the kernel removes with the process.
 """
@@ -25,7 +25,7 @@ from typing import NamedTuple, Protocol, Self, TypeVar
 from weberlink.geometry import joints
 from weberlink.geometry.joints import MOST_JOINTS, Joints
 from weberlink.geometry.vector import ZERO, Vector, is_finite, norm
-from weberlink.hardware.slot import Slot, size_of
+from weberlink.slot import Slot, size_of
 from weberlink.telemetry.runtime_directory import ForeignFileError, check, directories, directory, listening_socket
 
 POINTER, LEADER = "pointer", "leader"
