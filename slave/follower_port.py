@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 from weberlink.arms.contract import ArmFault, ArmReading, FollowerArm
 from weberlink.arms.sensor import AxesSensor
-from weberlink.control.direct import NoControl
+from weberlink.control.ends import Control
 from weberlink.geometry.joints import Joints, is_finite
 from weberlink.slave.guard import Guard, PressLimit
 from weberlink.slave.robot_port import TeleoperatorPort
@@ -56,7 +56,7 @@ class FollowerPort(TeleoperatorPort):
         sensors: Sequence[AxesSensor],
         by_button: bool = False,
     ) -> None:
-        super().__init__(arm, guard=guard, command=arm.follow, controls=(NoControl(),), by_button=by_button)
+        super().__init__(arm, guard=guard, command=arm.follow, controls=(Control(),), by_button=by_button)
         self.angle_range, self._sensors = angle_range, sensors
         self._shown = self.felt
 

@@ -6,7 +6,7 @@ from math import inf
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from weberlink.compiled import mypyc_attr
-from weberlink.control.contract import Control, SlaveControl
+from weberlink.control.ends import Control, SlaveControl
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.protocol.endpoint import Endpoint
@@ -282,7 +282,7 @@ class RobotPort(TeleoperatorPort):
         self.commanded = commanded
         endpoint = self._endpoint
         applied: Any = self.applied
-        return self._control.follow(commanded, applied, elapsed, endpoint.credit.known, endpoint.clock)
+        return self._control.follow(commanded, applied, elapsed, endpoint.credit.known, endpoint.clock.rtt)
 
     def actuate(self, values: Sequence[Any], now: float, elapsed: float, step: float, *, engaged: bool) -> None:
         self._led = values if engaged else ()

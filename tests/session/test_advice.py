@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tests.session.systems import CONFIGS, configuration
 from weberlink.config import SLAVE, load
-from weberlink.control.passivity import passivity_limit
+from weberlink.control.account import passivity_limit
 from weberlink.protocol.keys import generate
 from weberlink.session.advice import (
     TICK_SHARE,

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.compiled import replaces_methods
 from tests.examples import examples
 from weberlink.control.contract import LEAST_CONTACT
-from weberlink.control.direct import DirectSlave
+from weberlink.control.ends import SlaveControl
 from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, quaternion
 from weberlink.geometry.vector import ZERO, Vector, norm, scale
 from weberlink.session.port import Port
@@ -78,9 +78,9 @@ class Following:
             trip_retract=TRIP_RETRACT,
         )  # fmt: skip
         self.tool = ToolOrientation(speed=TURN, approach_speed=TURN_APPROACH, ramp=RAMP)
-        link: Any = SimpleNamespace(credit=SimpleNamespace(known=0), clock=None)
+        link: Any = SimpleNamespace(credit=SimpleNamespace(known=0), clock=SimpleNamespace(rtt=None))
         self.port = RobotPort(
-            self.robot, guard=self.guard, control=DirectSlave(), endpoint=link, tool=self.tool, by_button=True
+            self.robot, guard=self.guard, control=SlaveControl(), endpoint=link, tool=self.tool, by_button=True
         )
         self.torque = ToolTorque(self.port.shown, self.tool)
         self.now, self.trips = 0.0, 0

@@ -21,7 +21,7 @@ from weberlink.session.advice import advise, dry_run
 from weberlink.session.composition.channels import streams
 from weberlink.session.composition.link import build_security
 from weberlink.session.composition.slave import build_scene
-from weberlink.slave.robots.contract import Robot, RobotSpec, TimedRobot
+from weberlink.slave.robots.contract import Robot, RobotSpec
 from weberlink.slave.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -90,9 +90,9 @@ def _hand_and_tool(system: System, device: Device | None, robot: Robot | None) -
         yield f"master    device {system.master.device.driver}{_detail(device)}, {_displayed(system, device)}"
         if system.master.mapping is not None:
             yield f"          mapped: {_mapping(system.master.mapping)}"
-    if isinstance(robot, TimedRobot):
-        robot.measure_steps(perf_counter)  # as the daemon does
     if robot is not None:
+        if hasattr(robot, "measure_steps"):
+            robot.measure_steps(perf_counter)  # as the daemon does
         silence = system.slave.limits.on_silence
         yield f"slave     robot {system.slave.robot.driver}{_detail(robot)}; on silence {silence}"
         yield from _measured(robot.spec)

@@ -6,7 +6,7 @@ add one, write the function and name it in `RULES`. A setting that is wrong what
 model of the file instead.
 
 A wall is displayed a tick after the position that it answers, so the passivity bound is that of a delay of one tick
-(`weberlink.control.passivity`).
+(`weberlink.control.account`).
 """
 
 import os
@@ -32,13 +32,11 @@ from weberlink.config.model import (
     is_placeholder,
     split_address,
 )
-from weberlink.control.contract import MasterControl, SlaveControl
-from weberlink.control.passivity import passivity_limit
-from weberlink.control.table import SCHEMES
+from weberlink.control.account import passivity_limit
+from weberlink.control.table import SCHEMES, ends_of
 from weberlink.figures.verdict import PLACEHOLDER
 from weberlink.master.devices import DEVICES
 from weberlink.master.devices.contract import Device
-from weberlink.registry import check_contract, import_part
 from weberlink.session.composition.coupling import FIT_MARGIN, STATED
 from weberlink.session.composition.link import build_driver, build_security, with_file_name
 from weberlink.session.composition.master import build_device
@@ -134,14 +132,9 @@ def _build(configuration: Configuration) -> Parts:
 
 @with_file_name
 def _check_scheme(configuration: Configuration) -> None:
-    """See that the control scheme can be imported and has its methods, where another distribution brings it."""
-    name = configuration.system.control.scheme
-    if name in SCHEMES.built_in:
-        return
-    scheme, what = build_driver("control.scheme", SCHEMES.load, name), f"control scheme {SCHEMES.owned(name)}"
-    for place, contract in ((scheme.master, MasterControl), (scheme.slave, SlaveControl)):
-        made = build_driver("control.scheme", import_part, what, place)
-        build_driver("control.scheme", check_contract, what, made, contract)
+    """See that the control scheme can be imported and is one, where another distribution brings it."""
+    if configuration.system.control.scheme not in SCHEMES.built_in:
+        build_driver("control.scheme", ends_of, configuration.system.control.scheme)
 
 
 Rule = Callable[[Parts], Iterator[str]]

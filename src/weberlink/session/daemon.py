@@ -112,7 +112,11 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
         described.publish(paths=udp.paths)
         stack.callback(described.remove)
         ring = RingWriter.create(
-            order.ring, side=order.side, rate_hz=system.rate_hz, capacity=int(RING_SECONDS * system.rate_hz)
+            order.ring,
+            side=order.side,
+            rate_hz=system.rate_hz,
+            capacity=int(RING_SECONDS * system.rate_hz),
+            records=side.layout,
         )
         # Launcher and recorder may be slow to start: the launcher removes the file when both have read it.
         stack.callback(lambda: ring.close(unlink=os.getppid() != order.parent))

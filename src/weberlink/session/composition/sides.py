@@ -11,7 +11,6 @@ from weberlink.protocol.security import Security
 from weberlink.realtime.stall import Watchdog
 from weberlink.session.composition.channels import playout_ticks, streams
 from weberlink.session.composition.link import ANONYMOUS, Entropy, Identity, Parts, Stopwatch, build_endpoint
-from weberlink.session.rows import CartesianRows, JointRows
 from weberlink.session.side import Side
 
 
@@ -85,6 +84,5 @@ def _side(system: System, parts: Parts, endpoint: Any, stopwatch: Callable[[], f
         horizon=HORIZON_SHARE * system.link.silence_ms * 1e-3,
         watchdog=Watchdog(patience_ms * 1e-3),
         stopwatch=stopwatch,
-        rows=CartesianRows if system.codec.joints is None else JointRows,
         playout=playout_ticks(system),
     )

@@ -22,7 +22,7 @@ from weberlink.session.composition.link import (
 )
 from weberlink.slave.guard import Guard, PressLimit, Workspace
 from weberlink.slave.robot_port import RobotPort
-from weberlink.slave.robots.contract import OrientedRobot, PosedRobot, Robot, TimedRobot
+from weberlink.slave.robots.contract import OrientedRobot, Robot
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.settings import build
 
@@ -39,9 +39,9 @@ def build_led(configuration: Configuration, endpoint: Endpoint, live: Stopwatch 
         live: with it, a simulated robot measures its steps, and publishes its pose; None for neither.
     """
     system, robot = configuration.system, build_robot(configuration)
-    if live is not None and isinstance(robot, PosedRobot):
+    if live is not None and hasattr(robot, "publish_pose"):
         robot.publish_pose()
-    if live is not None and isinstance(robot, TimedRobot):
+    if live is not None and hasattr(robot, "measure_steps"):
         robot.measure_steps(live)
     forward, backward = streams(system)
     limits, spec, rotation = system.slave.limits, robot.spec, system.codec.rotation
