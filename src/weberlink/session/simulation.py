@@ -171,7 +171,7 @@ def build_simulation(configuration: Configuration) -> Simulation:
     emulation = system.link.emulate or EmulationSettings()
     to_slave, to_master = emulation.directions
     chance = {name: Random(f"{emulation.seed}/{name}") for name in ("master", "slave", "forward", "backward")}  # noqa: S311
-    common: dict[str, Any] = {"security": build_security(configuration), "epoch": 0.0, "stopwatch": lambda: 0.0}
+    common: dict[str, Any] = {"security": build_security(configuration), "epoch": 0.0, "stopwatch": float}  # always 0.0
     return Simulation(
         master=build_master(configuration, entropy=chance["master"].randbytes, peer=SLAVE_ADDRESS, **common),
         slave=build_slave(configuration, entropy=chance["slave"].randbytes, **common),
