@@ -39,7 +39,18 @@ def load(path: Path) -> bytes:
         KeyFileError: if the file is missing, a symbolic link, of another user than this one or root, open to other
             users, or not a key file.
     """
-    return _parse(read_private(path, f"`weberlink keygen {path}` makes a key"), path)
+    content = read_private(path, f"`weberlink keygen {path}` makes a key")
+    words = content.decode("ascii", errors="replace").split()
+    try:
+        label, digits = words
+        key = bytes.fromhex(digits)
+    except ValueError:
+        raise KeyFileError(f"{path} is not a key file; expected one line: {_LABEL} and hexadecimal digits") from None
+    if label != _LABEL:
+        raise KeyFileError(f"{path} starts with {label!r}; expected {_LABEL!r}")
+    if len(key) != KEY_BYTES:
+        raise KeyFileError(f"{path} holds a key of {len(key)} bytes; expected {KEY_BYTES}")
+    return key
 
 
 def read_private(path: Path, advice: str, longest: int = _LONGEST_FILE) -> bytes:
@@ -64,33 +75,15 @@ def read_private(path: Path, advice: str, longest: int = _LONGEST_FILE) -> bytes
             raise KeyFileError(f"{path} is a symbolic link; name the file itself") from None
         raise KeyFileError(f"{path} cannot be read: {problem.strerror}") from None
     try:
-        return _read(descriptor, path, longest)
+        status = os.fstat(descriptor)
+        if not stat.S_ISREG(status.st_mode):
+            raise KeyFileError(f"{path} is not a file")
+        owner, user = status.st_uid, os.geteuid()
+        if owner not in (0, user):  # the owner could replace the key at any time
+            raise KeyFileError(f"{path} belongs to user id {owner}, this is {user}; run: sudo chown {user} {path}")
+        if status.st_mode & 0o077:
+            mode = stat.S_IMODE(status.st_mode)
+            raise KeyFileError(f"{path} is open to other users (mode {mode:04o}); run: chmod 600 {path}")
+        return os.read(descriptor, longest)
     finally:
         os.close(descriptor)
-
-
-def _read(descriptor: int, path: Path, longest: int) -> bytes:
-    status = os.fstat(descriptor)
-    if not stat.S_ISREG(status.st_mode):
-        raise KeyFileError(f"{path} is not a file")
-    owner, user = status.st_uid, os.geteuid()
-    if owner not in (0, user):  # the owner could replace the key at any time
-        raise KeyFileError(f"{path} belongs to user id {owner}, this is {user}; run: sudo chown {user} {path}")
-    if status.st_mode & 0o077:
-        mode = stat.S_IMODE(status.st_mode)
-        raise KeyFileError(f"{path} is open to other users (mode {mode:04o}); run: chmod 600 {path}")
-    return os.read(descriptor, longest)
-
-
-def _parse(content: bytes, path: Path) -> bytes:
-    words = content.decode("ascii", errors="replace").split()
-    try:
-        label, digits = words
-        key = bytes.fromhex(digits)
-    except ValueError:
-        raise KeyFileError(f"{path} is not a key file; expected one line: {_LABEL} and hexadecimal digits") from None
-    if label != _LABEL:
-        raise KeyFileError(f"{path} starts with {label!r}; expected {_LABEL!r}")
-    if len(key) != KEY_BYTES:
-        raise KeyFileError(f"{path} holds a key of {len(key)} bytes; expected {KEY_BYTES}")
-    return key

@@ -9,6 +9,7 @@ directions, and the numbers of the peer's datagrams tell whether a question or i
 
 from typing import Any, NamedTuple
 
+from weberlink.protocol import wire
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address, DropReason, PathProbe
 from weberlink.protocol.session import Outcome, Session
@@ -49,7 +50,7 @@ class ProbingEndpoint(Endpoint):
         self._due = None
         token = len(self.asked).to_bytes(TOKEN_BYTES, "big")
         self.asked.append(now)
-        self._post(session.send_path(now, token, is_answer=False))
+        self._post(session.send(now, wire.PATH, token))
         return True
 
     def _on_authentic(self, session: Session, outcome: Outcome, address: Address, now: float) -> None:

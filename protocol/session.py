@@ -16,7 +16,7 @@ from weberlink.protocol.events import (
     UpdateReceived,
 )
 from weberlink.protocol.liveness import HeartbeatSchedule, Liveness
-from weberlink.protocol.negotiation import NUMBERS, Message, Negotiation, RoundTripAgreement, in_ms
+from weberlink.protocol.negotiation import NUMBERS, Negotiation, RoundTripAgreement, in_ms
 from weberlink.protocol.retransmission import Allowance, OutgoingStream, copies_needed
 from weberlink.protocol.security import Protection, Security
 from weberlink.protocol.timing import Clock
@@ -382,27 +382,23 @@ class Session:
             self._loss.lost & wire.LOST_MASK,
         )
 
-    def send_bye(self, now: float, reason: str) -> bytes:
-        """The datagram of a farewell; `reason` is cut to `LONGEST_REASON` bytes."""
+    def send(
+        self, now: float, kind: int, data: bytes, *, mark: bool = False, selector: int = 0, tick: int | None = None
+    ) -> bytes:
+        """The datagram of a farewell, of a change, or of a question or an answer (`mark`) about an address."""
         envelope, sequence = self._envelope(now)
-        return self._seal(sequence, wire.pack_bye(envelope, reason), now)
-
-    def send_path(self, now: float, token: bytes, *, is_answer: bool) -> bytes:
-        """Ask whether the peer is at the address that this is sent to, or answer such a question."""
-        envelope, sequence = self._envelope(now)
-        return self._seal(sequence, wire.pack_path(envelope, token, is_answer=is_answer), now)
+        return self._seal(sequence, wire.pack(envelope, kind, data, mark=mark, selector=selector, tick=tick), now)
 
     def _send_change(self, now: float) -> bytes | None:
         """The message of a negotiation that is due."""
         rtt = self.clock.rtt
         negotiation = self.negotiation if now >= self.negotiation.due else self.round_trip
-        message: Message | None = negotiation.take(now, UNMEASURED_RTT if rtt is None else rtt + self.clock.jitter)
+        message = negotiation.take(now, UNMEASURED_RTT if rtt is None else rtt + self.clock.jitter)
         if message is None:
             return None
         number, tick, body, is_answer = message
-        envelope, sequence = self._envelope(now)
-        clear = wire.pack_change(envelope, tick & _CHANGE_TICK_MASK, number, body, is_answer=is_answer)
-        return self._seal(sequence, clear, now)
+        body, tick = body[: wire.LONGEST_CHANGE], tick & _CHANGE_TICK_MASK
+        return self.send(now, wire.CHANGE, body, mark=is_answer, selector=number, tick=tick)
 
     def _envelope(self, now: float) -> tuple[Envelope, int]:
         """Envelope of the next datagram, which leaves now, and its number in full."""

@@ -242,7 +242,7 @@ def _pack_head(first: int, envelope: Envelope) -> int:
     return string
 
 
-# Each `pack` makes a datagram without tag.
+# The following make datagrams without tag.
 
 
 def pack_heartbeat(
@@ -270,21 +270,17 @@ def pack_heartbeat(
     return to_bytes(string)
 
 
-def pack_bye(envelope: Envelope, reason: str) -> bytes:
-    """A farewell, its reason cut to `LONGEST_REASON` bytes."""
-    text = reason.encode(errors="replace")[:LONGEST_REASON].decode(errors="ignore").encode()
-    return to_bytes(_pack_head(BYE, envelope)) + text
+def pack(
+    envelope: Envelope, kind: int, data: bytes, *, mark: bool = False, selector: int = 0, tick: int | None = None
+) -> bytes:
+    """A farewell, a path, or a change with its tick, which is truncated already."""
+    head = _pack_head(kind | mark * MARK | selector << _SELECTOR_SHIFT, envelope)
+    return to_bytes(head if tick is None else head << CHANGE_TICK_BITS | tick) + data
 
 
-def pack_change(envelope: Envelope, tick: int, number: int, body: bytes, *, is_answer: bool) -> bytes:
-    """A proposed change, or the answer to one; the tick is truncated already."""
-    head = _pack_head(CHANGE | is_answer * MARK | number << _SELECTOR_SHIFT, envelope)
-    return to_bytes(head << CHANGE_TICK_BITS | tick) + body[:LONGEST_CHANGE]
-
-
-def pack_path(envelope: Envelope, token: bytes, *, is_answer: bool) -> bytes:
-    """The question whether the peer is at an address, or the answer."""
-    return to_bytes(_pack_head(PATH | is_answer * MARK, envelope)) + token
+def cut(reason: str) -> bytes:
+    """The reason of a farewell, in at most `LONGEST_REASON` bytes."""
+    return reason.encode(errors="replace")[:LONGEST_REASON].decode(errors="ignore").encode()
 
 
 # Of a received string, `bits`, the lowest `left` bits are still to be read. One that ends too early makes `left`
@@ -562,13 +558,13 @@ class DirectionLayout:
         short: Envelope = (0, 0, 0, 0, (None,) * self._acks)
         long: Envelope = (0, 0, 0, 0, (0,) * self._acks)
         credit = 0 if self.carries_credit else None
-        longest = pack_heartbeat(long, 0, Report(0, 0, 0, 0, 0, 0), credit, round_trip_ms=0)
-        change, token = bytes(LONGEST_CHANGE), bytes(TOKEN_BYTES)
+        longest = pack_heartbeat(long, 0, Report(*[0] * len(_REPORT)), credit, round_trip_ms=0)
+        token = bytes(TOKEN_BYTES)
         made = {
             HEARTBEAT: (pack_heartbeat(short, 0, None, credit), longest),
-            BYE: (pack_bye(short, ""), pack_bye(long, "x" * LONGEST_REASON)),
-            CHANGE: tuple(pack_change(*each, is_answer=False) for each in ((short, 0, 0, b"x"), (long, 0, 0, change))),
-            PATH: tuple(pack_path(envelope, token, is_answer=False) for envelope in (short, long)),
+            BYE: (pack(short, BYE, b""), pack(long, BYE, bytes(LONGEST_REASON))),
+            CHANGE: (pack(short, CHANGE, b"x", tick=0), pack(long, CHANGE, bytes(LONGEST_CHANGE), tick=0)),
+            PATH: (pack(short, PATH, token), pack(long, PATH, token)),
         }
         found = {kind: (len(low) + tag_size, len(high) + tag_size) for kind, (low, high) in made.items()}
         for kind, layout in zip((UPDATE, SECOND_UPDATE), self.updates, strict=False):

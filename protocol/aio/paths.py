@@ -11,23 +11,23 @@ import socket
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from math import inf
 from typing import Final, NamedTuple
 
 from weberlink.compiled import mypyc_attr
-from weberlink.protocol.aio.queue import ReceiveQueue
 from weberlink.protocol.aio.sockets import (
     ECN_BITS,
     Ancillary,
+    ReceiveQueue,
     address_of,
     answering,
-    ask_for_class,
     ask_for_destination,
     bind,
     connected_twin,
-    mark,
     name_of,
     numeric,
     resolve,
+    set_option,
 )
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
@@ -91,16 +91,21 @@ class Path:
         self._owner = owner
         self._loop = loop
         self._dscp: int | None = None
+        self._look_at = -inf
+        self._called: list[tuple[Address, str, Ancillary]] = []
+        """Sender of the newest datagram, and which address of this host it called; then the same of the peer."""
         self._bound = bound
         bound.setblocking(False)
-        mark(bound, dscp)
+        set_option(bound, socket.IP_TOS, socket.IPV6_TCLASS, dscp << ECN_BITS)
         ask_for_destination(bound)
         # Set only now, so that the port had to be free. Only sockets that set the option too can share it from here on.
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
-        self._open = self._queue(bound, self._on_called)
+        self._open = self._queue(bound, self._take_from_anywhere)
         self._peer: ReceiveQueue | None = None
-        self._called: list[tuple[Address, str, Ancillary]] = []
-        """Sender of the newest datagram, and which address of this host it called; then the same of the peer."""
+
+    def _queue(self, bound: socket.socket, take: Callable[[bytes, Address, Ancillary, float], None]) -> ReceiveQueue:
+        now, on_datagrams = self._owner.now, self._owner.on_datagrams
+        return ReceiveQueue(bound, loop=self._loop, now=now, take=take, on_datagrams=on_datagrams, share=PEER_SHARE)
 
     def guard(self, peer: Address) -> None:
         """Receive from this address in a socket of its own, and send to it. Without that socket there is less
@@ -120,8 +125,9 @@ class Path:
             self._open.budget.share = PEER_SHARE
             return
         self.remote = address_of(connected.getpeername())
-        ask_for_class(connected)
-        self._peer = self._queue(connected, self._on_class, CLASS_LOOK_S)
+        set_option(connected, socket.IP_RECVTOS, socket.IPV6_RECVTCLASS, 1)
+        self._look_at = -inf
+        self._peer = self._queue(connected, self._take_from_peer)
         self._open.budget.share = STRANGER_SHARE
 
     def read(self) -> bool:
@@ -151,34 +157,23 @@ class Path:
             self._peer.close()
         self._open.close()
 
-    def _queue(
-        self, bound: socket.socket, on_ancillary: Callable[[Address, Ancillary], None], look_every: float = 0.0
-    ) -> ReceiveQueue:
-        owner = self._owner
-        return ReceiveQueue(
-            bound,
-            loop=self._loop,
-            now=owner.now,
-            take=self.on_datagram,
-            on_datagrams=owner.on_datagrams,
-            share=PEER_SHARE,
-            on_ancillary=on_ancillary,
-            look_every=look_every,
-        )
-
     def on_datagram(self, data: bytes, source: Address, now: float) -> None:
         self._owner.on_datagram(data, source, now)
 
-    def _on_called(self, source: Address, ancillary: Ancillary) -> None:
-        self._called[:1] = [(source, *answering(ancillary))]
+    def _take_from_anywhere(self, data: bytes, source: Address, ancillary: Ancillary, now: float) -> None:
+        if ancillary:
+            self._called[:1] = [(source, *answering(ancillary))]
+        self.on_datagram(data, source, now)
 
-    def _on_class(self, _source: Address, ancillary: Ancillary) -> None:
-        """Note with which class of service the peer's datagrams arrive."""
-        ((_, _, value),) = ancillary  # IPv4 gives one octet, IPv6 an integer
-        dscp = int.from_bytes(value, sys.byteorder) >> ECN_BITS
-        if dscp != self._dscp:
-            self._dscp = dscp
-            self._owner.tell()
+    def _take_from_peer(self, data: bytes, source: Address, ancillary: Ancillary, now: float) -> None:
+        if ancillary and now >= self._look_at:
+            self._look_at = now + CLASS_LOOK_S
+            ((_, _, value),) = ancillary  # IPv4 gives one octet, IPv6 an integer
+            dscp = int.from_bytes(value, sys.byteorder) >> ECN_BITS
+            if dscp != self._dscp:
+                self._dscp = dscp
+                self._owner.tell()
+        self.on_datagram(data, source, now)
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -198,21 +193,15 @@ class Paths:
         on_datagrams: Callable[[], None],
         on_no_path: Callable[[str], None],
     ) -> None:
-        """Prepare; `open` claims what is needed.
-
-        Args:
-            dscp: class of service of what is sent.
-            now: the clock of the endpoint [s].
-            on_datagrams: called after datagrams were taken because the loop was woken.
-            on_no_path: told in one line why there will be no session, once at most.
-        """
+        """Prepare with the arguments of `UdpShell`; `on_datagrams` is called after datagrams were taken because the loop
+        was woken. `open` claims what is needed."""
+        self.endpoint = endpoint
+        self.dscp = dscp
         self.now = now
         self.on_datagrams = on_datagrams
-        self.dscp = dscp
+        self.on_no_path = on_no_path
         self.address: Address = ("", 0)
         self.facts: tuple[PathFacts, ...] = ()
-        self.endpoint = endpoint
-        self.on_no_path = on_no_path
         self.all: tuple[Path, ...] = ()
         self._numeric: Address | None = None
         """Address of the peer that the endpoint knows by a name."""

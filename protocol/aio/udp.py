@@ -91,32 +91,36 @@ class UdpShell:
             self._loop = None
         self._paths.close()
 
-    def service(self, now: float) -> None:
-        """Receive datagrams, and run expired timers."""
-        self._read()
-        self._endpoint.handle_timer(now)
+    def service(self, now: float | None = None) -> None:
+        """Receive datagrams from the peer, and run timers that have expired by `now`, or when all is read.
+
+        The loop wakes by itself for other datagrams. One slice is read; if the peer would count as silent, as much as
+        the budget allows: after a stall of this process the oldest datagrams come first, and are too old to count.
+        """
+        while self._paths.read():
+            self._tell_paths()
+            if self._now() < self._endpoint.silent_at:
+                break
+        self._endpoint.handle_timer(self._now() if now is None else now)
 
     def flush(self, now: float) -> None:
         """Send what the endpoint and the emulated link have ready, and set the timer for what is due next."""
-        self._follow()
+        self._tell_paths()
+        link = self._link
         if self._loop is None:
             return  # what is said before the sockets are open waits for them
-        datagrams = self._endpoint.datagrams_to_send()
-        if self._link is None:
-            for data, address in datagrams:
+        for data, address in self._endpoint.datagrams_to_send():
+            if link is None:
                 self._paths.send(data, address)
-        else:
-            for data, address in datagrams:
-                self._link.send(data, address, now)
-            for data, address in self._link.receive(now):
-                self._paths.send(data, address)
-        self._arm(now)
-
-    def _arm(self, now: float) -> None:
+            else:
+                link.send(data, address, now)
         due = self._endpoint.next_timer()
-        if self._link is not None and (arrival := self._link.next_due()) is not None:
-            due = arrival if due is None else min(due, arrival)
-        if due is None or due >= self._timer_at or self._loop is None:
+        if link is not None:
+            for data, address in link.receive(now):
+                self._paths.send(data, address)
+            if (arrival := link.next_due()) is not None:
+                due = arrival if due is None else min(due, arrival)
+        if due is None or due >= self._timer_at:
             return  # a timer that fires too early only arms the next one
         if self._timer is not None:
             self._timer.cancel()
@@ -125,26 +129,13 @@ class UdpShell:
 
     def _on_timer(self) -> None:
         self._timer, self._timer_at = None, inf
-        self._read()  # first, so that a stall of this end does not pass for silence of the other
-        now = self._now()
-        self._endpoint.handle_timer(now)
-        self.flush(now)
+        self.service()  # reads first, so that a stall of this end does not pass for silence of the other
+        self.flush(self._now())
 
     def _on_datagrams(self) -> None:
         self.flush(self._now())
 
-    def _read(self) -> None:
-        """Receive from the peer; the loop wakes by itself for other datagrams.
-
-        Reads one slice; if the peer would count as silent, as much as the budget allows. After a stall of this process
-        the oldest datagrams come first, and are too old to count.
-        """
-        while self._paths.read():
-            self._follow()
-            if self._now() < self._endpoint.silent_at:
-                break
-
-    def _follow(self) -> None:
+    def _tell_paths(self) -> None:
         """Tell the sockets of a new state or peer."""
         endpoint = self._endpoint
         if endpoint.state is not self._state or endpoint.peer is not self._peer:

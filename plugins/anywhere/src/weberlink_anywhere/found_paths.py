@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Final
 
 from weberlink.protocol.aio.paths import PEER_SHARE, STRANGER_SHARE, Path, PathFacts, Paths, peer_address
-from weberlink.protocol.aio.queue import WorkBudget
+from weberlink.protocol.aio.sockets import WorkBudget
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address, DropReason
 from weberlink.protocol.states import Role, State
