@@ -11,7 +11,7 @@ from tests.figures.test_verdict import clean, figures
 from weberlink.figures.paths import paths_of
 from weberlink.figures.report import WIDTH, session_report, status_line
 from weberlink.figures.session import SessionScore
-from weberlink.protocol.aio.paths import PathFacts
+from weberlink.protocol.aio.udp import PathFacts
 from weberlink.protocol.states import State
 
 FINDING = [PathFacts(route="", note="asking the mailbox")._asdict()]

@@ -1,4 +1,4 @@
-"""The paths that a link takes, from `weberlink.protocol.aio.paths.PathFacts` as JSON, and words for them.
+"""The paths that a link takes, from `weberlink.protocol.aio.udp.PathFacts` as JSON, and words for them.
 
 `paths_of` reads them from a description, which another release or another host may have written. Every other function
 takes what it gives.
