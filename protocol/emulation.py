@@ -95,12 +95,7 @@ class EmulatedLink(Generic[T]):
     """One direction of a faulty link; `T` is what the owner gets back with a datagram, such as an address."""
 
     def __init__(self, emulation: Emulation, uniform: Callable[[], float], epoch: float = 0.0) -> None:
-        """Set up the link.
-
-        Args:
-            uniform: random numbers in [0, 1), from a seeded generator.
-            epoch: `now` of the origin of the blackouts [s].
-        """
+        """`uniform` gives random numbers in [0, 1), from a seeded generator; blackouts count from the `epoch` [s]."""
         self._emulation = emulation
         self._uniform = uniform
         self._epoch = epoch

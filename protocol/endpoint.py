@@ -203,14 +203,9 @@ class Endpoint:
     # --- what the owner sends
 
     def send_update(self, now: float, update: Update, stream: int = 0) -> bool:
-        """Send a new state of a stream to the peer, and repeat it until it arrives.
+        """Send a new state of a stream to the peer, and repeat it until it arrives; its tick is counted from the epoch.
 
         A silent peer is sent the update too; it is repeated once the peer is back.
-
-        Args:
-            now: [s].
-            update: its tick is counted from the epoch.
-            stream: which it belongs to, from 0.
 
         Returns:
             False if there is no session, and nothing was sent.
@@ -276,9 +271,7 @@ class Endpoint:
     def answer_change(self, proposal: events.ChangeProposed, refusal: str | None) -> None:
         """Answer a change that the peer has proposed, unless its session is over or it has proposed another one since.
 
-        Args:
-            proposal: the event itself, which belongs to its session.
-            refusal: None to accept it, else a short reason.
+        `proposal` is the event itself, which belongs to its session; `refusal` None to accept it, else a short reason.
         """
         if self._session is not None:
             self._session.negotiation.answer(proposal, refusal)

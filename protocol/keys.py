@@ -18,8 +18,7 @@ class KeyFileError(ValueError):
 def generate(path: Path) -> None:
     """Write a new random key, mode 0600.
 
-    Raises:
-        KeyFileError: if there is such a file already (it is left as it is), or none can be made there.
+    Raises KeyFileError if there is such a file already (it is left as it is), or none can be made there.
     """
     try:
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
@@ -33,12 +32,7 @@ def generate(path: Path) -> None:
 
 
 def load(path: Path) -> bytes:
-    """Read the key, of `KEY_BYTES`.
-
-    Raises:
-        KeyFileError: if the file is missing, a symbolic link, of another user than this one or root, open to other
-            users, or not a key file.
-    """
+    """Read the key, of `KEY_BYTES`; KeyFileError as of `read_private`, or if it is not a key file."""
     content = read_private(path, f"`weberlink keygen {path}` makes a key")
     words = content.decode("ascii", errors="replace").split()
     try:
@@ -54,16 +48,10 @@ def load(path: Path) -> bytes:
 
 
 def read_private(path: Path, advice: str, longest: int = _LONGEST_FILE) -> bytes:
-    """The content of a file that only its owner may read.
+    """The first `longest` bytes of a file that only its owner may read; `advice` says what to do if it is missing.
 
-    Args:
-        path: of the file.
-        advice: what to do if it is missing.
-        longest: how much is read [bytes].
-
-    Raises:
-        KeyFileError: if the file is missing, a symbolic link, or of another user than this one or root, or open to
-            other users.
+    Raises KeyFileError if the file is missing, a symbolic link, of another user than this one or root, or open to
+    other users.
     """
     try:
         # O_NONBLOCK: nothing waits for a pipe by that name.

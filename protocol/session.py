@@ -54,15 +54,9 @@ Opened = tuple[int, int, bytes]
 
 
 class LocalEnd(NamedTuple):
-    """What its calls and sessions share of an endpoint, which has checked it.
-
-    Args:
-        agreement: packed.
-        epoch: when our clock was at 0 [s].
-        longest_round_trip: that this end allows [s].
-        calls: whether this end begins the sessions.
-        rekey_after: datagrams after which a key is replaced, if it was not by time.
-    """
+    """What its calls and sessions share of an endpoint, which has checked it. Times are in s; the agreement is packed;
+    `epoch` is when our clock was at 0; `calls` is whether this end begins the sessions; a key is replaced after
+    `rekey_after` datagrams, if it was not by time."""
 
     security: Security
     entropy: Callable[[int], bytes]
@@ -86,9 +80,8 @@ class Session:
 
     Attributes:
         silent_since: when the present silence began [s]; inf without one.
-        sequence: number of the authentic datagram that came last.
-        is_fresh: whether that one was fresh (`Liveness.is_fresh`).
-        is_newest: whether no datagram sent after that one was accepted before it.
+        sequence, is_fresh, is_newest: of the authentic datagram that came last: its number, whether it was fresh
+            (`Liveness.is_fresh`), and whether none that was sent after it was accepted before it.
         is_confirmed: whether the peer was heard under the keys of this session.
         said_encoding: whether our newest datagram said that our encoder runs.
     """
@@ -200,7 +193,7 @@ class Session:
             if not stream.acknowledge(sequence, ack, is_newest=self.is_newest):
                 arrived = clock.arrival_bound(stream.sent_at)
                 if arrived is not None and departure > arrived + SLACK:
-                    stream.miss()
+                    stream.is_missed = True
         if content.kind == wire.BYE:
             return PeerClosed(content.data.decode(errors="replace"))
         if content.report is not None and not self._learn(content.report, now):
@@ -326,8 +319,7 @@ class Session:
     def send_update(self, now: float, update: Update, stream: int = 0) -> bytes:
         """The datagram of a new update, which replaces any older one of its stream.
 
-        Raises:
-            ValueError: naming the field that cannot be sent; nothing has changed then.
+        Raises ValueError, naming the field that cannot be sent; nothing has changed then.
         """
         if update.tick < 0:
             raise ValueError(f"tick must not be negative, not {update.tick}")

@@ -288,11 +288,7 @@ def cut(reason: str) -> bytes:
 
 
 def read_groups(bits: int, left: int, groups: Sequence[int]) -> tuple[tuple[int, ...], int]:
-    """The numbers of `pack_groups`, and how many bits are left.
-
-    Raises:
-        ValueError: the string ends too early.
-    """
+    """The numbers of `pack_groups`, and how many bits are left."""
     numbers: list[int] = []
     for count in groups:
         left -= _WIDTH_BITS
@@ -306,11 +302,7 @@ def read_groups(bits: int, left: int, groups: Sequence[int]) -> tuple[tuple[int,
 
 
 def read_rest(bits: int, left: int) -> bytes:
-    """The whole bytes that are left.
-
-    Raises:
-        ValueError: the bits before them are not 0, or the string has ended before.
-    """
+    """The whole bytes that are left; bits before them must be 0."""
     size = left // 8
     if bits >> 8 * size & (1 << left % 8) - 1:
         raise ValueError("bits after the end")
@@ -328,13 +320,7 @@ class UpdateLayout:
         acks: int = 1,
         kind: Kind = Kind.UPDATE,
     ) -> None:
-        """Prepare for updates of these forms, by selector.
-
-        Args:
-            forms: what an update carries.
-            carries_credit: whether each datagram carries the sender's credit.
-            acks: number of streams of the other direction.
-            kind: of the updates.
+        """Prepare for updates of these forms, by selector; `acks` is the number of streams of the other direction.
 
         Raises:
             ValueError: for no form or more than there are selectors, for an update without levels, or for so many that
@@ -354,11 +340,7 @@ class UpdateLayout:
         self._kind = int(kind)
 
     def check(self, update: Update) -> None:
-        """Check that an update can be packed without loss.
-
-        Raises:
-            ValueError: naming the field and its range.
-        """
+        """Raise ValueError, naming the field and its range, for an update that cannot be packed without loss."""
         _, selector, newest, payload = update
         if not 0 <= selector < len(self.forms):
             raise ValueError(f"selector must be in 0..{len(self.forms) - 1}, not {selector}")
@@ -403,11 +385,7 @@ class UpdateLayout:
         return packed + payload.data if isinstance(payload, ModelParameters) else packed
 
     def read(self, bits: int, left: int, selector: int, *, mark: bool) -> tuple[Update, int | None]:
-        """The update in the lowest `left` bits, after the head, with its lag as its tick; and the truncated credit.
-
-        Raises:
-            ValueError: if it does not fit its form.
-        """
+        """The update in the lowest `left` bits, after the head, with its lag as its tick; and the truncated credit."""
         if selector >= len(self.forms):
             raise ValueError(f"selector {selector} of {len(self.forms)}")
         form = self.forms[selector]
@@ -437,12 +415,7 @@ class UpdateLayout:
         return Update(lag, selector, newest, payload), credit
 
     def length(self, update: Update, *, acknowledges: bool = True) -> int:
-        """Bytes of an update whose sample is of its tick, without tag.
-
-        Args:
-            update: one that `check` accepts.
-            acknowledges: whether it carries the acknowledgements.
-        """
+        """Bytes of an update whose sample is of its tick, without tag, with or without the acknowledgements."""
         return len(self.pack((0, 0, 0, 0, (0 if acknowledges else None,) * self._acks), 0, update))
 
     @property
@@ -462,18 +435,12 @@ class UpdateLayout:
 
 
 class DirectionLayout:
-    """The layouts of all datagrams of one direction.
-
-    Attributes:
-        updates: by stream.
-        carries_credit: whether each update and heartbeat carries the sender's credit.
-    """
+    """The layouts of all datagrams of one direction; `updates` by stream."""
 
     def __init__(self, streams: Sequence[Sequence[UpdateForm]], *, carries_credit: bool = False, acks: int = 1) -> None:
         """Prepare for streams whose updates have these forms, by selector; `acks` streams of the other direction.
 
-        Raises:
-            ValueError: for no stream or more than there are kinds of updates, or as `UpdateLayout`.
+        Raises ValueError for no stream or more than there are kinds of updates, or as `UpdateLayout`.
         """
         if not 1 <= len(streams) <= len(UPDATE_KINDS):
             raise ValueError(f"a direction has 1 to {len(UPDATE_KINDS)} streams of updates, not {len(streams)}")
@@ -485,14 +452,9 @@ class DirectionLayout:
         )
 
     def read(self, first: int, body: bytes) -> Content:
-        """What a datagram says.
+        """What a datagram says: its first byte, and what follows `CLEAR_BYTES`, decrypted.
 
-        Args:
-            first: first byte of the datagram.
-            body: what follows `CLEAR_BYTES`, decrypted.
-
-        Raises:
-            ValueError: if it is none that a peer of these layouts sends.
+        Raises ValueError if it is none that a peer of these layouts sends.
         """
         bits = int.from_bytes(body, "big")
         left = 8 * len(body) - _TIMES_BITS

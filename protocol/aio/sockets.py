@@ -64,11 +64,7 @@ def numeric(address: Address) -> str:
 async def resolve(
     loop: asyncio.AbstractEventLoop, address: Address, family: int, *, passive: bool
 ) -> tuple[socket.AddressFamily, Address]:
-    """The family and the numeric address of a name; `passive` to listen there.
-
-    Raises:
-        OSError: if it does not resolve.
-    """
+    """The family and the numeric address of a name; `passive` to listen there. OSError if it does not resolve."""
     host, port = address
     flags = socket.AI_PASSIVE if passive else 0
     try:
@@ -85,12 +81,7 @@ async def resolve(
 
 
 def bind(family: socket.AddressFamily, local: Address) -> socket.socket:
-    """A socket at this address of this host.
-
-    Raises:
-        AddressInUseError: if another program has the port.
-        OSError: if it is no address of this host.
-    """
+    """A socket at this address of this host; AddressInUseError or OSError says why there is none."""
     bound = socket.socket(family, socket.SOCK_DGRAM)
     try:
         bound.bind(name_of(local))
@@ -108,13 +99,8 @@ def bind(family: socket.AddressFamily, local: Address) -> socket.socket:
 
 
 def connected_twin(bound: socket.socket, own_host: str, peer: Address) -> socket.socket:
-    """A second socket on the port and the network interface of a bound one, connected to a peer.
-
-    `own_host` is the address of this host that the peer knows, or "" for the one at which the first socket is bound.
-
-    Raises:
-        OSError: if the system refuses it.
-    """
+    """A second socket on the port and the network interface of a bound one, connected to a peer; OSError if the system
+    refuses it. `own_host` is the address of this host that the peer knows, "" for that of the first socket."""
     twin = socket.socket(bound.family, socket.SOCK_DGRAM)
     try:
         twin.setblocking(False)
@@ -191,13 +177,8 @@ class ReceiveQueue:
         on_datagrams: Callable[[], None],
         share: float,
     ) -> None:
-        """Listen.
-
-        Args:
-            take: given each datagram, with its sender, and what the system gives beside it.
-            on_datagrams: called after the loop was woken by the socket and datagrams were taken.
-            share: of a processor that reading may cost, in (0, 1].
-        """
+        """Listen. `take` is given each datagram with its sender and what the system gives beside it; `on_datagrams` is
+        called after the loop was woken and datagrams were taken; `share` of a processor is what reading may cost."""
         self.socket = bound
         self.is_open = True
         self.budget = WorkBudget(share, MOST_S, now())
