@@ -55,7 +55,7 @@ Not there: modules that define pydantic models (mypyc drops their annotations), 
 """
 PYTHON = {
     "codec/replay.py": "takes lists of numbers for vectors",
-    "control/contract.py": "protocols, whose members weberlink.registry lists",
+    "control/contract.py": "a protocol, from which compiled code would ask its classes to inherit",
     "control/table.py": "a type made of the table",
     "protocol/keys.py": "runs once",
     "protocol/noise.py": "runs in a handshake only",

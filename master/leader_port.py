@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from weberlink.arms.contract import ArmFault, ArmReading, LeaderArm
 from weberlink.arms.sensor import AxesSensor
-from weberlink.control.contract import AxesMaster
+from weberlink.control.ends import AxesMaster
 from weberlink.geometry.joints import Joints
 from weberlink.master.gate import OutputGate
 from weberlink.master.operator_port import Display, OperatorPort

@@ -5,7 +5,8 @@ from math import hypot, inf
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from weberlink.compiled import mypyc_attr
-from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, AxesMaster, Control, MasterControl
+from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
+from weberlink.control.ends import AxesMaster, Control, MasterControl
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.joints import is_finite as all_finite
 from weberlink.geometry.vector import ZERO, Vector, is_finite
@@ -273,7 +274,7 @@ class HandPort(OperatorPort):
     def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002 - energy is booked in every tick
         endpoint, control = self._endpoint, self._control
         self._tick = tick
-        control.observe(self.hand.value, elapsed, tick, endpoint.credit.known, endpoint.clock)
+        control.observe(self.hand.value, elapsed, tick, endpoint.credit.known, endpoint.clock.rtt)
         if self._turning is not None:
             turning, turned = self._turning
             turning.observe(turned(), elapsed)

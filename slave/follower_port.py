@@ -6,8 +6,7 @@ from typing import ClassVar, Final
 
 from weberlink.arms.contract import ArmFault, ArmReading, FollowerArm
 from weberlink.arms.sensor import AxesSensor, sensors
-from weberlink.control.contract import Control
-from weberlink.control.direct import NoControl
+from weberlink.control.ends import Control
 from weberlink.geometry.joints import Joints, is_finite
 from weberlink.slave.joint_safety import JointGuard, JointPressLimit
 from weberlink.telemetry.record import RELEASED
@@ -51,7 +50,7 @@ class FollowerPort:
     at_rest: Final = True
     unfounded: Final = False
     ended: Final = False
-    controls: Final[tuple[Control, ...]] = (NoControl(),)
+    controls: Final[tuple[Control, ...]] = (Control(),)
 
     def __init__(
         self,

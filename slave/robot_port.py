@@ -5,10 +5,10 @@ from contextlib import suppress
 from math import inf
 from typing import ClassVar, Final, Protocol
 
-from weberlink.control.contract import SlaveControl
+from weberlink.control.ends import SlaveControl
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.protocol.endpoint import Endpoint
-from weberlink.slave.robots.contract import Explaining, Robot, RobotFault, RobotReading
+from weberlink.slave.robots.contract import Robot, RobotFault, RobotReading
 from weberlink.slave.safety import CommandGuard, PressLimit
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
@@ -144,7 +144,8 @@ class RobotPort:
 
     @property
     def trouble(self) -> str | None:
-        return self.robot.trouble if isinstance(self.robot, Explaining) else None
+        trouble: str | None = getattr(self.robot, "trouble", None)
+        return trouble
 
     @property
     def tripped(self) -> bool:
@@ -238,7 +239,7 @@ class RobotPort:
         else:
             self.commanded = commanded
             endpoint = self._endpoint
-            wanted = self._control.follow(commanded, self.applied, elapsed, endpoint.credit.known, endpoint.clock)
+            wanted = self._control.follow(commanded, self.applied, elapsed, endpoint.credit.known, endpoint.clock.rtt)
             goal = self._press_limit.bounded(wanted, self.applied, self._where, self.force.value, step)
             self.contact_ticks += goal != wanted
             self.applied = guard.follow(goal, step)

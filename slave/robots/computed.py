@@ -3,7 +3,7 @@
 from typing import ClassVar
 
 from weberlink.compiled import mypyc_attr
-from weberlink.geometry.vector import ZERO, Vector, is_finite, norm, scale
+from weberlink.geometry.vector import ZERO, Vector, is_finite, within
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 
 LONGEST_GAP = 0.1
@@ -41,7 +41,7 @@ class ComputedRobot:
         if now <= reading.at:
             return reading
         position, force, torque = self._advance(self._commanded, now - reading.at)
-        force, torque = saturated(force, self.spec.force_n), saturated(torque, self.spec.torque_n_m)
+        force, torque = within(force, self.spec.force_n), within(torque, self.spec.torque_n_m)
         self._reading = RobotReading(now, position, force, torque)
         return self._reading
 
@@ -55,9 +55,3 @@ class ComputedRobot:
     def _advance(self, commanded: Vector, elapsed: float) -> tuple[Vector, Vector, Vector]:
         """Position [m], force [N] and torque [N m] after `elapsed` [s]."""
         raise NotImplementedError
-
-
-def saturated(force: Vector, limit: float) -> Vector:
-    """The reading of a sensor of range `limit` [N]: the direction is kept, the length is limited."""
-    length = norm(force)
-    return force if length <= limit else scale(force, limit / length)

@@ -66,7 +66,13 @@ class RobotReading(NamedTuple):
 
 
 class Robot(Protocol):
-    """A robot under position control. `latest` and `command` never block; `open` and `close` end in bounded time."""
+    """A robot under position control. `latest` and `command` never block; `open` and `close` end in bounded time.
+
+    It may also have `trouble`, which is what was wrong with the last attempt where samples are missing, else None; and
+    a simulated one, called before `open` of a live loop, `publish_pose()`, to publish its pose until `close` for who
+    draws its scene (`weberlink.telemetry.pose`), and `measure_steps(stopwatch)`, to adapt its computation to the
+    machine.
+    """
 
     @property
     def spec(self) -> RobotSpec: ...
@@ -106,32 +112,6 @@ class OrientedRobot(Robot, Protocol):
         Raises:
             ValueError: the orientation is not finite or has no length.
         """
-        ...
-
-
-@runtime_checkable
-class PosedRobot(Robot, Protocol):
-    """A simulated robot that can publish its pose for who draws its scene, see `weberlink.telemetry.pose`."""
-
-    def publish_pose(self) -> None:
-        """Publish the pose from `open` to `close`; called before `open`."""
-
-
-@runtime_checkable
-class TimedRobot(Robot, Protocol):
-    """A computed robot that adapts its computation to the machine."""
-
-    def measure_steps(self, stopwatch: Callable[[], float]) -> None:
-        """Choose the steps per tick by what a step takes here and now; for a live loop, before `open`."""
-
-
-@runtime_checkable
-class Explaining(Protocol):
-    """A robot that can say why samples are missing."""
-
-    @property
-    def trouble(self) -> str | None:
-        """What was wrong with the last attempt; None if nothing."""
         ...
 
 

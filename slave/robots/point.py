@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from weberlink.geometry.vector import ZERO, Vector
-from weberlink.slave.robots.computed import ComputedRobot, saturated
+from weberlink.geometry.vector import ZERO, Vector, within
+from weberlink.slave.robots.computed import ComputedRobot
 from weberlink.slave.robots.contract import Quaternion
 from weberlink.slave.robots.virtual import VirtualOptions, virtual_spec
 from weberlink.slave.scenes.scene import Scene
@@ -50,13 +50,14 @@ class PointRobot(ComputedRobot):
         super().__init__(virtual_spec("point", options, tick_period, torque), options.home_m)
         self._scene = Scene([]) if scene is None else scene
         self._scene.soften(self.spec.stiffness_n_m)
-        self._tool = None if tool is None else _tool(tool, self._scene)
         self._compliance = 1.0 / self.spec.stiffness_n_m
-        self._description = (
-            "the ideal point"
-            if tool is None
-            else f"a rigid tool of {len(tool.points_m)} points, torque up to {tool.torque_n_m:g} N m"
-        )
+        self._tool: Tool | None = None
+        self._description = "the ideal point"
+        if tool is not None:
+            from weberlink.slave.robots import tool as rigid  # noqa: PLC0415 - for six degrees of freedom alone
+
+            self._tool = rigid.Tool(tool.points_m, self._scene)
+            self._description = f"a rigid tool of {len(tool.points_m)} points, torque up to {tool.torque_n_m:g} N m"
 
     def point(self, orientation: Quaternion, now: float) -> None:  # noqa: ARG002
         """Set the orientation of the tool; no effect without one."""
@@ -74,20 +75,13 @@ class PointRobot(ComputedRobot):
             self._scene.reset()
 
     def _advance(self, commanded: Vector, elapsed: float) -> tuple[Vector, Vector, Vector]:
-        tool, most = self._tool, self.spec.force_n
-        if tool is None:
+        if self._tool is None:
             felt, torque = self._scene.force(commanded, elapsed), ZERO
         else:
-            felt, torque = tool.wrench(commanded, elapsed)
+            felt, torque = self._tool.wrench(commanded, elapsed)
         if felt == ZERO:
             return commanded, ZERO, torque
-        x, y, z = force = saturated(felt, most)
+        x, y, z = force = within(felt, self.spec.force_n)
         compliance = self._compliance
         tip = (commanded[0] + compliance * x, commanded[1] + compliance * y, commanded[2] + compliance * z)
         return tip, force, torque
-
-
-def _tool(options: ToolOptions, scene: Scene) -> "Tool":
-    from weberlink.slave.robots.tool import Tool  # noqa: PLC0415 - for six degrees of freedom alone
-
-    return Tool(options.points_m, scene)

@@ -5,7 +5,7 @@ from typing import Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from weberlink.control.contract import LEAST_CONTACT
-from weberlink.geometry.vector import Vector, check_home
+from weberlink.geometry.vector import Vector, check_home, cube
 from weberlink.slave.robots.contract import RobotSpec
 
 SOFTEST, STIFFEST = 1e-3, 1e9
@@ -38,13 +38,12 @@ class VirtualOptions(BaseModel):
 
 
 def virtual_spec(name: str, options: VirtualOptions, tick_period: float, torque_n_m: float = 0.0) -> RobotSpec:
-    edge, stiffness = options.workspace_m, options.stiffness_n_m
     return RobotSpec(
         name=name,
         axes="xyz",
         force_n=options.force_n,
-        stiffness_n_m=UNSTATED if stiffness is None else stiffness,
-        workspace_m=((-edge, -edge, -edge), (edge, edge, edge)),
+        stiffness_n_m=UNSTATED if options.stiffness_n_m is None else options.stiffness_n_m,
+        workspace_m=cube(options.workspace_m),
         rate_hz=1.0 / tick_period,
         force_sensing=True,
         torque_n_m=torque_n_m,

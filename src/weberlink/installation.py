@@ -7,7 +7,7 @@ import json
 import os
 import sys
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib.resources import files
 from importlib.util import find_spec
@@ -96,20 +96,17 @@ def _short(path: Path) -> str:
     return os.path.relpath(path, here) if path.is_relative_to(here) else str(path)
 
 
-def _configurations(guest: Path) -> list[str]:
-    """Configurations, other files and folders."""
-    own = (path for path in guest.glob("configs/[!_]*") if not path.is_symlink())
-    return sorted(path.stem if path.suffix == ".yaml" else path.name for path in own)
-
-
 def list_guests(plugins: Path) -> str:
     """The content of `GUESTS` for a folder that has one folder for each guest."""
     found: dict[str, dict[str, str]] = {}
     for path in sorted(plugins.glob("*/pyproject.toml")):
         project = tomllib.loads(path.read_text(encoding="utf-8"))["project"]
         for group, entries in project.get("entry-points", {}).items():
-            files_or_entries = _configurations(path.parent) if group == CONFIGS else entries
-            found.setdefault(group, {}).update(dict.fromkeys(files_or_entries, path.parent.name))
+            names: Iterable[str] = entries
+            if group == CONFIGS:  # configurations by their stem, other files and folders by name
+                own = (each for each in path.parent.glob("configs/[!_]*") if not each.is_symlink())
+                names = sorted(each.stem if each.suffix == ".yaml" else each.name for each in own)
+            found.setdefault(group, {}).update(dict.fromkeys(names, path.parent.name))
         ours = (each for each in project["dependencies"] if each.startswith("weberlink-"))
         if needed := " ".join(each.removeprefix("weberlink-").partition("=")[0] for each in ours):
             found.setdefault(NEEDED, {})[path.parent.name] = needed

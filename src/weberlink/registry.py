@@ -7,7 +7,8 @@ from functools import lru_cache, reduce
 from importlib import import_module
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, Literal, NamedTuple, TypeVar, cast
+from traceback import walk_tb
+from typing import TYPE_CHECKING, Any, Generic, Literal, NamedTuple, TypeVar
 
 from weberlink.installation import absence, guests
 
@@ -75,17 +76,20 @@ class Registry(Mapping[str, T], Generic[T]):
         """
         if name not in self._loaded:
             if name in self.built_in:
-                entry = self.built_in[name]
-                self._loaded[name] = cast(T, resolve(entry)) if isinstance(entry, str) else entry
+                entry: Any = self.built_in[name]
+                entry = resolve(entry) if isinstance(entry, str) else entry
             else:
-                self._loaded[name] = self._load_installed(name)
+                installed = self._installed[name]
+                entry = import_part(f"{self.kind} {self.owned(name)}", f"{installed.module}:{installed.attr}")
+                self._check(name, entry)
+            self._loaded[name] = entry
         return self._loaded[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter((*self.built_in, *(name for name in sorted(self._installed) if name not in self.built_in)))
+        return iter((*self.built_in, *sorted(self._installed.keys() - self.built_in.keys())))
 
     def __len__(self) -> int:
-        return sum(1 for _ in self)
+        return len(list(iter(self)))
 
     def __contains__(self, name: object) -> bool:
         return name in self.built_in or name in self._installed
@@ -112,13 +116,7 @@ class Registry(Mapping[str, T], Generic[T]):
 
     def absent(self) -> dict[str, str]:
         """Names of entries that guests of this project add and that are not installed here, each with its guest."""
-        known = guests(self.group)
-        return {name: guest for name, guest in known.items() if name not in self}
-
-    def places(self) -> dict[str, str]:
-        """Map each name to its "module:attribute", entry points included; for tables whose entries are all places."""
-        installed = {name: entry.value for name, entry in self._installed.items()}
-        return installed | {name: str(place) for name, place in self.built_in.items()}
+        return {name: guest for name, guest in guests(self.group).items() if name not in self}
 
     def owned(self, name: str) -> str:
         """The name of an entry, with the distribution that has it where that is another one."""
@@ -128,13 +126,8 @@ class Registry(Mapping[str, T], Generic[T]):
     def runs(self, frame: "FrameType") -> str | None:
         """The name of the loaded entry whose method a frame runs, the most derived one; None for another frame."""
         part = frame.f_locals.get("self")
-        if part is None:
-            return None
-        for owner in (part, *type(part).__mro__):
-            for name, entry in self._loaded.items():
-                if entry is owner:
-                    return name
-        return None
+        owners = () if part is None else (part, *type(part).__mro__)
+        return next((name for owner in owners for name, entry in self._loaded.items() if entry is owner), None)
 
     def ships(self, frame: "FrameType") -> str | None:
         """The name of a loaded entry of another distribution in whose module, or package, a frame runs; else None."""
@@ -144,12 +137,6 @@ class Registry(Mapping[str, T], Generic[T]):
             if module.startswith(f"{package}.") if package else module == own:
                 return name
         return None
-
-    def _load_installed(self, name: str) -> T:
-        installed = self._installed[name]
-        entry = import_part(f"{self.kind} {self.owned(name)}", f"{installed.module}:{installed.attr or ''}")
-        self._check(name, entry)
-        return cast(T, entry)
 
     @property
     def _installed(self) -> Mapping[str, "EntryPoint"]:
@@ -217,11 +204,7 @@ def fault_of(error: BaseException) -> PartFault | None:
     A method of a part is looked for first, from the innermost frame outwards, then other code that comes with a part of
     another distribution.
     """
-    frames: list[tuple[FrameType, int]] = []
-    at = error.__traceback__
-    while at is not None:
-        frames.insert(0, (at.tb_frame, at.tb_lineno))
-        at = at.tb_next
+    frames = list(walk_tb(error.__traceback__))[::-1]
     for look in (Registry.runs, Registry.ships):
         for (frame, _), table in product(frames, _TABLES):
             if (name := look(table, frame)) is not None:
@@ -243,13 +226,8 @@ def check_contract(what: str, made: object, contract: type) -> None:
     Raises:
         ValueError: naming what is missing.
     """
-    missing = [name for name in members(contract) if not hasattr(made, name)]
-    if missing:
-        of = made if isinstance(made, type) else type(made)
-        raise ValueError(
-            f"{what}: {of.__module__}:{of.__qualname__} has no {', '.join(missing)}; its contract is "
-            f"{contract.__module__}.{contract.__qualname__}"
-        )
+    entry = made if isinstance(made, type) else type(made)
+    _complain(what, entry, "has no", [name for name in members(contract) if not hasattr(made, name)], contract)
 
 
 def members(contract: type) -> list[str]:
@@ -262,8 +240,12 @@ def check_overrides(what: str, entry: type, base: type, *names: str) -> None:
     """See that a class overrides what its base leaves open; raises ValueError naming what it does not."""
     before = entry.__mro__[: entry.__mro__.index(base)]
     missing = [name for name in names if not any(name in vars(each) for each in before)]
+    _complain(what, entry, "does not override", missing, base)
+
+
+def _complain(what: str, entry: type, lacks: str, missing: list[str], contract: type) -> None:
     if missing:
         raise ValueError(
-            f"{what}: {entry.__module__}:{entry.__qualname__} does not override {', '.join(missing)}; its contract is "
-            f"{base.__module__}.{base.__qualname__}"
+            f"{what}: {entry.__module__}:{entry.__qualname__} {lacks} {', '.join(missing)}; its contract is "
+            f"{contract.__module__}.{contract.__qualname__}"
         )

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from heapq import heappop, heappush
 from math import ceil, pi, sin
 from random import Random
-from typing import Generic, NamedTuple, TypeVar
+from typing import Generic, TypeVar
 
 from tests.control.walls import Wall
-from weberlink.control.contract import CREDIT_STEP, AccountParameters, MasterControl, SlaveControl, WallModel
+from weberlink.control.contract import CREDIT_STEP, AccountParameters, WallModel
+from weberlink.control.ends import MasterControl, SlaveControl
 
 TICK = 1e-3
 FORCE_LIMIT = 10.0
@@ -21,16 +22,6 @@ FORCE_RANGE = 30.0
 """Range of the robot's sensor [N]."""
 ACCOUNT = AccountParameters(allowance=0.02, refill=0.01, damping=1.0, rise=80.0)
 """As in a file without other settings."""
-
-
-class Quality(NamedTuple):
-    """A `weberlink.control.contract.LinkQuality` that does not change."""
-
-    rtt: float | None
-    jitter: float
-
-
-QUIET = Quality(None, 0.0)
 
 
 @dataclass(frozen=True)
@@ -151,7 +142,7 @@ def operate(
     robot, wall_force, felt = at, 0.0, 0.0
     forward = Direction(link, random, (at, 0))
     backward = Direction(link, random, ((0.0, at), 0))
-    quality = QUIET if link.delay == 0.0 else Quality(2.0 * link.delay, link.jitter)
+    rtt = None if link.delay == 0.0 else 2.0 * link.delay
     course = Course([0.0], [], [], [], [], [])
     parts, learned = hand.parts, backward.known
     for tick in range(round(seconds / TICK)):
@@ -161,13 +152,13 @@ def operate(
         if backward.known != learned:
             learned = backward.known
             master.learn(model(*learned), (0.0, 0.0, learned[0]), (0.0, 0.0, learned[1]))
-        master.observe((0.0, 0.0, at), TICK, tick, heard, quality)
+        master.observe((0.0, 0.0, at), TICK, tick, heard, rtt)
         (_, _, sent) = master.command((0.0, 0.0, at))
         (_, _, felt) = master.render((0.0, 0.0, learned[0]))
         felt = min(FORCE_LIMIT, max(-FORCE_LIMIT, felt))
         master.displayed((0.0, 0.0, felt))
         forward.carry(tick, sent, master.credit)
-        (_, _, robot) = slave.follow((0.0, 0.0, forward.known), (0.0, 0.0, robot), TICK, forward.credit, quality)
+        (_, _, robot) = slave.follow((0.0, 0.0, forward.known), (0.0, 0.0, robot), TICK, forward.credit, rtt)
         wall_force = min(FORCE_RANGE, wall.at(0.0, (0.0, 0.0, robot))[2])
         slave.observe((0.0, 0.0, robot), (0.0, 0.0, wall_force))
         backward.carry(tick, (wall_force, robot), slave.credit)

@@ -8,16 +8,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.control.teleoperation import ACCOUNT, TICK, Quality
+from tests.control.teleoperation import ACCOUNT, TICK
 from tests.control.walls import Ball, Wall
 from tests.examples import examples
-from weberlink.control.contract import CREDIT_STEP, MasterControl, SchemeParameters, SlaveControl, WallModel
+from weberlink.control.contract import CREDIT_STEP, SchemeParameters, WallModel
+from weberlink.control.ends import MasterControl, SlaveControl
 from weberlink.control.table import SCHEMES, build_master_control, build_slave_control
 from weberlink.geometry.vector import ZERO, Vector
 
 SETTINGS = SchemeParameters(TICK, 2500.0, ACCOUNT)
 every = pytest.mark.parametrize("name", SCHEMES)
-qualities = st.builds(Quality, st.one_of(st.none(), st.floats(0.0, 2.0)), st.floats(0.0, 1.0))
+trips = st.one_of(st.none(), st.floats(0.0, 2.0))
 surfaces = st.one_of(st.none(), st.builds(Wall, st.floats(1.0, 1e6)), st.builds(Ball, st.floats(1.0, 1e6)))
 
 
@@ -28,7 +29,7 @@ class MasterTick(NamedTuple):
     position: Vector
     elapsed: float
     peer_credit: int
-    quality: Quality
+    rtt: float | None
     force: Vector
     share: float
     """Share of the rendered force that is displayed."""
@@ -42,7 +43,7 @@ class SlaveTick(NamedTuple):
     target: Vector
     elapsed: float
     peer_credit: int
-    quality: Quality
+    rtt: float | None
     moved: Vector
     """Commanded position if its x is not positive; otherwise the robot goes where `follow` allows [m]."""
     force: Vector
@@ -58,8 +59,8 @@ def inputs(position: st.SearchStrategy[Vector], force: st.SearchStrategy[Vector]
     elapsed, credit = st.floats(0.0, 0.5), st.integers(0, 10**6)
     news = st.one_of(st.none(), st.tuples(surfaces, force, position))
     share, refuted = st.floats(0.0, 1.0), st.booleans()
-    master = st.builds(MasterTick, news, position, elapsed, credit, qualities, force, share, refuted)
-    slave = st.builds(SlaveTick, position, elapsed, credit, qualities, position, force)
+    master = st.builds(MasterTick, news, position, elapsed, credit, trips, force, share, refuted)
+    slave = st.builds(SlaveTick, position, elapsed, credit, trips, position, force)
     return {"master": st.lists(master, max_size=12), "slave": st.lists(slave, max_size=12)}
 
 
@@ -74,7 +75,7 @@ def run_master(control: MasterControl, ticks: list[MasterTick]) -> list[object]:
     for tick in ticks:
         if tick.news is not None:
             control.learn(*tick.news)
-        control.observe(tick.position, tick.elapsed, 0.0, tick.peer_credit, tick.quality)
+        control.observe(tick.position, tick.elapsed, 0.0, tick.peer_credit, tick.rtt)
         assert all(map(isfinite, control.command(tick.position)))
         assert control.stiffness > 0.0
         force = control.render(tick.force)
@@ -92,7 +93,7 @@ def run_slave(control: SlaveControl, ticks: list[SlaveTick]) -> list[object]:
     out: list[object] = []
     credit, here = control.credit, (0.0, 0.0, 0.0)
     for tick in ticks:
-        goal = control.follow(tick.target, here, tick.elapsed, tick.peer_credit, tick.quality)
+        goal = control.follow(tick.target, here, tick.elapsed, tick.peer_credit, tick.rtt)
         assert all(map(isfinite, goal))
         here = goal if tick.moved[0] > 0.0 else tick.moved
         control.observe(here, tick.force)
@@ -159,7 +160,7 @@ def test_the_robots_end_tells_what_the_scene_gave_if_the_scheme_carries_credit(n
     way, told = [*range(0, -11, -1), *range(-10, 41)], []
     for step in way:
         here = (0.0, 0.0, 1e-3 * step)
-        slave.follow(here, here, TICK, 0, Quality(0.05, 0.0))
+        slave.follow(here, here, TICK, 0, 0.05)
         slave.observe(here, force)
         told.append(slave.credit)
     assert max(told[:21]) == 0, "until the scene has given back what it took"
@@ -169,7 +170,7 @@ def test_the_robots_end_tells_what_the_scene_gave_if_the_scheme_carries_credit(n
 def test_credit_from_before_an_interruption_cannot_be_spent_after_it() -> None:
     control = build_master_control("bounded", SETTINGS)
     control.resume(5000)
-    control.observe(ZERO, 0.0, 0.0, 5000, Quality(0.1, 0.0))
+    control.observe(ZERO, 0.0, 0.0, 5000, 0.1)
     assert control.energy == 0.0
-    control.observe(ZERO, 0.0, 0.0, 5100, Quality(0.1, 0.0))
+    control.observe(ZERO, 0.0, 0.0, 5100, 0.1)
     assert control.energy == pytest.approx(100 * CREDIT_STEP)

@@ -16,18 +16,18 @@ broken = toy_scheme:MISSING
 loose = toy_scheme:LOOSE
 """
 TOY = """
-from weberlink.control.direct import DirectMaster
+from weberlink.control.ends import MasterControl
 from weberlink.control.table import Scheme
 
-class HalfMaster(DirectMaster):
+class HalfMaster(MasterControl):
     def render(self, force):
         return tuple(0.5 * value for value in force)
 
 class Loose:
     def __init__(self, settings): ...
 
-LOOSE = Scheme("toy_scheme:Loose", "weberlink.control.direct:DirectSlave", carries_credit=False, does="nothing")
-HALF = Scheme("toy_scheme:HalfMaster", "weberlink.control.direct:DirectSlave", carries_credit=False, does="half force")
+LOOSE = Scheme("toy_scheme:Loose", "weberlink.control.ends:SlaveControl", carries_credit=False, does="nothing")
+HALF = Scheme("toy_scheme:HalfMaster", "weberlink.control.ends:SlaveControl", carries_credit=False, does="half force")
 """
 RUN = """
 import json, sys
@@ -65,4 +65,7 @@ def test_an_installed_scheme_renders_the_force_of_a_session_and_a_broken_one_is_
     found = json.loads(ended.stdout)
     assert found["ratios"] == [0.5]
     assert found["errors"]["broken"].startswith(f"{CONFIGURATION}: control.scheme: control scheme broken")
-    assert "control scheme loose of toy-scheme: toy_scheme:Loose has no energy" in found["errors"]["loose"]
+    assert (
+        "loose of toy-scheme: toy_scheme:Loose does not inherit from weberlink.control.ends.M"
+        in found["errors"]["loose"]
+    )

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.control.teleoperation import ACCOUNT, Quality
+from tests.control.teleoperation import ACCOUNT
 from tests.control.walls import Wall
 from weberlink.codec.sample import UNKNOWN
 from weberlink.control.contract import SchemeParameters
@@ -19,7 +19,7 @@ def test_a_scheme_that_does_not_read_positions_does_the_same_without_them(name: 
         displayed = []
         for end, position in zip(ends, (hand, UNKNOWN), strict=True):
             end.learn(Wall() if tick % 3 == 1 else None, force, position)
-            end.observe(hand, 1e-3, tick, 10 * tick, Quality(0.01, 0.0))
+            end.observe(hand, 1e-3, tick, 10 * tick, 0.01)
             displayed += [end.command(hand), end.render(force)]
             end.displayed(displayed[-1])
         assert displayed[:2] == displayed[2:]

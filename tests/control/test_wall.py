@@ -5,8 +5,9 @@ from math import inf, sin, sqrt
 
 import pytest
 
-from tests.control.teleoperation import ACCOUNT, TICK, Quality
+from tests.control.teleoperation import ACCOUNT, TICK
 from tests.control.walls import Wall
+from weberlink.control.account import passivity_limit
 from weberlink.control.bounded import (
     BACK,
     FADING,
@@ -24,7 +25,6 @@ from weberlink.control.bounded import (
     FeltContact,
 )
 from weberlink.control.contract import LEAST_CONTACT, SchemeParameters
-from weberlink.control.passivity import passivity_limit
 from weberlink.control.sent import SentCommands
 from weberlink.geometry.vector import ZERO, Vector, norm, unit
 
@@ -51,7 +51,7 @@ def test_a_surface_that_is_right_from_the_first_touch_says_what_the_contact_may_
     wall, hand = Wall(480.0), at(0.001)
 
     def tick() -> Vector:
-        master.observe(hand, TICK, 0.0, 0, Quality(0.0, 0.0))
+        master.observe(hand, TICK, 0.0, 0, 0.0)
         master.command(hand)
         force = master.render(wall.at(0.0, hand))
         master.displayed(force)
@@ -78,7 +78,7 @@ def test_the_command_yields_slowly_within_the_contact_and_comes_back_faster() ->
     master, hand = BoundedMaster(SETTINGS), at(-0.006)
 
     def tick(held: Vector) -> float:
-        master.observe(hand, TICK, 0.0, 0, Quality(0.0, 0.0))
+        master.observe(hand, TICK, 0.0, 0, 0.0)
         (_, _, sent) = master.command(hand)
         master.render(at(3.0))
         master.displayed(held)
@@ -103,11 +103,11 @@ def test_the_robot_presses_a_new_contact_gently_until_it_can_be_answered(axis: i
     def along(value: float) -> Vector:
         return tuple(value if each == axis else 0.0 for each in range(3))  # type: ignore[return-value]
 
-    slave, quality = BoundedSlave(SETTINGS), Quality(0.1, 0.0)
+    slave, rtt = BoundedSlave(SETTINGS), 0.1
     here, forces = ZERO, []
     for tick in range(500):
         goal = along(-0.0002 * min(tick, 60) - 0.0001 * min(max(tick - 200, 0), 60))
-        here = slave.follow(goal, here, TICK, 0, quality)
+        here = slave.follow(goal, here, TICK, 0, rtt)
         force = max(0.0, -STIFFNESS * here[axis])
         slave.observe(here, along(force))
         forces.append(force)
@@ -118,7 +118,7 @@ def test_the_robot_presses_a_new_contact_gently_until_it_can_be_answered(axis: i
     assert found == pytest.approx(rises)
     assert forces[-1] == pytest.approx(9.0)
     # It has its command again, and is held back no more.
-    assert [slave.follow(along(-0.03), here, TICK, 0, quality) for _ in range(2)] == [along(-0.03)] * 2
+    assert [slave.follow(along(-0.03), here, TICK, 0, rtt) for _ in range(2)] == [along(-0.03)] * 2
 
 
 # What is known of a contact: 500 N/m at height 0, the newest sample 2 N at 4 mm.
@@ -226,7 +226,7 @@ def test_the_command_leaves_no_farther_than_the_contact_and_two_centimetres() ->
         for step in range(1, 41):
             master.learn(None, at(STIFFNESS * depth * step / 40), at(-depth * step / 40))
         for _ in range(1500):
-            master.observe(at(-depth), TICK, 0.0, 0, Quality(0.0, 0.0))
+            master.observe(at(-depth), TICK, 0.0, 0, 0.0)
             (_, _, sent) = master.command(at(-depth))
             master.render(at(STIFFNESS * depth))
             master.displayed(ZERO)
@@ -236,11 +236,11 @@ def test_the_command_leaves_no_farther_than_the_contact_and_two_centimetres() ->
 @pytest.mark.parametrize("free", [0.003, 0.02, 0.1, 1.0])
 def test_a_contact_that_was_answered_is_slowly_a_new_one_again(free: float) -> None:
     """How long the next tap is gentle grows with the time without a contact, to that of an answer."""
-    quality, answered, slave = Quality(0.04, 0.0), 1.5 * 0.04 + LATE, BoundedSlave(SETTINGS)
+    rtt, answered, slave = 0.04, 1.5 * 0.04 + LATE, BoundedSlave(SETTINGS)
 
     def follow(target: float, here: float, force: float) -> Vector:
         slave.observe(at(here), at(force))
-        return slave.follow(at(target), at(here), TICK, 0, quality)
+        return slave.follow(at(target), at(here), TICK, 0, rtt)
 
     for _ in range(round(2.0 * answered / TICK)):
         follow(-0.004, -0.004, 9.0)
@@ -260,7 +260,7 @@ def test_the_least_contact_is_one_at_both_ends(force: float, counts: bool) -> No
     slave.observe(ZERO, at(force))
     slave.observe(at(0.1), at(force))
     assert slave.credit == (50 if counts else 0)
-    late = Quality(1000.0, 0.0)
+    late = 1000.0
     assert (slave.follow(at(-0.01), at(0.1), TICK, 0, late) == at(-0.01)) != counts
     contact = pressed()
     contact.at(at(-0.006), at(force), at(-2.0 * WRONG), 0.0)
@@ -298,7 +298,7 @@ def oblique(order: tuple[int, int, int]) -> tuple[list[Vector], list[Vector]]:
     def axes(vector: Vector) -> Vector:
         return (vector[order[0]], vector[order[1]], vector[order[2]])
 
-    master, slave, quality = BoundedMaster(SETTINGS), BoundedSlave(SETTINGS), Quality(0.04, 0.0)
+    master, slave, rtt = BoundedMaster(SETTINGS), BoundedSlave(SETTINGS), 0.04
     forces: list[Vector] = []
     goals: list[Vector] = []
     here = axes((0.001, 0.002, 0.003))
@@ -310,11 +310,11 @@ def oblique(order: tuple[int, int, int]) -> tuple[list[Vector], list[Vector]]:
         measured = axes((0.48 * push - 0.1 * push, 0.6 * push, 0.64 * push + 0.08 * push))
         if tick % 7 == 0:
             master.learn(None, measured, hand)
-        master.observe(hand, TICK, tick, 0, quality)
+        master.observe(hand, TICK, tick, 0, rtt)
         sent = master.command(hand)
         force = master.render(measured)
         master.displayed(force)
-        here = slave.follow(sent, here, TICK, 0, quality)
+        here = slave.follow(sent, here, TICK, 0, rtt)
         slave.observe(here, measured)
         forces.append(force)
         goals.append(here)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tests.control.walls import Wall
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, AccountParameters, SchemeParameters
-from weberlink.control.direct import DirectMaster
+from weberlink.control.ends import MasterControl
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.operator_port import HandPosition
@@ -29,7 +29,7 @@ forces = st.tuples(*[st.floats(-20.0, 20.0)] * 3)
 def test_an_error_stays_unsent_only_if_the_change_of_force_would(
     displayed: tuple[float, float, float], stiffness: float | None
 ) -> None:
-    control = DirectMaster(SETTINGS)
+    control = MasterControl(SETTINGS)
     control.reset()
     if stiffness is not None:
         control.learn(Wall(stiffness), ZERO, ZERO)
@@ -46,7 +46,7 @@ def test_an_error_stays_unsent_only_if_the_change_of_force_would(
 
 @pytest.mark.parametrize("above", [0.0, 1e-9])
 def test_the_least_contact_alone_is_none(above: float) -> None:
-    hand, least = HandPosition(DirectMaster(SETTINGS), force_bound), LEAST_CONTACT + above
+    hand, least = HandPosition(MasterControl(SETTINGS), force_bound), LEAST_CONTACT + above
     cases = {"displayed": (least, 1.0, 0.0), "touched": (1.0, least, 0.0), "asked": (1.0, 0.0, FREE_FORCE + above)}
     for displayed, touched, asked in cases.values():
         hand.displayed, hand.touched, hand.asked = (displayed, 0.0, 0.0), (0.0, -touched, 0.0), asked
@@ -55,7 +55,7 @@ def test_the_least_contact_alone_is_none(above: float) -> None:
 
 def test_a_model_that_is_felt_before_the_robot_touches_leads_it_there() -> None:
     """Otherwise the robot may stop within the deadband above a surface that the hand presses on."""
-    hand = HandPosition(DirectMaster(SETTINGS), force_bound)
+    hand = HandPosition(MasterControl(SETTINGS), force_bound)
     hand.displayed, hand.asked = (0.0, 0.0, 2.0), 2.0
     assert hand.sample()[2] == pytest.approx(force_bound(2.0) / COUPLING)
     hand.asked = FREE_FORCE
@@ -63,7 +63,7 @@ def test_a_model_that_is_felt_before_the_robot_touches_leads_it_there() -> None:
 
 
 def test_what_is_sent_is_the_command_of_the_control_scheme() -> None:
-    class Back(DirectMaster):
+    class Back(MasterControl):
         def command(self, position: Vector) -> Vector:
             return position[0], position[1], position[2] + 0.006
 
@@ -74,6 +74,6 @@ def test_what_is_sent_is_the_command_of_the_control_scheme() -> None:
 
 
 def test_a_position_that_is_not_finite_is_named() -> None:
-    hand = HandPosition(DirectMaster(SETTINGS), force_bound)
+    hand = HandPosition(MasterControl(SETTINGS), force_bound)
     assert hand.complaint(DeviceReading(0.0, ZERO)) is None
     assert "nan" in (hand.complaint(DeviceReading(0.0, (nan, 0.0, 0.0))) or "")

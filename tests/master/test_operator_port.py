@@ -8,7 +8,7 @@ import pytest
 from tests.compiled import replaces_methods
 from weberlink.codec import Decoder, Encoder, force_channel
 from weberlink.control.contract import FREE_FORCE, AccountParameters, SchemeParameters
-from weberlink.control.direct import DirectMaster
+from weberlink.control.ends import MasterControl
 from weberlink.control.sent import SentCommands
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
@@ -54,7 +54,7 @@ class Handle:
         self.calls.append("close")
 
 
-class Scheme(DirectMaster):
+class Scheme(MasterControl):
     """Sends the robot elsewhere than the hand is, and takes down what it is told."""
 
     credit = 7
@@ -233,7 +233,7 @@ def test_the_command_of_the_scheme_goes_to_the_link_in_every_state() -> None:
     desk.port.restart()
     assert desk.hand.sample()[0] == command
     assert desk.port.account(0.002, 17.0, encodes=False) == 7
-    assert desk.scheme.told == [("observe", PLACE, 0.002, 17.0, 5, desk.endpoint.clock)]
+    assert desk.scheme.told == [("observe", PLACE, 0.002, 17.0, 5, RTT)]
     assert desk.turning.told == [((0.1, 0.0, 0.0), 0.002)]
     assert list(desk.port.controls) == [desk.scheme, desk.turning]
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tests.session.systems import CONFIGS, configuration
 from weberlink.config import SLAVE, load
-from weberlink.control.passivity import passivity_limit
+from weberlink.control.account import passivity_limit
 from weberlink.protocol.keys import generate
 from weberlink.session.advice import (
     TICK_SHARE,
@@ -17,12 +17,12 @@ from weberlink.session.advice import (
     Parts,
     borne_round_trip,
     dry_run,
+    measured_tick_s,
     on_measured_delay,
     placeholders,
     tick_rate,
     uncontrolled_delay,
 )
-from weberlink.session.tick_cost import measured_tick_s
 
 
 @given(

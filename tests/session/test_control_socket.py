@@ -19,8 +19,8 @@ from tests.wait import PATIENCE
 from weberlink.config import MASTER, SLAVE
 from weberlink.config.model import DirectionFaults
 from weberlink.control.tuning import LiveSettings, Tuning
+from weberlink.protocol.emulation import EmulatedLink
 from weberlink.session import description
-from weberlink.session.composition.link import build_link
 from weberlink.session.control_socket import ControlSocket, ask, path_beside
 from weberlink.session.daemon import STOP_SLACK_S, LiveLink, stop_limit_s
 from weberlink.session.launcher import STOP_LIMIT_S
@@ -103,7 +103,7 @@ def test_a_request_is_done_or_refused_with_a_reason(
     tmp_path: Path, request_: dict[str, Any], accepted: bool, stops: list[str] | None
 ) -> None:
     faults = DirectionFaults(**FILE, burst=3)
-    link = None if stops is not None else LiveLink(faults, build_link(faults, lambda: 0.5, 0.0))
+    link = None if stops is not None else LiveLink(faults, EmulatedLink(faults.emulation(), lambda: 0.5, 0.0))
     with daemon(tmp_path / "x.ring", link) as side:
         answer = ask(tmp_path / "x.ring", request_, PATIENCE)
         assert (answer["accepted"], side.stops) == (accepted, stops or [])
@@ -113,7 +113,8 @@ def test_a_request_is_done_or_refused_with_a_reason(
 
 @pytest.mark.parametrize("fixed", ["fixed by the file", ""])
 def test_a_link_that_is_fixed_or_not_emulated_is_not_changed(tmp_path: Path, fixed: str) -> None:
-    link = LiveLink(DirectionFaults(), build_link(DirectionFaults(), lambda: 0.5, 0.0), fixed) if fixed else None
+    faults = DirectionFaults()
+    link = LiveLink(faults, EmulatedLink(faults.emulation(), lambda: 0.5, 0.0), fixed) if fixed else None
     with daemon(tmp_path / "x.ring", link):
         answer = ask(tmp_path / "x.ring", {"loss": 0.5}, PATIENCE)
         assert not answer["accepted"] and (answer["why"] == fixed or link is None)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.compiled import replaces_methods
 from tests.examples import examples
-from weberlink.control.direct import DirectSlave
+from weberlink.control.ends import SlaveControl
 from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, quaternion
 from weberlink.geometry.vector import ZERO, Vector, add, distance, is_finite, norm, scale
 from weberlink.session.port import Port
@@ -76,9 +76,9 @@ class Following:
             trip_retract=TRIP_RETRACT,
         )  # fmt: skip
         self.tool = ToolOrientation(self.robot, speed=TURN, approach_speed=TURN_APPROACH, ramp=RAMP)
-        link: Any = SimpleNamespace(credit=SimpleNamespace(known=0), clock=None)
+        link: Any = SimpleNamespace(credit=SimpleNamespace(known=0), clock=SimpleNamespace(rtt=None))
         self.port = RobotPort(
-            robot=self.robot, guard=self.guard, followers=[self.tool], control=DirectSlave(), endpoint=link,  # type: ignore[arg-type]
+            robot=self.robot, guard=self.guard, followers=[self.tool], control=SlaveControl(), endpoint=link,  # type: ignore[arg-type]
             press_limit=PressLimit(most, COUPLING), trip_force=TRIP_N, by_button=True,
         )  # fmt: skip
         self.torque = ToolTorque(self.port, self.tool)

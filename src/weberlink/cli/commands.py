@@ -120,7 +120,8 @@ def device_test(
 
     It shows the readings, checks signs without force and, after a yes, with a gentle force.
     """
-    from weberlink.cli.device_test import DeviceTestError, Dialog, run  # noqa: PLC0415
+    from weberlink.cli.device_test import DeviceTestError, run  # noqa: PLC0415
+    from weberlink.cli.dialog import Dialog  # noqa: PLC0415
 
     with failing(DeviceTestError):
         run(name, Dialog(sys.stdin, sys.stdout, yes=yes), config, set_ or ())
@@ -179,12 +180,12 @@ def configs(
     ] = None,
 ) -> None:
     """List the shipped files; copy one, with the files it names."""
-    from weberlink.cli.shipped import copy, listing, text_of  # noqa: PLC0415
+    from weberlink.cli.shipped import copy, show, text_of  # noqa: PLC0415
 
     if name is None:
         if out is not None:
             fail("--out: is for one file: weberlink configs NAME --out FILE", MISCONFIGURED)
-        write({}, None, listing().show)
+        write({}, None, show)
     elif out == STANDARD_OUTPUT:
         typer.echo(text_of(name), nl=False)
     else:

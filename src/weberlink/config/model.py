@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from functools import partial
 from ipaddress import ip_address, ip_network
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
@@ -37,6 +37,9 @@ from weberlink.protocol.negotiation import LONGEST as LONGEST_ROUND_TRIP
 from weberlink.protocol.session import LONGEST_SILENCE
 from weberlink.slave.scenes.settings import SceneSettings
 from weberlink.update import MAX_SELECTOR
+
+if TYPE_CHECKING:
+    from weberlink.protocol.emulation import Emulation
 
 _BANK_SIZE = Field(min_length=1, max_length=MAX_SELECTOR + 1)
 ForceBank = Annotated[tuple[Annotated[str, PredictorFor("force")], ...], _BANK_SIZE]
@@ -138,6 +141,28 @@ class DirectionFaults(Settings):
     """Times in which nothing arrives: pairs of start and duration, or triples of start, duration and period for a link
     that flaps: [2, 0.1, 0.2] drops everything for the first 100 ms of every 200 ms, from 2 s on."""
 
+    def emulation(self) -> "Emulation":
+        """In SI units."""
+        from weberlink.protocol.emulation import Emulation  # noqa: PLC0415 - only where a file asks for it
+
+        return Emulation(
+            delay_s=self.delay_ms * 1e-3,
+            jitter_s=self.jitter_ms * 1e-3,
+            loss=self.loss,
+            burst=self.burst,
+            reorder=self.reorder,
+            duplicate=self.duplicate,
+            corrupt=self.corrupt,
+            rate_bit_s=None if self.rate_kbit_s is None else self.rate_kbit_s * 1e3,
+            blackouts=self.blackouts_s,
+        )
+
+    def contradictions(self) -> Iterator[str]:
+        try:
+            self.emulation()
+        except ValueError as error:  # such as a loss that these bursts cannot have
+            yield str(error)
+
 
 class EmulationSettings(DirectionFaults):
     """Faults put on each side's outgoing datagrams, seeded; the same in both directions unless one is set apart."""
@@ -152,11 +177,16 @@ class EmulationSettings(DirectionFaults):
     @property
     def directions(self) -> tuple[DirectionFaults, DirectionFaults]:
         """Faults of the way to the slave, and of the way to the master."""
+        both = {name: getattr(self, name) for name in DirectionFaults.model_fields}
         to_slave, to_master = (
-            self if own is None else self.model_copy(update={name: getattr(own, name) for name in own.model_fields_set})
+            DirectionFaults(**both | ({} if own is None else own.model_dump(exclude_unset=True)))
             for own in (self.to_slave, self.to_master)
         )
         return to_slave, to_master
+
+    def contradictions(self) -> Iterator[str]:
+        for direction in self.directions:
+            yield from direction.contradictions()
 
 
 class NameSettings(Settings):

@@ -6,11 +6,10 @@ contact is fitted to torques.
 """
 
 from math import hypot
-from typing import ClassVar
 
 from weberlink.control.account import Account
-from weberlink.control.contract import AccountParameters, AxesMaster
-from weberlink.control.direct import NoControl
+from weberlink.control.contract import AccountParameters
+from weberlink.control.ends import AxesMaster
 from weberlink.geometry.joints import Joints
 
 LEVER = 0.2
@@ -21,20 +20,7 @@ STIFFNESS = 2500.0
 """Stiffness of a contact at the lever, where none is known [N/m]."""
 
 
-class DirectAxes(NoControl):
-    """Displays the decoded torques."""
-
-    __slots__ = ()
-
-    def observe(self, position: Joints, elapsed: float) -> None: ...
-
-    def render(self, torque: Joints) -> Joints:
-        return torque
-
-    def displayed(self, torque: Joints) -> None: ...
-
-
-class BoundedAxes:
+class BoundedAxes(AxesMaster):
     """Displays the decoded torques within the account.
 
     Args:
@@ -43,8 +29,6 @@ class BoundedAxes:
     """
 
     __slots__ = ("_account", "_elapsed", "_held", "_lever", "_position")
-
-    credit: ClassVar[int] = 0
 
     def __init__(self, lever: float, account: AccountParameters) -> None:
         self._lever = lever
@@ -88,4 +72,4 @@ class BoundedAxes:
 
 def build_axes(scheme: str, lever: float, account: AccountParameters) -> AxesMaster:
     """The operator's end of a scheme for axes that turn: bounded, unless the scheme is `none`."""
-    return DirectAxes() if scheme == "none" else BoundedAxes(lever, account)
+    return AxesMaster() if scheme == "none" else BoundedAxes(lever, account)

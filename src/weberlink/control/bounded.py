@@ -9,7 +9,8 @@ gave beyond what it took. See docs/control.md.
 from math import hypot, inf, sqrt
 
 from weberlink.control.account import Account
-from weberlink.control.contract import CREDIT_STEP, LEAST_CONTACT, LinkQuality, SchemeParameters, WallModel
+from weberlink.control.contract import CREDIT_STEP, LEAST_CONTACT, SchemeParameters, WallModel
+from weberlink.control.ends import MasterControl, SlaveControl
 from weberlink.control.sent import SentCommands
 from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, interpolate, norm, scale, subtract
 
@@ -168,7 +169,7 @@ FARTHEST = 0.02
 """Largest distance of the command from the hand [m]."""
 
 
-class BoundedMaster:
+class BoundedMaster(MasterControl):
     """The operator's end.
 
     The command leaves the contact, along its normal, by what is known and not displayed: so the robot presses with what
@@ -190,8 +191,6 @@ class BoundedMaster:
         "_stated",
         "_tick",
     )
-
-    credit = 0
 
     def __init__(self, settings: SchemeParameters) -> None:
         self._delay = settings.delay
@@ -236,15 +235,15 @@ class BoundedMaster:
         robot = self._sent.ago(self._rtt) if self._sent else position
         self._contact.learn(surface, force, position, robot)
 
-    def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:
+    def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, rtt: float | None) -> None:
         x, y, z = subtract(position, self._position or position)
         held = self._held
         supplied = max(0, peer_credit - self._credit) * CREDIT_STEP
         self._account.book(held[0] * x + held[1] * y + held[2] * z, x * x + y * y + z * z, elapsed, supplied)
         self._credit = max(self._credit, peer_credit)
         self._position, self._elapsed, self._tick = position, elapsed, tick
-        if quality.rtt is not None:
-            self._rtt = quality.rtt + self._delay
+        if rtt is not None:
+            self._rtt = rtt + self._delay
 
     def command(self, position: Vector) -> Vector:
         n, goal = self._contact.normal, ZERO
@@ -274,12 +273,10 @@ class BoundedMaster:
         self._held = force
 
 
-class BoundedSlave:
+class BoundedSlave(SlaveControl):
     """The robot's end."""
 
     __slots__ = ("_age", "_before", "_delay", "_force", "_given", "_stored", "_target", "_waits")
-
-    energy = 0.0
 
     def __init__(self, settings: SchemeParameters) -> None:
         self._delay = settings.delay
@@ -301,9 +298,9 @@ class BoundedSlave:
         """What the scene gave beyond what it took, summed over all contacts."""
         return int(self._given / CREDIT_STEP)
 
-    def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> Vector:  # noqa: ARG002
+    def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, rtt: float | None) -> Vector:  # noqa: ARG002
         x, y, z = self._force
-        size, answered = hypot(x, y, z), 1.5 * ((quality.rtt or 0.0) + self._delay) + LATE
+        size, answered = hypot(x, y, z), 1.5 * ((rtt or 0.0) + self._delay) + LATE
         last, self._target = self._target or target, target
         if size < LEAST_CONTACT:
             self._age, self._waits = max(0.0, self._age - FADING * elapsed), False
@@ -331,7 +328,10 @@ class BoundedSlave:
             self._stored = 0.0
             return
         p, f = before
-        self._stored -= 0.5 * sum((force[i] + f[i]) * (position[i] - p[i]) for i in range(3))
+        work = 0.0
+        for after, at, then, there in zip(force, position, f, p, strict=True):
+            work += (after + then) * (at - there)
+        self._stored -= 0.5 * work
         if self._stored < 0.0:
             self._given -= self._stored
             self._stored = 0.0

@@ -4,9 +4,10 @@ To add one, write a file in this folder and a line in `BUILT_IN`; or, in another
 group `weberlink.control_schemes` that names a `Scheme`.
 """
 
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from weberlink.control.contract import Control, MasterControl, SchemeParameters, SlaveControl
+from weberlink.control.contract import SchemeParameters
+from weberlink.control.ends import MasterControl, SlaveControl
 from weberlink.registry import Registry, import_part
 
 
@@ -14,7 +15,7 @@ class Scheme(NamedTuple):
     """A control scheme.
 
     Args:
-        master: "module:Class" of the operator's end, a `MasterControl` built from `SchemeParameters`; imported on use.
+        master: "module:Class" of the operator's end, a `weberlink.control.ends.MasterControl`; imported on use.
         slave: likewise of the teleoperator's end, a `SlaveControl`.
         carries_credit: whether datagrams carry energy credit.
         does: its description in one line.
@@ -30,8 +31,8 @@ class Scheme(NamedTuple):
 
 BUILT_IN = {
     "none": Scheme(
-        "weberlink.control.direct:DirectMaster",
-        "weberlink.control.direct:DirectSlave",
+        "weberlink.control.ends:MasterControl",
+        "weberlink.control.ends:SlaveControl",
         carries_credit=False,
         does="what is decoded is displayed and followed",
         reads_position=False,
@@ -61,13 +62,23 @@ else:
 
 def build_master_control(name: str, settings: SchemeParameters) -> MasterControl:
     """The operator's end of a scheme; raises ValueError if the scheme of another distribution is broken."""
-    return cast(MasterControl, _build(name, SCHEMES[name].master, settings))
+    return ends_of(name)[0](settings)
 
 
 def build_slave_control(name: str, settings: SchemeParameters) -> SlaveControl:
     """The teleoperator's end of a scheme; raises ValueError if the scheme of another distribution is broken."""
-    return cast(SlaveControl, _build(name, SCHEMES[name].slave, settings))
+    return ends_of(name)[1](settings)
 
 
-def _build(name: str, place: str, settings: SchemeParameters) -> Control:
-    return cast(Control, import_part(f"control scheme {SCHEMES.owned(name)}", place)(settings))
+def ends_of(name: str) -> tuple[type[MasterControl], type[SlaveControl]]:
+    """The classes of both ends.
+
+    Raises:
+        ValueError: the scheme of another distribution cannot be imported, or a class does not inherit from its end.
+    """
+    scheme, what = SCHEMES[name], f"control scheme {SCHEMES.owned(name)}"
+    master, slave = import_part(what, scheme.master), import_part(what, scheme.slave)
+    for place, made, end in ((scheme.master, master, MasterControl), (scheme.slave, slave, SlaveControl)):
+        if not (isinstance(made, type) and issubclass(made, end)):
+            raise ValueError(f"{what}: {place} does not inherit from {end.__module__}.{end.__qualname__}")  # noqa: TRY004 - wrong name
+    return master, slave

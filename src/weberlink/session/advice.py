@@ -6,36 +6,42 @@ add one, write the function and name it in `RULES`. A setting that is wrong what
 model of the file instead.
 
 A wall is displayed a tick after the position that it answers, so the passivity bound is that of a delay of one tick
-(`weberlink.control.passivity`).
+(`weberlink.control.account`).
 """
 
 import os
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from math import ceil, floor, inf, isinf, log10
 from operator import mul, truediv
+from statistics import median
+from time import perf_counter
 from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import urlsplit
 
 from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.config import Configuration, ConfigurationError, System
+from weberlink.config.loading import Part
 from weberlink.config.model import (
     PERCEPTUAL_WEBER_LIMIT,
     EmulationSettings,
+    MasterSettings,
+    SlaveSettings,
     is_loopback,
     is_placeholder,
     split_address,
 )
-from weberlink.control.contract import MasterControl, SlaveControl
-from weberlink.control.passivity import passivity_limit
-from weberlink.control.table import SCHEMES
+from weberlink.control.account import passivity_limit
+from weberlink.control.table import SCHEMES, ends_of
 from weberlink.figures.verdict import PLACEHOLDER
+from weberlink.master.devices import DEVICES
 from weberlink.master.devices.contract import Device
-from weberlink.registry import check_contract, import_part
 from weberlink.session.composition.coupling import FIT_MARGIN, STATED
 from weberlink.session.composition.link import build_driver, build_security, with_file_name
 from weberlink.session.composition.master import build_device
 from weberlink.session.composition.slave import build_robot, workspace_of
+from weberlink.slave.robots import ROBOTS
 from weberlink.slave.robots.contract import Robot
 from weberlink.slave.scenes.settings import ObjectSettings
 
@@ -50,6 +56,8 @@ SILENCE_TICKS = 5
 USUAL_RATE_HZ = 1000.0
 UNKNOWN_BORNE = 0.008
 """Round trip that a usual hand bears on a usual wall without control [s]: 8 N s/m on 500 N/m, with a margin of two."""
+TICKS = 600
+"""Whose run time is measured, in 0.1 s or less."""
 TICK_SHARE = 1 / 3
 """Share of a period that the work of a tick may take; the rest is for a late start, and for all else that runs."""
 
@@ -124,14 +132,9 @@ def _build(configuration: Configuration) -> Parts:
 
 @with_file_name
 def _check_scheme(configuration: Configuration) -> None:
-    """See that the control scheme can be imported and has its methods, where another distribution brings it."""
-    name = configuration.system.control.scheme
-    if name in SCHEMES.built_in:
-        return
-    scheme, what = build_driver("control.scheme", SCHEMES.load, name), f"control scheme {SCHEMES.owned(name)}"
-    for place, contract in ((scheme.master, MasterControl), (scheme.slave, SlaveControl)):
-        made = build_driver("control.scheme", import_part, what, place)
-        build_driver("control.scheme", check_contract, what, made, contract)
+    """See that the control scheme can be imported and is one, where another distribution brings it."""
+    if configuration.system.control.scheme not in SCHEMES.built_in:
+        build_driver("control.scheme", ends_of, configuration.system.control.scheme)
 
 
 Rule = Callable[[Parts], Iterator[str]]
@@ -148,30 +151,32 @@ def advise(parts: Parts) -> list[str]:
 def _device(parts: Parts) -> Iterator[str]:
     if parts.device is None:
         return
-    spec = parts.device.spec
-    if spec.push_n > 0.0:
-        yield (
-            f"master.device: {spec.name} has no force feedback; the force resists its rate, and a full deflection "
-            f"holds {spec.push_n:g} N"
-        )
-    elif not spec.force_feedback:
-        yield f"master.device: {spec.name} has no force feedback; nothing is felt"
-    if parts.system.codec.rotation is not None and spec.torque_n_m == 0.0:
-        yield f"master.device: {spec.name} has no torque feedback; it turns the tool and feels no torque"
-    if spec.note:
-        yield f"master.device: {spec.note}"
+    spec, turns = parts.device.spec, parts.system.codec.rotation is not None
+    pushes = f"the force resists its rate, and a full deflection holds {spec.push_n:g} N"
+    for applies, what in (
+        (spec.push_n > 0.0, f"{spec.name} has no force feedback; {pushes}"),
+        (spec.push_n == 0.0 and not spec.force_feedback, f"{spec.name} has no force feedback; nothing is felt"),
+        (
+            turns and spec.torque_n_m == 0.0,
+            f"{spec.name} has no torque feedback; it turns the tool and feels no torque",
+        ),
+        (spec.note, spec.note),
+    ):
+        if applies:
+            yield f"master.device: {what}"
 
 
 def _robot(parts: Parts) -> Iterator[str]:
     if parts.robot is None:
         return
     spec = parts.robot.spec
-    if not spec.force_sensing:
-        yield f"slave.robot: {spec.name} senses no force; nothing is felt"
-    if spec.note:
-        yield f"slave.robot: {spec.note}"
-    if isinf(spec.stiffness_n_m):
-        yield f"slave.robot: {spec.name} states no stiffness, so slave.limits.contact_n cannot act"
+    for applies, what in (
+        (not spec.force_sensing, f"{spec.name} senses no force; nothing is felt"),
+        (spec.note, spec.note),
+        (isinf(spec.stiffness_n_m), f"{spec.name} states no stiffness, so slave.limits.contact_n cannot act"),
+    ):
+        if applies:
+            yield f"slave.robot: {what}"
 
 
 def _arms(parts: Parts) -> Iterator[str]:
@@ -193,10 +198,10 @@ def _arms(parts: Parts) -> Iterator[str]:
 
 
 def _limits(parts: Parts) -> Iterator[str]:
-    """Limits of the file above those of the parts, which therefore protect nobody."""
-    limits = parts.system.master.limits
+    """Limits of the file above those of the parts, which therefore protect nobody; and walls that are too stiff."""
+    limits, mapping, trip = parts.system.master.limits, parts.system.master.mapping, parts.system.slave.limits.trip_n
     if parts.device is not None:
-        spec, mapping = parts.device.spec, parts.system.master.mapping
+        spec = parts.device.spec
         scale = 1.0 if mapping is None else mapping.force_scale
         for name, unit, limit, most in (
             ("force_n", "N", limits.force_n, spec.force_n * scale),
@@ -207,23 +212,16 @@ def _limits(parts: Parts) -> Iterator[str]:
                     f"master.limits.{name} {limit:g}: {spec.name} displays at most {most:.3g} {unit}, so this limit "
                     f"does nothing; use at most {most:.3g}"
                 )
-    trip = parts.system.slave.limits.trip_n
+        if mapping is not None and mapping.walls is not None:
+            stiffness, most = mapping.walls.stiffness_n_m, spec.stiffness_n_m * mapping.scale * mapping.force_scale
+            if stiffness > most * ROUNDING:
+                yield (
+                    f"master.mapping.walls.stiffness_n_m {stiffness:g}: {spec.name} displays at most {_at_most(most)} "
+                    f"N/m; use at most {_at_most(most)}"
+                )
     if parts.robot is not None and trip is not None and trip > parts.robot.spec.force_n:
         name, most = parts.robot.spec.name, parts.robot.spec.force_n
         yield f"slave.limits.trip_n {trip:g}: {name} measures at most {most:g} N and never trips"
-
-
-def _mapped_walls(parts: Parts) -> Iterator[str]:
-    device, mapping = parts.device, parts.system.master.mapping
-    if device is None or mapping is None or mapping.walls is None:
-        return
-    stiffness, most = mapping.walls.stiffness_n_m, device.spec.stiffness_n_m * mapping.scale * mapping.force_scale
-    if stiffness > most * ROUNDING:
-        limit = _at_most(most)
-        yield (
-            f"master.mapping.walls.stiffness_n_m {stiffness:g}: {device.spec.name} displays at most {limit} N/m; use "
-            f"at most {limit}"
-        )
 
 
 def _contact(parts: Parts) -> Iterator[str]:
@@ -331,10 +329,10 @@ def _angles(parts: Parts) -> Iterator[str]:
             yield f"{field} {most:g}: {spec.name} is stiffer, {max(own):.3g} N m/rad; give that"
 
 
-def _deadband(parts: Parts) -> Iterator[str]:
+def _coding(parts: Parts) -> Iterator[str]:
     if parts.is_of_arms:
         return
-    force = parts.system.codec.force
+    force, position, device = parts.system.codec.force, parts.system.codec.position, parts.device
     if force.weber > PERCEPTUAL_WEBER_LIMIT:
         yield (
             f"codec.force.weber {force.weber:g}: published task performance falls above {PERCEPTUAL_WEBER_LIMIT:g}; "
@@ -342,23 +340,11 @@ def _deadband(parts: Parts) -> Iterator[str]:
         )
     if force.floor_n == 0.0:
         yield "codec.force.floor_n 0: sensor noise at rest is sent at every tick; use for example 0.02"
-
-
-def _prediction(parts: Parts) -> Iterator[str]:
-    if parts.is_of_arms:
-        return
-    system, device = parts.system, parts.device
-    if device is not None and system.codec.force.trust.stiffness_n_m[1] > device.spec.stiffness_n_m:
+    if device is not None and force.trust.stiffness_n_m[1] > device.spec.stiffness_n_m:
         yield (
             f"codec.force.trust.stiffness_n_m: a fit may be stiffer than the {device.spec.stiffness_n_m:g} N/m of the "
             "device; use at most that"
         )
-
-
-def _lookahead(parts: Parts) -> Iterator[str]:
-    if parts.is_of_arms:
-        return
-    force, position = parts.system.codec.force, parts.system.codec.position
     for name, settings, least in (("force", force, force.floor_n), ("position", position, position.bound_m)):
         field = f"codec.{name}.lookahead_ms {settings.lookahead_ms:g}"
         if settings.lookahead_ms == 0.0:
@@ -372,8 +358,8 @@ def _lookahead(parts: Parts) -> Iterator[str]:
 # --- delay
 
 
-def _round_trip(parts: Parts) -> Iterator[str]:
-    """A round trip of the file that is not allowed a session."""
+def _delay(parts: Parts) -> Iterator[str]:
+    """Limits that the emulated link or the tick exceeds; delays under the scheme that bounds no energy of a contact."""
     system = parts.system
     round_trip_ms = _emulated_ms(system) + 2e3 * system.tick_period
     if round_trip_ms > system.link.longest_round_trip_ms:
@@ -381,26 +367,15 @@ def _round_trip(parts: Parts) -> Iterator[str]:
             f"link.longest_round_trip_ms {system.link.longest_round_trip_ms:g}: the emulated round trip is up to "
             f"{round_trip_ms:g} ms, a tick of each side included, and gets no session; use at least {round_trip_ms:.0f}"
         )
-
-
-def _silence(parts: Parts) -> Iterator[str]:
-    """A silence limit of a few ticks, so that lateness interrupts sessions."""
-    system = parts.system
     least_ms = SILENCE_TICKS * 1e3 * system.tick_period
     if system.link.silence_ms < least_ms:
         yield (
             f"link.silence_ms {system.link.silence_ms:g}: shorter than {SILENCE_TICKS} ticks at rate_hz "
             f"{system.rate_hz:g}: sessions would be interrupted; use at least {least_ms:.0f}"
         )
-
-
-def _uncontrolled(parts: Parts) -> Iterator[str]:
-    """A delay of the file under the scheme that does not bound the energy of a contact."""
-    system = parts.system
     if system.control.scheme != "none":
         return
-    emulated = uncontrolled_delay(parts, 1e-3 * _emulated_ms(system))
-    if emulated is not None:
+    if emulated := uncontrolled_delay(parts, 1e-3 * _emulated_ms(system)):
         yield emulated
     codec = system.codec
     ahead_ms = 0.0 if parts.is_of_arms else codec.force.lookahead_ms + codec.position.lookahead_ms
@@ -486,17 +461,46 @@ def tick_rate(parts: Parts, tick_s: Callable[[Configuration], float | None] | No
         tick_s: measures how long a tick takes [s]; None where it cannot.
     """
     system = parts.system
-    if system.rate_hz <= USUAL_RATE_HZ:
-        return
-    from weberlink.session.tick_cost import measured_tick_s  # noqa: PLC0415 - for such rates alone
-
-    took = (tick_s or measured_tick_s)(parts.configuration)
+    took = None if system.rate_hz <= USUAL_RATE_HZ else (tick_s or measured_tick_s)(parts.configuration)
     if took is not None and took > TICK_SHARE * system.tick_period:
         most = max(100.0, 100.0 * floor(TICK_SHARE / took / 100.0))
         yield (
             f"rate_hz {system.rate_hz:g}: a tick takes about {1e6 * took:.0f} of its {1e6 * system.tick_period:.0f} us "
             f"on this machine, and many would be missed; use at most {most:g}"
         )
+
+
+def measured_tick_s(configuration: Configuration) -> float | None:
+    """Median run time of a tick of both sides in virtual time [s], which is about that of one side in real time.
+
+    A simulated hand and a point stand in for what cannot run in virtual time; None where they do not fit the file.
+    """
+    from weberlink.session.simulation import build_simulation  # noqa: PLC0415 - for unusual rates alone
+
+    system = configuration.system
+    link = system.link.model_copy(update={"emulate": None})  # a session begins at once
+    codec = system.codec.model_copy(update={"rotation": None, "joints": None, "gripper": None})
+    here = system.model_copy(update={"link": link})
+    plain = here.model_copy(update={"codec": codec, "master": MasterSettings(), "slave": SlaveSettings()})
+    hand, point = (Part(driver, driver.Options()) for driver in (DEVICES["operator"], ROBOTS["point"]))
+    for candidate in (
+        replace(configuration, system=here),
+        replace(configuration, system=plain, device=hand, robot=point),
+    ):
+        try:
+            simulation = build_simulation(candidate)
+        except ConfigurationError:
+            continue
+        times = []
+        try:
+            for _ in range(TICKS):
+                began = perf_counter()
+                simulation.step()
+                times.append(perf_counter() - began)
+        finally:
+            simulation.close()
+        return median(times)
+    return None
 
 
 def _polling(parts: Parts) -> Iterator[str]:
@@ -514,16 +518,11 @@ RULES: tuple[Rule, ...] = (
     _robot,
     _arms,
     _limits,
-    _mapped_walls,
     _contact,
     _positions,
     _angles,
-    _deadband,
-    _prediction,
-    _lookahead,
-    _round_trip,
-    _silence,
-    _uncontrolled,
+    _coding,
+    _delay,
     placeholders,
     tick_rate,
     _polling,

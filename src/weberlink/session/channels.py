@@ -5,7 +5,8 @@ from typing import Any
 
 from weberlink.codec import Decoder, Encoder
 from weberlink.codec.predictors.model import Hold
-from weberlink.control.contract import UNREACHED_S, MasterControl
+from weberlink.control.contract import UNREACHED_S
+from weberlink.control.ends import MasterControl
 from weberlink.geometry.vector import Vector, norm
 from weberlink.session.port import Sensor
 from weberlink.update import Update

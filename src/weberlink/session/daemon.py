@@ -29,7 +29,7 @@ from weberlink.realtime.loop import REASONS, AfterTick, TickLoop
 from weberlink.realtime.process import die_with_parent, prepare
 from weberlink.registry import fault_of, in_words
 from weberlink.session import description
-from weberlink.session.composition.link import Identity, build_link, build_security, emulation_of
+from weberlink.session.composition.link import Identity, build_security
 from weberlink.session.control_socket import ControlSocket, WithControlSocket
 from weberlink.session.description import DaemonOrder, failure
 from weberlink.session.side import Side
@@ -111,7 +111,11 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
         described.publish(paths=udp.paths)
         stack.callback(described.remove)
         ring = RingWriter.create(
-            order.ring, side=order.side, rate_hz=system.rate_hz, capacity=int(RING_SECONDS * system.rate_hz)
+            order.ring,
+            side=order.side,
+            rate_hz=system.rate_hz,
+            capacity=int(RING_SECONDS * system.rate_hz),
+            records=side.layout,
         )
         # Launcher and recorder may be slow to start: the launcher removes the file when both have read it.
         stack.callback(lambda: ring.close(unlink=os.getppid() != order.parent))
@@ -219,7 +223,7 @@ class LiveLink:
             return f"{unknown[0]} is no setting of the link; known are {', '.join(LINK_SETTINGS)}"
         try:
             faults = validated(DirectionFaults, self._faults | dict(settings), strict=True)
-            self.link.change(emulation_of(faults))
+            self.link.change(faults.emulation())
         except ValueError as error:
             return str(error)
         self._faults = dict(faults)
@@ -235,7 +239,7 @@ def emulated_link(name: str, system: System, epoch: float) -> LiveLink | None:
     faults = to_slave if name == MASTER else to_master
     uniform = Random(f"{emulate.seed}/{name}").random  # noqa: S311
     fixed = None if system.control.live_changes else "the link is fixed in this session: control.live_changes is off"
-    return LiveLink(faults, build_link(faults, uniform, epoch), fixed)
+    return LiveLink(faults, EmulatedLink(faults.emulation(), uniform, epoch), fixed)
 
 
 def stop_limit_s(system: System, side: str) -> float:

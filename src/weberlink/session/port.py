@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, Protocol
 
-from weberlink.control.contract import Control
+from weberlink.control.ends import Control
 
 
 class Sensor(Protocol):

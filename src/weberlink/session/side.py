@@ -28,7 +28,7 @@ from weberlink.protocol.states import State
 from weberlink.realtime.stall import StallDetector, Watchdog
 from weberlink.session.channels import IncomingChannel, OutgoingChannel
 from weberlink.session.port import Port
-from weberlink.session.rows import CartesianRows, ChannelRows
+from weberlink.session.rows import Rows
 from weberlink.telemetry.fault import Fault, FaultLedger
 from weberlink.telemetry.record import Record
 from weberlink.telemetry.row import Row
@@ -71,7 +71,6 @@ class Side:
         horizon: how long a model is extrapolated past the last sign of the peer's encoder [s].
         watchdog: expires when the port gives no usable reading for too long.
         stopwatch: a clock [s], for the time spent in the codec; a constant in virtual time.
-        rows: what telemetry records of the channels.
         playout: how much later than an update that took the least delay every update is used [ticks]; 0 to use each at
             once.
     """
@@ -88,7 +87,6 @@ class Side:
         horizon: float,
         watchdog: Watchdog,
         stopwatch: Callable[[], float],
-        rows: Callable[..., ChannelRows] = CartesianRows,
         playout: int = 0,
     ) -> None:
         self.port = port
@@ -128,7 +126,9 @@ class Side:
         self._waiting: deque[UpdateReceived] = deque()
         """Updates that are not to be used yet."""
         self._row = Row()
-        self._rows = rows(outgoing, incoming, leads=port.leads)
+        self._rows = Rows(outgoing, incoming, leads=port.leads)
+        self.layout = self._rows.layout
+        """Of the records of this side."""
         self._state: State | None = None
         """The one in the row."""
 
@@ -242,11 +242,16 @@ class Side:
         self._close(now, f"failed: {error}")
 
     def record(self) -> Record:
-        """The telemetry of the tick just done, in virtual time."""
-        return Record._make(self.values(0.0, 0.0, 0))
+        """The telemetry of the tick just done, in virtual time, with the fields of all parts."""
+        self._fill(0.0, 0.0, 0)
+        return Record._make(self._row.values())
 
-    def values(self, lateness_us: float, work_us: float, missed: int) -> tuple[float, ...]:
-        """The telemetry of the tick just done, as a `weberlink.telemetry.record.Record`."""
+    def values(self, lateness_us: float, work_us: float, missed: int) -> list[float]:
+        """The telemetry of the tick just done: the values of a record of this side's `layout`."""
+        self._fill(lateness_us, work_us, missed)
+        return self._row.values(self.layout)
+
+    def _fill(self, lateness_us: float, work_us: float, missed: int) -> None:
         row, endpoint, port = self._row, self.endpoint, self.port
         statistics = endpoint.statistics
         self._rows.fill(row, statistics)
@@ -282,7 +287,6 @@ class Side:
         row.fault = self._faults.active
         row.settings = self.tuning.generation & 0xFF
         port.report(row, is_led=self.engaged or self.pace.settling or endpoint.state is not _ENGAGED)
-        return row.values()
 
     def _leave(self, now: float, reason: str) -> None:
         self._close(now, reason)

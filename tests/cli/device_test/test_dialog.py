@@ -9,8 +9,7 @@ import pytest
 
 from tests.cli.device_test.people import Clock, sitting
 from tests.session.systems import CONFIGS
-from weberlink.cli.device_test import DeviceTestError, run
-from weberlink.cli.device_test.dialog import uninterrupted
+from weberlink.cli.device_test import DeviceTestError, run, uninterrupted
 
 FILE = CONFIGS / "loopback.yaml"
 

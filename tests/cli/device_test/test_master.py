@@ -9,14 +9,14 @@ import pytest
 from pydantic import BaseModel, ConfigDict
 
 from tests.cli.device_test.people import Clock, sitting
-from weberlink.cli.device_test import DeviceTestError
-from weberlink.cli.device_test.dialog import StoppedByUser
-from weberlink.cli.device_test.master import (
+from weberlink.cli.device_test import (
     FRAME,
     GIVES_WAY_M,
     LEAST_M,
     PUSH_N,
+    DeviceTestError,
     ObservedMotion,
+    StoppedByUser,
     classify_motion,
     try_master,
 )

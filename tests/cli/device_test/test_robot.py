@@ -9,8 +9,7 @@ from typing import Any, ClassVar
 import pytest
 
 from tests.cli.device_test.people import Clock, sitting
-from weberlink.cli.device_test import DeviceTestError
-from weberlink.cli.device_test.robot import WAY_M, try_robot
+from weberlink.cli.device_test import WAY_M, DeviceTestError, try_robot
 from weberlink.geometry.vector import Vector, distance
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.slave.robots.contract import RobotReading, RobotSpec

@@ -9,11 +9,10 @@ from typing import ClassVar, Final
 
 from weberlink.child_process import Child, python, shared_memory
 from weberlink.geometry.rotation import IDENTITY, Quaternion, unit_quaternion
-from weberlink.geometry.vector import Vector, is_finite
+from weberlink.geometry.vector import Vector, is_finite, within
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.hardware.slot import Slot
 from weberlink.registry import Tier
-from weberlink.slave.robots.computed import saturated
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 from weberlink.slave.scenes.scene import Scene
 from weberlink_franka.messages import (
@@ -160,7 +159,7 @@ class FrankaRobot:
             return self._reading[1]
         self._check(now)
         state, options = self._state, self._options
-        force, torque = saturated(state.force, options.force_n), saturated(state.torque, options.torque_n_m)
+        force, torque = within(state.force, options.force_n), within(state.torque, options.torque_n_m)
         at = min(state.at, now)
         reading = RobotReading(at, state.position, force, torque, sampled_at=at)
         self._reading = (now, reading)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.control.teleoperation import Hand, Link, Quality, operate
+from tests.control.teleoperation import Hand, Link, operate
 from tests.control.walls import Wall
 from weberlink.control.contract import AccountParameters, SchemeParameters
 from weberlink.control.table import build_master_control, build_slave_control
@@ -14,12 +14,12 @@ SETTINGS = SchemeParameters(1e-3, 2500.0, AccountParameters(0.02, 0.01, 1.0, 0.1
 def test_a_damper_dissipates_what_was_not_paid_for() -> None:
     """A force of 2 N pulls the hand at 0.1 m/s for a tick: 0.2 mJ out, which one more tick at this speed takes back."""
     master = TdpaMaster(SETTINGS)
-    master.observe((0.0, 0.0, 0.0), 1e-3, 0.0, 0, Quality(None, 0.0))
+    master.observe((0.0, 0.0, 0.0), 1e-3, 0.0, 0, None)
     master.displayed((0.0, 0.0, 2.0))
-    master.observe((0.0, 0.0, 1e-4), 1e-3, 1.0, 0, Quality(None, 0.0))
+    master.observe((0.0, 0.0, 1e-4), 1e-3, 1.0, 0, None)
     assert master.energy == pytest.approx(-2e-4)
     assert master.render((0.0, 0.0, 0.0)) == pytest.approx((0.0, 0.0, -2.0))
-    master.observe((0.0, 0.0, 1.1e-4), 1e-3, 2.0, 0, Quality(None, 0.0))  # slowly: more would be needed than there is
+    master.observe((0.0, 0.0, 1.1e-4), 1e-3, 2.0, 0, None)  # slowly: more would be needed than there is
     assert master.render((0.0, 0.0, 0.0)) == pytest.approx((0.0, 0.0, -MOST_DAMPING * 0.01))
 
 

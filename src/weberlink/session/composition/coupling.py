@@ -1,6 +1,6 @@
 """The coupling: how stiff the robot is towards its command, and how hard it may press.
 
-A sampled wall is passive on a damped device up to a stiffness only (`weberlink.control.passivity`). So each device has
+A sampled wall is passive on a damped device up to a stiffness only (`weberlink.control.account`). So each device has
 a stiffest wall that it can display, and a robot that is stiffer than this towards its command cannot be felt as it is:
 its wall is displayed softer, or the loop becomes active. With the robot's stiffness within that of the device, every
 wall can be displayed as the robot feels it.

@@ -9,7 +9,6 @@ from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.predictors import BANKS
 from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError, System
 from weberlink.config.finders import finder_of
-from weberlink.config.model import DirectionFaults
 from weberlink.control.contract import FREE_FORCE, SchemeParameters
 from weberlink.control.table import SCHEMES
 from weberlink.control.tuning import LiveSettings, Tuning
@@ -21,7 +20,7 @@ from weberlink.registry import check_contract, fault_of
 from weberlink.session.composition.channels import account, force_deadband, longest_round_trip, signal_delay
 
 if TYPE_CHECKING:
-    from weberlink.protocol.emulation import EmulatedLink, Emulation
+    pass
 
 Entropy = Callable[[int], bytes]
 Stopwatch = Callable[[], float]
@@ -250,31 +249,3 @@ def live_choices(system: System) -> dict[str, tuple[str, ...]]:
     if system.codec.joints is None and force.predictor in BANKS and len(force.bank) > 1:
         return {"weber": (), "predictor": (*force.bank, force.predictor)}
     return {"weber": ()}
-
-
-def build_link(settings: DirectionFaults, uniform: Callable[[], float], epoch: float) -> "EmulatedLink[Address]":
-    """One direction of an emulated link; `uniform` draws from 0 to 1."""
-    from weberlink.protocol.emulation import EmulatedLink  # noqa: PLC0415 - only where a file asks for it
-
-    return EmulatedLink(emulation_of(settings), uniform, epoch)
-
-
-def emulation_of(settings: DirectionFaults) -> "Emulation":
-    """The faults in SI units.
-
-    Raises:
-        ValueError: they contradict each other.
-    """
-    from weberlink.protocol.emulation import Emulation  # noqa: PLC0415 - only where a file asks for it
-
-    return Emulation(
-        delay_s=settings.delay_ms * 1e-3,
-        jitter_s=settings.jitter_ms * 1e-3,
-        loss=settings.loss,
-        burst=settings.burst,
-        reorder=settings.reorder,
-        duplicate=settings.duplicate,
-        corrupt=settings.corrupt,
-        rate_bit_s=None if settings.rate_kbit_s is None else settings.rate_kbit_s * 1e3,
-        blackouts=settings.blackouts_s,
-    )

@@ -27,7 +27,7 @@ from weberlink.session.composition.link import (
 )
 from weberlink.session.side import Side
 from weberlink.slave.robot_port import RobotPort
-from weberlink.slave.robots.contract import OrientedRobot, PosedRobot, Robot, TimedRobot
+from weberlink.slave.robots.contract import OrientedRobot, Robot
 from weberlink.slave.safety import CommandGuard, PressLimit, Workspace
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.settings import build
@@ -61,9 +61,9 @@ def build_slave(
             configuration, security=security, entropy=entropy, epoch=epoch, stopwatch=stopwatch, identity=identity
         )
     system, robot = configuration.system, build_robot(configuration)
-    if live and isinstance(robot, PosedRobot):
+    if live and hasattr(robot, "publish_pose"):
         robot.publish_pose()
-    if live and isinstance(robot, TimedRobot):
+    if live and hasattr(robot, "measure_steps"):
         robot.measure_steps(stopwatch)  # not in virtual time, whose results must not depend on the machine
     forward, backward = streams(system)
     limits = system.slave.limits

@@ -4,13 +4,12 @@ from time import monotonic, sleep
 from typing import ClassVar, Final
 
 from weberlink.arms.interpolation import Interpolation
-from weberlink.geometry.vector import Vector, add, distance, is_finite, scale, subtract
+from weberlink.geometry.vector import Vector, add, distance, is_finite, scale, subtract, within
 from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_ports
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.hardware.worker import Worker
 from weberlink.registry import Tier
-from weberlink.slave.robots.computed import saturated
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 from weberlink.slave.scenes.scene import Scene
 from weberlink_arms.cartesian.exchange import ArmExchange, ArmSample
@@ -117,7 +116,7 @@ class DynamixelRobot:
         if self._reading is not None and now <= self._reading[0]:
             return self._reading[1]
         at, (x, y, z, fx, fy, fz) = self._interpolation.at(now)
-        force, sampled_at = saturated((fx, fy, fz), self._options.force_n), self._interpolation.newest_at
+        force, sampled_at = within((fx, fy, fz), self._options.force_n), self._interpolation.newest_at
         reading = RobotReading(min(at, now), (x, y, z), force, sampled_at=sampled_at)
         self._reading = (now, reading)
         return reading

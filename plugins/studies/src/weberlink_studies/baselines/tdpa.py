@@ -18,8 +18,8 @@ work of one tick and for what the largest damper cannot dissipate. Sources:
   as W allows, the robot returns to where the operator leads it. Without it, every hold is a lasting offset.
 """
 
-from weberlink.control.contract import CREDIT_STEP, LinkQuality, SchemeParameters
-from weberlink.control.direct import DirectMaster, NoControl
+from weberlink.control.contract import CREDIT_STEP, SchemeParameters
+from weberlink.control.ends import MasterControl, SlaveControl
 from weberlink.geometry.vector import ZERO, Vector, dot, subtract
 
 MOST_DAMPING = 50.0
@@ -69,7 +69,7 @@ class PortObserver:
             self.balance += energy
 
 
-class TdpaMaster(DirectMaster):
+class TdpaMaster(MasterControl):
     """The operator's end, an impedance: the damper acts on the velocity of the last tick."""
 
     __slots__ = ("_damper", "_held", "_observer", "_position", "_velocity")
@@ -96,14 +96,14 @@ class TdpaMaster(DirectMaster):
         self._forget()
 
     @property
-    def energy(self) -> float:  # type: ignore[override]
+    def energy(self) -> float:
         return self._observer.balance
 
     @property
-    def credit(self) -> int:  # type: ignore[override]
+    def credit(self) -> int:
         return self._observer.credit
 
-    def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:  # noqa: ARG002
+    def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, rtt: float | None) -> None:  # noqa: ARG002
         observer = self._observer
         observer.hear(peer_credit)
         way = subtract(position, self._position or position)
@@ -123,7 +123,7 @@ class TdpaMaster(DirectMaster):
         self._held = force
 
 
-class TdpaSlave(NoControl):
+class TdpaSlave(SlaveControl):
     """The robot's end, an admittance: it goes towards the operator's motion as far as its work is paid for."""
 
     __slots__ = ("_force", "_observer", "_position")
@@ -145,14 +145,14 @@ class TdpaSlave(NoControl):
         self._forget()
 
     @property
-    def energy(self) -> float:  # type: ignore[override]
+    def energy(self) -> float:
         return self._observer.balance
 
     @property
-    def credit(self) -> int:  # type: ignore[override]
+    def credit(self) -> int:
         return self._observer.credit
 
-    def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> Vector:  # noqa: ARG002
+    def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, rtt: float | None) -> Vector:  # noqa: ARG002
         observer, force = self._observer, self._force
         observer.hear(peer_credit)
         square = dot(force, force)

@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.control import passivity
+from weberlink.control import account
 from weberlink.master.devices.hand import handle_and_arm, transition
 from weberlink.master.devices.hand_options import HandOptions
 
@@ -148,7 +148,7 @@ def gain_limit(wall: SampledWall) -> float:
 
 def passivity_limit(wall: SampledWall) -> float:
     """The stiffness [N/m] up to which wall and device together are passive against any hand; may be 0."""
-    return passivity.passivity_limit(
+    return account.passivity_limit(
         wall.device_damping_n_s_m,
         wall.tick_period,
         delay_ticks=wall.delay_ticks,

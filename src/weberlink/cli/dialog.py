@@ -1,4 +1,4 @@
-"""What the tests of devices and robots share: the dialog with a person, sample rates, errors, safe closing."""
+"""A dialog with a person who tests a device: questions, a live view of readings, and Ctrl-C that waits."""
 
 import termios
 from collections import deque
@@ -7,7 +7,6 @@ from contextlib import contextmanager, suppress
 from math import inf
 from select import select
 from signal import SIGINT, signal
-from textwrap import wrap
 from threading import current_thread, main_thread
 from time import monotonic, sleep
 from typing import Any, TextIO
@@ -15,9 +14,6 @@ from typing import Any, TextIO
 from rich.console import Console
 from rich.live import Live
 from rich.text import Text
-
-from weberlink.master.devices.contract import DeviceSpec
-from weberlink.slave.robots.contract import RobotSpec
 
 REFRESH_S = 0.1
 """Period of a live display on a terminal."""
@@ -28,11 +24,6 @@ PLAIN_LINES = 4
 POLL_S = 0.001
 """Pause between two readings of a device, as in a loop of 1 kHz."""
 WINDOW_S = 1.0
-WIDTH = 78
-
-
-class DeviceTestError(Exception):
-    """The test failed; one line that says what is wrong and, if known, what to do."""
 
 
 class StoppedByUser(Exception):  # noqa: N818 - not an error
@@ -42,13 +33,7 @@ class StoppedByUser(Exception):  # noqa: N818 - not an error
 class Dialog:
     """A dialog over two text streams, which may be a terminal.
 
-    Args:
-        source: input of the person.
-        screen: output.
-        yes: agree to every question that needs the word yes.
-        clock: monotonic [s].
-        pause: waits [s].
-        poll: pause between two readings of a device [s].
+    With `yes` every question is agreed to that needs that word; `poll` is the pause between two readings [s].
     """
 
     def __init__(
@@ -75,7 +60,7 @@ class Dialog:
 
     def ask(self, prompt: str) -> str:
         """The answer typed after the prompt, in lower case. Raises StoppedByUser at the end of input."""
-        self._forget_typed()
+        self._discard_typed()
         self._screen.write(prompt)
         self._screen.flush()
         return self._line().strip().lower()
@@ -104,16 +89,16 @@ class Dialog:
         """Show a view until Enter is pressed; without a terminal, print a few lines and then ask."""
         if not (self._screen.isatty() and self._source.isatty()):
             for _ in range(PLAIN_LINES):
-                self.wait(PLAIN_S, view.look)
+                self.wait(PLAIN_S, view.read)
                 self.tell(view.lines()[0])
             self.ask(prompt)
             return
-        self._forget_typed()
-        view.look(self.now())
+        self._discard_typed()
+        view.read(self.now())
         with Live(console=Console(file=self._screen), auto_refresh=False, transient=True) as live:
             shown_at = -inf
             while not select((self._source,), (), (), self._poll)[0]:
-                view.look(now := self.now())
+                view.read(now := self.now())
                 if now - shown_at >= REFRESH_S:
                     live.update(Text("\n".join((*view.lines(), prompt))), refresh=True)
                     shown_at = now
@@ -126,7 +111,7 @@ class Dialog:
             raise StoppedByUser
         return line
 
-    def _forget_typed(self) -> None:
+    def _discard_typed(self) -> None:
         """Discard input typed before the question was shown."""
         if self._source.isatty():
             with suppress(termios.error, OSError):
@@ -134,12 +119,9 @@ class Dialog:
 
 
 class View:
-    """The last reading of a device or a robot, in lines.
+    """The last reading of a device or a robot, in lines, with the rate and age of its samples over the last second.
 
-    Args:
-        latest: reads it at a time [s]; called about a thousand times a second.
-        details: further lines on a reading, below its position and its rate.
-        round_trip_s: duration of its last exchange [s], if it reports that.
+    `latest` reads at a time [s], about a thousand times a second; `details` gives further lines on a reading.
     """
 
     def __init__(
@@ -149,64 +131,36 @@ class View:
         round_trip_s: Callable[[], float | None] = lambda: None,
     ) -> None:
         self._latest, self._details, self._round_trip_s = latest, details, round_trip_s
-        self._rate = SampleRate()
-        self._reading: Any = None
-
-    def look(self, now: float) -> None:
-        self._reading = reading = self._latest(now)
-        self._rate.note(now, reading.at, getattr(reading, "sampled_at", None))  # that of a robot
-
-    def lines(self) -> list[str]:
-        """The most important one first."""
-        components = zip("xyz", self._reading.position, strict=True)
-        position = "  ".join(f"{axis} {component * 1e3:+7.1f}" for axis, component in components)
-        rate = self._rate.in_words(self._round_trip_s())
-        return [f"{position} mm   {rate}", *self._details(self._reading)]
-
-
-class SampleRate:
-    """Rate of new samples of a device, and the age of its readings, over the last second."""
-
-    def __init__(self) -> None:
         self._arrivals: deque[tuple[float, float]] = deque()
         self._ages: deque[tuple[float, float]] = deque()
         self._began: float | None = None
         self._last_at: float | None = None
+        self._reading: Any = None
 
-    def note(self, now: float, at: float, sampled_at: float | None = None) -> None:
-        """Note a reading of the time `at` [s], taken at `now` [s].
-
-        `sampled_at` is the time of the newest sample, for a reading interpolated between two samples.
-        """
-        sampled_at = at if sampled_at is None else sampled_at
-        if self._began is None:
-            self._began = now
+    def read(self, now: float) -> None:
+        self._reading = reading = self._latest(now)
+        # Of a robot whose reading is interpolated between two samples, this is the time of the newest sample.
+        sampled_at = getattr(reading, "sampled_at", None) or reading.at
+        self._began = now if self._began is None else self._began
         if sampled_at != self._last_at:
             if self._last_at is not None:  # the arrival time of the first one is unknown
                 self._arrivals.append((now, sampled_at))
             self._last_at = sampled_at
-        self._ages.append((now, now - at))
+        self._ages.append((now, now - reading.at))
         for kept in (self._arrivals, self._ages):
             while kept and kept[0][0] <= now - WINDOW_S:
                 kept.popleft()
 
-    @property
-    def rate_hz(self) -> float:
-        """New samples per second."""
-        if self._began is None:
-            return 0.0
-        window = min(WINDOW_S, self._ages[-1][0] - self._began)
-        return len(self._arrivals) / window if window > 0.0 else 0.0
-
-    @property
-    def oldest_s(self) -> float:
-        """The greatest age of a reading [s]."""
-        return max((age for _, age in self._ages), default=0.0)
-
-    def in_words(self, round_trip_s: float | None = None) -> str:
-        """One line: samples per second, greatest age, and round trip of an exchange."""
-        words = f"{self.rate_hz:.0f}/s, age {self.oldest_s * 1e3:.1f} ms"
-        return words if round_trip_s is None else f"{words}, trip {round_trip_s * 1e3:.2f} ms"
+    def lines(self) -> list[str]:
+        """The most important one first: samples per second, greatest age, and round trip of an exchange."""
+        components = zip("xyz", self._reading.position, strict=True)
+        position = "  ".join(f"{axis} {component * 1e3:+7.1f}" for axis, component in components)
+        window = 0.0 if self._began is None else min(WINDOW_S, self._ages[-1][0] - self._began)
+        rate_hz = len(self._arrivals) / window if window > 0.0 else 0.0
+        oldest_s = max((age for _, age in self._ages), default=0.0)
+        line, round_trip_s = f"{position} mm   {rate_hz:.0f}/s, age {oldest_s * 1e3:.1f} ms", self._round_trip_s()
+        trip = "" if round_trip_s is None else f", trip {round_trip_s * 1e3:.2f} ms"
+        return [line + trip, *self._details(self._reading)]
 
 
 @contextmanager
@@ -223,12 +177,3 @@ def uninterrupted() -> Iterator[None]:
         signal(SIGINT, before)
     if pressed:
         raise KeyboardInterrupt
-
-
-def described(spec: DeviceSpec | RobotSpec) -> Iterator[str]:
-    """Lines to show before a device or robot is opened."""
-    (x0, y0, z0), (x1, y1, z1) = spec.workspace_m
-    box = " x ".join(f"{(high - low) * 1e3:.0f}" for low, high in ((x0, x1), (y0, y1), (z0, z1)))
-    yield f"{spec.name}: axes {spec.axes}, workspace {box} mm, at most {spec.force_n:g} N"
-    if spec.note:
-        yield from wrap(f"Note: {spec.note}", WIDTH)
