@@ -4,6 +4,7 @@ The same seed gives the same run, bit for bit.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from random import Random
@@ -15,6 +16,7 @@ import numpy as np
 from weberlink.config import Configuration, ConfigurationError
 from weberlink.config.model import EmulationSettings
 from weberlink.figures.session import Records, score_of
+from weberlink.figures.tree import Figures
 from weberlink.figures.verdict import verdict
 from weberlink.order import COMPLETED, INTERRUPTED
 from weberlink.protocol.emulation import EmulatedLink
@@ -212,7 +214,7 @@ def simulate(
     record: Path | None = None,
     progress: Callable[[float, float, str], None] = lambda *_: None,
     tell: Callable[[str], None] = lambda _: None,
-) -> tuple[dict[str, Any], "TraceRecorder"]:
+) -> tuple[Figures, "TraceRecorder"]:
     """Run to the end of the duration [s] or of the device's motion, or to Ctrl-C, which gives the figures so far.
 
     Args:
@@ -255,23 +257,22 @@ def simulate(
     master, slave = simulation.master, simulation.slave
     failures = [why for why in (fault and fault.text, master.failure, slave.failure) if why is not None]
     ended = "interrupted" if interruption.noted else "completed"
-    summary = score.summary() | {
-        "lookahead_ms": lookahead_ms(system),
-        "playout_ms": system.link.playout_ms,
-        "faults": {"master": master.faults, "slave": slave.faults},
-        "drops": {"master": master.drops, "slave": slave.drops},
-        "peers": {"master": master.peer._asdict(), "slave": slave.peer._asdict()},
-        "outcome": f"failed: {'; '.join(failures)}" if failures else ended,
-        "run_time_s": run_time,
-        "seed": (system.link.emulate or EmulationSettings()).seed,
-    }
-    if interruption.noted:
-        summary["interrupted"] = True
-    if recording is not None:
-        summary["recording"] = recording.finish()
-    judged = verdict(summary)
+    figures = replace(
+        score.figures(),
+        lookahead_ms=lookahead_ms(system),
+        playout_ms=system.link.playout_ms,
+        faults={"master": master.faults, "slave": slave.faults},
+        drops={"master": master.drops, "slave": slave.drops},
+        peers={"master": master.peer._asdict(), "slave": slave.peer._asdict()},
+        outcome=f"failed: {'; '.join(failures)}" if failures else ended,
+        run_time_s=run_time,
+        seed=(system.link.emulate or EmulationSettings()).seed,
+        interrupted=True if interruption.noted else None,
+        recording=None if recording is None else recording.finish(),
+    )
+    judged = verdict(figures)
     status = INTERRUPTED if interruption.noted and judged.status == COMPLETED else judged.status
-    return summary | {"verdict": judged.document(), "status": status}, recorder
+    return replace(figures, verdict=judged, status=status), recorder
 
 
 class TraceRecorder:
