@@ -21,8 +21,7 @@ from weberlink.config.errors import trace_of, validated
 from weberlink.config.finders import PathFinder, finder_of, finding
 from weberlink.config.model import DirectionFaults, split_address
 from weberlink.order import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS
-from weberlink.protocol.aio.paths import peer_address
-from weberlink.protocol.aio.udp import UdpShell
+from weberlink.protocol.aio.udp import UdpShell, peer_address
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.protocol.events import Address
 from weberlink.realtime.garbage import GarbageSchedule
