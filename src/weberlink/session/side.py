@@ -6,7 +6,7 @@ from math import ceil, inf, isfinite, nan
 from typing import Any, NamedTuple
 
 from weberlink.control.contract import CREDIT_STEP
-from weberlink.control.tuning import LEAD_TICKS, Tuning, lead
+from weberlink.control.tuning import MARGIN_TICKS, Tuning, change_margin
 from weberlink.geometry.vector import ZERO
 from weberlink.order import EMERGENCY
 from weberlink.protocol.endpoint import Endpoint
@@ -194,12 +194,12 @@ class Side:
             return complaint
         if self.endpoint.state is not State.ENGAGED or self.endpoint.sessions != self._session:
             return "no session: the other side is not there"
-        self._propose(self.tuning.ask(change), now)
+        self._propose(self.tuning.propose(change), now)
         return None
 
     def _propose(self, body: bytes, now: float) -> None:
-        ahead = lead(self.endpoint.clock.rtt, self.endpoint.clock.jitter)
-        tick = self.index + LEAD_TICKS + ceil(ahead / self._tick_period)
+        ahead = change_margin(self.endpoint.clock.rtt, self.endpoint.clock.jitter)
+        tick = self.index + MARGIN_TICKS + ceil(ahead / self._tick_period)
         if not self.endpoint.propose_change(now, tick, body):
             raise AssertionError("the tuning allows one change at a time")
 
@@ -212,7 +212,7 @@ class Side:
         peer_time, rtt = clock.peer_time(now), clock.rtt
         if peer_time is None or rtt is None:
             return inf
-        return (peer_time + 0.5 * rtt + clock.jitter) / self._tick_period + 0.5 * LEAD_TICKS
+        return (peer_time + 0.5 * rtt + clock.jitter) / self._tick_period + 0.5 * MARGIN_TICKS
 
     def stop(self, now: float, reason: str) -> None:
         """Leave the session: the robot's end at once, the operator's end when the force has faded to zero."""
@@ -320,7 +320,7 @@ class Side:
             case ChangeProposed():
                 self._guarded(self._answer, event, now)
             case ChangeAnswered(tick, body, refusal):
-                self._guarded(self.tuning.settle, tick, body, refusal)
+                self._guarded(self.tuning.on_answer, tick, body, refusal)
             case _:
                 self._take_notice(event, now)
 
@@ -357,7 +357,7 @@ class Side:
         self.endpoint.request_full_state()
 
     def _answer(self, proposal: ChangeProposed, now: float) -> None:
-        refusal = self.tuning.hear(proposal.tick, proposal.body, self._answered_at(now))
+        refusal = self.tuning.on_proposal(proposal.tick, proposal.body, self._answered_at(now))
         self.endpoint.answer_change(proposal, refusal)
 
     def _fall_silent(self, *, is_heard: bool) -> None:
