@@ -11,7 +11,7 @@ from benchmarks.arrangement import BenchError
 from benchmarks.study import run
 from weberlink.cli.arguments import CommandGroup, Json, OptionalFile, Set, finite
 from weberlink.cli.output import errors, fail, progress_bar
-from weberlink.cli.sessions import free_port
+from weberlink.cli.sessions import one_host
 from weberlink.order import FAILED
 from weberlink_studies.commands import Plots, publish
 from weberlink_studies.figure_options import Footer, Format, figures
@@ -45,7 +45,7 @@ def bench(
     try:
         with errors(), progress_bar() as progress:
             result = run(
-                path, set_ or (), lambda overrides: free_port(path, overrides), duration=duration, quick=quick,
+                path, set_ or (), lambda overrides: one_host(path, overrides), duration=duration, quick=quick,
                 plots=plots is not None, progress=progress,
             )  # fmt: skip
     except BenchError as error:

@@ -31,7 +31,7 @@ from benchmarks.latency import ONE_WAY, echo
 from benchmarks.loopback import Session
 from benchmarks.percentiles import summary
 from weberlink.cli.doctor import Needs
-from weberlink.cli.sessions import free_port
+from weberlink.cli.sessions import one_host
 from weberlink.figures.environment import environment, footer
 from weberlink.protocol.keys import generate
 from weberlink_studies.result import plain_table
@@ -55,7 +55,7 @@ def measure(duration_s: float) -> Figures:
         BenchError: if a part fails.
     """
     file = Path(str(files("weberlink.configs") / "loopback.yaml"))
-    with Session(file, free_port(file, ())) as session:
+    with Session(file, one_host(file, ())) as session:
         figures: Figures = {"start [s]": session.start_s()}
         sides = session.observe(duration_s)
         session.end()
@@ -71,7 +71,7 @@ def measure(duration_s: float) -> Figures:
     with TemporaryDirectory(prefix="weberlink-pairs-") as folder:
         key = Path(folder) / "key"
         generate(key)
-        arrangement = Arrangement(file, key, (), lambda overrides: free_port(file, overrides))
+        arrangement = Arrangement(file, key, (), lambda overrides: one_host(file, overrides))
         overrides = arrangement.overrides(MAIN_RATE_HZ)
         rights = granted(arrangement.configuration(overrides).system.realtime)
         trips = echo("coded_echo", {"file": str(file), "overrides": overrides}, MAIN_RATE_HZ, ECHO_S, rights)

@@ -1,13 +1,11 @@
 """Recorded teleoperation signals: positions and forces over time, from CSV, npz or a recording of a session."""
 
 import csv
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from errno import ENOENT
 from math import isfinite
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -144,24 +142,18 @@ def as_trace(table: Array) -> Trace:
 def _read(path: Path, sides: Sequence[Side], units: Units = SI) -> Trace:
     try:
         # A pipe or a device may never end, and the file is read more than once.
-        is_other = path.exists() and not path.is_file() and not path.is_dir()
-    except OSError as error:  # not a valid file name
+        if path.exists() and not path.is_file() and not path.is_dir():
+            raise TraceError(f"{path}: is no regular file; expected a trace")
+        with path.open("rb") as file:
+            begins = file.read(len(MCAP_MAGIC))
+    except FileNotFoundError:
+        raise TraceError(f"{path}: not found") from None
+    except OSError as error:
         raise TraceError(f"{path}: cannot be read: {error.strerror}") from None
-    if is_other:
-        raise TraceError(f"{path}: is no regular file; expected a trace")
-    if _is_recording(path):
-        if not path.exists():
-            raise TraceError(f"{path}: cannot be read: {os.strerror(ENOENT)}; expected a recording")
+    if path.suffix.lower() == ".mcap" or begins == MCAP_MAGIC:
         return as_trace(_recorded(path, sides))
     is_npz = path.suffix.lower() == ".npz"
-    if is_npz:
-        table = _arrays(path)
-    else:
-        columns = _columns(path)
-        rows = _numbers(path, columns)
-        if rows is None:
-            raise TraceError(_first_fault(path, columns))
-        table = rows
+    table = _arrays(path) if is_npz else _numbers(path)
     time = table[:, 0]
     if len(time) < FEWEST_ROWS:
         raise TraceError(f"{path}: expected at least {FEWEST_ROWS} rows of samples, found {len(time)}")
@@ -174,17 +166,6 @@ def _read(path: Path, sides: Sequence[Side], units: Units = SI) -> Trace:
             f"found {time[index]:.9g} {units.time}"
         )
     return as_trace(table if units == SI else table * units.factors)
-
-
-def _is_recording(path: Path) -> bool:
-    """Whether a file is MCAP by its name or its first bytes."""
-    if path.suffix.lower() == ".mcap":
-        return True
-    try:
-        with path.open("rb") as file:
-            return file.read(len(MCAP_MAGIC)) == MCAP_MAGIC
-    except OSError:
-        return False
 
 
 def _recorded(path: Path, sides: Sequence[Side]) -> Array:
@@ -220,8 +201,6 @@ def _arrays(path: Path) -> Array:
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as held:  # np.load leaves a damaged file open
             table = np.array([held[name] for name in COLUMNS], dtype=np.float64).T
-    except FileNotFoundError:
-        raise TraceError(f"{path}: not found") from None
     except Exception as error:  # zipfile, zlib and numpy have many for a damaged file
         why = " ".join(str(error).split())
         raise TraceError(
@@ -234,58 +213,55 @@ def _arrays(path: Path) -> Array:
     return table
 
 
-def _columns(path: Path) -> list[int]:
-    """Index of each of `COLUMNS` in the header."""
+def _numbers(path: Path) -> Array:
+    """The rows of a CSV file, shape (n, 7): all at once, and where that fails row by row for what is wrong."""
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            header = next(csv.reader(file), None)
-    except FileNotFoundError:
-        raise TraceError(f"{path}: not found") from None
+        columns = _columns(path)
+        if next(_data_rows(path), None) is None:
+            raise TraceError(f"{path}: expected at least {FEWEST_ROWS} rows of samples, found none")
+        options: dict[str, Any] = {"delimiter": ",", "comments": None, "encoding": "utf-8"}
+        try:
+            table: Array = np.loadtxt(path, skiprows=1, usecols=columns, ndmin=2, **options)
+        except ValueError:
+            table = np.full((1, len(COLUMNS)), np.nan)
+        if not (np.abs(table) < LIMIT).all():
+            raise TraceError(_first_fault(path, columns))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise TraceError(f"{path}: expected a readable CSV file ({error})") from None
-    names = [name.strip() for name in header or ()]
+    return table
+
+
+def _columns(path: Path) -> list[int]:
+    """Index of each of `COLUMNS` in the header."""
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        names = [name.strip() for name in next(csv.reader(file), ())]
+    wanted = ",".join(COLUMNS)
     if not any(names):
-        raise TraceError(f"{path}: row 1: expected the header {','.join(COLUMNS)}, found nothing")
+        raise TraceError(f"{path}: row 1: expected the header {wanted}, found nothing")
     missing = [name for name in COLUMNS if name not in names]
     if missing:
-        raise TraceError(f"{path}: row 1: missing column {', '.join(missing)}; expected {','.join(COLUMNS)}")
+        raise TraceError(f"{path}: row 1: missing column {', '.join(missing)}; expected {wanted}")
     repeated = [name for name in COLUMNS if names.count(name) > 1]
     if repeated:
         raise TraceError(f"{path}: row 1: column {', '.join(repeated)} appears more than once")
     return [names.index(name) for name in COLUMNS]
 
 
-def _numbers(path: Path, columns: list[int]) -> Array | None:
-    """All rows at once, shape (n, 7); None where anything is not a finite number, or there is no row."""
-    try:
-        if next(_data_rows(path), None) is None:
-            return None
-        table = np.loadtxt(path, delimiter=",", skiprows=1, usecols=columns, ndmin=2, comments=None, encoding="utf-8")
-    except (ValueError, OSError, csv.Error):
-        return None
-    return table if (np.abs(table) < LIMIT).all() else None
-
-
 def _first_fault(path: Path, columns: list[int]) -> str:
-    """Describe the first error in a file that `_numbers` could not read, searching row by row."""
-    try:
-        for number, cells in _data_rows(path):
-            for name, column in zip(COLUMNS, columns, strict=True):
-                at = f"{path}: row {number}, column {name}"
-                if column >= len(cells):
-                    return f"{at}: expected a number, found only {len(cells)} values"
-                text = cells[column].strip()
-                try:
-                    value = float(text)
-                except ValueError:
-                    return f"{at}: expected a number, found {text!r}"
-                if not abs(value) < LIMIT:
-                    expected = f"less than {LIMIT:g} in SI units" if isfinite(value) else "a finite number"
-                    return f"{at}: expected {expected}, found {text!r}"
-        if next(_data_rows(path), None) is None:
-            return f"{path}: expected at least {FEWEST_ROWS} rows of samples, found none"
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        return f"{path}: expected a readable CSV file ({error})"
+    """The first number in a file that is none, or cannot be."""
+    for number, cells in _data_rows(path):
+        for name, column in zip(COLUMNS, columns, strict=True):
+            at = f"{path}: row {number}, column {name}"
+            if column >= len(cells):
+                return f"{at}: expected a number, found only {len(cells)} values"
+            text = cells[column].strip()
+            try:
+                value = float(text)
+            except ValueError:
+                return f"{at}: expected a number, found {text!r}"
+            if not abs(value) < LIMIT:
+                expected = f"less than {LIMIT:g} in SI units" if isfinite(value) else "a finite number"
+                return f"{at}: expected {expected}, found {text!r}"
     return f"{path}: expected numbers with commas between them and no quotes"
 
 

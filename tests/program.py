@@ -148,14 +148,22 @@ class Program:
         module: what `python -m` runs.
         prefix: a command that runs it.
         terminal: file descriptor for its three streams instead of pipes.
+        given: what it reads on standard input; None for nothing.
     """
 
     def __init__(
-        self, *arguments: object, module: str = "weberlink", prefix: tuple[str, ...] = (), terminal: int | None = None
+        self,
+        *arguments: object,
+        module: str = "weberlink",
+        prefix: tuple[str, ...] = (),
+        terminal: int | None = None,
+        given: str | None = None,
     ) -> None:
-        streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-        if terminal is not None:
-            streams = dict.fromkeys(streams, terminal)
+        streams = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE if terminal is None else terminal)
+        if given is not None:
+            streams["stdin"] = subprocess.PIPE
+        elif terminal is None:
+            streams["stdin"] = subprocess.DEVNULL
         unset = ("COLUMNS", "LINES", "NO_COLOR", "FORCE_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE")
         environment = {name: value for name, value in os.environ.items() if name not in unset}
         self._process: subprocess.Popen[str] = subprocess.Popen(
@@ -165,6 +173,10 @@ class Program:
             text=True,
             **streams,  # type: ignore[call-overload]
         )
+        if given is not None:
+            assert self._process.stdin is not None
+            self._process.stdin.write(given)
+            self._process.stdin.flush()
         self._telemetry: list[Telemetry] = []
 
     def __enter__(self) -> Self:
@@ -177,7 +189,7 @@ class Program:
         for pid in daemons:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
-        for stream in (self._process.stdout, self._process.stderr):
+        for stream in (self._process.stdin, self._process.stdout, self._process.stderr):
             if stream is not None:
                 stream.close()
         for telemetry in self._telemetry:

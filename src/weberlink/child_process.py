@@ -11,11 +11,10 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from mmap import mmap
 from select import select
-from signal import SIG_BLOCK, SIG_SETMASK, Signals, pthread_sigmask
+from signal import SIG_BLOCK, SIG_SETMASK, SIGKILL, Signals, pthread_sigmask
 from subprocess import DEVNULL, Popen, TimeoutExpired
 from typing import Any, Final, Self
 
-SAFE_PATH: Final = "PYTHONSAFEPATH"
 READ_BYTES: Final = 1 << 16
 
 
@@ -27,20 +26,6 @@ def python(*arguments: str) -> list[str]:
 def isolated_python(*arguments: str) -> list[str]:
     """The same, with the standard library alone: neither the user's environment nor installed packages."""
     return [sys.executable, "-I", "-S", *arguments]
-
-
-@contextmanager
-def safe_path() -> Iterator[None]:
-    """Within this, processes that `multiprocessing` starts are as those of `python`."""
-    before = os.environ.get(SAFE_PATH)
-    os.environ[SAFE_PATH] = "1"
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ[SAFE_PATH]
-        else:
-            os.environ[SAFE_PATH] = before
 
 
 @dataclass(frozen=True)
@@ -177,15 +162,13 @@ class Child:
         Returns:
             What it wrote and `lines` has not returned.
         """
-        if self._output is None:
-            self._output = self._text + self._ended(limit_s, signals)
-        return self._output
-
-    def _ended(self, limit_s: float, signals: Iterable[Signals]) -> bytes:
-        for number in (None, *signals):
+        if self._output is not None:
+            return self._output
+        for number in (None, *signals, SIGKILL):
             if number is not None:
                 self._process.send_signal(number)
             with suppress(TimeoutExpired):
-                return self._process.communicate(timeout=limit_s)[0] or b""
-        self._process.kill()
-        return self._process.communicate()[0] or b""
+                said = self._process.communicate(timeout=None if number == SIGKILL else limit_s)[0]
+                break
+        self._output = self._text + (said or b"")
+        return self._output

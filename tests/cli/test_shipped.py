@@ -45,7 +45,7 @@ def test_the_wheel_has_every_file() -> None:
 def test_every_file_and_folder_is_listed() -> None:
     own = [path for folder in config_folders() for path in folder.iterdir() if path.suffix not in (".py", ".pyc")]
     there = {path.stem if path.suffix == ".yaml" else f"{path.name}/" if path.is_dir() else path.name for path in own}
-    assert {name for name, _ in listing().rows} == there - {"__pycache__/"}
+    assert {name for name, _ in listing()} == there - {"__pycache__/"}
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)

@@ -18,7 +18,7 @@ from weberlink.config.finders import PathFinder, finder_of, finding
 from weberlink.config.loading import Part
 from weberlink.protocol import Role
 from weberlink.protocol.aio import UdpShell
-from weberlink.protocol.aio.paths import MakePaths, Paths
+from weberlink.protocol.aio.udp import MakePaths, Paths
 from weberlink.protocol.psk import PresharedKey
 from weberlink.session.composition.link import build_security
 
@@ -95,12 +95,13 @@ def test_without_a_path_to_find_no_process_is_started() -> None:
 
 
 @pytest.mark.parametrize(
-    ("label", "code", "asked"), [("a", None, "--peer"), (None, "", "--invite"), (None, "1-a", "--join")]
+    ("side", "label", "pairs", "asked"),
+    [(MASTER, "a", False, "--peer"), (SLAVE, None, True, "--invite"), (MASTER, None, True, "--join")],
 )
-def test_who_asks_for_a_peer_needs_a_finder(label: str | None, code: str | None, asked: str) -> None:
-    assert acquainted(FILE, (), MASTER, None, None) == []
+def test_who_asks_for_a_peer_needs_a_finder(side: str, label: str | None, pairs: bool, asked: str) -> None:
+    assert acquainted(FILE, (), side, None, pairs=False) == []
     with pytest.raises(ConfigurationError, match=f"{asked}: needs link.finder in the file"):
-        acquainted(FILE, (), MASTER, label, code)
+        acquainted(FILE, (), side, label, pairs=pairs)
 
 
 @pytest.mark.parametrize(

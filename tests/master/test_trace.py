@@ -79,7 +79,7 @@ def test_invalid_trace_is_refused_in_one_line(tmp_path: Path, text: str | bytes 
 
 
 def test_a_file_that_cannot_be_read_is_said(tmp_path: Path) -> None:
-    assert "none.mcap: cannot be read: " in refusal(tmp_path / "none.mcap")
+    assert "none.mcap: not found" in refusal(tmp_path / "none.mcap")
     os.mkfifo(tmp_path / "pipe.csv")
     assert "is no regular file" in refusal(tmp_path / "pipe.csv")
 

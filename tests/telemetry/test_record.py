@@ -3,11 +3,12 @@
 import struct
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.record import AXES, CODES, COLUMNS, FIELDS, JOINTS, RECORD, Record
+from weberlink.telemetry.record import AXES, CODES, COLUMNS, FIELDS, JOINTS, PARTS, RECORD, Record, layout
 from weberlink.telemetry.row import Row
 
 KINDS = {
@@ -31,24 +32,36 @@ def test_numpy_reads_what_struct_packs(record):
             assert row[field.name].item() == getattr(record, field.name)
 
 
-def test_each_value_is_aligned_without_padding():
-    offset = 0
-    for field in FIELDS:
-        kind, where = DTYPE.fields[field.name][:2]
+@pytest.mark.parametrize("parts", range(1 << len(PARTS)))
+def test_each_value_is_aligned_without_padding(parts):
+    """In whichever parts are recorded."""
+    dtype, offset = np.dtype(layout(parts).description), 0
+    for field in layout(parts).fields:
+        kind, where = dtype.fields[field.name][:2]
         assert where == offset
         assert where % kind.base.itemsize == 0
         offset += kind.itemsize
-    assert offset == DTYPE.itemsize == RECORD.size
+    assert offset == dtype.itemsize == struct.calcsize(f"<{layout(parts).format}")
+
+
+def test_names_are_unique_and_the_types_of_numpy_and_struct_agree():
     assert len(set(COLUMNS)) == len(COLUMNS)
     assert all(np.dtype(numpy).itemsize == struct.calcsize("<" + code) for numpy, code in CODES.items())
 
 
-def test_a_row_gives_its_values_in_the_order_of_the_fields():
+@pytest.mark.parametrize("parts", range(1 << len(PARTS)))
+def test_a_row_gives_its_values_in_the_order_of_the_fields(parts):
     row, expected = Row(), []
-    assert row.values() == (0,) * len(COLUMNS)
+    assert row.values() == [0] * len(COLUMNS)
     for number, field in enumerate(FIELDS):
         value = tuple(number + 0.125 * place for place in range(field.axes)) if field.axes > 1 else number
         assert np.shape(getattr(row, field.name)) == np.shape(value)
         setattr(row, field.name, value)
-        expected += value if field.axes > 1 else [value]
-    assert row.values() == tuple(expected)
+        if field in layout(parts).fields:
+            expected += value if field.axes > 1 else [value]
+    assert row.values(layout(parts)) == expected
+
+
+def test_unknown_parts_are_refused():
+    with pytest.raises(ValueError, match="parts"):
+        layout(1 << len(PARTS))

@@ -12,13 +12,13 @@ from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.record import COLUMNS, RECORD
 from weberlink.telemetry.ring import (
     RECORDS_AT,
-    SLOT_BYTES,
     RingFormatError,
     RingInUseError,
     RingWriter,
     is_alive,
     process_started,
     read_header,
+    slot_bytes,
 )
 
 
@@ -53,7 +53,7 @@ def test_the_header_says_who_writes_and_since_when(path):
 def test_the_file_has_all_its_memory_and_belongs_to_this_user(path):
     with create(path, capacity=1000):
         status = path.stat()
-    assert status.st_size == RECORDS_AT + 1000 * SLOT_BYTES
+    assert status.st_size == RECORDS_AT + 1000 * slot_bytes()
     assert status.st_blocks * 512 >= status.st_size
     assert stat.S_IMODE(status.st_mode) == 0o600
 

@@ -1,5 +1,6 @@
 """The common part of the emulated Polhem boards: a handle in a hand, encoders, motors, amplifiers and faults."""
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
 from math import sin, tau
@@ -67,13 +68,22 @@ class BoardOptions(BaseModel):
 class PolhemBoard(FaultyDevice):
     """The board of an emulated device (see `weberlink.hardware.emulator`); subclasses speak the wire formats.
 
-    Args:
-        options: of the device.
-        watchdog_s: how long the amplifiers stay on after a message [s].
+    Attributes:
+        messages: that came, right or wrong.
+        errors: wrong ones among them.
+        handle: in the hand.
+        currents_ma: in the motors now [mA].
+        largest_current_ma: that there has been in a motor [mA].
+        last_force_at: when there was last a current in any motor [s]; None for never.
+        enabled: whether the amplifiers are on.
+        watchdog_trips: how often they went off without a message.
 
     Raises:
         ValueError: it is to have a weight, and none is published.
     """
+
+    WATCHDOG_S: ClassVar[float]
+    """How long the amplifiers stay on after a message [s]."""
 
     OWN_FAULTS: ClassVar[Mapping[str, str]] = FAULTS
     fault_values: Mapping[str, range | float] = {
@@ -83,12 +93,9 @@ class PolhemBoard(FaultyDevice):
         **dict.fromkeys(("x_mm", "y_mm", "z_mm"), FARTHEST_MM),
     }
 
-    def __init__(self, options: BoardOptions, watchdog_s: float) -> None:
+    def __init__(self, options: BoardOptions) -> None:
         super().__init__()
-        self.messages = 0
-        """Messages that came, right or wrong."""
-        self.errors = 0
-        """Wrong ones among them."""
+        self.messages = self.errors = 0
         self._parameters = PARAMETERS[options.set_name]
         mechanism, (a, b, c) = self._parameters.mechanism, options.encoder_signs
         if options.weight and not mechanism.linkage.masses:
@@ -100,28 +107,45 @@ class PolhemBoard(FaultyDevice):
         self.mechanism = mechanism.driven(wiring=wiring)
         self.handle = Handle(options.handle)
         self.currents_ma: Currents = OFF
-        """Currents in the motors now [mA]."""
-        self.enabled = False
-        """Whether the amplifiers are on."""
-        self.watchdog_trips = 0
         self.largest_current_ma = 0.0
-        """Largest current there has been in a motor [mA]."""
         self.last_force_at: float | None = None
-        """When there was last a current in any motor [s]; None for never."""
+        self.enabled = False
+        self.watchdog_trips = 0
         self._button_pressed = False
         """Whether the calibration button was pressed since the board last looked."""
         self._weight = options.weight
         self._processing = options.processing_s
         self._motor_signs = options.motor_signs
-        self._watchdog = watchdog_s
         self._fed = True
         self._off_at: float | None = None
+        self._step_at: float | None = None
+        """When the board goes on: a message takes effect, or a report leaves."""
+        self._leaving: list[bytes] = []
         self._now: float | None = None
         self._zero: Counts6 = (0, 0, 0, 0, 0, 0)
         self._stuck: dict[int, int] = {}
         self._truth = self._true_counts(0.0)
         if not options.homed:
             self._zero = self._truth
+
+    def advance(self, now: float) -> None:
+        while self._step_at is not None and self._step_at <= now:
+            at, self._step_at = self._step_at, None
+            self._advance_to(at)
+            self._step(at, now)
+        self._advance_to(now)
+        self.take_faults()
+
+    @abstractmethod
+    def _step(self, at: float, now: float) -> None:
+        """Go on at `at` [s], which may be before `now`."""
+
+    def replies(self, now: float) -> list[bytes]:  # noqa: ARG002 - what leaves is made when it is due
+        leaving, self._leaving = self._leaving, []
+        return leaving
+
+    def next_timer(self) -> float | None:
+        return min((each for each in (self._step_at, self._off_at) if each is not None), default=None)
 
     @property
     def counts(self) -> Counts6:
@@ -137,11 +161,6 @@ class PolhemBoard(FaultyDevice):
         push = ZERO if self.currents_ma == OFF else self.mechanism.force(self.currents_ma, self._truth)
         return subtract(push, self.mechanism.carrying_force(self._truth)) if self._weight else push
 
-    @property
-    def position(self) -> Vector:
-        """Position of the handle in the device's frame [m]."""
-        return self.handle.position
-
     def _advance_to(self, now: float) -> None:
         """Move hand, encoders and watchdog on to `now` [s]."""
         if self._off_at is not None and now >= self._off_at:
@@ -155,7 +174,7 @@ class PolhemBoard(FaultyDevice):
         if not self._fed:
             return
         self.enabled = True
-        self._off_at = now + self._watchdog
+        self._off_at = now + self.WATCHDOG_S
         a, b, c = (sign * current for sign, current in zip(self._motor_signs, currents_ma, strict=True))
         self.currents_ma = (a, b, c)
         self.largest_current_ma = max(self.largest_current_ma, *map(abs, self.currents_ma))
@@ -163,7 +182,6 @@ class PolhemBoard(FaultyDevice):
             self.last_force_at = self._now
 
     def _set_counters(self, counts: Counts6) -> None:
-        """Set the counters to these counts."""
         a, b, c, d, e, f = (true - count for true, count in zip(self._truth, counts, strict=True))
         self._zero = (a, b, c, d, e, f)
 
@@ -177,6 +195,8 @@ class PolhemBoard(FaultyDevice):
                 self._switch_off()
                 self._fed = True
                 self._button_pressed = False
+                self._step_at = None
+                self._leaving.clear()
                 self._stuck.clear()
                 self._zero = self._truth
             case "trip_watchdog":

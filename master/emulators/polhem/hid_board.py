@@ -54,14 +54,12 @@ class PolhemHidEmulator(PolhemBoard):
 
     Options = PolhemHidEmulatorOptions
     transport: ClassVar[str] = "hid"
-    OWN_FAULTS: ClassVar[Mapping[str, str]] = {
-        **FAULTS,
-        "stylus": "the button of the stylus is pressed; 0: let go",
-    }
+    WATCHDOG_S = HID_WATCHDOG_S
+    OWN_FAULTS: ClassVar[Mapping[str, str]] = {**FAULTS, "stylus": "the button of the stylus is pressed; 0: let go"}
 
     def __init__(self, options: PolhemHidEmulatorOptions | None = None) -> None:
         options = PolhemHidEmulatorOptions() if options is None else options
-        super().__init__(options, HID_WATCHDOG_S)
+        super().__init__(options)
         self.identity = HidIdentity(
             VENDOR, PRODUCT, "HID DEVICE", descriptor(options.report), options.report,
             options.serial_number, "mbed.org",
@@ -69,9 +67,7 @@ class PolhemHidEmulator(PolhemBoard):
         self._size = options.report
         self._frame = options.frame_s if self._size == LONG else options.frame_s or FRAME_S
         self._arrived: deque[bytes] = deque(maxlen=64)
-        self._step_at: float | None = None
         self._ready: bytes | None = None
-        self._leaving: list[bytes] = []
         self._started = False
         self._stylus = False
         self._number = 0
@@ -90,27 +86,16 @@ class PolhemHidEmulator(PolhemBoard):
             self._started = True
             self._advance_to(now)
             self._send_later(now)
-        while self._step_at is not None and self._step_at <= now:
-            at, self._step_at = self._step_at, None
-            self._advance_to(at)
-            if self._size == LONG:
-                self._step_in_turn(at)
-            else:
-                self._step_freely(at, now)
-        self._advance_to(now)
-        self.take_faults()
+        super().advance(now)
 
-    def replies(self, now: float) -> list[bytes]:  # noqa: ARG002 - a report leaves when it is due
-        leaving, self._leaving = self._leaving, []
-        return leaving
-
-    def next_timer(self) -> float | None:
-        due = [each for each in (self._step_at, self._off_at) if each is not None]
-        return min(due, default=None)
-
-    def _step_in_turn(self, at: float) -> None:
-        """Step of the newer board: a report was sent, or a received one is due."""
-        if self._ready is not None:
+    def _step(self, at: float, now: float) -> None:
+        if self._size == SHORT:  # once per frame; missed frames are skipped
+            if self._arrived:
+                self._obey(self._arrived.popleft(), SHORT_LIMIT_MA, at)
+            self._number = (self._number + 1) & 0xFFFF
+            self._leaving.append(self._report())
+            self._send_later(now)
+        elif self._ready is not None:
             self._leaving.append(self._ready)
             self._ready = None
             self._step_at = at + self._processing if self._arrived else None
@@ -119,14 +104,6 @@ class PolhemHidEmulator(PolhemBoard):
             self._arrived.clear()
             self._obey(newest, LONG_LIMIT_MA, at)
             self._send_later(at)
-
-    def _step_freely(self, at: float, now: float) -> None:
-        """Step of the older board, once per frame; missed frames are skipped."""
-        if self._arrived:
-            self._obey(self._arrived.popleft(), SHORT_LIMIT_MA, at)
-        self._number = (self._number + 1) & 0xFFFF
-        self._leaving.append(self._report())
-        self._send_later(now)
 
     def _send_later(self, now: float) -> None:
         """Measure now, and send in the next frame."""
@@ -161,9 +138,8 @@ class PolhemHidEmulator(PolhemBoard):
         if name == "stylus":
             self._stylus = value != 0
         elif name == "restart":
-            self._started, self._step_at, self._ready = False, None, None
+            self._started, self._ready = False, None
             self._arrived.clear()
-            self._leaving.clear()
         super().apply_fault(name, value)
 
 

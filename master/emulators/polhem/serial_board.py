@@ -52,6 +52,7 @@ class PolhemSerialEmulator(PolhemBoard):
 
     Options = PolhemSerialEmulatorOptions
     transport: ClassVar[str] = "serial"
+    WATCHDOG_S = SERIAL_WATCHDOG_S
     OWN_FAULTS: ClassVar[Mapping[str, str]] = {
         **FAULTS,
         "gimbal_error": "sensors of the gimbal that cannot be read: 1, 2, 4 or their sum; 0: none",
@@ -62,12 +63,11 @@ class PolhemSerialEmulator(PolhemBoard):
         options = PolhemSerialEmulatorOptions() if options is None else options
         self.model = self._true_model = NUMBERS[options.model]
         """Model number that it reports."""
-        super().__init__(options, SERIAL_WATCHDOG_S)
+        super().__init__(options)
         self._waiting = b""
         self._buffer = b""
-        self._work: tuple[float, bytes, int] | None = None
-        """When a message takes effect, its bytes up to the closing bracket, and their error."""
-        self._answers: list[bytes] = []
+        self._work = b"", 0
+        """The message that takes effect next, up to its closing bracket, and its error."""
         self._loops = 0
         self._counts = NO_COUNTS
         """Counts as last read, which an answer with an error repeats."""
@@ -77,29 +77,9 @@ class PolhemSerialEmulator(PolhemBoard):
         self._waiting += data
         self._begin(now)
 
-    def advance(self, now: float) -> None:
-        while self._work is not None and self._work[0] <= now:
-            at, text, error = self._work
-            self._work = None
-            self._advance_to(at)
-            self._calibrate()
-            self._answer(text, error, at)
-            self._begin(at)
-        self._advance_to(now)
-        self.take_faults()
-        self._calibrate()
-
-    def replies(self, now: float) -> list[bytes]:  # noqa: ARG002 - an answer leaves when it is made
-        answers, self._answers = self._answers, []
-        return answers
-
-    def next_timer(self) -> float | None:
-        due = [each for each in (self._work and self._work[0], self._off_at) if each is not None]
-        return min(due, default=None)
-
     def _begin(self, now: float) -> None:
         """Read up to the end of a message, unless the last one is still being processed (`await_message`)."""
-        if self._work is not None:
+        if self._step_at is not None:
             return
         end = self._waiting.find(b"]", 0, BUFFER - len(self._buffer))
         taken = end + 1 or BUFFER - len(self._buffer)
@@ -118,9 +98,10 @@ class PolhemSerialEmulator(PolhemBoard):
             waiting = self._waiting.lstrip(FILLING)  # dropped, as far as it has come by now
             error = TRAILING if waiting else 0
             self._waiting = waiting[1:]
-        self._work = (now + self._processing, text, error)
+        self._work, self._step_at = (text, error), now + self._processing
 
-    def _answer(self, text: bytes, error: int, now: float) -> None:
+    def _step(self, at: float, now: float) -> None:  # noqa: ARG002
+        text, error = self._work
         self.messages += 1
         self._loops += 1
         currents = None if error else _currents(text)
@@ -128,9 +109,10 @@ class PolhemSerialEmulator(PolhemBoard):
             error = error or UNREADABLE
             self.errors += 1
         else:
-            self._drive(currents, now)
+            self._drive(currents, at)
             error = self._measure()
-        self._answers.append(encode_status(Sensors(self._counts, model=self.model, error=error)))
+        self._leaving.append(encode_status(Sensors(self._counts, model=self.model, error=error)))
+        self._begin(at)
 
     def _measure(self) -> int:
         """Read the motor encoders and one gimbal sensor in turn; gives the error bit of that sensor."""
@@ -143,21 +125,17 @@ class PolhemSerialEmulator(PolhemBoard):
         self._counts = (a, b, c, d, e, f)
         return error
 
-    def _calibrate(self) -> None:
-        if self._button_pressed:
-            self._button_pressed = False
-            self._set_counters(NO_COUNTS)
-            self._counts = NO_COUNTS
-
     def apply_fault(self, name: str, value: float) -> None:
         match name:
             case "wrong_model":
                 self.model = int(value) or self._true_model
             case "gimbal_error":
                 self._gimbal_error = int(value)
+            case "button":  # the board itself sets its counters to zero
+                self._set_counters(NO_COUNTS)
+                self._counts = NO_COUNTS
             case "restart":
-                self._waiting, self._buffer, self._work, self._counts = b"", b"", None, NO_COUNTS
-                self._answers.clear()
+                self._waiting, self._buffer, self._counts = b"", b"", NO_COUNTS
         super().apply_fault(name, value)
 
 

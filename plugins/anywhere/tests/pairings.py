@@ -16,7 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-from twisted.internet.defer import Deferred, gatherResults
+from twisted.internet.defer import Deferred, gatherResults, succeed
 from wormhole._wordlist import PGPWordList
 
 from plugins.anywhere.tests.mailbox_server import MailboxServer
@@ -46,12 +46,20 @@ class Rig:
 
     def __init__(self, folder: Path, short: float) -> None:
         self._folder, self._numbers, self.short = folder, count(1), short
+        self.words: dict[str, dict[str, str]] = {}
+        """That each side was shown, by mailbox."""
 
     def store(self) -> PeerStore:
         return PeerStore(self._folder / str(next(self._numbers)))
 
     async def meet(
-        self, side: str, mailbox: str, code: str = "", patience_s: float = LONG, shown: "Deferred[str] | None" = None
+        self,
+        side: str,
+        mailbox: str,
+        code: str = "",
+        patience_s: float = LONG,
+        shown: "Deferred[str] | None" = None,
+        consents: bool = True,
     ) -> End:
         """A new host that invites, and calls `shown` back with the code, or that joins by one."""
         if not code and shown is None:
@@ -62,10 +70,14 @@ class Rig:
         def tell(key: str, text: str) -> None:
             if key == "code" and shown is not None:
                 shown.callback(text)
+            if key == "words":
+                words[side] = text
 
-        order = PairingOrder(side, name, str(store.folder), mailbox, code, "", 2 * patience_s, patience_s)
+        words: dict[str, str] = self.words.setdefault(mailbox, {})
+        limits = {"lifetime_s": 2 * patience_s, "consent_s": patience_s, "patience_s": patience_s}
+        order = PairingOrder(side, name, str(store.folder), mailbox, code, **limits)
         try:
-            peer = await PairingSession(order, tell).run()
+            peer = await PairingSession(order, tell, lambda: succeed(consents)).run()
         except PairingError as error:
             if shown is not None and not shown.called:
                 shown.callback("")
@@ -80,10 +92,11 @@ class Rig:
         joins: str = "master",
         typed: Callable[[str], str] = str,
         between: Callable[[str], Awaitable[object]] | None = None,
+        consents: bool = True,
     ) -> Ends:
         """One invites, the other joins with what it `typed` for the code; `between` runs before it joins."""
         shown: Deferred[str] = Deferred()
-        invited = Deferred.fromCoroutine(self.meet("slave", mailbox, "", patience_s, shown))
+        invited = Deferred.fromCoroutine(self.meet("slave", mailbox, "", patience_s, shown, consents))
         code = await shown
         if between is not None and code:
             await between(code)
@@ -112,16 +125,19 @@ async def recorded(rig: Rig, url: str) -> Ends:
     return first | {"second slave": await rig.meet("slave", url, shown=Deferred())}
 
 
-async def with_third(rig: Rig, url: str, *, is_first: bool) -> Ends:
-    """A third host comes before the master with a wrong code, or after the two with the right one."""
+async def with_third(rig: Rig, url: str, *, is_first: bool, knows: bool = False) -> Ends:
+    """A third host comes before the master, by a wrong code or by the right one, or after the two with the right one.
+
+    The person at the robot sees words that the operator does not have, and refuses.
+    """
     codes, ends = [], dict[str, End]()
 
     async def between(code: str) -> None:
         codes.append(code)
         if is_first:
-            ends["thief"] = await rig.meet("master", url, wrong(code))
+            ends["thief"] = await rig.meet("master", url, code if knows else wrong(code))
 
-    ends |= await rig.pair(url, rig.short if is_first else LONG, between=between)
+    ends |= await rig.pair(url, rig.short if is_first else LONG, between=between, consents=not knows)
     return ends if is_first else ends | {"thief": await rig.meet("master", url, codes[0], rig.short)}
 
 
@@ -130,9 +146,11 @@ COURSES: dict[str, Callable[[Rig, str], Awaitable[Ends]]] = {
     "two slaves": lambda rig, url: rig.pair(url, joins="slave"),
     "recorded": recorded,
     "third party first": lambda rig, url: with_third(rig, url, is_first=True),
+    "thief with the code": lambda rig, url: with_third(rig, url, is_first=True, knows=True),
+    "words refused": lambda rig, url: rig.pair(url, consents=False),
     "code used twice": lambda rig, url: with_third(rig, url, is_first=False),
 }
-ALONE = ("third party first", "code used twice")
+ALONE = ("third party first", "thief with the code", "code used twice")
 """With a server of their own, which gives the number of a void code to nobody else."""
 
 
@@ -163,6 +181,7 @@ async def attacks(patience_s: float, names: list[str]) -> dict[str, Any]:
                 name: {who: "paired" if e.peer else e.reason for who, e in of.items()} for name, of in ends.items()
             },
             "unsound": [name for name, of in ends.items() if not is_sound({s: of[s] for s in ("slave", "master")})],
+            "words": rig.words[url],
             "learnt": [secret for secret in secrets if secret in told],
         }
 

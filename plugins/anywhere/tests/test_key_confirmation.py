@@ -53,6 +53,22 @@ def test_a_hello_that_cannot_be_used_is_refused(content: object, reason: str) ->
         said.name_in(content, "master")
 
 
+@given(st.binary(min_size=16, max_size=16), st.binary(min_size=16, max_size=16), st.binary(min_size=16, max_size=16))
+def test_a_nonce_is_the_one_that_was_committed_to(one: bytes, other: bytes, third: bytes) -> None:
+    assert said.nonce_in(one.hex(), said.commitment(one)) == said.nonce_in(one.hex(), None) == one
+    if one != other:
+        with pytest.raises(PairingError, match="another nonce than it said"):
+            said.nonce_in(one.hex(), said.commitment(other))
+        words = {said.words_to_compare(SECRET, NAMES, *each) for each in ((one, third), (other, third), (third, one))}
+        assert all(len(each) == 2 for each in words)
+
+
+@pytest.mark.parametrize("content", [None, 3, "", "zz", "00" * 15, "00" * 17, ["00" * 16]])
+def test_what_is_no_nonce_is_refused(content: object) -> None:
+    with pytest.raises(PairingError, match="nonce"):
+        said.nonce_in(content, None)
+
+
 @pytest.mark.parametrize("text", [b"", b"{", b"[]", b"3", b"\xff", b'{"hello": 1}' + b" " * 3000, b'{"kept": true}'])
 def test_what_is_no_such_message_is_refused(text: bytes) -> None:
     with pytest.raises(PairingError, match="no message of a pairing"):

@@ -3,20 +3,23 @@
 import asyncio
 import json
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from select import select
 
 import pytest
 from websockets.asyncio.server import ServerConnection, serve
+from websockets.exceptions import ConnectionClosed
 
 from plugins.anywhere.tests.meetings import PATIENCE, Pair, in_loop
 from weberlink.config.finders import running
 from weberlink_anywhere import hand_over
 from weberlink_anywhere.hand_over import PathNews
-from weberlink_anywhere.mailbox import MailboxRefuses
+from weberlink_anywhere.mailbox import MOST_STORED, MailboxRefuses, open_mailbox
 from weberlink_anywhere.order import FinderOrder
 from weberlink_anywhere.peers import PeerStore
+from weberlink_anywhere.sealing import Sealing
+from weberlink_anywhere.signalling import MailboxUnreachable
 
 LONG = "\x1b[2J\n" + "x" * 5000
 LONGEST = 500
@@ -25,7 +28,7 @@ WELCOME = json.dumps({"type": "welcome", "welcome": {}})
 WORDS = {
     "error": (WELCOME, json.dumps({"type": "error", "error": LONG})),
     "unwelcome": (json.dumps({"type": "welcome", "welcome": {"error": LONG}}),),
-    "nested": (WELCOME, "[" * 100_000),
+    "nested": (WELCOME, "[" * 20_000),
     "nested error": (WELCOME, json.dumps({"type": "error", "error": {"a": [LONG]}})),
     "no object": (WELCOME, "[1, 2]"),
 }
@@ -56,6 +59,31 @@ async def test_refusal_of_the_server_is_one_line(words: tuple[str, ...]) -> None
     async with saying(*words) as url:
         with pytest.raises(MailboxRefuses) as raised:
             await Pair(url).call(PATIENCE)
+    assert is_line(str(raised.value))
+
+
+@in_loop
+async def test_a_server_that_never_ends_its_messages_is_heard_for_a_bounded_time() -> None:
+    message = json.dumps({"type": "message", "side": "x", "phase": "p", "body": "b" * 30_000})
+
+    async def flood(client: ServerConnection) -> None:
+        await client.send(WELCOME)
+        with suppress(ConnectionClosed):
+            while True:
+                await client.send(message)
+
+    async with serve(flood, "127.0.0.1", 0, close_timeout=0.1) as server:
+        url = f"ws://127.0.0.1:{server.sockets[0].getsockname()[1]}/v1"
+        async with asyncio.timeout(PATIENCE), open_mailbox(url, Sealing(bytes(32), "slave")) as mailbox:
+            assert len(await mailbox.stored()) == MOST_STORED
+
+
+@in_loop
+async def test_a_message_of_a_megabyte_is_not_read() -> None:
+    async with saying(WELCOME, json.dumps({"type": "message", "body": "b" * 1_000_000})) as url:
+        with pytest.raises(MailboxUnreachable) as raised:
+            async with open_mailbox(url, Sealing(bytes(32), "slave")) as mailbox:
+                await mailbox.stored()
     assert is_line(str(raised.value))
 
 

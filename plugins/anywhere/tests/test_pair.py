@@ -1,13 +1,17 @@
 """`slave --invite` and `master --join` as their users meet them, with a real mailbox."""
 
+import os
+import pty
+import re
 import signal
+from io import RawIOBase
 from pathlib import Path
 
 import pytest
 
 from plugins.anywhere.tests import FILE
 from plugins.anywhere.tests.mailbox_server import MailboxServer, mailbox
-from tests.program import Program, free_port
+from tests.program import Program, free_port, weberlink
 from weberlink.config import ConfigurationError, load
 from weberlink_anywhere.pair import pair
 from weberlink_anywhere.peers import Peer, PeerStore
@@ -36,7 +40,7 @@ class Hosts:
 
     def pair(self, side: str, code: str, label: str | None = None) -> str:
         options = [str(part) for part in self.command(side)[2:] if part != "--set"]
-        return pair(load(FILE, options, [side]), side, code, label)
+        return pair(load(FILE, options, [side]), side, code, label, accept=True)
 
 
 @pytest.fixture
@@ -51,22 +55,68 @@ def until_line(program: Program, start: str) -> str:
     return line.removeprefix(start).rstrip()
 
 
+def until_shown(screen: RawIOBase, pattern: str) -> str:
+    """The first group of the pattern in what a terminal shows next."""
+    shown = b""
+    while (found := re.search(pattern.encode(), shown)) is None:
+        piece = screen.read(1)
+        assert piece, shown
+        shown += piece
+    return found[1].decode()
+
+
 @pytest.mark.realtime
 def test_a_code_joins_two_commands_in_a_session(hosts: Hosts) -> None:
-    with Program(*hosts.command("slave", "--invite")) as slave:
+    with Program(*hosts.command("slave", "--invite", "--accept")) as slave:
         code = until_line(slave, "Code: ")
-        assert until_line(slave, "  weberlink master ") == f"{FILE} --join {code}"
-        with Program(*hosts.command("master", "--join", code, "--duration", "0.5")) as master:
+        assert until_line(slave, "  weberlink master ") == f"{FILE} --join"
+        with Program(*hosts.command("master", "--join", "--duration", "0.5"), given=f"{code}\n") as master:
             status, _, errors = master.finish()
+            words = until_line(slave, "weberlink: both hosts must show ")
             slave.send(signal.SIGINT)
             assert (status, slave.finish()[0]) == (0, 0), errors
+    assert f"weberlink: both hosts must show {words}" in errors.splitlines()
     assert "weberlink: paired with slave of the test; no code is needed from now on" in errors
     (at_slave,), (at_master,) = hosts.store("slave"), hosts.store("master")
     assert (at_slave.key, at_slave.name, at_slave.role) == (at_master.key, "master of the test", "master")
 
 
+@pytest.mark.parametrize("answer", ["y", "n"])
+def test_the_person_at_the_robot_compares_two_words(hosts: Hosts, answer: str) -> None:
+    user, theirs = pty.openpty()
+    with Program(*hosts.command("slave", "--invite"), terminal=theirs) as slave, os.fdopen(user, "r+b", 0) as screen:
+        os.close(theirs)
+        code = until_shown(screen, r"Code: (\S+)\s")
+        with Program(*hosts.command("master", "--join", "--duration", "0.2"), given=f"{code}\n") as master:
+            words = until_shown(screen, r"this one shows: (\w+ \w+)\s")
+            assert until_shown(screen, r"(master of the test) asks to drive this robot\. .* \[y/N\]")
+            assert list(hosts.store("slave")) == []
+            screen.write(f"{answer}\n".encode())
+            status, _, errors = master.finish()
+        assert f"this one shows: {words}\n" in errors
+        if answer == "y":
+            assert until_shown(screen, "(paired with master of the test)")
+            slave.send(signal.SIGINT)
+    assert (status == 0) is (answer == "y"), errors
+    assert len(list(hosts.store("slave"))) == len(list(hosts.store("master"))) == (answer == "y")
+
+
+def test_unattended_the_key_is_kept_if_the_command_says_so(hosts: Hosts) -> None:
+    ended = weberlink(*hosts.command("slave", "--invite"))
+    assert (ended.status, "standard input is no terminal; run it on one, or add --accept" in ended.errors) == (2, True)
+
+
+def test_the_code_is_no_argument(hosts: Hosts) -> None:
+    assert weberlink(*hosts.command("master", "--join", "7-confidence-ribcage")).status == 2
+    with Program(*hosts.command("master", "--join")) as master:
+        assert master.finish()[::2] == (
+            2,
+            "weberlink: --join: standard input gave no code; the robot's host shows it\n",
+        )
+
+
 def test_ctrl_c_ends_an_invitation(hosts: Hosts) -> None:
-    with Program(*hosts.command("slave", "--invite")) as slave:
+    with Program(*hosts.command("slave", "--invite", "--accept")) as slave:
         until_line(slave, "Code: ")
         children = slave.children()
         slave.send(signal.SIGINT)

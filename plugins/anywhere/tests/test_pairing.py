@@ -21,6 +21,8 @@ CASES = {
     "wrong code": {"slave": VOID, "master": VOID},
     "third party first": {"slave": VOID, "thief": VOID, "master": GONE},
     "code used twice": {"thief": GONE},
+    "thief with the code": {"slave": "did not confirm the words", "thief": "refused: the person", "master": GONE},
+    "words refused": {"slave": "did not confirm the words", "master": "refused: the person at the robot did not"},
     "changed 0 slave": {"slave": VOID, "master": SILENT},
     "drop 1 slave": {"slave": SILENT, "master": SILENT},
     "changed pake slave": {"slave": "sent what is no message of a pairing", "master": SILENT},
@@ -55,3 +57,5 @@ def test_hosts_pair_or_refuse_with_the_reason() -> None:
     assert {name: found["ends"][name] for name in others()} == {}
     assert found["unsound"] == [], "what a host holds is not what it paired with"
     assert found["learnt"] == [], "the mailbox learns neither key nor names"
+    assert found["words"]["slave"] == found["words"]["master"], "honest hosts show the same words"
+    assert len(found["words"]["slave"].split()) == 2

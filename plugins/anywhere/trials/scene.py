@@ -53,10 +53,12 @@ class Host:
         (folder / "turn.secret").write_text(SECRET)
         self.peers = PeerStore(folder / "data" / "weberlink" / "peers")
 
-    def command(self, side: str, *arguments: str) -> Side:
-        """Type `weberlink SIDE anywhere.yaml ARGUMENTS`."""
+    def command(self, side: str, *arguments: str, given: str | None = None) -> Side:
+        """Type `weberlink SIDE anywhere.yaml ARGUMENTS`, and what it asks for."""
         user = (f"HOME={self.folder}", f"XDG_DATA_HOME={self.folder / 'data'}")
-        return Side(side, FILE, *arguments, prefix=(*self.home.prefix, "env", f"--chdir={self.folder}", *user))
+        return Side(
+            side, FILE, *arguments, prefix=(*self.home.prefix, "env", f"--chdir={self.folder}", *user), given=given
+        )
 
 
 @dataclass(frozen=True)
@@ -175,19 +177,19 @@ def readme_row(laws: Laws) -> dict[str, Any]:
     """Three lines, as somebody types them who has both hosts behind routers of their own."""
     found = {}
 
-    def check(name: str, law: str, *arguments: str) -> None:
-        with place.operator.command(MASTER, *arguments) as operator:
+    def check(name: str, law: str, *arguments: str, given: str | None = None) -> None:
+        with place.operator.command(MASTER, *arguments, given=given) as operator:
             found[name] = meeting(operator)
         laws.check(law, found[name].engaged_s is not None, found[name])
 
     with scene(CONE, SYMMETRIC, known=False) as place:
-        with place.robot.command(SLAVE, "--invite") as robot:
+        with place.robot.command(SLAVE, "--invite", "--accept") as robot:
             within(LISTEN_S, lambda: re.search(CODE, robot.said) or robot.status is not None)
             code = re.search(CODE, robot.said)
             laws.check(f"weberlink slave {FILE} --invite shows a code", code is not None, robot.last_line)
             if code is None:
                 return {}
-            check("join", f"weberlink master {FILE} --join {code[0]} engages", "--join", code[0])
+            check("join", f"weberlink master {FILE} --join engages", "--join", given=f"{code[0]}\n")
             check("again", f"weberlink master {FILE} engages without a code")
             robot.send(signal.SIGTERM)
             robot.finish()

@@ -12,8 +12,8 @@ from time import monotonic, sleep
 from typing import Any
 
 from weberlink.arms.contract import ArmFault
-from weberlink.master.devices import leaders
-from weberlink.slave.robots import followers
+from weberlink.master.devices.leaders import LEADERS
+from weberlink.slave.robots.followers import FOLLOWERS
 
 TICK_S = 0.001
 
@@ -21,8 +21,8 @@ TICK_S = 0.001
 def main(driver: str, options: str, values: str) -> None:
     ended: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: ended.append(number))
-    leads = driver in leaders.LEADERS
-    arm_class: Any = (leaders if leads else followers).load(driver)
+    leads = driver in LEADERS
+    arm_class: Any = (LEADERS if leads else FOLLOWERS)[driver]
     arm = arm_class(arm_class.Options.model_validate_json(options), TICK_S)
     command = arm.display if leads else arm.follow
     try:

@@ -20,7 +20,7 @@ FAULTS = ("unplug", "silent", "late", "garbled", "dead")
 
 def made(name: str, **options: Any) -> Any:
     """Not open."""
-    driver: Any = (leaders if name in LEADERS else followers).load(name)
+    driver: Any = (leaders.LEADERS if name in LEADERS else followers.FOLLOWERS)[name]
     return driver(driver.Options.model_validate(options), TICK)
 
 

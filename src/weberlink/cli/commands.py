@@ -180,12 +180,12 @@ def configs(
     ] = None,
 ) -> None:
     """List the shipped files; copy one, with the files it names."""
-    from weberlink.cli.shipped import copy, listing, text_of  # noqa: PLC0415
+    from weberlink.cli.shipped import copy, show, text_of  # noqa: PLC0415
 
     if name is None:
         if out is not None:
             fail("--out: is for one file: weberlink configs NAME --out FILE", MISCONFIGURED)
-        write({}, None, listing().show)
+        write({}, None, show)
     elif out == STANDARD_OUTPUT:
         typer.echo(text_of(name), nl=False)
     else:

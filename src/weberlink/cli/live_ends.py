@@ -4,6 +4,7 @@ A program reads the newest motion and force by axis, may lead a `remote_leader`,
 """
 
 from collections.abc import Mapping
+from contextlib import suppress
 from math import degrees
 from pathlib import Path
 from time import monotonic
@@ -104,11 +105,12 @@ class LiveEnd:
         found: dict[str, Any] = self.description.get("system", {})
         return found
 
-    @property
-    def description_of_arm(self) -> dict[str, Any]:
-        """What the follower's daemon tells, where it is on this host, else what this one tells."""
+    def range_of(self, key: str) -> NDArray[np.float64]:
+        """`lower_rad` or `upper_rad` of all axes, as the follower's daemon tells where it is on this host; else NaN."""
         follower = self._path.with_name(self._path.name.replace(f"-{MASTER}.", f"-{SLAVE}."))
-        return read_description(follower) or self.description
+        values = (read_description(follower) or self.description).get(key, [])
+        known = len(values) == len(self.names)
+        return np.asarray(values, np.float64) if known else np.full(len(self.names), np.nan)
 
     @property
     def pid(self) -> int:
@@ -166,8 +168,15 @@ def find_end(side: str, session: str | None = None, ticks: int = 1, where: Path 
     Raises:
         NoSessionError: there is none, or more than one and no session given.
     """
-    rings = find_rings(where)
-    found = [end for ends in rings.values() if (end := _live(ends.get(side), session, ticks)) is not None]
+    found = list[LiveEnd]()
+    for ring in (ends[side] for ends in find_rings(where).values() if side in ends):
+        with suppress(NoSessionError, RingFormatError, OSError):
+            if session in (None, ring.session):
+                end = LiveEnd(ring, ticks)
+                if end.is_alive:
+                    found.append(end)
+                else:
+                    end.close()
     if len(found) == 1:
         return found[0]
     for end in found:
@@ -177,19 +186,6 @@ def find_end(side: str, session: str | None = None, ticks: int = 1, where: Path 
         raise NoSessionError(f"{len(found)} sessions have a {side} on this host; choose by session one of {names}")
     which = "" if session is None else f" of session {session}"
     raise NoSessionError(f"no {side}{which} runs on this host; start one, for example: weberlink loopback FILE")
-
-
-def _live(ring: RingFile | None, session: str | None, ticks: int) -> LiveEnd | None:
-    if ring is None or session not in (None, ring.session):
-        return None
-    try:
-        end = LiveEnd(ring, ticks)
-    except (NoSessionError, RingFormatError, OSError):
-        return None
-    if end.is_alive:
-        return end
-    end.close()
-    return None
 
 
 class NotRemoteError(RuntimeError):
@@ -212,7 +208,19 @@ class RemoteLead:
     def __init__(self, session: str | None = None, where: Path | None = None) -> None:
         self._end = find_end(MASTER, session, where=where)
         try:
-            self._lower, self._upper = map(np.array, _limits(self._end))
+            master = self._end.system.get("master", {})
+            device = dict(master.get("device") or {})
+            driver = device.pop("driver", "no arm")
+            if driver != "remote_leader":
+                raise NotRemoteError(  # noqa: TRY301
+                    f"{driver} leads this session: to look on, observe; to lead it, give its file"
+                    " master.device {driver: remote_leader}"
+                )
+            if master.get("joint_mapping") is not None:
+                raise NotRemoteError(  # noqa: TRY301
+                    "a remote_leader is led in the follower's angles; leave out master.joint_mapping"
+                )
+            self._lower, self._upper = map(np.array, limits(device))
             self._writer = TargetWriter(self._end.pid)
         except FileNotFoundError:
             self._end.close()
@@ -244,21 +252,6 @@ class RemoteLead:
         self._end.close()
 
 
-def _limits(end: LiveEnd) -> tuple[Joints, Joints]:
-    """Least and largest angles that the leader takes [rad]; raises NotRemoteError."""
-    master = end.system.get("master", {})
-    device = dict(master.get("device") or {})
-    driver = device.pop("driver", "no arm")
-    if driver != "remote_leader":
-        raise NotRemoteError(
-            f"{driver} leads this session: to look on, observe; to lead it, give its file"
-            " master.device {driver: remote_leader}"
-        )
-    if master.get("joint_mapping") is not None:
-        raise NotRemoteError("a remote_leader is led in the follower's angles; leave out master.joint_mapping")
-    return limits(device)
-
-
 class AxisUnits:
     """The axes of one end of a session as LeRobot names and scales them: `NAME.pos`, `NAME.torque`.
 
@@ -287,7 +280,7 @@ class AxisUnits:
         self._least, self._most = np.full(count, -np.inf), np.full(count, np.inf)
         if not end.is_arm:
             return
-        lower, upper = _range(end)
+        lower, upper = end.range_of("lower_rad"), end.range_of("upper_rad")
         for i, name in enumerate(end.names):
             if name == GRIPPER and end.has_gripper:
                 self._share(i, lower, upper, 0.0)
@@ -323,14 +316,3 @@ class AxisUnits:
     def window_names(self, ticks: int) -> list[str]:
         """Names of the features of a window of torques, tick by tick, the oldest first."""
         return [f"{name}.{tick}" for tick in range(ticks) for name in self.efforts]
-
-
-def _range(end: LiveEnd) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Least and largest angles of all axes [rad]; NaN where they are not known."""
-    count = len(end.names)
-
-    def each(key: str) -> NDArray[np.float64]:
-        values = end.description_of_arm.get(key, [])
-        return np.asarray(values, np.float64) if len(values) == count else np.full(count, np.nan)
-
-    return each("lower_rad"), each("upper_rad")

@@ -47,7 +47,14 @@ def covers(package: str | None) -> bool:
 
 def installed(folders: Sequence[Path] = FOLDERS) -> bool:
     """Whether all these rules are installed."""
-    return all(any(_text(folder / name) == text for folder in folders) for name, text in shipped().items())
+
+    def has(path: Path, text: str) -> bool:
+        try:
+            return path.read_text(encoding="utf-8") == text
+        except (OSError, UnicodeDecodeError):
+            return False
+
+    return all(any(has(folder / name, text) for folder in folders) for name, text in shipped().items())
 
 
 def install(folder: Path = RULES_DIR, udevadm: str | None = None) -> list[str]:
@@ -96,13 +103,7 @@ def install_line() -> str:
 
 
 def group_line(path: str, groups: Iterable[int], user: str | None = None) -> str | None:
-    """How to join the group that may open a device, if that is what is missing.
-
-    Args:
-        path: of the device.
-        groups: ids of the groups of this process.
-        user: name; that of this process if not given.
-    """
+    """How to join the group that may open a device, if this process, of these groups, lacks that alone."""
     try:
         status = os.stat(path)  # noqa: PTH116 - a device, not a file to read
         group = grp.getgrgid(status.st_gid)
@@ -111,7 +112,9 @@ def group_line(path: str, groups: Iterable[int], user: str | None = None) -> str
     may = status.st_mode & (stat.S_IRGRP | stat.S_IWGRP) == stat.S_IRGRP | stat.S_IWGRP
     if not may or status.st_gid == 0 or status.st_gid in groups:
         return None
-    if (user or _user()) in group.gr_mem:
+    with suppress(KeyError):  # of a user without a name
+        user = user or pwd.getpwuid(os.getuid()).pw_name
+    if user in group.gr_mem:
         return f"log out and in again: you are in the group {group.gr_name}, but this login began before that"
     return f"sudo usermod -aG {group.gr_name} $USER    (then log out and in again)"
 
@@ -130,17 +133,3 @@ def _apply(udevadm: str | None) -> str | None:
             complaint = " ".join(done.stderr.split()) or f"exit status {done.returncode}"
             return f"udevadm {arguments[0]} refused ({complaint})"
     return None
-
-
-def _text(path: Path) -> str | None:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        return None
-
-
-def _user() -> str:
-    try:
-        return pwd.getpwuid(os.getuid()).pw_name
-    except KeyError:
-        return ""

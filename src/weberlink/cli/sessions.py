@@ -1,6 +1,7 @@
 """Commands that run a system or one side of it."""
 
 import json
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -16,11 +17,10 @@ from weberlink.order import MASTER, MISCONFIGURED, NOTE, SIDES, SLAVE
 from weberlink.session.targets import STANDARD_OUTPUT
 
 if TYPE_CHECKING:
+    from weberlink.figures.tree import Figures
     from weberlink.session.advice import Parts
 
 PeerLabel = Annotated[str | None, typer.Option("--peer", metavar="NAME", help="Meet this known peer only.")]
-INVITE = ""
-"""In place of a code: one is made and shown."""
 
 
 # Each command imports what it needs when it runs.
@@ -36,7 +36,6 @@ def loopback(
 ) -> None:
     """Run both sides as two processes over UDP on 127.0.0.1."""
     path = file or Path(str(files("weberlink.configs") / "loopback.yaml"))
-
     _live("loopback", path, set_, lambda: one_host(path, set_ or ()), SIDES, duration, json_out, record, log)
 
 
@@ -51,12 +50,12 @@ def master(
         bool, typer.Option("--take-over", help="Replace the master that the slave serves now, which then stops.")
     ] = False,
     join: Annotated[
-        str | None, typer.Option("--join", metavar="CODE", help="Pair with the robot that shows this code, then run.")
-    ] = None,
+        bool, typer.Option("--join", help="Ask for the code that a robot shows, pair with it, then run.")
+    ] = False,
     peer: PeerLabel = None,
 ) -> None:
     """Run the operator side."""
-    added = partial(acquainted, file, set_ or (), MASTER, peer, join)
+    added = partial(acquainted, file, set_ or (), MASTER, peer, pairs=join)
     _live("master", file, set_, added, [MASTER], duration, json_out, record, log, take_over=take_over)
 
 
@@ -70,40 +69,71 @@ def slave(
     invite: Annotated[
         bool, typer.Option("--invite", help="Show a code by which an operator pairs with this robot, then run.")
     ] = False,
+    accept: Annotated[
+        bool, typer.Option("--accept", help="With --invite: keep the operator's key without a question.")
+    ] = False,
     peer: PeerLabel = None,
 ) -> None:
     """Run the teleoperator side."""
-    added = partial(acquainted, file, set_ or (), SLAVE, peer, INVITE if invite else None)
+    added = partial(acquainted, file, set_ or (), SLAVE, peer, pairs=invite, accept=accept)
     _live("slave", file, set_, added, [SLAVE], duration, json_out, record, log)
 
 
-def acquainted(path: Path, overrides: Sequence[str], side: str, label: str | None, code: str | None) -> list[str]:
-    """Overrides by which the path finder of the file meets a peer; with a code, the two hosts are paired first."""
-    if label is None and code is None:
+def acquainted(
+    path: Path, overrides: Sequence[str], side: str, label: str | None, *, pairs: bool, accept: bool = False
+) -> list[str]:
+    """Overrides by which the path finder of the file meets a peer; the two hosts are paired first if `pairs`."""
+    if not pairs and label is None and not accept:
         return []
     from weberlink.config import ConfigurationError, load  # noqa: PLC0415
 
+    if accept and not pairs:
+        raise ConfigurationError("--accept: goes with --invite")
+    asked = "--peer" if not pairs else "--join" if side == MASTER else "--invite"
     configuration = load(path, overrides, [side])
     if configuration.finder is None:
-        asked = "--peer" if code is None else "--join" if code else "--invite"
         raise ConfigurationError(f"{asked}: needs link.finder in the file, which knows other hosts by name")
-    if code is not None:
-        label = configuration.finder.driver.pair(configuration, side, code, label)
+    if pairs:
+        code = ""
+        if side == MASTER:  # not an argument: other users of the host can read those
+            if sys.stdin.isatty():
+                sys.stderr.write("Code that the robot's host shows: ")
+                sys.stderr.flush()
+            code = sys.stdin.readline().strip()
+            if not code:
+                raise ConfigurationError("--join: standard input gave no code; the robot's host shows it")
+        label = configuration.finder.driver.pair(configuration, side, code, label, accept=accept)
         if side == SLAVE:  # which waits for all that it knows
             return []
     return [f"link.finder.peer={json.dumps(label)}"]
 
 
 def one_host(path: Path, overrides: Sequence[str]) -> list[str]:
-    """Overrides by which both sides meet on this host. Raises ConfigurationError for a file of two that pair."""
-    from weberlink.config import ConfigurationError, load  # noqa: PLC0415
+    """Overrides by which both sides meet on this host, several loopbacks at once too: a port that is free replaces 0.
 
-    if load(path, overrides).finder is not None:
+    Raises:
+        ConfigurationError: the file is wrong, or of two hosts that pair.
+    """
+    import socket  # noqa: PLC0415
+
+    from weberlink.config import ConfigurationError, load  # noqa: PLC0415
+    from weberlink.config.model import split_address  # noqa: PLC0415
+
+    configuration = load(path, overrides)
+    if configuration.finder is not None:
         raise ConfigurationError(
             f"{path}: link.finder is for two hosts; for weberlink loopback add --set link.finder=null "
             "--set link.security=session --set link.listen=127.0.0.1:47000"
         )
-    return free_port(path, overrides)
+    host, port = split_address(configuration.system.link.listen)
+    if port != 0:
+        return []
+    is_v6 = ":" in host
+    with socket.socket(socket.AF_INET6 if is_v6 else socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind((host, 0))
+        port = probe.getsockname()[1]
+    address = json.dumps(f"[{host}]:{port}" if is_v6 else f"{host}:{port}")  # quoted, for YAML
+    return [f"link.listen={address}", f"link.slave={address}"]
 
 
 def simulate(
@@ -136,11 +166,11 @@ def simulate(
     refuse_live(configuration)
     say_advice(dry_run(configuration))
     with progress_bar() as progress:
-        summary, recorder = run(configuration, duration, record, progress, tell)
+        figures, recorder = run(configuration, duration, record, progress, tell)
     problem = None if trace is None else attempt(lambda: recorder.save(trace), trace)
-    if summary.get("interrupted") and problem is None:
-        problem = f"interrupted: {summary['duration_s']:.1f} s of simulated time are done, and in the report"
-    finish(summary, f"weberlink simulate {file}", json_out, problem)
+    if figures.interrupted and problem is None:
+        problem = f"interrupted: {figures.duration_s:.1f} s of simulated time are done, and in the report"
+    finish(figures, f"weberlink simulate {file}", json_out, problem)
 
 
 def _live(
@@ -158,7 +188,7 @@ def _live(
 ) -> None:
     from weberlink.config import load  # noqa: PLC0415
     from weberlink.session.advice import dry_run  # noqa: PLC0415
-    from weberlink.session.launcher import Session  # noqa: PLC0415
+    from weberlink.session.launcher import LiveRun  # noqa: PLC0415
     from weberlink.telemetry.runtime_directory import directory  # noqa: PLC0415
 
     with journals_to(log, json_out) as journal_at:
@@ -173,12 +203,12 @@ def _live(
                 format_for(record)
         on_delay = say_advice(parts)
         journal = None if journal_at is None else journal_at(configuration.system.rate_hz)
-        with Session(
+        with LiveRun(
             configuration, overrides, sides, duration, status_display, record, journal,
             take_over=take_over, tell=tell, on_delay=on_delay,
-        ) as session:  # fmt: skip
-            summary = session.run()
-    finish(summary, f"weberlink {name}", json_out, quiet=log == STANDARD_OUTPUT)
+        ) as run:  # fmt: skip
+            figures = run.run()
+    finish(figures, f"weberlink {name}", json_out, quiet=log == STANDARD_OUTPUT)
 
 
 def say_advice(parts: "Parts") -> Callable[[float], str | None]:
@@ -205,8 +235,8 @@ def status_display() -> Iterator[Any]:
         return
     with Live(Text("starting"), console=console, refresh_per_second=10, transient=True) as live:
 
-        def watch(records: dict[str, Any], summary: dict[str, Any]) -> None:
-            live.update(Text(status_line(records, summary)))
+        def watch(records: dict[str, Any], figures: "Figures") -> None:
+            live.update(Text(status_line(records, figures)))
 
         yield watch
 
@@ -223,26 +253,4 @@ def journals_to(log: Path | None, json_out: Path | None) -> Iterator[Any]:
     if log == json_out == STANDARD_OUTPUT:
         fail("--log -: standard output is taken by --json -; write one of them to a file", MISCONFIGURED)
     with LogFile(log) as file:
-        yield partial(Journal, file.write)
-
-
-def free_port(path: Path, overrides: Sequence[str]) -> list[str]:
-    """Overrides that replace port 0 by one that is free now, so that several loopbacks can run at once.
-
-    Raises:
-        ConfigurationError: the file is wrong.
-    """
-    import socket  # noqa: PLC0415
-
-    from weberlink.config import load  # noqa: PLC0415
-    from weberlink.config.model import split_address  # noqa: PLC0415
-
-    host, port = split_address(load(path, overrides).system.link.listen)
-    if port != 0:
-        return []
-    is_v6 = ":" in host
-    with socket.socket(socket.AF_INET6 if is_v6 else socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind((host, 0))
-        port = probe.getsockname()[1]
-    address = json.dumps(f"[{host}]:{port}" if is_v6 else f"{host}:{port}")  # quoted, for YAML
-    return [f"link.listen={address}", f"link.slave={address}"]
+        yield partial(Journal, file.write_json)

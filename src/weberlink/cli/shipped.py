@@ -1,8 +1,7 @@
 """The files that come with the program: what there is, and copies of them with the files that they name."""
 
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
@@ -31,23 +30,8 @@ SHORTEST, LONGEST = 30, 100
 """Characters of a sentence that says enough alone, and of one that is cut at its colon."""
 
 
-@dataclass(frozen=True)
-class Listing:
+def listing() -> list[tuple[str, str]]:
     """All shipped files, each with a sentence: configurations first."""
-
-    rows: Sequence[tuple[str, str]]
-
-    def show(self, console: Console) -> None:
-        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=False)
-        table.add_column(no_wrap=True)
-        table.add_column()
-        for name, about in self.rows:
-            table.add_row(Text(name), Text(about))
-        console.print(table)
-        console.print(Text("weberlink configs NAME copies one here, with the files that it names."))
-
-
-def listing() -> Listing:
     found = sorted((path for folder in config_folders() for path in folder.glob("*.yaml")), key=lambda path: path.stem)
     configurations = [(path.stem, _about(path)) for path in found]
     others = {
@@ -55,7 +39,17 @@ def listing() -> Listing:
         for module in config_modules()
         for name, about in vars(import_module(module)).get("OTHERS", {}).items()
     }
-    return Listing([*configurations, *sorted((OTHERS | others).items())])
+    return [*configurations, *sorted((OTHERS | others).items())]
+
+
+def show(console: Console) -> None:
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column()
+    for name, about in listing():
+        table.add_row(Text(name), Text(about))
+    console.print(table)
+    console.print(Text("weberlink configs NAME copies one here, with the files that it names."))
 
 
 def _about(path: Path) -> str:
@@ -115,13 +109,7 @@ def copy(name: str, out: Path | None) -> list[Path]:
     """Copy a shipped file with the files that it names, each at the same place beside it; or a folder.
 
     A file that is there already with the same content stays. No other one is overwritten, and then nothing is written.
-
-    Args:
-        name: as of `find`.
-        out: the copy, or a folder for it; None for the same name in the working directory.
-
-    Returns:
-        The files that were written.
+    `out` is the copy, or a folder for it; None for the same name in the working directory. Returns what was written.
 
     Raises:
         ConfigurationError: there is no such file, or a copy cannot be written.
@@ -137,7 +125,10 @@ def copy(name: str, out: Path | None) -> list[Path]:
             for path in needed_by(source)
         }
         pairs = {source: target} | beside
-    new = {path: place for path, place in pairs.items() if not _is_there(path, place)}
+    new = {path: place for path, place in pairs.items() if not place.exists()}
+    for path, place in pairs.items():
+        if place.exists() and not (place.is_file() and place.read_bytes() == path.read_bytes()):
+            raise ConfigurationError(f"{place}: exists and is another one; name another file or folder with --out")
     try:
         if not source.is_dir() and new:
             check_file(target)
@@ -152,39 +143,28 @@ def copy(name: str, out: Path | None) -> list[Path]:
     return list(new.values())
 
 
-def _is_there(source: Path, place: Path) -> bool:
-    """Whether a copy is there already; raises ConfigurationError for another file at its place."""
-    if not place.exists():
-        return False
-    if not place.is_file() or place.read_bytes() != source.read_bytes():
-        raise ConfigurationError(f"{place}: exists and is another one; name another file or folder with --out")
-    return True
-
-
 def needed_by(path: Path) -> list[Path]:
-    """The files that a file names, and those that these name, in turn: beside it, or of the program's own."""
+    """The files that a file names, and those that these name, in turn: beside it, or of the program's own.
+
+    YAML names files in its values, and its schema in a comment; a model of MuJoCo in attributes called `file`.
+    """
     found: list[Path] = []
     waiting = [path]
     while waiting:
-        at = waiting.pop()
-        for text in _named_in(at):
-            near = (at.parent / text).resolve()
-            near = near if near.is_file() else config_folders()[0] / text
+        at, names = waiting.pop(), list[str]()
+        if at.suffix == ".yaml":
+            text = at.read_text(encoding="utf-8")
+            names = [*re.findall(r"^# yaml-language-server: \$schema=(\S+)", text), *_texts(yaml.safe_load(text))]
+        elif at.suffix == ".xml":
+            elements = ElementTree.parse(at).iter()  # noqa: S314 - a file of this package
+            names = [element.attrib["file"] for element in elements if "file" in element.attrib]
+        for name in names:
+            near = (at.parent / name).resolve()
+            near = near if near.is_file() else config_folders()[0] / name
             if near.is_file() and near not in (path.resolve(), *found):
                 found.append(near)
                 waiting.append(near)
     return found
-
-
-def _named_in(path: Path) -> Iterator[str]:
-    """Texts in a file that may be the names of others: values of YAML, and its schema; `file` in MuJoCo's models."""
-    if path.suffix == ".yaml":
-        text = path.read_text(encoding="utf-8")
-        yield from re.findall(r"^# yaml-language-server: \$schema=(\S+)", text)
-        yield from _texts(yaml.safe_load(text))
-    elif path.suffix == ".xml":
-        for element in ElementTree.parse(path).iter():  # noqa: S314 - a file of this package
-            yield from (value for key, value in element.items() if key == "file")
 
 
 def _texts(content: Any) -> Iterator[str]:

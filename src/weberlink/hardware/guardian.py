@@ -65,10 +65,7 @@ class Guardian:
         return None if self._child is None else self._child.pid
 
     def watch(self, descriptor: int) -> None:
-        """Start the process.
-
-        Args:
-            descriptor: of the device, open for writing. The process has its own copy.
+        """Start the process, which gets a copy of the device's descriptor, open for writing.
 
         Raises:
             HardwareFault: it does not start.
@@ -89,7 +86,14 @@ class Guardian:
             raise HardwareFault(f"its guardian process cannot be started: {error.strerror}") from None
         self._socket = ours.detach()
         self._writes = 0
-        self._wait_for_start()
+        until = monotonic() + START_S
+        while self._words[BEATS] == 0:
+            # Readable once the other end is closed, so when it has died.
+            dead, _, _ = select((self._socket,), (), (), 0.001)
+            if dead or monotonic() > until:
+                self.stop()
+                raise HardwareFault("its guardian process does not start")
+        self._beats = (self._words[BEATS], monotonic())
 
     def given(self, at: float, stale: float) -> None:
         """Set the time of the next command, and its largest age when it is written [s]."""
@@ -104,7 +108,7 @@ class Guardian:
         """
         if data.startswith(self._all_rests):
             return
-        self._check_alive()
+        self._check_heard()
         self._words[LEASE] = int((self._given_at + max(LEASE_S, 2.0 * self._stale)) * 1e9)
         if (late := monotonic() - self._given_at) > self._stale:
             raise BadReply(f"was held up for {late * 1e3:.0f} ms; the force comes up again from zero")
@@ -141,17 +145,7 @@ class Guardian:
         assert self._memory is not None
         self._memory.close()
 
-    def _wait_for_start(self) -> None:
-        until = monotonic() + START_S
-        while self._words[BEATS] == 0:
-            # Readable once the other end is closed, so when it has died.
-            dead, _, _ = select((self._socket,), (), (), 0.001)
-            if dead or monotonic() > until:
-                self.stop()
-                raise HardwareFault("its guardian process does not start")
-        self._beats = (self._words[BEATS], monotonic())
-
-    def _check_alive(self) -> None:
+    def _check_heard(self) -> None:
         """Raise HardwareFault if the guardian is dead or silent."""
         if (silent := self._silent(monotonic())) > SILENT_S:
             raise HardwareFault(
@@ -195,7 +189,7 @@ class HoldingGuardian(Guardian):
         """
         put_message(self._shared, message)
         self._words[LEASE] = int((monotonic() + self._lease) * 1e9)
-        self._check_alive()
+        self._check_heard()
 
     def end(self) -> None:
         """The arm is safe as it is."""

@@ -72,7 +72,9 @@ class SerialPort:
         try:
             while sent < len(data):
                 _, ready, _ = select((), (self._descriptor,), (), max(0.0, until - monotonic()))
-                taken = self._offer(data[sent:] if sent else data) if ready else 0
+                taken = 0
+                with suppress(BlockingIOError):  # it was ready for less than a byte
+                    taken = os.write(self._descriptor, data[sent:]) if ready else 0
                 if taken:
                     sent, until = sent + taken, monotonic() + WRITING_S
                     if sent < len(data) and self._guardian is not None:
@@ -82,12 +84,6 @@ class SerialPort:
                     raise HardwareFault(f"{self.path}: takes no more data")
         except (OSError, ValueError):
             raise HardwareFault(f"{self.path}: unplugged") from None
-
-    def _offer(self, data: bytes) -> int:
-        try:
-            return os.write(self._descriptor, data)
-        except BlockingIOError:  # it was ready for less than a byte
-            return 0
 
     def read(self, until: float) -> bytes:
         """Read what has come, waiting for the first byte until `until` [s, monotonic]; empty if none comes.
@@ -108,10 +104,7 @@ class SerialPort:
 
     def drain(self) -> bytes:
         """Read everything that has come, without waiting."""
-        parts = []
-        while part := self.read(0.0):
-            parts.append(part)
-        return b"".join(parts)
+        return b"".join(iter(lambda: self.read(0.0), b""))
 
     def close(self) -> None:
         """Close the port after pending data has left; may be called again."""
@@ -119,20 +112,15 @@ class SerialPort:
         if self._guardian is not None:
             self._guardian.stop()  # it has the port open too
         with suppress(OSError, termios.error):
-            self._let_leave()
+            # The kernel would delay closing by half a minute if the device does not take the data.
+            until = monotonic() + LEAVING_S
+            while self._port.is_open and self._port.out_waiting:
+                if monotonic() >= until:
+                    self._port.reset_output_buffer()
+                    break
+                sleep(0.001)
         with suppress(OSError):
             self._port.close()
-
-    def _let_leave(self) -> None:
-        """Wait for pending data; the kernel would delay closing by half a minute if the device does not take it."""
-        if not self._port.is_open:
-            return
-        until = monotonic() + LEAVING_S
-        while self._port.out_waiting:
-            if monotonic() >= until:
-                self._port.reset_output_buffer()
-                return
-            sleep(0.001)
 
 
 def _reason(path: str, error: Exception) -> str:

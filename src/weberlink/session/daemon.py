@@ -21,8 +21,7 @@ from weberlink.config.errors import trace_of, validated
 from weberlink.config.finders import PathFinder, finder_of, finding
 from weberlink.config.model import DirectionFaults, split_address
 from weberlink.order import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS
-from weberlink.protocol.aio.paths import peer_address
-from weberlink.protocol.aio.udp import UdpShell
+from weberlink.protocol.aio.udp import UdpShell, peer_address
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.protocol.events import Address
 from weberlink.realtime.garbage import GarbageSchedule
@@ -112,7 +111,11 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
         described.publish(paths=udp.paths)
         stack.callback(described.remove)
         ring = RingWriter.create(
-            order.ring, side=order.side, rate_hz=system.rate_hz, capacity=int(RING_SECONDS * system.rate_hz)
+            order.ring,
+            side=order.side,
+            rate_hz=system.rate_hz,
+            capacity=int(RING_SECONDS * system.rate_hz),
+            records=side.layout,
         )
         # Launcher and recorder may be slow to start: the launcher removes the file when both have read it.
         stack.callback(lambda: ring.close(unlink=os.getppid() != order.parent))

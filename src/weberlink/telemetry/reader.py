@@ -11,24 +11,21 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.telemetry.record import DESCRIPTION
+from weberlink.telemetry.record import ALL, DESCRIPTION, layout
 from weberlink.telemetry.ring import (
-    BODY,
     CHECK,
     CLOSED_AT,
     COUNTER_AT,
     LARGEST_FILE,
     RECORDS_AT,
-    SLOT_BYTES,
+    body_of,
     is_alive,
     read_header,
+    slot_bytes,
 )
 from weberlink.telemetry.runtime_directory import open_file
 
 DTYPE = np.dtype(DESCRIPTION)
-_SLOT = np.dtype({"names": ["number", "record"], "formats": ["<u8", DTYPE], "offsets": [0, 8], "itemsize": SLOT_BYTES})
-
-
 _NUMBER = Struct("<Q").unpack_from
 
 
@@ -44,7 +41,10 @@ class RingReader:
         RingFormatError: it is not a ring that this release can read.
     """
 
-    __slots__ = ("_capacity", "_closed", "_counter", "_data", "_header", "_map", "_next", "overrun", "path")
+    __slots__ = (
+        *("_body_bytes", "_capacity", "_closed", "_counter", "_data", "_header", "_layout", "_map", "_next", "_slot"),
+        *("_slot_bytes", "overrun", "path"),
+    )
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
@@ -52,9 +52,19 @@ class RingReader:
         try:
             self._header = read_header(self.path, fd)
             self._capacity = self._header.capacity
-            self._map = mmap(fd, RECORDS_AT + self._capacity * SLOT_BYTES, access=ACCESS_READ)
+            self._layout = layout(self._header.parts)
+            self._body_bytes, self._slot_bytes = body_of(self._layout).size, slot_bytes(self._layout)
+            self._map = mmap(fd, RECORDS_AT + self._capacity * self._slot_bytes, access=ACCESS_READ)
         finally:
             os.close(fd)
+        self._slot = np.dtype(
+            {
+                "names": ["number", "record"],
+                "formats": ["<u8", np.dtype(self._layout.description)],
+                "offsets": [0, 8],
+                "itemsize": self._slot_bytes,
+            }
+        )
         whole = memoryview(self._map)
         self._counter = whole[COUNTER_AT : COUNTER_AT + 8].cast("Q")
         self._data = whole[RECORDS_AT:]
@@ -112,6 +122,8 @@ class RingReader:
     def read(self) -> NDArray[np.void]:
         """All complete records since the last call, oldest first, as an array of `DTYPE` of its own.
 
+        Fields of parts that the session does not have are 0.
+
         Records that the writer has overwritten before they could be copied whole are left out and counted in `overrun`.
         A record that is published and not whole yet is left for the next call, and so are those after it.
         """
@@ -119,11 +131,16 @@ class RingReader:
         first = max(self._next, self._oldest(end))
         copied = self._copy(first, end - first)
         intact = min(max(first, self._oldest(self._counter[0])), end)
-        end = _whole(copied, first, intact, end)
+        end = self._whole(copied, first, intact, end)
         self.overrun += intact - self._next
         self._next = end
-        records: NDArray[np.void] = np.frombuffer(copied, _SLOT)["record"][intact - first : end - first].copy()
-        return records
+        records: NDArray[np.void] = np.frombuffer(copied, self._slot)["record"][intact - first : end - first]
+        if self._layout is ALL:
+            return records.copy()
+        filled = np.zeros(len(records), DTYPE)
+        for field in self._layout.fields:
+            filled[field.name] = records[field.name]
+        return filled
 
     def close(self) -> None:
         """Release the mapping; arrays that were read stay valid. May be repeated."""
@@ -149,16 +166,15 @@ class RingReader:
     def _copy(self, first: int, count: int) -> bytearray:
         start = first % self._capacity
         until_end = min(count, self._capacity - start)
-        slots = bytearray(self._data[start * SLOT_BYTES : (start + until_end) * SLOT_BYTES])
-        slots += self._data[: (count - until_end) * SLOT_BYTES]
+        slots = bytearray(self._data[start * self._slot_bytes : (start + until_end) * self._slot_bytes])
+        slots += self._data[: (count - until_end) * self._slot_bytes]
         return slots
 
-
-def _whole(slots: bytearray, first: int, intact: int, end: int) -> int:
-    """The first record from `intact` to `end` that is not whole, or `end`; `first` is that of the first slot."""
-    view = memoryview(slots)
-    for record in range(intact, end):
-        slot = view[(record - first) * SLOT_BYTES :]
-        if (record + 1, crc32(slot[: BODY.size])) != (_NUMBER(slot)[0], CHECK.unpack_from(slot, BODY.size)[0]):
-            return record
-    return end
+    def _whole(self, slots: bytearray, first: int, intact: int, end: int) -> int:
+        """The first record from `intact` to `end` that is not whole, or `end`; `first` is that of the first slot."""
+        view, size = memoryview(slots), self._body_bytes
+        for record in range(intact, end):
+            slot = view[(record - first) * self._slot_bytes :]
+            if (record + 1, crc32(slot[:size])) != (_NUMBER(slot)[0], CHECK.unpack_from(slot, size)[0]):
+                return record
+        return end

@@ -1,14 +1,17 @@
 """The telemetry record of one tick of one side: one table of fields, and what follows from it.
 
-`RECORD` packs for the writer, `DESCRIPTION` is the numpy type of the reader. A side fills the fields by name in a
-`weberlink.telemetry.row.Row`.
+A side fills the fields by name in a `weberlink.telemetry.row.Row`, and writes those that its parts have. Readers see
+all fields, with 0 in those that nobody fills.
 """
 
 from collections import namedtuple
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
+from functools import cache
+from itertools import chain, groupby
 from math import nan
+from operator import attrgetter
 from struct import Struct
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from weberlink.geometry.joints import MOST_JOINTS
 
@@ -28,29 +31,48 @@ MOST_RECEIVED = 255
 CODES = {"<f8": "d", "<f4": "f", "<u8": "Q", "u1": "B"}
 
 
+HAND, ROTATION, ARM = "hand", "rotation", "arm"
+PARTS = (HAND, ROTATION, ARM)
+
+
 class Field(NamedTuple):
-    """One quantity of a record; `axes` is 1 for a number, 3 for a vector, and `len(JOINTS)` for the axes of an arm."""
+    """One quantity of a record.
+
+    Args:
+        name: of the field.
+        kind: numpy's name of its type.
+        axes: 1 for a number, 3 for a vector, and `len(JOINTS)` for the axes of an arm.
+        unit: of the numbers.
+        meaning: in words.
+        part: of a system that fills it; empty if every system does.
+    """
 
     name: str
     kind: str
     axes: int
     unit: str
     meaning: str
+    part: str = ""
 
 
-# Wide types come first, in the part of the rotation again: so every value of a packed record is aligned.
+# Wide types come first, in whichever parts are recorded: so every value of a packed record is aligned.
 FIELDS = (
     Field("at", "<f8", 1, "s", "deadline of the tick, monotonic clock of this host"),
     Field("peer_at", "<f8", 1, "s", "the same moment on the clock of the peer, since its tick 0; NaN while unknown"),
-    Field("position", "<f8", 3, "m", "position of the device (master) or commanded position as decoded (slave)"),
-    Field("raw", "<f8", 3, "m | N", "to be encoded: command of the control scheme (master), contact force (slave)"),
-    Field("decoded", "<f8", 3, "N", "force before the limiter (master), what the peer's decoder should hold (slave)"),
+    Field("position", "<f8", 3, "m", "position of the device (master) or commanded position as decoded (slave)", HAND),
+    Field(
+        "raw", "<f8", 3, "m | N", "to be encoded: command of the control scheme (master), contact force (slave)", HAND
+    ),
+    Field(
+        "decoded", "<f8", 3, "N", "force before the limiter (master), what the peer's decoder should hold (slave)", HAND
+    ),
     Field(
         "predicted",
         "<f8",
         3,
         "m | N",
         "what this side encodes, as the peer held it before an update of this tick; NaN if it held nothing",
+        HAND,
     ),
     Field(
         "coded",
@@ -58,8 +80,9 @@ FIELDS = (
         3,
         "m | N",
         "the sample that this side decided on in this tick; `raw`, or with look-ahead the one of that long ago",
+        HAND,
     ),
-    Field("output", "<f8", 3, "N | m", "commanded to the device: force (master), to the robot: position (slave)"),
+    Field("output", "<f8", 3, "N | m", "commanded to the device: force (master), to the robot: position (slave)", HAND),
     Field("bound", "<f8", 1, "m | N", "deadband of `coded`, in the unit of what this side encodes"),
     Field("weber", "<f8", 1, "", "Weber factor of the force channel, as a live change may have left it"),
     Field("credit", "<f8", 1, "J", "what the scene gave beyond what it took, since the session began, as known here"),
@@ -76,6 +99,70 @@ FIELDS = (
     Field("updates_received", "<u8", 1, "", "applied, so far"),
     Field("repeats", "<u8", 1, "", "updates sent again for want of an acknowledgement, so far"),
     Field("heartbeats", "<u8", 1, "", "sent, so far"),
+    Field("rotation_updates_sent", "<u8", 1, "", "samples of the rotation that crossed the deadband, so far", ROTATION),
+    Field("rotation_updates_received", "<u8", 1, "", "of the rotation, applied, so far", ROTATION),
+    Field("gripper_updates_sent", "<u8", 1, "", "samples of the gripper that crossed the deadband, so far", ARM),
+    Field("gripper_updates_received", "<u8", 1, "", "of the gripper, applied, so far", ARM),
+    Field(
+        "surface",
+        "<f4",
+        3,
+        "1 | m",
+        "unit normal of the fitted plane, centre of the fitted sphere; NaN without either",
+        HAND,
+    ),
+    Field(
+        "rotation_raw",
+        "<f4",
+        3,
+        "rad | N m",
+        "as measured: rotation vector of the device (master), torque (slave)",
+        ROTATION,
+    ),
+    Field(
+        "rotation_decoded",
+        "<f4",
+        3,
+        "N m",
+        "torque before the limiter (master), what the peer's decoder should hold (slave)",
+        ROTATION,
+    ),
+    Field(
+        "rotation_output",
+        "<f4",
+        3,
+        "N m | rad",
+        "commanded to the device: torque (master), to the robot: rotation vector (slave)",
+        ROTATION,
+    ),
+    Field("joint_position", "<f4", len(JOINTS), "rad", "measured angles of the leader (master), follower (slave)", ARM),
+    Field(
+        "joint_raw", "<f4", len(JOINTS), "rad | N m", "to be encoded: commanded angles (master), torques (slave)", ARM
+    ),
+    Field(
+        "joint_predicted",
+        "<f4",
+        len(JOINTS),
+        "rad | N m",
+        "what this side encodes, as the peer held it before an update of this tick; NaN if it held nothing",
+        ARM,
+    ),
+    Field(
+        "joint_decoded",
+        "<f4",
+        len(JOINTS),
+        "N m",
+        "torques before the limiter (master), what the peer's decoder should hold (slave)",
+        ARM,
+    ),
+    Field(
+        "joint_output",
+        "<f4",
+        len(JOINTS),
+        "N m | rad",
+        "commanded to the arm: torques of the leader (master), angles of the follower (slave)",
+        ARM,
+    ),
     Field("lateness_us", "<f4", 1, "us", "from the deadline to the start of the tick"),
     Field("work_us", "<f4", 1, "us", "from the start of the tick to its end"),
     Field("codec_us", "<f4", 1, "us", "part of the work spent encoding and decoding"),
@@ -93,15 +180,25 @@ FIELDS = (
     Field("peer_burst", "<f4", 1, "", "mean run of the peer's datagrams that were lost; 0 while unknown"),
     Field("energy", "<f4", 1, "J", "what the display may still give to the hand; 0 without an account"),
     Field(
-        "surface", "<f4", 3, "1 | m", "unit normal of the fitted plane, centre of the fitted sphere; NaN without either"
+        "surface_size",
+        "<f4",
+        1,
+        "m",
+        "offset d of the fitted plane, radius of the fitted sphere (concave: negative)",
+        HAND,
     ),
+    Field("surface_stiffness", "<f4", 1, "N/m", "of the fitted plane or sphere", HAND),
     Field(
-        "surface_size", "<f4", 1, "m", "offset d of the fitted plane, radius of the fitted sphere (concave: negative)"
+        "rotation_bound",
+        "<f4",
+        1,
+        "rad | N m",
+        "deadband of this tick, of the rotation that this side encodes",
+        ROTATION,
     ),
-    Field("surface_stiffness", "<f4", 1, "N/m", "of the fitted plane or sphere"),
     Field("state", "u1", 1, "", "of the side's state machine, as its own number"),
     Field("fault", "u1", 1, "", "the fault that is active, as its own number; 0 for none"),
-    Field("selected", "u1", 1, "", "predictor in use on the force channel, as its index in the bank"),
+    Field("selected", "u1", 1, "", "predictor in use on the force channel, as its index in the bank", HAND),
     Field("sent", "u1", 1, "", "1 if an update was sent in this tick"),
     Field("received", "u1", 1, "", f"updates applied in this tick, {MOST_RECEIVED} for more"),
     Field("clipped", "u1", 1, "", "1 if a limiter changed the output"),
@@ -113,58 +210,19 @@ FIELDS = (
         "1 while a session begins or ends: force is faded (master), robot approaches (slave); 2 while the master does "
         "not lead, since the button of master.engage is not held",
     ),
-    Field("model", "u1", 1, "", "what the force update in use fitted: 0 none, 1 line, 2 plane, 3 sphere"),
+    Field("model", "u1", 1, "", "what the force update in use fitted: 0 none, 1 line, 2 plane, 3 sphere", HAND),
     Field("settings", "u1", 1, "", "how many live changes of settings are in force, modulo 256"),
     Field("buttons", "u1", 1, "", "of the device, the lowest eight as bits (master)"),
-    Field("position_selected", "u1", 1, "", "predictor in use on the position channel, as its index in the bank"),
-    Field("gripper_sent", "u1", 1, "", "1 if an update of the gripper was sent in this tick"),
-    Field("rotation_updates_sent", "<u8", 1, "", "samples of the rotation that crossed the deadband, so far"),
-    Field("rotation_updates_received", "<u8", 1, "", "of the rotation, applied, so far"),
-    Field("rotation_raw", "<f4", 3, "rad | N m", "as measured: rotation vector of the device (master), torque (slave)"),
+    Field("position_selected", "u1", 1, "", "predictor in use on the position channel, as its index in the bank", HAND),
+    Field("gripper_sent", "u1", 1, "", "1 if an update of the gripper was sent in this tick", ARM),
     Field(
-        "rotation_decoded",
-        "<f4",
-        3,
-        "N m",
-        "torque before the limiter (master), what the peer's decoder should hold (slave)",
+        "rotation_selected", "u1", 1, "", "predictor in use on the torque channel, as its index in the bank", ROTATION
     ),
-    Field(
-        "rotation_output",
-        "<f4",
-        3,
-        "N m | rad",
-        "commanded to the device: torque (master), to the robot: rotation vector (slave)",
-    ),
-    Field("rotation_bound", "<f4", 1, "rad | N m", "deadband of this tick, of the rotation that this side encodes"),
-    Field("rotation_selected", "u1", 1, "", "predictor in use on the torque channel, as its index in the bank"),
-    Field("rotation_sent", "u1", 1, "", "1 if an update of the rotation was sent in this tick"),
+    Field("rotation_sent", "u1", 1, "", "1 if an update of the rotation was sent in this tick", ROTATION),
     Field("widened", "u1", 1, "", "1 if the bounded rate of updates widened the deadband in this tick"),
-    Field("rotation_widened", "u1", 1, "", "1 if the bounded rate of updates widened its deadband in this tick"),
-    Field("joint_position", "<f4", len(JOINTS), "rad", "measured angles of the leader (master), follower (slave)"),
-    Field("joint_raw", "<f4", len(JOINTS), "rad | N m", "to be encoded: commanded angles (master), torques (slave)"),
     Field(
-        "joint_predicted",
-        "<f4",
-        len(JOINTS),
-        "rad | N m",
-        "what this side encodes, as the peer held it before an update of this tick; NaN if it held nothing",
+        "rotation_widened", "u1", 1, "", "1 if the bounded rate of updates widened its deadband in this tick", ROTATION
     ),
-    Field(
-        "joint_decoded",
-        "<f4",
-        len(JOINTS),
-        "N m",
-        "torques before the limiter (master), what the peer's decoder should hold (slave)",
-    ),
-    Field(
-        "joint_output",
-        "<f4",
-        len(JOINTS),
-        "N m | rad",
-        "commanded to the arm: torques of the leader (master), angles of the follower (slave)",
-    ),
-    Field("gripper_updates_sent", "<u8", 1, "", "samples of the gripper that crossed the deadband, so far"),
-    Field("gripper_updates_received", "<u8", 1, "", "of the gripper, applied, so far"),
 )
 
 NAMES = tuple(field.name for field in FIELDS)
@@ -182,10 +240,51 @@ COLUMNS = tuple(
     for field in FIELDS
     for name in ([f"{field.name}_{place}" for place in _PLACES[field.axes]] if field.axes > 1 else [field.name])
 )
-DESCRIPTION = [
-    (field.name, field.kind, (field.axes,)) if field.axes > 1 else (field.name, field.kind) for field in FIELDS
-]
-RECORD = Struct("<" + "".join(CODES[field.kind] * field.axes for field in FIELDS))
+
+
+class Layout:
+    """The packed record of a system with some of the `PARTS`.
+
+    Attributes:
+        parts: as bits, the first part lowest.
+        fields: in the order of `FIELDS`.
+        format: for `struct`.
+        description: numpy's type.
+    """
+
+    def __init__(self, parts: Sequence[str]) -> None:
+        self.parts = sum(1 << PARTS.index(part) for part in parts)
+        self.fields = tuple(field for field in FIELDS if field.part in ("", *parts))
+        self.format = "".join(CODES[field.kind] * field.axes for field in self.fields)
+        self.description = [
+            (field.name, field.kind, (field.axes,)) if field.axes > 1 else (field.name, field.kind)
+            for field in self.fields
+        ]
+        self._runs: list[tuple[bool, Callable[[Any], Any]]] = []
+        """What gets the values of consecutive numbers or vectors; a lone vector is its numbers."""
+        for is_vector, run in groupby(self.fields, lambda field: field.axes > 1):
+            names = [field.name for field in run]
+            self._runs.append((is_vector and len(names) > 1, attrgetter(*names)))
+
+    def values(self, row: Any) -> list[float]:
+        """The values of a row, flat, in the order of the fields."""
+        values: list[float] = []
+        for nested, get in self._runs:
+            values += chain.from_iterable(get(row)) if nested else get(row)
+        return values
+
+
+@cache
+def layout(parts: int) -> Layout:
+    """The layout of parts as bits; raises ValueError for other bits."""
+    if not 0 <= parts < 1 << len(PARTS):
+        raise ValueError(f"parts must be bits of {len(PARTS)} parts, got {parts:#x}")
+    return Layout([part for bit, part in enumerate(PARTS) if parts >> bit & 1])
+
+
+ALL = layout((1 << len(PARTS)) - 1)
+DESCRIPTION = ALL.description
+RECORD = Struct(f"<{ALL.format}")
 
 
 if TYPE_CHECKING:

@@ -22,31 +22,37 @@ from types import TracebackType
 from typing import NamedTuple, Self
 
 from weberlink.compiled import mypyc_attr
-from weberlink.telemetry.record import FIELDS, RECORD
+from weberlink.telemetry.record import ALL, FIELDS, Layout, layout
 from weberlink.telemetry.runtime_directory import directory, open_file
 
 MAGIC = b"WEBRING\x00"
-VERSION = 2
+VERSION = 3
 # Changes with every change of the table, so that a reader of another release refuses the file.
-SCHEMA = zlib.crc32(repr([(field.name, field.kind, field.axes) for field in FIELDS]).encode())
+SCHEMA = zlib.crc32(repr([(field.name, field.kind, field.axes, field.part) for field in FIELDS]).encode())
 
-HEADER = Struct("<8sIIIIQQddd32s")
+HEADER = Struct("<8sIIIIQQddd32sI")
 COUNTER_AT = 128
 CLOSED_AT = 136
 RECORDS_AT = 192
-SIZE = RECORD.size
-BODY = Struct(f"<Q{RECORD.format.removeprefix('<')}")
 CHECK = Struct("<I")
-SLOT_BYTES = (BODY.size + CHECK.size + 7) // 8 * 8
-"""Number, record and checksum, filled up so that every value is aligned."""
-PACK, STORED = BODY.pack, BODY.size + CHECK.size
+NUMBER_BYTES = 8
 SIDE_BYTES = 32
 LARGEST_FILE = 128 * 2**20
 """Of a ring that is made or opened [bytes]; ten seconds at 10 kHz take 62 MB."""
 
 
+def body_of(records: Layout) -> Struct:
+    """Number and record of a slot."""
+    return Struct(f"<Q{records.format}")
+
+
+def slot_bytes(records: Layout = ALL) -> int:
+    """Number, record and checksum, filled up so that every value is aligned."""
+    return (body_of(records).size + CHECK.size + 7) // 8 * 8
+
+
 class Header(NamedTuple):
-    """Header of a ring file; `side` is UTF-8 filled up with zero bytes.
+    """Header of a ring file; `side` is UTF-8 filled up with zero bytes, and `parts` are those of the records.
 
     Fields up to `pid_started` keep their place in later versions, so that a stale file of any release can be replaced.
     """
@@ -62,6 +68,7 @@ class Header(NamedTuple):
     started_wall_s: float
     started_monotonic_s: float
     side: bytes
+    parts: int
 
 
 class RingFormatError(ValueError):
@@ -94,9 +101,10 @@ def read_header(path: Path, fd: int) -> Header:
     header = _parse_header(path, fd)
     if header.version != VERSION:
         raise RingFormatError(f"{path}: layout version {header.version}, this program reads version {VERSION}")
-    if (header.schema, header.record_size) != (SCHEMA, SIZE):
+    known = header.schema == SCHEMA and header.parts <= ALL.parts
+    if not known or header.record_size != body_of(layout(header.parts)).size - NUMBER_BYTES:
         raise RingFormatError(f"{path}: its records have other fields than those of this program; use the same release")
-    size, expected = os.fstat(fd).st_size, RECORDS_AT + header.capacity * SLOT_BYTES
+    size, expected = os.fstat(fd).st_size, RECORDS_AT + header.capacity * slot_bytes(layout(header.parts))
     if header.capacity < 2 or size < expected:
         raise RingFormatError(f"{path}: {size} bytes are too few for {header.capacity} records ({expected} bytes)")
     return header
@@ -128,20 +136,22 @@ def process_started(pid: int) -> int | None:
 class RingWriter:
     """Publishes records in a ring file; for one thread."""
 
-    __slots__ = ("_closed", "_count", "_counter", "_end", "_map", "_slot", "path")
+    __slots__ = ("_body", "_closed", "_count", "_counter", "_end", "_map", "_slot", "_slot_bytes", "path")
 
-    def __init__(self, path: Path, mapping: mmap, capacity: int) -> None:
+    def __init__(self, path: Path, mapping: mmap, capacity: int, records: Layout = ALL) -> None:
         self.path = path
         self._map = mapping
+        self._body = body_of(records)
+        self._slot_bytes = slot_bytes(records)
         # A native 64-bit item is stored as one word; packing with an explicit byte order would store eight bytes.
         self._counter = memoryview(mapping)[COUNTER_AT : COUNTER_AT + 8].cast("Q")
-        self._end = RECORDS_AT + capacity * SLOT_BYTES
+        self._end = RECORDS_AT + capacity * self._slot_bytes
         self._slot = RECORDS_AT
         self._count = 0
         self._closed = False
 
     @classmethod
-    def create(cls, path: str | Path, *, side: str, rate_hz: float, capacity: int) -> Self:
+    def create(cls, path: str | Path, *, side: str, rate_hz: float, capacity: int, records: Layout = ALL) -> Self:
         """Create the file with all of its memory, in place of one that a dead writer left.
 
         Args:
@@ -149,6 +159,7 @@ class RingWriter:
             side: name of who writes, up to 32 bytes.
             rate_hz: records per second that are intended [Hz].
             capacity: slots; a reader can lag behind by one record less.
+            records: what they hold.
 
         Raises:
             ValueError: an argument is out of range.
@@ -162,28 +173,32 @@ class RingWriter:
             raise ValueError(f"side must be 1 to {SIDE_BYTES} bytes, got {side!r}")
         if not rate_hz > 0.0:
             raise ValueError(f"rate_hz must be positive, got {rate_hz}")
-        most = (LARGEST_FILE - RECORDS_AT) // SLOT_BYTES
+        size = slot_bytes(records)
+        most = (LARGEST_FILE - RECORDS_AT) // size
         if not 2 <= capacity <= most:
             raise ValueError(f"capacity must be 2 to {most} records, got {capacity}")
         _refuse_to_replace(path)
         pid = os.getpid()
         started = process_started(pid) or 0
         began = (time(), monotonic())
-        header = Header(MAGIC, VERSION, SCHEMA, SIZE, pid, started, capacity, rate_hz, *began, name)
-        return cls(path, _place(path, header), capacity)
+        record_size = body_of(records).size - NUMBER_BYTES
+        header = Header(
+            MAGIC, VERSION, SCHEMA, record_size, pid, started, capacity, rate_hz, *began, name, records.parts
+        )
+        return cls(path, _place(path, header, RECORDS_AT + capacity * size), capacity, records)
 
     def write(self, record: Sequence[float]) -> None:
-        """Publish one record, a `Record` or a tuple of its values; never blocks and does not depend on readers.
+        """Publish the values of one record; never blocks and does not depend on readers.
 
         Raises:
             struct.error, OverflowError: a value does not fit its type; nothing is published.
         """
         slot, count = self._slot, self._count + 1
-        body: bytes = PACK(count, *record)
-        self._map[slot : slot + STORED] = body + CHECK.pack(zlib.crc32(body))
+        body: bytes = self._body.pack(count, *record)
+        self._map[slot : slot + len(body) + 4] = body + CHECK.pack(zlib.crc32(body))
         self._count = count
         self._counter[0] = count
-        following = slot + SLOT_BYTES
+        following = slot + self._slot_bytes
         self._slot = following if following < self._end else RECORDS_AT
 
     def close(self, *, unlink: bool = True) -> None:
@@ -220,11 +235,10 @@ def _refuse_to_replace(path: Path) -> None:
         raise RingInUseError(f"{path}: process {header.pid} is writing it")
 
 
-def _place(path: Path, header: Header) -> mmap:
+def _place(path: Path, header: Header, size: int) -> mmap:
     """Map a new file, private to this user, that appears under its path only when it is complete."""
     fd, draft = mkstemp(prefix=f"{path.name}.", dir=path.parent)
     try:
-        size = RECORDS_AT + header.capacity * SLOT_BYTES
         # Allocated now: missing memory at a later store would kill the process in the middle of a tick.
         os.posix_fallocate(fd, 0, size)
         mapping = mmap(fd, size, flags=MAP_SHARED | MAP_POPULATE)

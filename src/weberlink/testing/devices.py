@@ -23,7 +23,7 @@ from weberlink.master.devices.contract import Device, DeviceFault, TorqueDevice
 from weberlink.master.devices.threaded_device import RAMP_S
 from weberlink.session.composition.master import check_force_ends
 from weberlink.testing import pushing_host
-from weberlink.testing.time import TICK, until
+from weberlink.testing.time import TICK, real_time, until
 
 PUSH: Vector = (0.0, 1.0, 0.0)
 HOST_N = 0.8
@@ -59,17 +59,42 @@ class DeviceBench:
 
     def push(self, force: Vector, condition: Callable[[], object]) -> None:
         """Command a force and read, tick by tick, until a condition holds; fails after a long time."""
-
-        def is_so() -> bool:
-            for now in self.hold(force, 1):
-                self.device.latest(now)
-            return bool(condition())
-
         if not condition():
-            until(is_so, "what the force leads to", pause=0.0)
+            drive(self.device, condition, force, self.tick)
 
     def open(self) -> None:
         self.device.open(self.tick())
+
+
+def drive(
+    device: Any, is_so: Callable[[], object], force: Vector = ZERO, tick: Callable[[], float] | None = None
+) -> None:
+    """Command a force and read, tick by tick, until something is so; in real time unless a clock of ticks is given."""
+    clock = real_time() if tick is None else tick
+
+    def goes_on() -> bool:
+        now = clock()
+        device.command(force, now)
+        device.latest(now)
+        return bool(is_so())
+
+    until(goes_on, "what the force leads to", pause=0.0)
+
+
+def fault_of(device: Any, force: Vector = (0.2, -0.4, 0.8)) -> str:
+    """The fault that ends the session, in one line."""
+    with pytest.raises(DeviceFault) as caught:
+        drive(device, lambda: False, force)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def refusal(device: Any) -> str:
+    """Why it cannot be opened, in one line."""
+    with pytest.raises(DeviceFault) as caught:
+        device.open(monotonic())
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
 
 
 def armed(name: str, /, *, checked: bool = True, **options: Any) -> Device:
@@ -261,10 +286,9 @@ class ForceDeviceContract(DeviceContract):
         way = 0.02 if fault in self.MISPLACED else 0.0
         bench.push(PUSH, lambda: distance(device.latest(bench.tick()).position, start) >= way)
         bench.faults[fault]()
-        with pytest.raises(DeviceFault, match=self.NAME) as caught:
-            bench.push(PUSH, lambda: False)
-        assert "\n" not in str(caught.value)
-        assert len(str(caught.value)) > len(self.NAME) + 10, "says why"
+        said = fault_of(device, PUSH)
+        assert self.NAME in said
+        assert len(said) > len(self.NAME) + 10, "says why"
 
         def is_off() -> bool:
             device.command(PUSH, bench.tick())

@@ -17,7 +17,7 @@ from weberlink.cli.doctor.network import CHARGED_BYTES
 from weberlink.cli.doctor.trial import HostTrial, RightsTrial, Stretch
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.protocol.keys import generate
-from weberlink.telemetry.ring import SLOT_BYTES
+from weberlink.telemetry.ring import slot_bytes
 
 Figures = Sequence[float | None]
 OK, ADVICE, PROBLEM, UNKNOWN = Grade.OK, Grade.ADVICE, Grade.PROBLEM, Grade.UNKNOWN
@@ -36,7 +36,7 @@ GOVERNOR = "cpufreq/scaling_governor"
 SLICE = "sys/fs/cgroup/user.slice"
 SWAP = {"proc/swaps": "Filename\tType\tSize\tUsed\tPriority\n/dev/sda2  partition\t2000000\t0\t-2\n"}
 HUGE = "sys/kernel/mm/transparent_hugepage/enabled"
-RING = 10 * 1000 * SLOT_BYTES
+RING = 10 * 1000 * slot_bytes()
 TIGHT = {"space": lambda _path: (64_000_000, int(1.5 * RING))}
 LISTENING = Needs(listen=("0.0.0.0", 47000))
 CALLING = Needs(slave=("robot", 47000))

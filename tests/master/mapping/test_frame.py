@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from tests.examples import examples
 from weberlink.geometry.rotation import quaternion, turned, vector
 from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
-from weberlink.master.mapping import FrameMap
+from weberlink.master.mapping.mapped_device import FrameMap
 
 small = st.floats(-1.0, 1.0)
 vectors = st.tuples(small, small, small)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, inverse, product, quaternion, vector
 from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale
 from weberlink.master.devices.contract import DeviceReading, DeviceSpec, TorqueDevice
-from weberlink.master.mapping import Clutch, FrameMap, MappedDevice, Walls
+from weberlink.master.mapping.mapped_device import Clutch, FrameMap, MappedDevice, Walls
 
 TICK = 0.001
 EDGE = 0.06

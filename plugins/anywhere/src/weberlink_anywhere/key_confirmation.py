@@ -2,10 +2,14 @@
 
 | message | content | sent |
 |---|---|---|
-| hello | version, side and name of the sender | first |
+| hello | version, side and name of the sender; from the master, a commitment to its nonce | first |
+| nonce | 16 random bytes | by the slave after the hello of the master, then by the master |
 | confirm | a tag over both names, by the secret | when the sender would keep the other |
 | kept | true | when the sender has stored the key |
 | refused | why the sender ends it | in place of any of them |
+
+Both nonces and the secret give two words, which both hosts show and a person compares (as ZRTP does, RFC 6189, section
+4.4.1.1). The commitment leaves who is between the hosts, and knows the code, one guess at equal words: 1 in 65,536.
 
 Each is a JSON object of one key. All travel encrypted and numbered by the channel of the code, which is one of
 magic-wormhole. A host stores nothing before it has the confirmation of the other one, and takes it back without `kept`.
@@ -13,6 +17,7 @@ magic-wormhole. A host stores nothing before it has the confirmation of the othe
 
 import hmac
 import json
+from hashlib import sha256
 from typing import Any, NamedTuple
 
 from cryptography.hazmat.primitives.hashes import SHA256
@@ -22,8 +27,9 @@ from weberlink.protocol.handshake import check_name
 from weberlink.protocol.keys import KEY_BYTES
 from weberlink.text import one_line
 
-VERSION = 1
-HELLO, CONFIRM, KEPT, REFUSED = "hello", "confirm", "kept", "refused"
+VERSION = 2
+HELLO, NONCE, CONFIRM, KEPT, REFUSED = "hello", "nonce", "confirm", "kept", "refused"
+NONCE_BYTES = 16
 _LONGEST_MESSAGE = 2048
 
 
@@ -63,8 +69,38 @@ def message(kind: str, content: object) -> bytes:
     return json.dumps({kind: content}).encode("ascii")
 
 
-def hello(side: str, name: str) -> bytes:
-    return message(HELLO, {"version": VERSION, "side": side, "name": name})
+def hello(side: str, name: str, commitment: str = "") -> bytes:
+    return message(HELLO, {"version": VERSION, "side": side, "name": name, "commitment": commitment})
+
+
+def commitment(nonce: bytes) -> str:
+    """What the master says of its nonce before it knows that of the slave."""
+    return sha256(nonce).hexdigest()
+
+
+def nonce_in(content: object, committed: str | None) -> bytes:
+    """The nonce of the other host.
+
+    Args:
+        content: as received.
+        committed: what its hello said of it; None for nothing.
+
+    Raises:
+        PairingError: it is none, or another one than its hello said.
+    """
+    try:
+        nonce = bytes.fromhex(content) if isinstance(content, str) else b""
+    except ValueError:
+        nonce = b""
+    if len(nonce) != NONCE_BYTES or committed not in (None, commitment(nonce)):
+        raise PairingError("the other host sent another nonce than it said; somebody may be between the two hosts")
+    return nonce
+
+
+def words_to_compare(secret: bytes, names: Names, master_nonce: bytes, slave_nonce: bytes) -> bytes:
+    """Two bytes, each of which stands for a word of the PGP list: even words first."""
+    info = f"words {master_nonce.hex()} {slave_nonce.hex()}"
+    return _derive(secret, info, names)[:2]
 
 
 def read(text: bytes, kind: str) -> Any:

@@ -27,6 +27,10 @@ APPLICATION: Final = "weberlink/rendezvous-1"
 OPEN_LIMIT_S: Final = 10.0
 PING_S: Final = 10.0
 """Between two pings; a connection without a pong for as long again is lost."""
+LARGEST_TOLD: Final = 32_768
+"""Bytes of one message of the server; a call is sealed in fewer than 8,192."""
+MOST_STORED: Final = 2048
+"""Messages after which a server is not asked for more: a mailbox of so many is emptied."""
 
 
 class MailboxRefuses(MailboxUnreachable):
@@ -91,14 +95,14 @@ class Mailbox:
                 return received
 
     async def stored(self) -> list[Received]:
-        """The messages of the other side that the server holds; to be asked for at first.
+        """The messages of the other side that the server holds, `MOST_STORED` at most; to be asked for at first.
 
         Raises:
             MailboxUnreachable: the connection is lost, or the server refuses to open the mailbox.
         """
         await self._connection.send(type="ping", ping="stored")  # answered after what was asked before
         found = []
-        while (told := await self._connection.receive())["type"] != "pong":
+        while self.count < MOST_STORED and (told := await self._connection.receive())["type"] != "pong":
             if (received := self._read(told)) is not None:
                 found.append(received)
         return found
@@ -155,7 +159,12 @@ async def _connected(url: str, side: str) -> AsyncIterator[Connection]:
     try:
         # Compression of what is encrypted saves nothing.
         socket = await connect(
-            url, open_timeout=OPEN_LIMIT_S, ping_interval=PING_S, ping_timeout=PING_S, compression=None
+            url,
+            open_timeout=OPEN_LIMIT_S,
+            ping_interval=PING_S,
+            ping_timeout=PING_S,
+            compression=None,
+            max_size=LARGEST_TOLD,
         )
     except (OSError, WebSocketException, ValueError) as problem:  # TimeoutError is an OSError
         raise _unreachable(url, problem) from None

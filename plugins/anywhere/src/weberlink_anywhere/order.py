@@ -36,8 +36,9 @@ class PairingOrder(Order):
     """Whom to pair with.
 
     The process reads the order from its standard input, and ends when that is closed. It writes one JSON object per
-    line: `code`, which it made, to be shown; `note`, for the user; at last `paired`, the label of the new peer, or
-    `refused`, why there is none.
+    line: `code`, which it made, to be shown; `note`, for the user; `words`, which both hosts show; at last `paired`,
+    the label of the new peer, or `refused`, why there is none. After `asks`, the name of the operator's host, the
+    process of the robot's host waits for a line `yes` or `no`.
 
     Args:
         side: of this host, "master" or "slave".
@@ -46,7 +47,9 @@ class PairingOrder(Order):
         mailbox: URL of the mailbox server.
         code: that the other host shows; "" to make one.
         label: what to call the peer; "" for its own name.
+        accept: whether the slave keeps the key without asking.
         lifetime_s: how long a code that is made here waits for the other host.
+        consent_s: how long the person at the slave may take to compare the words.
         patience_s: how long the mailbox, or a host that is there, may take for an answer.
     """
 
@@ -56,5 +59,7 @@ class PairingOrder(Order):
     mailbox: str
     code: str = ""
     label: str = ""
+    accept: bool = False
     lifetime_s: float = 600.0
+    consent_s: float = 120.0
     patience_s: float = 20.0

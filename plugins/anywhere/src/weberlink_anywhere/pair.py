@@ -2,6 +2,8 @@
 
 import json
 import shlex
+import sys
+from select import select
 from subprocess import PIPE
 
 from rich.console import Console
@@ -10,6 +12,7 @@ from rich.text import Text
 from weberlink.child_process import Child, python
 from weberlink.config import SLAVE, Configuration, ConfigurationError
 from weberlink.session.description import default_name
+from weberlink.text import one_line
 from weberlink_anywhere.invitation import Invitation, read
 from weberlink_anywhere.options import AnywhereOptions
 from weberlink_anywhere.order import PairingOrder
@@ -18,21 +21,27 @@ from weberlink_anywhere.qr import drawing
 
 FAREWELL_S = 5.0
 """How long the pairing process may take to tell the other host that it ends."""
-LOOK_S = 1.0
+LOOK_S = 0.2
 LINES_BELOW = 5
 """Rows of the terminal under the QR code: what to do, and the cursor."""
 
 
-def pair(configuration: Configuration, side: str, code: str, label: str | None) -> str:
+def pair(configuration: Configuration, side: str, code: str, label: str | None, *, accept: bool) -> str:
     """Pair this host with another one, and keep the peer; see `weberlink.config.finders.PathFinder`.
 
     Raises:
         ConfigurationError: there is no mailbox in the file, or the two did not pair; says why.
     """
     asked = "--join" if code else "--invite"
-    order = _order(configuration, side, code, label, asked)
+    order = _order(configuration, side, code, label, asked, accept)
+    if side == SLAVE and not accept and not sys.stdin.isatty():
+        raise ConfigurationError(
+            f"{asked}: two words are to be compared and confirmed here, and standard input is no terminal; "
+            "run it on one, or add --accept"
+        )
     screen = Screen(str(configuration.path), order)
     child = start(order)
+    is_asked = False
     try:
         while True:
             is_over = not child.running  # seen before its last words are read
@@ -44,6 +53,10 @@ def pair(configuration: Configuration, side: str, code: str, label: str | None) 
                     screen.note(f"paired with {event['paired']}; no code is needed from now on")
                     return str(event["paired"])
                 screen.show(event)
+                is_asked |= "asks" in event
+            if is_asked and select([sys.stdin], [], [], 0.0)[0]:
+                is_asked = False
+                child.write_line("yes" if sys.stdin.readline().strip().lower() in ("y", "yes") else "no")
             if is_over:
                 raise ConfigurationError(f"{asked}: the pairing process {child.how_it_ended}")
     finally:
@@ -57,7 +70,9 @@ def start(order: PairingOrder) -> Child:
     return child
 
 
-def _order(configuration: Configuration, side: str, code: str, label: str | None, asked: str) -> PairingOrder:
+def _order(
+    configuration: Configuration, side: str, code: str, label: str | None, asked: str, accept: bool
+) -> PairingOrder:
     assert configuration.finder is not None
     link, options = configuration.system.link, configuration.finder.options
     assert isinstance(options, AnywhereOptions)
@@ -81,7 +96,7 @@ def _order(configuration: Configuration, side: str, code: str, label: str | None
                 f"{asked}: {peer.label} knows this host as {peer.own}, and not as {name}; "
                 f"add --set link.names.slave={json.dumps(peer.own)}"
             )
-    return PairingOrder(side, name, str(store.folder), mailbox, code, label or "")
+    return PairingOrder(side, name, str(store.folder), mailbox, code, label or "", accept)
 
 
 class Screen:
@@ -102,11 +117,17 @@ class Screen:
         if "note" in event:
             self.note(event["note"])
             return
+        if "words" in event:
+            self.note(f"both hosts must show the same two words; this one shows: {event['words']}")
+            return
+        if "asks" in event:
+            self._write(f"{one_line(event['asks'])} asks to drive this robot. Does its screen show these words? [y/N]")
+            return
         code = event["code"]
         self._draw(str(Invitation(code, self._order.mailbox)))
         self._write(f"Code: {code}")
         self._write("On the operator's host, with the same mailbox in its file:")
-        self._write(f"  weberlink master {shlex.quote(self._file)} --join {code}")
+        self._write(f"  weberlink master {shlex.quote(self._file)} --join")
         self.note(f"waiting for the operator, for {self._order.lifetime_s / 60:g} min; Ctrl-C ends it")
 
     def note(self, text: str) -> None:

@@ -22,12 +22,22 @@ from twisted.internet.defer import TimeoutError as DeferredTimeoutError
 from twisted.internet.main import CONNECTION_DONE
 from twisted.logger import globalLogBeginner
 from wormhole import create, errors
-from wormhole._wordlist import even_words_lowercase, odd_words_lowercase
+from wormhole._wordlist import byte_to_even_word, byte_to_odd_word, even_words_lowercase, odd_words_lowercase
 
 from weberlink.protocol.keys import KEY_BYTES
 from weberlink.text import one_line
 from weberlink_anywhere import key_confirmation
-from weberlink_anywhere.key_confirmation import CONFIRM, HELLO, KEPT, REFUSED, Names, PairingError, RefusedThereError
+from weberlink_anywhere.key_confirmation import (
+    CONFIRM,
+    HELLO,
+    KEPT,
+    NONCE,
+    NONCE_BYTES,
+    REFUSED,
+    Names,
+    PairingError,
+    RefusedThereError,
+)
 from weberlink_anywhere.order import PairingOrder
 from weberlink_anywhere.peers import Peer, PeerError, PeerStore, default_folder
 
@@ -39,13 +49,15 @@ FAREWELL_S = 3.0
 """How long the mailbox server may take to let us go."""
 Tell = Callable[[str, str], None]
 """Takes a key of `PairingOrder`, and its text."""
+Consent = Callable[[], "Deferred[bool]"]
+"""Asks the person at the robot whether both hosts show the same words."""
 
 
 class PairingSession:
-    """One pairing, by magic-wormhole; `tell` takes what the user is to see."""
+    """One pairing, by magic-wormhole; `tell` takes what the user is to see, `consent` asks the one at the robot."""
 
-    def __init__(self, order: PairingOrder, tell: Tell) -> None:
-        self._order, self._tell = order, tell
+    def __init__(self, order: PairingOrder, tell: Tell, consent: Consent) -> None:
+        self._order, self._tell, self._consent = order, tell, consent
         self._store = PeerStore(Path(order.store))
         self._code = order.code
         self._is_connected = False
@@ -90,13 +102,28 @@ class PairingSession:
     async def _introduce(self, secret: bytes) -> Peer:
         order, send = self._order, self._wormhole.send_message
         other = "slave" if order.side == "master" else "master"
-        send(key_confirmation.hello(order.side, order.name))
-        name = key_confirmation.name_in(await self._next(HELLO), order.side)
+        nonce, is_master = os.urandom(NONCE_BYTES), order.side == "master"
+        send(key_confirmation.hello(order.side, order.name, key_confirmation.commitment(nonce) if is_master else ""))
+        hello = await self._next(HELLO)
+        name = key_confirmation.name_in(hello, order.side)
         label = order.label or name.replace("/", "-").lstrip(".") or other  # it names a file
         names = Names(order.name, name) if order.side == "master" else Names(name, order.name)
         self._refuse_known(label, name, other)
+        if not is_master:  # only now: the commitment of the master has arrived
+            send(key_confirmation.message(NONCE, nonce.hex()))
+        theirs = key_confirmation.nonce_in(await self._next(NONCE), None if is_master else str(hello.get("commitment")))
+        if is_master:
+            send(key_confirmation.message(NONCE, nonce.hex()))
+        nonces = (nonce, theirs) if is_master else (theirs, nonce)
+        even, odd = key_confirmation.words_to_compare(secret, names, *nonces)
+        self._tell("words", f"{byte_to_even_word[bytes([even])]} {byte_to_odd_word[bytes([odd])]}".lower())
+        if not is_master and not order.accept:
+            self._tell("asks", name)
+            late = f"nobody compared the words within {order.consent_s:g} s"
+            if not await self._in_time(self._consent(), order.consent_s, late):
+                raise PairingError("the person at the robot did not confirm the words")
         send(key_confirmation.message(CONFIRM, key_confirmation.confirmation(secret, names, order.side)))
-        if not key_confirmation.is_confirmed(await self._next(CONFIRM), secret, names, other):
+        if not key_confirmation.is_confirmed(await self._next(CONFIRM, order.consent_s), secret, names, other):
             raise PairingError("the other host confirmed other names than these two")
         key = key_confirmation.pair_key(secret, names)
         peer = Peer(label, name, order.name, other, key, order.mailbox, time.time())  # type: ignore[arg-type]
@@ -124,11 +151,12 @@ class PairingSession:
                 line += f" --store {self._store.folder}"
             raise PairingError(f"{self._order.name} knows {name} already; remove it on that host first: {line}")
 
-    async def _next(self, kind: str) -> Any:
+    async def _next(self, kind: str, more_s: float = 0.0) -> Any:
         late = f"the other host stopped answering before its {kind!r}"
         if kind == KEPT:
             late += "; if it says that it paired, remove this host there (weberlink peer) before you pair again"
-        return key_confirmation.read(await self._soon(self._wormhole.get_message(), late), kind)
+        limit_s = self._order.patience_s + more_s
+        return key_confirmation.read(await self._in_time(self._wormhole.get_message(), limit_s, late), kind)
 
     async def _soon(self, result: Any, late: str) -> Any:
         return await self._in_time(result, self._order.patience_s, late)
@@ -179,11 +207,11 @@ def _one_line(error: Exception) -> str:
     return one_line(str(error)).rstrip(".")
 
 
-class _End:
-    """Standard input, whose end ends the work (`twisted.internet.interfaces.IReadDescriptor`)."""
+class _Input:
+    """Standard input: an answer, and the end of the work (`twisted.internet.interfaces.IReadDescriptor`)."""
 
-    def __init__(self, work: "Deferred[None]") -> None:
-        self._work = work
+    def __init__(self, work: "Deferred[None]", answer: "Deferred[bool]") -> None:
+        self._work, self._answer, self._text = work, answer, b""
 
     def fileno(self) -> int:
         return 0
@@ -192,18 +220,23 @@ class _End:
         return "stdin"
 
     def doRead(self) -> Exception | None:  # noqa: N802 - of the interface
-        return None if os.read(0, 4096) else CONNECTION_DONE
+        piece = os.read(0, 64)
+        self._text += piece
+        if b"\n" in self._text and not self._answer.called:
+            self._answer.callback(self._text == b"yes\n")
+        return None if piece else CONNECTION_DONE
 
     def connectionLost(self, reason: object) -> None:  # noqa: N802, ARG002 - of the interface
         self._work.cancel()
 
 
-def run(work: Callable[[], Coroutine[Any, Any, None]]) -> None:
-    """Do the work in the reactor; end it early, in order, when standard input ends."""
+def run(work: Callable[["Deferred[bool]"], Coroutine[Any, Any, None]]) -> None:
+    """Do the work in the reactor, which is given the first answer on standard input; end it early when that ends."""
 
     def begin() -> None:
-        done: Any = Deferred.fromCoroutine(work())
-        reactor.addReader(_End(done))
+        answer: Deferred[bool] = Deferred()
+        done: Any = Deferred.fromCoroutine(work(answer))
+        reactor.addReader(_Input(done, answer))
         done.addErrback(lambda failure: failure.printTraceback(sys.stderr))  # a fault of ours
         done.addBoth(lambda _: reactor.stop())
 
@@ -223,15 +256,16 @@ def events_out() -> TextIO:
 
 def main() -> None:
     order, out = PairingOrder.from_json(sys.stdin.readline()), events_out()
+    # Python reads ahead: what follows the order is read from the descriptor, and a parent writes it later, when asked.
 
     def tell(key: str, text: str) -> None:
         with suppress(BrokenPipeError):  # the command is gone; the end of standard input says so
             out.write(json.dumps({key: text}) + "\n")
             out.flush()
 
-    async def pair() -> None:
+    async def pair(answer: "Deferred[bool]") -> None:
         try:
-            peer = await PairingSession(order, tell).run()
+            peer = await PairingSession(order, tell, lambda: answer).run()
         except (PairingError, CancelledError) as error:
             tell("refused", f"{str(error) or 'ended'}; nothing is kept")
         else:

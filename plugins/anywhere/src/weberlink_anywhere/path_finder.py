@@ -6,7 +6,7 @@ from socket import socket
 from typing import Any
 
 from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError
-from weberlink.protocol.aio.paths import MakePaths
+from weberlink.protocol.aio.udp import MakePaths
 from weberlink.protocol.psk import Keyring, PresharedKey
 from weberlink.protocol.security import Security
 from weberlink_anywhere.options import AnywhereOptions
@@ -78,10 +78,10 @@ class Anywhere:
         return options.path == "ice"
 
     @staticmethod
-    def pair(configuration: Configuration, side: str, code: str, label: str | None) -> str:
+    def pair(configuration: Configuration, side: str, code: str, label: str | None, *, accept: bool) -> str:
         from weberlink_anywhere.pair import pair  # noqa: PLC0415 - for two options of the command line
 
-        return pair(configuration, side, code, label)
+        return pair(configuration, side, code, label, accept=accept)
 
     @staticmethod
     def examine(options: AnywhereOptions) -> tuple[Any, Sequence[Any]]:

@@ -10,7 +10,7 @@ import pytest
 from tests.wait import until
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.master.devices.contract import DeviceFault
-from weberlink.testing.driving import drive, fault_of, refusal
+from weberlink.testing.devices import drive, fault_of, refusal
 from weberlink.testing.wires import on_a_wire
 from weberlink_devices.inverse3.emulator import Inverse3Emulator, Inverse3EmulatorOptions
 from weberlink_devices.inverse3.http_requests import service_devices, service_version

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.testing.driving import drive
+from weberlink.testing.devices import drive
 from weberlink_devices.rate_control import (
     LIVE_S,
     LONGEST_STEP,

@@ -24,8 +24,7 @@ from weberlink.geometry.vector import Vector
 from weberlink.hardware.fault import HardwareFault
 from weberlink.master.devices.contract import DeviceFault, Quaternion
 from weberlink.master.devices.threaded_device import RAMP_S
-from weberlink.testing.devices import armed
-from weberlink.testing.driving import drive, fault_of
+from weberlink.testing.devices import armed, drive, fault_of
 from weberlink_devices.touch import hdapi
 from weberlink_devices.touch.device import pose
 from weberlink_devices.touch.exchange import BEFORE_FIRST, MEMORY_SIZE, ServoMemory

@@ -18,7 +18,7 @@ from weberlink.cli.arguments import (
     folder_target,
 )
 from weberlink.cli.output import attempt, fail, progress_bar, write
-from weberlink.cli.sessions import free_port
+from weberlink.cli.sessions import one_host
 from weberlink.order import FAILED, INTERRUPTED
 from weberlink.session.targets import STANDARD_OUTPUT
 from weberlink_studies.figure_options import Footer, Format, figures
@@ -287,7 +287,7 @@ def experiment(
         try:
             words = conduct(
                 request,
-                ports=lambda: free_port(file, overrides),
+                ports=lambda: one_host(file, overrides),
                 source=sys.stdin,
                 screen=sys.stdout,
                 report=lambda done, total: progress(done, total, "trials"),

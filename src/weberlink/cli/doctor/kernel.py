@@ -10,7 +10,7 @@ from weberlink.cli.doctor.report import Finding, Needs, advice, check, ok, probl
 from weberlink.cli.doctor.trial import HostTrial, RightsTrial, Stretch
 from weberlink.realtime.process import HIGHEST_PRIORITY, LATENCY_REQUEST
 from weberlink.session.daemon import RING_SECONDS
-from weberlink.telemetry.ring import RECORDS_AT, SLOT_BYTES
+from weberlink.telemetry.ring import RECORDS_AT, slot_bytes
 from weberlink.telemetry.runtime_directory import Places
 
 # --- kernel and clocks
@@ -431,7 +431,7 @@ def huge_pages(machine: Machine, _needs: Needs) -> Finding:
 @check("memory", "shared memory")
 def shared_memory(machine: Machine, needs: Needs) -> Finding:
     """Whether there is room for the telemetry rings."""
-    wanted = len(needs.sides) * (RECORDS_AT + int(RING_SECONDS * needs.rate_hz) * SLOT_BYTES)
+    wanted = len(needs.sides) * (RECORDS_AT + int(RING_SECONDS * needs.rate_hz) * slot_bytes())
     root = machine.root
     folder = Places(machine.variables, root / "run/user", root / "dev/shm", root / "proc/self/mountinfo").memory()
     where = f"/{folder.relative_to(root)}" if folder.is_relative_to(root) else str(folder)

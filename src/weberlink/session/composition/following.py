@@ -29,7 +29,6 @@ from weberlink.session.composition.link import (
     tuning_of,
     with_file_name,
 )
-from weberlink.session.rows import JointRows
 from weberlink.session.side import Side
 from weberlink.slave.follower_port import FollowerPort
 
@@ -89,7 +88,6 @@ def build_following(
         horizon=HORIZON_SHARE * system.link.silence_ms * 1e-3,
         watchdog=Watchdog(limits.robot_ms * 1e-3),
         stopwatch=stopwatch,
-        rows=JointRows,
         playout=playout_ticks(system),
     )
 

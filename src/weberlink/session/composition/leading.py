@@ -38,7 +38,6 @@ from weberlink.session.composition.link import (
     with_file_name,
 )
 from weberlink.session.composition.master import check_button, check_force_ends
-from weberlink.session.rows import JointRows
 from weberlink.session.side import Side
 
 SLEW_S = 0.05
@@ -104,7 +103,6 @@ def build_leading(
         horizon=HORIZON_SHARE * silence,
         watchdog=Watchdog(limits.device_ms * 1e-3),
         stopwatch=stopwatch,
-        rows=JointRows,
         playout=playout_ticks(system),
     )
 

@@ -250,7 +250,7 @@ def _mapped(system: System, device: Device) -> Device:
     Raises:
         ConfigurationError: if the device has no such button.
     """
-    from weberlink.master.mapping import Clutch, FrameMap, MappedDevice, Walls  # noqa: PLC0415
+    from weberlink.master.mapping.mapped_device import Clutch, FrameMap, MappedDevice, Walls  # noqa: PLC0415
 
     mapping, limits = system.master.mapping, system.master.limits
     assert mapping is not None

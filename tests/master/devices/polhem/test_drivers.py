@@ -20,7 +20,7 @@ from weberlink.master.devices.polhem.parameters import PARAMETERS
 from weberlink.master.devices.polhem.protocol import LONG, SHORT, SetCounters
 from weberlink.master.devices.polhem.serial_device import PolhemSerialDevice
 from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
-from weberlink.testing.driving import drive, fault_of, refusal
+from weberlink.testing.devices import drive, fault_of, refusal
 from weberlink.testing.serving import PtyDevice
 from weberlink.testing.time import TICK
 
