@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from functools import wraps
 from secrets import token_bytes
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.predictors import BANKS
@@ -17,13 +17,14 @@ from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
 from weberlink.protocol.security import Security
 from weberlink.registry import check_contract, fault_of
+from weberlink.session.channels import IncomingChannel, OutgoingChannel
 from weberlink.session.composition.channels import account, force_deadband, longest_round_trip, signal_delay
-
-if TYPE_CHECKING:
-    pass
+from weberlink.session.port import Port
 
 Entropy = Callable[[int], bytes]
 Stopwatch = Callable[[], float]
+Parts = tuple[Port, list[OutgoingChannel], list[IncomingChannel], Tuning]
+"""Of a side: its port, its channels out and in, and the settings that may change."""
 
 
 class Identity(NamedTuple):
