@@ -6,7 +6,7 @@ from math import ceil, inf, isfinite, nan
 from typing import Any, NamedTuple
 
 from weberlink.control.contract import CREDIT_STEP
-from weberlink.control.tuning import LEAD_TICKS, Tuning, lead
+from weberlink.control.tuning import MARGIN_TICKS, Tuning, change_margin
 from weberlink.geometry.vector import ZERO
 from weberlink.order import EMERGENCY
 from weberlink.protocol.endpoint import Endpoint
@@ -200,9 +200,9 @@ class Side:
             return complaint
         if self.endpoint.state is not State.ENGAGED or self.endpoint.sessions != self._session:
             return "no session: the other side is not there"
-        body = self.tuning.ask(change)
-        ahead = lead(self.endpoint.clock.rtt, self.endpoint.clock.jitter)
-        tick = self.index + LEAD_TICKS + ceil(ahead / self._tick_period)
+        body = self.tuning.propose(change)
+        ahead = change_margin(self.endpoint.clock.rtt, self.endpoint.clock.jitter)
+        tick = self.index + MARGIN_TICKS + ceil(ahead / self._tick_period)
         if not self.endpoint.propose_change(now, tick, body):
             raise AssertionError("the tuning allows one change at a time")
         return None
@@ -328,7 +328,7 @@ class Side:
             case ChangeProposed():
                 self._guarded(self._answer, event, now)
             case ChangeAnswered(tick, body, refusal):
-                self._guarded(self.tuning.settle, tick, body, refusal)
+                self._guarded(self.tuning.on_answer, tick, body, refusal)
             case _:
                 self._on_farewell(event, now)
 
@@ -370,8 +370,8 @@ class Side:
         clock = self.endpoint.clock
         peer_time, rtt, answered_at = clock.peer_time(now), clock.rtt, inf
         if peer_time is not None and rtt is not None:
-            answered_at = (peer_time + 0.5 * rtt + clock.jitter) / self._tick_period + 0.5 * LEAD_TICKS
-        refusal = self.tuning.hear(proposal.tick, proposal.body, answered_at)
+            answered_at = (peer_time + 0.5 * rtt + clock.jitter) / self._tick_period + 0.5 * MARGIN_TICKS
+        refusal = self.tuning.on_proposal(proposal.tick, proposal.body, answered_at)
         self.endpoint.answer_change(proposal, refusal)
 
     def _begin(self) -> None:

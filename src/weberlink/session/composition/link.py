@@ -236,7 +236,7 @@ def build_tuning(system: System, coder: Encoder | Decoder) -> Tuning:
 def tuning_of(system: System, retune: Callable[[LiveSettings, float], None], *, leads: bool) -> Tuning:
     """The tuning of a side: `retune` takes settings into the codec from a tick of the peer on."""
     felt = system.codec.force if system.codec.joints is None else system.codec.joints.torque
-    return Tuning(LiveSettings(felt.weber, felt.predictor), live_choices(system), retune, leads=leads)
+    return Tuning(LiveSettings(felt.weber, felt.predictor), live_choices(system), retune, is_master=leads)
 
 
 def live_choices(system: System) -> dict[str, tuple[str, ...]]:
