@@ -34,6 +34,7 @@ IMPORTS = (
     "asyncio",
     "uvloop",
     "weberlink.session.daemon",
+    "weberlink.session.composition.sides",
     "weberlink.session.composition.master",
     "weberlink.session.composition.slave",
 )

@@ -29,13 +29,11 @@ def _force_deadband(force: ForceCodecSettings, tick_period: float, weber: float)
     )
 
 
-def measures_of(system: System) -> Measures | None:
-    """How the deadband of the force measures an error; None where that is the distance, which is quicker without."""
-    return _measures(system.codec.force, system.tick_period)
-
-
 def measures_in(dump: Mapping[str, Any]) -> Measures | None:
-    """The same of the dump of a `System`, as descriptions and recordings hold it.
+    """How the deadband of the force measures an error; None where that is the distance, which is quicker without.
+
+    Args:
+        dump: of a `System`, as descriptions and recordings hold it.
 
     Raises:
         ValueError: it holds no deadband that this installation knows.
@@ -45,10 +43,6 @@ def measures_in(dump: Mapping[str, Any]) -> Measures | None:
         force = ForceCodecSettings(**{key: given[key] for key in ("weber", "floor_n", "reference", "deadband")})
     except (KeyError, TypeError, ZeroDivisionError) as error:
         raise ValueError(f"no settings of a deadband ({error!r})") from None
-    return _measures(force, tick_period)
-
-
-def _measures(force: ForceCodecSettings, tick_period: float) -> Measures | None:
     if force.deadband.deadband.is_ball:
         return None
     return lambda weber: _force_deadband(force, tick_period, weber).error
