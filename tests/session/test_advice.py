@@ -16,7 +16,7 @@ from weberlink.session.advice import (
     TICK_SHARE,
     UNKNOWN_BORNE,
     USUAL_RATE_HZ,
-    Parts,
+    DryRun,
     advise,
     borne_round_trip,
     dry_run,
@@ -136,13 +136,13 @@ def test_a_rate_beyond_the_machine_names_one_that_it_holds(tick_us: float | None
     def cost(_: object) -> float | None:
         return None if tick_us is None else 1e-6 * tick_us
 
-    lines = list(tick_rate(Parts(configuration("rate_hz=10000")), cost))
+    lines = list(tick_rate(DryRun(configuration("rate_hz=10000")), cost))
     assert len(lines) == warns
     for line in lines:
         most = float(line.rpartition(" ")[2])
         assert most == pytest.approx(1e6 * TICK_SHARE / tick_us, abs=100.0)
-        assert list(tick_rate(Parts(configuration(f"rate_hz={most}")), cost)) == []
-    assert list(tick_rate(Parts(configuration(f"rate_hz={USUAL_RATE_HZ}")), pytest.fail)) == [], "it is not measured"
+        assert list(tick_rate(DryRun(configuration(f"rate_hz={most}")), cost)) == []
+    assert list(tick_rate(DryRun(configuration(f"rate_hz={USUAL_RATE_HZ}")), pytest.fail)) == [], "it is not measured"
 
 
 @pytest.mark.parametrize("file", ["loopback.yaml", "phantom.yaml"])
@@ -170,9 +170,9 @@ DEVICE = 'master.device={driver: polhem_serial, port: "ws://PLACE"}'
 def test_an_address_that_nobody_has_is_named(override: str, told: str) -> None:
     given = [override, "link.slave=10.0.0.2:47000"] if "device" in override else [override]
     loaded = load(CONFIGS / "lan.yaml", given)
-    assert [line.partition(": ")[0] for line in placeholders(Parts(loaded))] == ([told] if told else [])
+    assert [line.partition(": ")[0] for line in placeholders(DryRun(loaded))] == ([told] if told else [])
     slave = load(CONFIGS / "lan.yaml", given, sides=[SLAVE])
-    assert not any("link.slave" in line for line in placeholders(Parts(slave))), "the robot's host calls nobody"
+    assert not any("link.slave" in line for line in placeholders(DryRun(slave))), "the robot's host calls nobody"
 
 
 # --- the coupling
