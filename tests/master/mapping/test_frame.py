@@ -51,7 +51,7 @@ def test_orientation_and_torque_turn_like_position_and_force(
     w, handle = scale(unit(axis), angle), quaternion(scale(unit(axis), angle))
     tool = frame.orientation(handle)
     assert turned(tool, frame.position(v)) == pytest.approx(frame.position(turned(handle, v)), abs=1e-9)
-    assert dot(frame.torque(torque), w) == pytest.approx(f * dot(torque, vector(tool)), abs=1e-9)
+    assert dot(frame.force(torque), w) == pytest.approx(f * dot(torque, vector(tool)), abs=1e-9)
 
 
 @examples(40)
