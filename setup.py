@@ -45,7 +45,6 @@ COMPILED = (
     "slave/safety.py",
     "slave/integrators/*.py",
     "slave/robots/computed.py",
-    "arms/interpolation.py",
     "slave/robots/tool.py",
 )
 """What a tick runs, for simulated devices and robots; the drivers of real ones wait for their hardware.

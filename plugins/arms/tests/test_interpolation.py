@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.arms.interpolation import Interpolation, TimedValues
+from weberlink_arms.interpolation import Interpolation, TimedValues
 
 steps = st.lists(st.tuples(st.floats(1e-4, 0.1), st.floats(0.0, 0.1)), min_size=1, max_size=8)
 
