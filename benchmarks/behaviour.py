@@ -15,6 +15,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from tempfile import gettempdir
 from typing import Any
@@ -88,11 +89,10 @@ def digest(case: tuple[str, str, tuple[str, ...]]) -> dict[str, Any]:
 
     EmulatedLink.send = observed  # type: ignore[method-assign,assignment]
     try:
-        summary, recorder = simulate(load(FILES[file], overrides), DURATION)
+        figures, recorder = simulate(load(FILES[file], overrides), DURATION)
     finally:
         EmulatedLink.send = send  # type: ignore[method-assign]
-    del summary["run_time_s"]
-    report = json.dumps(summary, sort_keys=True, default=str)
+    report = json.dumps(replace(figures, run_time_s=None).to_json(), sort_keys=True, default=str)
     trace = recorder.trace
     felt = b"".join(each.tobytes() for each in (trace.time_s, trace.position_m, trace.force_n))
     return {

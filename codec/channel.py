@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import inf
+from typing import Any
 
 from weberlink.codec.deadband import Deadband, ForceDeadband, PositionDeadband, Reference
 from weberlink.codec.deadband.per_axis import PerAxisDeadband
@@ -15,6 +16,8 @@ from weberlink.codec.predictors import (
     PREDICTORS,
     FitLimits,
     Predictor,
+    suits,
+    unfit_for_hybrid,
 )
 from weberlink.codec.rate import UpdateRate
 from weberlink.codec.sample import Quantizer, Sample, SampleGrid
@@ -118,15 +121,13 @@ class Channel:
             raise ValueError(f"bank must name some of {', '.join(PREDICTORS)}, each once, not {self.bank!r}")
         if not 0.0 < self.tick_period < inf:
             raise ValueError(f"tick_period must be positive and finite, not {self.tick_period!r}")
-        if self.position_quantizer is None:
-            geometric = [name for name in self.bank if PREDICTORS[name].geometric]
-            if geometric:
-                raise ValueError(f"{', '.join(geometric)}: predicts forces from positions; not for a position channel")
-        estimated = [name for name in self.bank if PREDICTORS[name].estimated]
-        if estimated and self.joints:
-            raise ValueError(f"{', '.join(estimated)}: sends parameters; joints need a predictor such as zoh or linear")
-        if estimated and len(self.bank) > 1 and not self.adaptive:
-            raise ValueError(f"{', '.join(estimated)}: not for {HYBRID}, which sends no parameters; use {ADAPTIVE}")
+        signal = "joints" if self.joints else "position" if self.position_quantizer is None else "force"
+        misfits = [name for name in self.bank if not suits(name, signal)]
+        if misfits:
+            raise ValueError(f"{', '.join(misfits)}: not for {signal}; use a predictor such as zoh or linear")
+        misfits = [] if self.adaptive or len(self.bank) == 1 else unfit_for_hybrid(self.bank)
+        if misfits:
+            raise ValueError(f"{', '.join(misfits)}: not for {HYBRID}, which sends no parameters; use {ADAPTIVE}")
 
     @property
     def predictors(self) -> tuple[Predictor, ...]:
@@ -227,14 +228,9 @@ def force_channel(
     axes: str = "xyz",
     force_step: float = 1e-3,
     position_step: float = 1e-5,
-    fit_limits: FitLimits | None = None,
     saturates: bool = True,
     deadband: Deadband | None = None,
-    smoothing: Smoothing | None = None,
-    rate: UpdateRate | None = None,
-    every_position: bool = False,
-    tick_period: float = 1e-3,
-    lookahead: int = 0,
+    **others: Any,
 ) -> Channel:
     """Make the backward channel: forces [N], and the commanded positions [m] at which they were measured.
 
@@ -249,7 +245,7 @@ def force_channel(
         position_step: wire step [m], > 0.
         saturates: False lifts the int16 range, for studies without a wire.
         deadband: a deadband of another shape; `weber`, `floor` and `reference` are not read then.
-        fit_limits, smoothing, rate, every_position, tick_period, lookahead: as of `Channel`.
+        others: fields of `Channel`.
 
     Raises:
         ValueError: as `Channel`, or for a number out of range.
@@ -262,13 +258,8 @@ def force_channel(
         value_quantizer=_quantizer(force_step, axes, saturates=saturates),
         position_quantizer=_quantizer(position_step, axes, saturates=saturates),
         rest=ZERO,
-        fit_limits=fit_limits if fit_limits is not None else FitLimits(),
         adaptive=predictor == ADAPTIVE,
-        smoothing=smoothing,
-        rate=rate,
-        every_position=every_position,
-        tick_period=tick_period,
-        lookahead=lookahead,
+        **others,
     )
 
 
@@ -281,9 +272,7 @@ def position_channel(
     axes: str = "xyz",
     position_step: float = 1e-5,
     saturates: bool = True,
-    rate: UpdateRate | None = None,
-    tick_period: float = 1e-3,
-    lookahead: int = 0,
+    **others: Any,
 ) -> Channel:
     """Make the forward channel: commanded positions [m].
 
@@ -295,9 +284,7 @@ def position_channel(
         deadband=PositionDeadband(weber, bound),
         value_quantizer=_quantizer(position_step, axes, saturates=saturates),
         adaptive=predictor == ADAPTIVE,
-        rate=rate,
-        tick_period=tick_period,
-        lookahead=lookahead,
+        **others,
     )
 
 

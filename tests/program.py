@@ -159,11 +159,11 @@ class Program:
         terminal: int | None = None,
         given: str | None = None,
     ) -> None:
-        streams = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
-        if given is None:
+        streams = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE if terminal is None else terminal)
+        if given is not None:
+            streams["stdin"] = subprocess.PIPE
+        elif terminal is None:
             streams["stdin"] = subprocess.DEVNULL
-        if terminal is not None:
-            streams = dict.fromkeys(streams, terminal)
         unset = ("COLUMNS", "LINES", "NO_COLOR", "FORCE_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE")
         environment = {name: value for name, value in os.environ.items() if name not in unset}
         self._process: subprocess.Popen[str] = subprocess.Popen(

@@ -77,11 +77,11 @@ class Ring(Telemetry):
 class Command(Program):
     """`weberlink ARGUMENTS`, and what it says; dead at the end of the `with`."""
 
-    def __init__(self, *arguments: object, prefix: tuple[str, ...] = ()) -> None:
+    def __init__(self, *arguments: object, prefix: tuple[str, ...] = (), given: str | None = None) -> None:
         self._folder = TemporaryDirectory(prefix="weberlink-command-")
         self._out = Path(self._folder.name, "said")
         with self._out.open("w+b") as out:
-            super().__init__(*arguments, prefix=(*ENDS_WITH_TRIAL, *prefix), terminal=out.fileno())
+            super().__init__(*arguments, prefix=(*ENDS_WITH_TRIAL, *prefix), terminal=out.fileno(), given=given)
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         super().__exit__(kind, error, at)
@@ -121,18 +121,21 @@ class Side(Command):
         side: "master" or "slave".
         file: its configuration.
         prefix: a command that runs it elsewhere.
+        given: what it reads on standard input.
 
     Attributes:
         began: when it was started [s].
         last: the newest record that was taken; None before the first.
     """
 
-    def __init__(self, side: str, file: Path | str, *arguments: object, prefix: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self, side: str, file: Path | str, *arguments: object, prefix: tuple[str, ...] = (), given: str | None = None
+    ) -> None:
         self.side, self.began, self.last = side, monotonic(), None
         self._ring: Ring | None = None
         self._reports = TemporaryDirectory(prefix="weberlink-report-")
         self._report = Path(self._reports.name, "report.json")
-        super().__init__(side, file, "--json", self._report, *arguments, prefix=prefix)
+        super().__init__(side, file, "--json", self._report, *arguments, prefix=prefix, given=given)
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         super().__exit__(kind, error, at)

@@ -49,9 +49,13 @@ all are equally good before the first force."""
 
 
 def suits(name: str, signal: str) -> bool:
-    """Whether a predictor may code a signal: a "force", a "torque", which has no contact, or a "position"."""
+    """Whether a predictor may code a signal: "force", "torque", "position" or "joints"."""
     predictor = PREDICTORS[name]
-    return not (predictor.geometric if signal == "position" else signal == "torque" and predictor.describes_contact)
+    if signal == "torque":
+        return not predictor.describes_contact
+    if signal in ("position", "joints") and predictor.geometric:  # nothing travels beside the value
+        return False
+    return signal != "joints" or not predictor.estimated  # the update of an arm carries no parameters
 
 
 def unfit_for_hybrid(bank: Iterable[str]) -> list[str]:

@@ -15,7 +15,6 @@ from signal import SIG_BLOCK, SIG_SETMASK, SIGKILL, Signals, pthread_sigmask
 from subprocess import DEVNULL, Popen, TimeoutExpired
 from typing import Any, Final, Self
 
-SAFE_PATH: Final = "PYTHONSAFEPATH"
 READ_BYTES: Final = 1 << 16
 
 
@@ -27,20 +26,6 @@ def python(*arguments: str) -> list[str]:
 def isolated_python(*arguments: str) -> list[str]:
     """The same, with the standard library alone: neither the user's environment nor installed packages."""
     return [sys.executable, "-I", "-S", *arguments]
-
-
-@contextmanager
-def safe_path() -> Iterator[None]:
-    """Within this, processes that `multiprocessing` starts are as those of `python`."""
-    before = os.environ.get(SAFE_PATH)
-    os.environ[SAFE_PATH] = "1"
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ[SAFE_PATH]
-        else:
-            os.environ[SAFE_PATH] = before
 
 
 @dataclass(frozen=True)

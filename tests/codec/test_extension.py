@@ -42,7 +42,7 @@ def run(overrides):
         return str(error)
     figures, _ = simulate(configuration, 1.0)
     channel = channels(configuration.system)[1]
-    return [figures["outcome"], figures["force"]["packets"], channel.bank, repr(channel.deadband)]
+    return [figures.outcome, figures.felt.packets, channel.bank, repr(channel.deadband)]
 
 print(json.dumps([run(overrides) for overrides in json.loads(sys.argv[1])]))
 """

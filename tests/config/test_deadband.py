@@ -7,7 +7,7 @@ from tests.session.kinds import HAND, run
 from tests.session.systems import configuration
 from weberlink.codec.deadband import DEADBANDS
 from weberlink.protocol.states import State
-from weberlink.session.composition.channels import measures_of
+from weberlink.session.composition.channels import measures_in
 
 
 @pytest.mark.parametrize("shape", DEADBANDS)
@@ -18,7 +18,7 @@ def test_a_session_keeps_the_law_of_its_shape(shape: str) -> None:
         "slave.scene=[{shape: plane, stiffness_n_m: 500}]",
     )
     system = configuration(*overrides).system
-    measures = measures_of(system)
+    measures = measures_in(system.model_dump(mode="json"))
     slave = run(HAND, 2.0, *overrides).slave
     counted = slave[(slave["state"] == State.ENGAGED.value) & (slave["ramping"] == 0)]
     held = counted[counted["sent"] == 0]

@@ -11,7 +11,8 @@ from weberlink.config import load
 from weberlink.control.axes import HANDLE, LEVER
 from weberlink.control.contract import AccountParameters
 from weberlink.figures.energy import accounts_in
-from weberlink.figures.session import Records, SessionScore
+from weberlink.figures.session import Layout, Records, SessionScore
+from weberlink.figures.tree import to_json
 from weberlink.protocol.states import State
 
 OF_HAND = AccountParameters(allowance=0.02, refill=0.01, damping=1.0, rise=160.0)
@@ -20,10 +21,10 @@ TICK = 1.0 / RATE
 
 def energy(master: Records, *accounts: AccountParameters, pieces: int = 1) -> dict[str, float]:
     torque_bank = ("zoh",) if len(accounts) > 1 else None
-    score = SessionScore(RATE, ("zoh",), torque_bank, accounts=accounts)
+    score = SessionScore(Layout(RATE, ("zoh",), torque_bank, accounts=accounts))
     for piece in np.array_split(master, pieces):
         score.add(piece, NONE)
-    found: dict[str, float] = score.summary()["energy"]
+    found: dict[str, float] = to_json(score.figures().energy)
     return found
 
 

@@ -1,21 +1,22 @@
 """The log of a session: events, their rate limit, and lines that cannot be written."""
 
-import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.figures.test_verdict import clean
 from tests.program import Records
 from tests.program import weberlink as command
 from tests.records import ticks as records_of
 from weberlink.figures.journal import Journal
 from weberlink.figures.paths import paths_of
-from weberlink.protocol.aio.paths import PathFacts
+from weberlink.protocol.aio.udp import PathFacts
 from weberlink.protocol.states import State
 from weberlink.session.targets import LogFile
 from weberlink.telemetry.fault import Fault
@@ -24,7 +25,7 @@ from weberlink.telemetry.record import RELEASED
 RATE_HZ = 1000.0
 STARTED_S, WALL_OFFSET_S = 5000.0, 1_763_000_000.0
 """On the clock of the records; and from there to the wall clock."""
-SUMMARY = {"outcome": "completed", "duration_s": 2.0, "faults": {"master": {"silence": 1}}, "ticks": {}, "status": 0}
+ENDED = replace(clean(), faults={"master": {"silence": 1}}, status=0)
 
 
 def ticks(count: int, first: int = 0, **columns: Any) -> Records:
@@ -45,20 +46,20 @@ class Log:
     """A journal and its lines."""
 
     def __init__(self, summary_s: float = 1e9) -> None:
-        self.lines: list[str] = []
+        self.lines: list[dict[str, Any]] = []
         self.journal = Journal(self.lines.append, RATE_HZ, now=lambda: 1_763_009_999.0, summary_s=summary_s)
 
     def look(self, records: Records, each: int = 100, side: str = "master") -> list[dict[str, Any]]:
         """Pass records on in pieces, as the launcher does; returns the lines."""
         before = len(self.lines)
         for start in range(0, len(records), each):
-            self.journal.look(side, records[start : start + each], WALL_OFFSET_S)
-        return [json.loads(line) for line in self.lines[before:]]
+            self.journal.add(side, records[start : start + each], WALL_OFFSET_S)
+        return self.lines[before:]
 
     def end(self) -> list[dict[str, Any]]:
         before = len(self.lines)
-        self.journal.end(SUMMARY)
-        return [json.loads(line) for line in self.lines[before:]]
+        self.journal.end(ENDED)
+        return self.lines[before:]
 
 
 CONNECTING, ENGAGED, SILENT = State.CONNECTING.value, State.ENGAGED.value, State.SILENT.value
@@ -130,9 +131,9 @@ def test_paths_are_told_when_new_or_changed() -> None:
     first = PathFacts(remote="10.0.0.2:47000")
     second = PathFacts(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)
     for number, path in enumerate([PathFacts(), first, first, second, second]):
-        log.journal.take_paths("master", paths_of({"paths": [path._asdict()]}))
+        log.journal.add_paths("master", paths_of({"paths": [path._asdict()]}))
         log.look(ticks(1500, first=1500 * number))
-    told = [json.loads(line) for line in log.lines]
+    told = log.lines
     assert [(line["event"], line["level"]) for line in told] == [
         ("started", "info"),
         ("path", "info"),
@@ -173,10 +174,10 @@ def test_flapping_makes_a_line_a_second_and_the_last_word_is_how_things_are() ->
 
 
 def test_what_cannot_be_written_is_counted_and_told_by_the_next_line() -> None:
-    told: list[str] = []
+    told: list[dict[str, Any]] = []
     failing = iter([OSError("disk full"), ValueError("closed"), False])
 
-    def write(line: str) -> bool:
+    def write(line: dict[str, Any]) -> bool:
         outcome = next(failing, True)
         if isinstance(outcome, Exception):
             raise outcome
@@ -187,12 +188,12 @@ def test_what_cannot_be_written_is_counted_and_told_by_the_next_line() -> None:
     journal = Journal(write, RATE_HZ, now=lambda: 0.0)
     records = ticks(4000)
     records["state"][1000:2500] = State.SILENT.value
-    journal.look("master", records[:500], 0.0)
-    journal.look("master", records[500:2000], 0.0)
-    journal.look("master", records[2000:], 0.0)
+    journal.add("master", records[:500], 0.0)
+    journal.add("master", records[500:2000], 0.0)
+    journal.add("master", records[2000:], 0.0)
     assert journal.lost_lines == 3
-    journal.end(SUMMARY)
-    assert [json.loads(line).get("lost_lines") for line in told] == [3, None]
+    journal.end(ENDED)
+    assert [line.get("lost_lines") for line in told] == [3, None]
 
 
 @pytest.mark.parametrize("leaves", [False, True])

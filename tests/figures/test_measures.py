@@ -9,8 +9,8 @@ from tests.session.systems import configuration, steps
 from weberlink.config import Configuration
 from weberlink.control.tuning import LiveSettings
 from weberlink.figures.channel import in_session
-from weberlink.figures.session import Records, SessionScore
-from weberlink.session.composition.channels import banks, force_deadband, measures_in, measures_of
+from weberlink.figures.session import Records, score_of
+from weberlink.session.composition.channels import force_deadband, measures_in
 from weberlink.session.simulation import as_array, build_simulation
 
 WEBERS = (0.25, 0.05)
@@ -41,9 +41,9 @@ def error(loaded: Configuration, slave: Any, displayed: Any, weber: float | None
 def scored(request: pytest.FixtureRequest) -> tuple[Configuration, Records, Records, dict]:
     """With the figures of the launcher."""
     loaded, master, slave = session(request.param)
-    score = SessionScore(loaded.system.rate_hz, *banks(loaded.system), measures_of(loaded.system))
+    score = score_of(loaded.system)
     score.add(master, slave)
-    return loaded, master, slave, score.summary()["force"]
+    return loaded, master, slave, score.figures().to_json()["force"]
 
 
 def test_what_the_peer_holds_is_within_the_deadband_of_its_shape_and_factor(scored) -> None:

@@ -5,8 +5,8 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.figures.paths import LONGEST, MOST, dscp_words, finding, notable, of_event, path_words, paths_of
-from weberlink.protocol.aio.paths import PathFacts
+from weberlink.figures.paths import LONGEST, MOST, LinkPath, finding, notable, paths_of
+from weberlink.protocol.aio.udp import PathFacts
 
 RELAYED = PathFacts(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)
 DIRECT = PathFacts(remote="10.0.0.2:47000")
@@ -18,14 +18,14 @@ anything = st.recursive(
 )
 
 
-def facts(*paths: PathFacts, **other: Any) -> list[dict[str, Any]]:
+def facts(*paths: PathFacts, **other: Any) -> list[LinkPath]:
     """As a daemon publishes them, read again."""
     return paths_of({"paths": [path._asdict() | other for path in paths]})
 
 
 def test_facts_of_the_daemon_come_through_whole() -> None:
-    assert facts(RELAYED, DIRECT, dscp=46) == [path._asdict() | {"dscp": 46} for path in (RELAYED, DIRECT)]
-    assert facts(RELAYED)[0]["dscp"] is None
+    assert facts(RELAYED, DIRECT, dscp=46) == [LinkPath(*path[:-1], 46) for path in (RELAYED, DIRECT)]
+    assert facts(RELAYED)[0].dscp is None
     assert paths_of(None) == paths_of({}) == []
 
 
@@ -34,9 +34,8 @@ def test_a_strange_description_gives_words_all_the_same(found: Any) -> None:
     paths = paths_of({"paths": found})
     assert len(paths) <= MOST
     for path in paths:
-        assert len(path_words(path)) < 3 * LONGEST
-        assert isinstance(dscp_words(path, 46), str)
-        of_event(path)
+        assert len(path.words()) < 3 * LONGEST
+        assert isinstance(path.dscp_words(46), str)
     assert isinstance(finding(paths), str)
     assert all(isinstance(text, str) for text in notable([], paths))
 

@@ -1,5 +1,6 @@
 """Measures of quality, beside the same computed tick by tick."""
 
+from dataclasses import asdict
 from itertools import groupby
 from math import inf, log, sqrt
 from typing import Any
@@ -47,7 +48,7 @@ def summary(threshold: Threshold, ticks: list[tuple[float, float]], pieces: int 
     statistics = QualityStatistics(1e-3, threshold)
     for part in np.array_split(np.array(ticks, dtype=np.float64).reshape(-1, 2), pieces):
         statistics.add(np.abs(part[:, 0] - part[:, 1]), np.abs(part[:, 0]), np.abs(part[:, 1]))
-    return statistics.summary()
+    return asdict(statistics.figures())
 
 
 def test_measures_worked_out_by_hand() -> None:
@@ -82,7 +83,7 @@ def test_measures_do_not_depend_on_the_pieces(
 def test_jumps_are_in_jnds_of_the_force_before() -> None:
     statistics = QualityStatistics(1e-3, Threshold(0.10, 0.04))
     statistics.add_jumps(np.array([0.04, 1.0, 3.0]), np.array([0.0, 5.0, 10.0]))
-    found = statistics.summary()
+    found = asdict(statistics.figures())
     assert found["jump_max_jnd"] == pytest.approx(3.0)
     assert found["jump_median_jnd"] == pytest.approx(2.0, rel=0.006)
 

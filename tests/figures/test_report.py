@@ -1,40 +1,45 @@
 """The report and the status line show the figures that they are given."""
 
+from dataclasses import replace
 from io import StringIO
 from typing import Any
 
 import pytest
 from rich.console import Console
 
-from tests.figures.test_session import NONE, RATE, records
-from tests.figures.test_verdict import clean, figures
+from tests.figures.test_session import NONE, records
+from tests.figures.test_verdict import clean, figures, put
 from weberlink.figures.paths import paths_of
 from weberlink.figures.report import WIDTH, session_report, status_line
-from weberlink.figures.session import SessionScore
-from weberlink.protocol.aio.paths import PathFacts
+from weberlink.figures.tree import Energy, Figures
+from weberlink.protocol.aio.udp import PathFacts
 from weberlink.protocol.states import State
 
 FINDING = [PathFacts(route="", note="asking the mailbox")._asdict()]
 RELAYED = [PathFacts(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)._asdict()]
 
 
-def shown(summary: dict[str, Any]) -> str:
+def shown(figures: Figures) -> str:
     text = StringIO()
-    session_report(summary, "weberlink master", Console(file=text, width=WIDTH))
+    session_report(figures, "weberlink master", Console(file=text, width=WIDTH))
     return text.getvalue()
 
 
 def test_the_report_begins_with_the_verdict_and_has_what_is_known_of_energy_and_errors() -> None:
-    summary = clean()
-    summary["energy"] = {"generated_j": 0.0481, "dissipated_j": 0.0123, "bound_j": 0.1145, "bound_share": 0.42}
-    summary["force"] |= {"error_rms": 0.7, "aligned_rms": 0.21, "aligned_lag_s": 0.052}
-    text = shown(summary)
+    known = clean()
+    for place, value in {
+        "energy": Energy(0.0481, 0.0123, 0.1145, 0.42),
+        "force.errors.error_rms": 0.7,
+        "force.felt.aligned_rms": 0.21,
+        "force.felt.aligned_lag_s": 0.052,
+    }.items():
+        known = put(known, place, value)
+    text = shown(known)
     assert text.startswith("good\n")
     for figure in ("48.1 mJ", "114 mJ", "42 %", "12.3 mJ", "0.700 N", "0.210 N", "52 ms"):
         assert figure in text
-    summary["energy"] |= {"bound_j": None, "bound_share": None}
-    summary["force"]["aligned_rms"] = None
-    text = shown(summary | {"outcome": "failed: device fault: unplugged"})
+    unknown = put(put(known, "energy", Energy(0.0481, 0.0123, None, None)), "force.felt.aligned_rms", None)
+    text = shown(replace(unknown, outcome="failed: device fault: unplugged"))
     assert text.splitlines()[0].endswith("unplugged")
     assert "48.1 mJ" in text and not any(figure in text for figure in ("114 mJ", "42 %", "0.210 N"))
 
@@ -42,8 +47,8 @@ def test_the_report_begins_with_the_verdict_and_has_what_is_known_of_energy_and_
 def test_the_report_of_a_master_that_met_nobody_says_why() -> None:
     made = records(5000)
     made["state"] = State.CONNECTING.value
-    facts = {"outcome": "terminated", "drops": {"master": {}}, "paths": {"master": paths_of({"paths": FINDING})}}
-    text = shown(figures(made, NONE) | facts)
+    found = replace(figures(made, NONE), outcome="terminated", paths={"master": paths_of({"paths": FINDING})})
+    text = shown(found)
     assert "5.0 s" in text and "asking the mailbox" in text and "channel" not in text
 
 
@@ -52,10 +57,8 @@ def test_the_report_has_each_way_and_the_paths() -> None:
     made["rtt_us"], made["one_way_us"], made["jitter_us"] = 42e3, 30e3, 3e3
     made["datagrams_received"], made["datagrams_lost"] = 90, 10
     made["outgoing_loss"], made["peer_burst"] = 0.0123, 1.5
-    score = SessionScore(RATE, ("zoh",))
-    score.add(made, NONE)
-    facts = {"outcome": "completed", "drops": {}, "dscp": 46, "paths": {"master": paths_of({"paths": RELAYED})}}
-    text = shown(score.summary() | facts | {"ways": score.ways()})
+    paths = {"master": paths_of({"paths": RELAYED})}
+    text = shown(replace(figures(made, NONE), outcome="completed", dscp=46, paths=paths))
     for figure in ("42.00 ms", "3.00 ms", "12.0", "1.23 %", "29.9", "10.00 %", "1.5", "relay.example"):
         assert figure in text
 
@@ -79,7 +82,7 @@ def test_the_status_line_has_peer_age_and_recording(
     made = records(2000)
     made["state"] = state.value
     live = {"addresses": {"listen": "0.0.0.0:47000", "slave": "10.0.0.2:47000"}, "peers": {side: None}}
-    summary = figures(made, NONE) if side == "master" else figures(NONE, made)
-    line = status_line({"master": None, "slave": None, side: made[-1]}, summary | live | facts)
+    found = figures(made, NONE) if side == "master" else figures(NONE, made)
+    line = status_line({"master": None, "slave": None, side: made[-1]}, replace(found, **live | facts))
     assert expected in line and len(line) < WIDTH
     assert ("force" in line) == (state is State.ENGAGED)

@@ -9,13 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from weberlink.figures.session import Records, SessionScore, nearest_ticks
+from weberlink.figures.session import Layout, Records, SessionScore, nearest_ticks
 from weberlink.protocol.states import State
 from weberlink.telemetry.reader import DTYPE
 
 RATE = 1000.0
 NONE = np.empty(0, DTYPE)
-NO_LINK = dict.fromkeys(("bound_j", "bound_share", "link_generated_j"))
+NO_BOUND = dict.fromkeys(("bound_j", "bound_share"))
 """Of one side alone, without an account."""
 
 
@@ -29,10 +29,10 @@ def records(ticks: int, *, phase: float = 0.0) -> Records:
 
 
 def score(master: Records, slave: Records, pieces: int = 1, torque_bank: tuple[str, ...] | None = None) -> Any:
-    scored = SessionScore(RATE, ("zoh", "plane"), torque_bank)
+    scored = SessionScore(Layout(RATE, ("zoh", "plane"), torque_bank))
     for one, other in zip(np.array_split(master, pieces), np.array_split(slave, pieces), strict=True):
         scored.add(one, other)
-    return scored.summary()
+    return scored.figures().to_json()
 
 
 @examples(50)
@@ -104,7 +104,7 @@ def test_violations_and_errors_in_units_of_the_bound() -> None:
     slave["raw"][900:, 2] = 9.0
     master["ramping"][890:] = 1  # does not count
     force = score(master, slave, pieces=10)["force"]
-    assert (force["violation_longest_ticks"], force["violation_longest_s"]) == (120, pytest.approx(0.12))
+    assert force["violation_longest_s"] == pytest.approx(0.12)
     assert force["violation_s"] == pytest.approx(0.121)
     assert force["error_max_deadbands"] == pytest.approx(3.5)
     assert force["error_p99_deadbands"] == pytest.approx(2.5, rel=0.01)
@@ -116,7 +116,7 @@ def test_the_master_alone_has_no_felt_error() -> None:
     assert summary["ticks"]["slave"]["lateness_us"]["p50"] is None
     assert summary["force"]["error_rms"] is None
     assert summary["force"]["error_max_deadbands"] is summary["force"]["violation_longest_s"] is None
-    assert summary["energy"] == {"generated_j": 0.0, "dissipated_j": 0.0} | NO_LINK
+    assert summary["energy"] == {"generated_j": 0.0, "dissipated_j": 0.0} | NO_BOUND
 
 
 def test_the_slave_alone_has_no_energy() -> None:
@@ -130,7 +130,7 @@ def test_the_slave_alone_has_no_energy() -> None:
     assert summary["force"]["coding"]["error_max"] == pytest.approx(0.1)
     assert summary["force"]["coding"]["violation_fraction"] == 0.0
     assert summary["orientation"]["packets"] == 9
-    assert summary["energy"] == {"generated_j": None, "dissipated_j": None} | NO_LINK
+    assert summary["energy"] == {"generated_j": None, "dissipated_j": None} | NO_BOUND
 
 
 def test_generated_energy_is_the_most_that_was_missing() -> None:
@@ -145,19 +145,6 @@ def test_generated_energy_is_the_most_that_was_missing() -> None:
         energy = score(master, slave, pieces)["energy"]
         assert energy["generated_j"] == pytest.approx(0.002)
         assert energy["dissipated_j"] == pytest.approx(0.003)
-        assert energy["link_generated_j"] == pytest.approx(0.002)
-
-
-def test_link_energy_counts_only_while_both_sides_are_engaged_and_not_in_a_ramp() -> None:
-    """Energy of the port counts always; the newest tick of the slave still waits for a nearer one of the master."""
-    master, slave = records(1000), records(1000)
-    master["position"][:, 2] = slave["output"][:, 2] = np.arange(1000) * 1e-5
-    master["output"][:, 2] = 1.0
-    master["ramping"][:100] = slave["ramping"][50:300] = 1
-    slave["state"][400:600] = State.SILENT.value
-    energy = score(master, slave, 7)["energy"]
-    assert energy["generated_j"] == pytest.approx(999e-5)
-    assert energy["link_generated_j"] == pytest.approx((99 + 398) * 1e-5)
 
 
 def test_torque_and_orientation_have_their_figures() -> None:

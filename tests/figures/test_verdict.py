@@ -1,6 +1,7 @@
 """The verdict of a session: every cause from its figures, and none from clean ones."""
 
-from copy import deepcopy
+import json
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -10,46 +11,47 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from tests.figures.test_session import RATE, records
-from weberlink.figures.session import Records, SessionScore
-from weberlink.figures.verdict import DEGRADED, FAILURE, GOOD, verdict
+from weberlink.figures.paths import LinkPath
+from weberlink.figures.session import Layout, Records, SessionScore
+from weberlink.figures.tree import DEGRADED, FAILURE, GOOD, Figures, Verdict, to_json
+from weberlink.figures.verdict import verdict
 
-Summary = dict[str, Any]
 TICKS = 10_000
 
 
-def figures(master: Records, slave: Records) -> Summary:
-    score = SessionScore(RATE, ("zoh",))
+def figures(master: Records, slave: Records) -> Figures:
+    score = SessionScore(Layout(RATE, ("zoh",)))
     score.add(master, slave)
-    return score.summary()
-
-
-def clean() -> Summary:
-    """Figures of a session in which nothing happened, with all that the launcher adds; for the caller to change."""
-    return deepcopy(clean_figures())
+    return score.figures()
 
 
 @cache
-def clean_figures() -> Summary:
+def clean() -> Figures:
+    """Figures of a session in which nothing happened, with all that the launcher adds."""
     made = records(TICKS), records(TICKS)
     for side in made:
         side["bound"] = 0.1
         side["datagrams_received"] = 1000
-    return figures(*made) | {
-        "faults": {"master": {}, "slave": {}},
-        "drops": {"master": {}, "slave": {}},
-        "peers": {"master": {"name": "robot:47000", "refusal": "", "farewell": ""}, "slave": None},
-        "addresses": {"listen": "0.0.0.0:47000", "slave": "10.0.0.2:47000"},
-        "host": {"stalls": 0, "longest_ms": 0.0, "missed": {"master": 0, "slave": 0}, "steal": 0.0, "unknown": None},
-        "recording": {"path": "a.mcap", "bytes": 2_000_000, "outcome": "complete", "lost": {"master": 0}},
-        "outcome": "completed",
-    }
+    return replace(
+        figures(*made),
+        faults={"master": {}, "slave": {}},
+        drops={"master": {}, "slave": {}},
+        peers={"master": {"name": "robot:47000", "refusal": "", "farewell": ""}, "slave": None},
+        addresses={"listen": "0.0.0.0:47000", "slave": "10.0.0.2:47000"},
+        host={"stalls": 0, "longest_ms": 0.0, "missed": {"master": 0, "slave": 0}, "steal": 0.0, "unknown": None},
+        recording={"path": "a.mcap", "bytes": 2_000_000, "outcome": "complete", "lost": {"master": 0}},
+        outcome="completed",
+    )
 
 
-def put(summary: Summary, path: str, value: Any) -> None:
-    *keys, last = path.split(".")
-    for key in keys:
-        summary = summary[key]
-    summary[last] = value
+def put(part: Any, path: str, value: Any) -> Any:
+    """A part of the figures with another value at a place."""
+    name, _, rest = path.partition(".")
+    if isinstance(part, Figures) and name in part.channels:
+        name, rest = "channels", path
+    inner = part[name] if isinstance(part, dict) else getattr(part, name)
+    changed = put(inner, rest, value) if rest else value
+    return part | {name: changed} if isinstance(part, dict) else replace(part, **{name: changed})
 
 
 CASES: dict[str, tuple[str, dict[str, Any], str]] = {
@@ -94,30 +96,31 @@ CASES: dict[str, tuple[str, dict[str, Any], str]] = {
     "tripped": (DEGRADED, {"faults.slave": {"tripped": 1}}, "slave.limits.trip_n"),
     "update": (DEGRADED, {"faults.slave": {"update": 4}}, "4 updates"),
     "force_limited": (DEGRADED, {"limited.force_ticks": 1200}, "12.0 %"),
-    "felt": (DEGRADED, {"force.violation_fraction": 0.12, "force.violation_floor": 0.03}, "12.0 %"),
-    "delay": (DEGRADED, {"force.violation_fraction": 0.4, "force.violation_floor": 0.38}, "40.0 %"),
+    "felt": (DEGRADED, {"force.errors.violation_fraction": 0.12, "force.felt.violation_floor": 0.03}, "12.0 %"),
+    "delay": (DEGRADED, {"force.errors.violation_fraction": 0.4, "force.felt.violation_floor": 0.38}, "40.0 %"),
     "bound": (DEGRADED, {"energy.bound_share": 1.25}, "125 %"),
     "loss": (DEGRADED, {"link.lost": 500}, "20.0 %"),
 }
 """Name of a cause to its level, the figures that tell it, and a figure of its text."""
 
 
-def with_changes(changes: dict[str, Any]) -> Summary:
-    summary = clean()
+def with_changes(changes: dict[str, Any]) -> Figures:
+    found = clean()
     for path, value in changes.items():
-        put(summary, path, value)
-    return summary
+        found = put(found, path, value)
+    return found
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_each_cause_follows_from_its_figures(name: str) -> None:
     level, changes, figure = CASES[name]
     found = verdict(with_changes(changes))
-    ((found_level, found_name, text),) = found.causes
+    (cause,) = found.causes
+    found_level, found_name, text = cause.level, cause.name, cause.text
     assert (found_level, found_name, figure in text) == (level, name, True)
     assert found.line == f"{level} because {text}"
     assert found.status == (1 if level == FAILURE else 0)
-    assert found.document() == {"word": level, "causes": [{"level": level, "name": name, "text": text}]}
+    assert to_json(found) == {"word": level, "causes": [{"level": level, "name": name, "text": text}]}
 
 
 @pytest.mark.parametrize(
@@ -131,7 +134,7 @@ def test_each_cause_follows_from_its_figures(name: str) -> None:
         {"connection.slave.waited_s": 3600.0},
         {"ticks.master.missed": 150},
         {"limited.force_ticks": 50},
-        {"force.violation_fraction": 0.05, "force.violation_floor": 0.01},
+        {"force.errors.violation_fraction": 0.05, "force.felt.violation_floor": 0.01},
         {"link.lost": 19},
         {"drops.slave": {"unproven": 100}},
         {"faults.slave": {"refused": 2}},
@@ -141,18 +144,15 @@ def test_each_cause_follows_from_its_figures(name: str) -> None:
 def test_what_is_usual_degrades_nothing(changes: dict[str, Any]) -> None:
     """The master has left a slave; a lost goodbye; a few ticks; strangers that call while there is a session."""
     found = verdict(with_changes(changes))
-    assert (found, found.line, found.status) == ((GOOD, ()), "good", 0)
+    assert (found, found.line, found.status) == (Verdict(GOOD, ()), "good", 0)
 
 
 def test_running_master_waits_longer_for_an_answer() -> None:
-    summary = clean()
-    put(summary, "connection.master.ended", "waiting")
-    put(summary, "connection.master.waited_s", 2.0)
-    assert verdict(summary).word == FAILURE
-    del summary["outcome"]
-    assert verdict(summary).word == GOOD
-    put(summary, "connection.master.waited_s", 4.0)
-    assert verdict(summary).word == FAILURE
+    waiting = with_changes({"connection.master.ended": "waiting", "connection.master.waited_s": 2.0})
+    assert verdict(waiting).word == FAILURE
+    running = replace(waiting, outcome=None)
+    assert verdict(running).word == GOOD
+    assert verdict(put(running, "connection.master.waited_s", 4.0)).word == FAILURE
 
 
 @examples(40)
@@ -164,3 +164,10 @@ def test_failures_come_first_and_decide_the_word(chosen: set[str]) -> None:
     assert found.word == levels[0]
     assert found.status == (FAILURE in levels)
     assert len({cause.name for cause in found.causes}) == len(found.causes)
+
+
+def test_a_document_gives_the_figures_back() -> None:
+    found = replace(
+        clean(), verdict=verdict(clean()), paths={"master": [LinkPath(0, "direct", "", "", "a:1", 0, "", 46)]}
+    )
+    assert Figures.of_json(json.loads(json.dumps(found.to_json()))) == found

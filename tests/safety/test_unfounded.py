@@ -29,7 +29,7 @@ def session(*overrides: str, file: str = "loopback.yaml", seconds: float = 4.0) 
     period, score = loaded.system.tick_period, score_of(loaded.system)
     master, slave = records(build_simulation(loaded), period, seconds)
     score.add(master, slave)
-    return found(Cell(0, overrides, (DELAY_S, DELAY_S)), master, slave, period), score.summary()
+    return found(Cell(0, overrides, (DELAY_S, DELAY_S)), master, slave, period), score.figures().to_json()
 
 
 @pytest.mark.parametrize("predictor", ["surface", "adaptive"])

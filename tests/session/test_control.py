@@ -8,8 +8,8 @@ import pytest
 from tests.session.kinds import HAND, changed, says
 from tests.session.systems import configuration, steps
 from weberlink.control.contract import CREDIT_STEP
-from weberlink.figures.energy import Records, accounts_in
-from weberlink.figures.session import SessionScore
+from weberlink.figures.energy import accounts_in
+from weberlink.figures.session import Layout, Records, SessionScore
 from weberlink.protocol.states import State
 from weberlink.session.simulation import Simulation, as_array, build_simulation
 
@@ -49,9 +49,9 @@ def records_of(simulation: Simulation, seconds: float) -> tuple[Records, Records
 
 def bound_share(master: Records, slave: Records) -> float:
     """The largest share of what the account of the default settings allows out of the hand that came out."""
-    score = SessionScore(1000.0, BANK, accounts=ACCOUNTS)
+    score = SessionScore(Layout(1000.0, BANK, accounts=ACCOUNTS))
     score.add(master, slave)
-    return float(score.summary()["energy"]["bound_share"])
+    return score.figures().energy.bound_share or 0.0
 
 
 @pytest.mark.parametrize("stiffness", [500.0, 1e6])
@@ -77,9 +77,9 @@ def test_the_network_stays_quiet(round_trip: float, fewer: float) -> None:
         "link.longest_round_trip_ms=2000",
         "codec.force.weber=0.10",
     )
-    score = SessionScore(1000.0, BANK)
+    score = SessionScore(Layout(1000.0, BANK))
     build_simulation(loaded).run(3.5 + 2.0 * round_trip, [score])
-    summary = score.summary()
+    summary = score.figures().to_json()
     assert summary["force"]["packets"] > 5
     assert summary["force"]["reduction"] >= fewer
     assert summary["force"]["reduction_all"] >= fewer

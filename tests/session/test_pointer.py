@@ -7,8 +7,7 @@ import pytest
 
 from tests.master.devices.targets import Path, Targets
 from tests.session.systems import configuration
-from weberlink.figures.energy import Records
-from weberlink.figures.session import SessionScore
+from weberlink.figures.session import Layout, Records, SessionScore
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.pointer import PointerDevice
 from weberlink.session.simulation import as_array, build_simulation
@@ -55,7 +54,7 @@ def over_the_dome(time: float) -> tuple[Vector, bool]:
 
 
 def test_handle_slides_over_the_dome_and_stays_out() -> None:
-    score = SessionScore(1000.0, ("zoh", "linear", "plane", "sphere"))
+    score = SessionScore(Layout(1000.0, ("zoh", "linear", "plane", "sphere")))
     master, _ = run(over_the_dome, 4.0, score=score)
     sliding = master[1500:]
     positions, depth = sliding["position"], depths(sliding["position"])
@@ -64,7 +63,7 @@ def test_handle_slides_over_the_dome_and_stays_out() -> None:
     assert depth.max() < HAND * REACH / WALL
     assert np.ptp(positions[:, 2]) > 0.01, "up and down the dome, 15 mm high"
     assert (lengths(sliding["output"]) > 0.1).all(), "in contact all the time"
-    force = score.summary()["force"]
+    force = score.figures().to_json()["force"]
     assert force["coding"]["violation_fraction"] == 0.0
     assert force["violation_fraction"] < 0.05, "felt, with two ticks of delay"
     assert force["packets_per_s"] < 50.0

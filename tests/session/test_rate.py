@@ -25,8 +25,8 @@ BOUNDED = tuple(
 
 
 def test_every_channel_keeps_its_rate() -> None:
-    free, _ = simulate(configuration(*NARROW, file=FILE), SECONDS)
-    bounded, _ = simulate(configuration(*NARROW, *BOUNDED, file=FILE), SECONDS)
+    free = simulate(configuration(*NARROW, file=FILE), SECONDS)[0].to_json()
+    bounded = simulate(configuration(*NARROW, *BOUNDED, file=FILE), SECONDS)[0].to_json()
     assert bounded["outcome"] == "completed"
     for name in CHANNELS:
         assert free[name]["packets"] > 2 * (MOST * SECONDS + LEAST_BURST)

@@ -1,18 +1,18 @@
 """Failures made on purpose, and what the report says of each: rows of the table in docs/operation/logs.md."""
 
 import re
+from dataclasses import replace
 from math import inf
-from typing import Any
 
 import pytest
 
 from tests.program import ROOT
 from tests.safety.observed_link import ObservedLink, observed
 from tests.session.systems import configuration
-from weberlink.figures.session import SessionScore
+from weberlink.figures.session import score_of
+from weberlink.figures.tree import Figures
 from weberlink.figures.verdict import verdict
 from weberlink.protocol.emulation import Emulation
-from weberlink.session.composition.channels import banks
 from weberlink.session.simulation import simulate
 
 PAGE = (ROOT / "docs" / "operation" / "logs.md").read_text(encoding="utf-8")
@@ -31,12 +31,12 @@ VIRTUAL = {
 CUT = {"the link cut in one direction for 2 s": 2.0, "the link cut in one direction until the end": inf}
 
 
-def cut(for_s: float) -> dict[str, Any]:
+def cut(for_s: float) -> Figures:
     """The link carries nothing in one direction from 2 s on; a run of 6 s, which the master ends in order."""
     loaded = configuration()
-    score = SessionScore(loaded.system.rate_hz, *banks(loaded.system))
+    score = score_of(loaded.system)
     observed(loaded, ObservedLink(Emulation(blackouts=((2.0, for_s),))), ObservedLink()).run(6.0, [score])
-    return score.summary() | {"outcome": "completed"}
+    return replace(score.figures(), outcome="completed")
 
 
 @pytest.mark.parametrize("done", [*VIRTUAL, *CUT])

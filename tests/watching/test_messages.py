@@ -1,6 +1,7 @@
 """What a page is told: the greeting, rows, the felt error, and rates of the last second."""
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,8 @@ from hypothesis import strategies as st
 from tests.examples import examples
 from tests.session.systems import CONFIGS
 from tests.watching.sources import BANK, RATE, description, pieces, records
-from weberlink.figures.session import SessionScore
+from weberlink.figures.session import Layout, SessionScore
+from weberlink.figures.tree import to_json
 from weberlink.protocol.states import State
 from weberlink.telemetry.fault import Fault
 from weberlink.watching.hello import hello
@@ -24,6 +26,8 @@ from weberlink.watching.rows import (
     felt_message,
     samples_message,
 )
+
+HAND = Layout(RATE, BANK)
 
 
 def test_greeting_has_scene_settings_choices_and_who_is_there() -> None:
@@ -67,13 +71,13 @@ def test_rows_have_their_columns_and_null_for_what_is_unknown() -> None:
     rows = records(3)
     rows["position"] = [[0.1, 0.2, 0.3]] * 3
     rows["energy"] = [0.5, np.nan, np.inf]
-    told = json.loads(json.dumps(samples_message("master", rows, 9.5), allow_nan=False))
+    told = json.loads(json.dumps(samples_message("master", rows, 9.5, HAND), allow_nan=False))
     assert (told["t"], set(told["columns"])) == ([0.5, 0.501, 0.502], set(COLUMNS))
     assert told["columns"]["position"] == [[0.1] * 3, [0.2] * 3, [0.3] * 3]
     assert told["columns"]["rtt_us"] == [None] * 3
     assert told["columns"]["energy"] == [0.5, None, None]
     assert told["columns"]["state"] == [4, 4, 4]
-    turned = samples_message("master", rows, 0.0, rotation=True)["columns"]
+    turned = samples_message("master", rows, 0.0, replace(HAND, torque_bank=("zoh",)))["columns"]
     assert (set(turned), len(turned["rotation_raw"])) == (set(COLUMNS) | set(ROTATION), 3)
 
 
@@ -87,15 +91,15 @@ def test_felt_error_equals_the_figures(cuts: list[int], others: list[int], phase
     master, slave = records(900, phase=phase, seed=1), records(900, seed=2)
     slave["state"][200:300] = State.SILENT.value
     master["ramping"][400:450] = 1
-    score, felt = SessionScore(RATE, BANK), FeltErrorPairs(RATE)
+    score, felt = SessionScore(HAND), FeltErrorPairs(RATE)
     errors: list[float] = []
     for one, other in zip(pieces(master, cuts), pieces(slave, others), strict=True):
         score.add(one, other)
-        told = felt_message(*felt.add(one, other), origin=10.0)
+        told = felt_message(*felt.add(one, other), 10.0, HAND)
         errors += told["error_n"]
         assert told["t"] == sorted(told["t"])
         assert told["deadbands"] == pytest.approx([error / 1.5 for error in told["error_n"]], abs=1e-4)
-    force: dict[str, Any] = score.summary()["force"]
+    force: dict[str, Any] = to_json(score.figures().felt)
     assert max(errors) == pytest.approx(force["error_max"], abs=1e-5)
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(force["error_rms"], abs=1e-5)
     assert np.mean(np.array(errors) > 1.5) == pytest.approx(force["violation_fraction"], abs=2 / len(errors))

@@ -8,7 +8,7 @@ import pytest
 
 from tests.cli import arm_sessions as arms
 from tests.watching.sources import BANK, RATE, WALL_OFFSET_S, HandSource, description, pieces, records
-from weberlink.figures.session import SessionScore
+from weberlink.figures.session import Layout, SessionScore
 from weberlink.protocol.states import State
 from weberlink.telemetry.fault import Fault
 from weberlink.watching.rows import CARTESIAN
@@ -36,13 +36,13 @@ def alone(*made: Any, file: str = "loopback.yaml", side: str = "slave") -> tuple
 def test_figures_equal_those_of_the_launcher() -> None:
     master, slave, session = both()
     ours, theirs = records(3000, seed=1), records(3000, phase=3e-4, seed=2)
-    launcher = SessionScore(RATE, BANK)
+    launcher = SessionScore(Layout(RATE, BANK))
     launcher.add(ours, theirs)
     for one, other in zip(pieces(ours, [100, 900, 1700]), pieces(theirs, [40, 950, 2900]), strict=True):
         master.put(one)
         slave.put(other)
         session.look()
-    told, expected = session.figures()["figures"], launcher.summary()
+    told, expected = session.figures()["figures"], launcher.figures().to_json()
     assert told["ticks"] == expected["ticks"]
     for channel in ("force", "position"):
         for name, value in expected[channel].items():

@@ -19,9 +19,9 @@ def test_the_file_is_valid() -> None:
 
 
 def test_it_is_connected_from_start_to_end() -> None:
-    summary, _ = simulate(load(FILE, (*HERE, "link.emulate={delay_ms: 100, jitter_ms: 5, loss: 0.02, seed: 1}")), 3.0)
-    assert (summary["outcome"], summary["faults"]) == ("completed", {"master": {}, "slave": {}})
-    assert all(each["interruptions"] == 0 for each in summary["connection"].values())
+    figures, _ = simulate(load(FILE, (*HERE, "link.emulate={delay_ms: 100, jitter_ms: 5, loss: 0.02, seed: 1}")), 3.0)
+    assert (figures.outcome, figures.faults) == ("completed", {"master": {}, "slave": {}})
+    assert all(each is not None and each.interruptions == 0 for each in figures.connection.values())
 
 
 @pytest.mark.parametrize(

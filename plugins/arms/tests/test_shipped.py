@@ -18,7 +18,7 @@ CHANNELS = ("joint_torque", "joint_angle", "gripper_torque", "gripper_angle")
 
 
 def test_shipped_pair_presses_table_and_operator_feels_it() -> None:
-    summary, _ = simulate(load(CONFIGS / "arms.yaml"), 2.2)
+    summary = simulate(load(CONFIGS / "arms.yaml"), 2.2)[0].to_json()
     assert (summary["outcome"], summary["verdict"]["word"]) == ("completed", "good")
     assert min(summary[name]["reduction"] for name in CHANNELS) > 0.9
     torque = summary["joint_torque"]
@@ -30,12 +30,11 @@ def test_shipped_pair_presses_table_and_operator_feels_it() -> None:
 
 def test_the_shipped_pair_is_connected_from_start_to_end_at_a_distance() -> None:
     emulate = "link.emulate={delay_ms: 75, jitter_ms: 5, loss: 0.02, seed: 1}"
-    summary, _ = simulate(load(CONFIGS / "arms.yaml", ("link.security=none", emulate)), 3.0)
-    assert (summary["outcome"], summary["faults"]) == ("completed", {"master": {}, "slave": {}})
-    for side in ("master", "slave"):
-        connection = summary["connection"][side]
-        assert (connection["interruptions"], connection["unconnected_s"], connection["ended"]) == (0, 0.0, "connected")
-    assert {cause.name for cause in verdict(summary).causes} <= {"felt", "delay", "loss"}
+    figures, _ = simulate(load(CONFIGS / "arms.yaml", ("link.security=none", emulate)), 3.0)
+    assert (figures.outcome, figures.faults) == ("completed", {"master": {}, "slave": {}})
+    for side in figures.connection.values():
+        assert side is not None and (side.interruptions, side.unconnected_s, side.ended) == (0, 0.0, "connected")
+    assert {cause.name for cause in verdict(figures).causes} <= {"felt", "delay", "loss"}
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)

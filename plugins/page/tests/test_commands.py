@@ -48,7 +48,7 @@ def test_the_unit_starts_the_monitor_and_is_little_exposed(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("name", SCENES)
 def test_every_scene_to_try_is_felt(name: str) -> None:
-    summary, trace = simulate(configuration(*SCENES[name].overrides, file="try.yaml"), 2.5)
-    assert (summary["outcome"], summary["faults"]) == ("completed", {"master": {}, "slave": {}})
-    assert summary["force"]["packets"] > 2
+    figures, trace = simulate(configuration(*SCENES[name].overrides, file="try.yaml"), 2.5)
+    assert (figures.outcome, figures.faults) == ("completed", {"master": {}, "slave": {}})
+    assert figures.felt.packets > 2
     assert 0.5 < np.linalg.norm(trace.trace.force_n, axis=1).max() < 10.0

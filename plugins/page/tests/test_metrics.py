@@ -64,7 +64,7 @@ def test_metrics_have_names_units_and_labels() -> None:
         ("session_live",): 1,
         ("session_seen_from_start",): 1,
         ("session_duration_seconds",): 1.0,
-        ("reduction_ratio", "force"): session.score.summary()["force"]["reduction"],
+        ("reduction_ratio", "force"): session.score.figures().felt.reduction,
     }
     for (name, *labels), value in expected.items():
         assert values[f"weberlink_{name}", *labels] == pytest.approx(value, nan_ok=True), name

@@ -17,7 +17,8 @@ from plugins.recording.tests.records import of_arms
 from tests.cli import arm_sessions as arms
 from tests.program import weberlink
 from tests.session.systems import CONFIGS
-from weberlink.figures.arm import arm_in
+from weberlink.figures.channel import arm_in
+from weberlink.figures.session import Layout
 from weberlink.telemetry.record import JOINTS
 from weberlink.watching.ros_messages import quaternions
 from weberlink_recording.lerobot_frames import NoFramesError, frames_of
@@ -282,7 +283,7 @@ def test_layout_is_that_of_lerobot(dataset: Path) -> None:
 
 def session(sides: Sides, **other: Any) -> RecordedSession:
     both = sides | other
-    return RecordedSession(both["master"], both["slave"], arms.RATE, ("zoh",), arm=arm_in(arms.SYSTEM))
+    return RecordedSession(both["master"], both["slave"], Layout(arms.RATE, ("zoh",), arm=arm_in(arms.SYSTEM)))
 
 
 def values_of(frames: Any, key: str) -> Any:

@@ -58,7 +58,7 @@ def test_recording_of_a_part_counts_from_its_beginning(tmp_path) -> None:
         writer.write("slave", made)
         writer.mark(Mark(round((WALL_S + 0.25) * 1e9), "here"))
     session = put_together([read_recording(path)])
-    figures = session.summary()
+    figures = session.figures().to_json()
     assert figures["force"]["packets"] == int(made["sent"].sum()) == 200
     assert figures["link"]["sent"] == 999
     (mark,) = session.marks

@@ -9,7 +9,7 @@ from tests.program import PATIENT
 from tests.session.systems import configuration
 from tests.wait import PATIENCE
 from weberlink.config import SIDES
-from weberlink.session.launcher import Session
+from weberlink.session.launcher import LiveRun
 from weberlink.session.recorder import failure
 from weberlink_recording import mcap_format
 from weberlink_recording.mcap_format import Recorder
@@ -23,10 +23,11 @@ def test_a_recorder_that_does_not_begin_in_time_fails_the_session_and_is_said(
     monkeypatch.setattr(mcap_format, "FINISH_LIMIT_S", 0.2)
     told: list[str] = []
     overrides, path = PATIENT[1::2], tmp_path / "late.mcap"
-    with Session(configuration(*overrides), overrides, SIDES, 0.3, record=path, tell=told.append) as session:
-        report = session.run()
-    assert told == [f"the recording failed: {report['recording']['outcome']}"]
-    assert (report["outcome"], report["status"], report["verdict"]["word"]) == ("completed", 1, "failed")
+    with LiveRun(configuration(*overrides), overrides, SIDES, 0.3, record=path, tell=told.append) as session:
+        figures = session.run()
+    assert figures.recording is not None and figures.verdict is not None
+    assert told == [f"the recording failed: {figures.recording['outcome']}"]
+    assert (figures.outcome, figures.status, figures.verdict.word) == ("completed", 1, "failed")
     assert not path.exists()
 
 

@@ -84,7 +84,7 @@ def test_info_reports_the_figures_of_the_run(simulated: tuple[Path, dict[str, An
 
 def test_so_it_does_with_a_bounded_rate(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-    summary, _ = simulate(configuration(*RATES, file="rotation.yaml"), 2.2, path)
+    summary = simulate(configuration(*RATES, file="rotation.yaml"), 2.2, path)[0].to_json()
     found = describe([path]).document
     for key in ("force", "position", "torque", "orientation", "energy"):
         assert found[key] == summary[key], key
@@ -210,9 +210,9 @@ def test_sessions_of_two_masters_are_told_apart(touch: Recording) -> None:
     for name in COUNTERS:
         again[name] += once[name][-1]
     whole_day = only(touch, "slave", np.concatenate([once, again]))
-    alone = put_together([only(touch, "master"), only(touch, "slave")]).summary()
+    alone = put_together([only(touch, "master"), only(touch, "slave")]).figures().to_json()
     for later in (0.0, 100.0):
-        found = put_together([only(touch, "master", later=later), whole_day]).summary()
+        found = put_together([only(touch, "master", later=later), whole_day]).figures().to_json()
         for key in ("force", "position", "link", "energy"):
             assert numbers(found[key]) == pytest.approx(numbers(alone[key]), rel=1e-6, abs=1e-9), key
     with pytest.raises(RecordingError):

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 from weberlink.codec import Channel
 from weberlink.codec.replay import code
 from weberlink.config import Configuration, System
+from weberlink.config.joints import AngleCodecSettings, JointTorqueCodecSettings
 from weberlink.config.model import ControlSettings, MappingSettings
+from weberlink.config.settings import PredictedSettings
 from weberlink.control.table import SCHEMES
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.contract import Device
@@ -40,11 +42,12 @@ class Described(Protocol):
 
 
 class Stream(NamedTuple):
-    """A coded signal, in words: what it is called, how it is coded, and at most how often it is sent."""
+    """A coded signal: title and name of its line, its settings, its thresholds in words, and its channel."""
 
     title: str
-    coding: str
-    most: float | None
+    name: str
+    settings: PredictedSettings | AngleCodecSettings | JointTorqueCodecSettings
+    thresholds: str
     channel: Channel
 
 
@@ -60,18 +63,19 @@ def describe(configuration: Configuration) -> Iterator[str]:
     yield f"{configuration.path}: valid"
     if parts.is_of_arms:
         yield from _arms(system, parts.leader, parts.follower)
-        coded = list(_streams_of_arms(system))
     else:
         yield from _hand_and_tool(system, parts.device, parts.robot)
-        coded = list(_streams(system))
     yield from _link(system)
+    coded, octets = list(_streams(system)), 0
     carries_credit = not parts.is_of_arms and SCHEMES[system.control.scheme].carries_credit
-    octets = 0
-    for title, coding, most, channel in coded:
+    for title, name, settings, thresholds, channel in coded:
         layout = UpdateLayout(channel.forms, carries_credit=carries_credit, acks=len(coded) // 2)
         shortest, longest = (size + tag for size in layout.lengths)
         octets += shortest + UDP_IP_BYTES
-        yield f"{title:<10}{coding}" + ("" if most is None else f"; at most {most:g} updates/s")
+        bank = f" of {', '.join(channel.bank)}" if len(channel.bank) > 1 else ""
+        most = settings.max_updates_per_s
+        at_most = "" if most is None else f"; at most {most:g} updates/s"
+        yield f"{title:<10}{name}{settings.predictor}{bank}; {thresholds}{at_most}"
         yield f"          update of {shortest} to {longest} bytes of UDP payload"
     if not parts.is_of_arms:
         yield from _cost(configuration)
@@ -189,36 +193,23 @@ def _control(control: ControlSettings, *, turns: bool) -> Iterator[str]:
 
 
 def _streams(system: System) -> Iterator[Stream]:
-    forward, backward = streams(system)
-    force, position, rotation = system.codec.force, system.codec.position, system.codec.rotation
-    shape = backward[0].deadband.describe()
-    coding = f"k = {force.weber:g}, floor {force.floor_n:g} N, reference {force.reference}"
-    coding += "" if shape == "isotropic" else f"; {shape}"
-    yield Stream("force", f"{_choice(force.predictor, backward[0])}; {coding}", force.max_updates_per_s, backward[0])
-    coding = f"{_choice(position.predictor, forward[0])}; bound {1e3 * position.bound_m:g} mm"
-    yield Stream("position", coding, position.max_updates_per_s, forward[0])
-    if rotation is not None:
-        torque, turn = rotation.torque, rotation.orientation
-        coding = f"torque {_choice(torque.predictor, backward[1])}; k = {torque.weber:g}, "
-        coding += f"floor {torque.floor_nm:g} N m, reference {torque.reference}"
-        yield Stream("rotation", coding, torque.max_updates_per_s, backward[1])
-        coding = f"orientation {_choice(turn.predictor, forward[1])}; bound {turn.bound_rad:g} rad"
-        yield Stream("", coding, turn.max_updates_per_s, forward[1])
-
-
-def _choice(predictor: str, channel: Channel) -> str:
-    return predictor if len(channel.bank) == 1 else f"{predictor} of {', '.join(channel.bank)}"
-
-
-def _streams_of_arms(system: System) -> Iterator[Stream]:
-
-    parts = {"joints": system.codec.joints, "gripper": system.codec.gripper}
-    used = [(name, part.angle, part.torque) for name, part in parts.items() if part is not None]
-    for (name, angle, torque), forward, backward in zip(used, *streams(system), strict=True):
-        coding = f"angles {angle.predictor}; bound {_each(angle.bound_rad)} rad"
-        yield Stream(name, coding, angle.max_updates_per_s, forward)
-        coding = f"torques {torque.predictor}; k = {torque.weber:g}, floor {_each(torque.floor_nm)} N m"
-        yield Stream("", coding, torque.max_updates_per_s, backward)
+    codec, (forward, backward) = system.codec, streams(system)
+    if codec.joints is None:
+        force, shape = codec.force, backward[0].deadband.describe()
+        thresholds = f"k = {force.weber:g}, floor {force.floor_n:g} N, reference {force.reference}"
+        thresholds += "" if shape == "isotropic" else f"; {shape}"
+        yield Stream("force", "", force, thresholds, backward[0])
+        yield Stream("position", "", codec.position, f"bound {1e3 * codec.position.bound_m:g} mm", forward[0])
+    if codec.rotation is not None:
+        torque, turn = codec.rotation.torque, codec.rotation.orientation
+        thresholds = f"k = {torque.weber:g}, floor {torque.floor_nm:g} N m, reference {torque.reference}"
+        yield Stream("rotation", "torque ", torque, thresholds, backward[1])
+        yield Stream("", "orientation ", turn, f"bound {turn.bound_rad:g} rad", forward[1])
+    arms = [(name, getattr(codec, name)) for name in ("joints", "gripper") if getattr(codec, name) is not None]
+    for (title, arm), angles, torques in zip(arms, forward, backward, strict=False):
+        yield Stream(title, "angles ", arm.angle, f"bound {_each(arm.angle.bound_rad)} rad", angles)
+        thresholds = f"k = {arm.torque.weber:g}, floor {_each(arm.torque.floor_nm)} N m"
+        yield Stream("", "torques ", arm.torque, thresholds, torques)
 
 
 # --- what they cost

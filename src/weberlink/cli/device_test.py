@@ -141,18 +141,10 @@ Its value is printed only after the last axis was felt: a correct position does 
 
 
 def try_master(driver: Any, options: BaseModel, build: Callable[[BaseModel], Device], dialog: Dialog) -> None:
-    """Test a haptic device.
-
-    Args:
-        driver: class of the device.
-        options: of the driver.
-        build: makes a device from options.
-        dialog: with the person.
+    """Test a haptic device of a driver, which `build` makes from options.
 
     Raises:
-        DeviceTestError: the test failed. The force is zero, as after the other errors.
-        DeviceFault: the device failed.
-        StoppedByUser: the person stopped.
+        DeviceTestError, DeviceFault, StoppedByUser: of the test, the device, or the person. The force is zero.
     """
     frame: Frame = {**FRAME, **getattr(driver, "FRAME", {})}
     is_real = is_hardware(driver)
@@ -227,17 +219,11 @@ def _view_of(device: Device) -> View:
 
 @dataclass(frozen=True)
 class ObservedMotion:
-    """The axis along which a handle moved.
+    """The axis along which a handle moved."""
 
-    Args:
-        asked: axis along which the hand moved, in the positive direction.
-        axis: axis along which the position changed.
-        way_m: signed distance [m].
-    """
-
-    asked: str
-    axis: str
-    way_m: float
+    asked: str  # axis along which the hand moved, in the positive direction
+    axis: str  # axis along which the position changed
+    way_m: float  # signed distance
 
     @property
     def right(self) -> bool:
@@ -245,13 +231,7 @@ class ObservedMotion:
 
 
 def classify_motion(asked: str, moved: Vector, frame: Frame) -> ObservedMotion | str:
-    """Find the axis of a motion, or the reason why that is unclear.
-
-    Args:
-        asked: "x", "y" or "z".
-        moved: change of the position [m].
-        frame: directions of the axes, for the text.
-    """
+    """Find the axis of a motion [m], or the reason why that is unclear; the frame is for the text."""
     way = norm(moved)
     if way < LEAST_M:
         return f"The position changed by {way * 1e3:.0f} mm, which is too little: move it by about 5 cm."
@@ -265,14 +245,7 @@ def classify_motion(asked: str, moved: Vector, frame: Frame) -> ObservedMotion |
 def _check_signs(device: Device, frame: Frame, options: Mapping[str, str], dialog: Dialog) -> None:
     """Ask for a motion along every axis: with a wrong sign, a wall would push instead of resist.
 
-    Args:
-        device: open, without force.
-        frame: directions of its axes.
-        options: which option reverses an axis, by axis; for the advice.
-        dialog: with the person.
-
-    Raises:
-        DeviceTestError: the position does not follow the hand.
+    Raises DeviceTestError if the position does not follow the hand; `options` name what reverses an axis.
     """
     dialog.tell("", "Check of signs: you move the handle; there is no force.")
     motions = [_motion(axis, device, frame, dialog) for axis in device.spec.axes]
@@ -312,11 +285,7 @@ def _motion(axis: str, device: Device, frame: Frame, dialog: Dialog) -> Observed
 def _check_force(
     device: Device, push_n: float, frame: Frame, options: Mapping[str, str], dialog: Dialog, gives_way: float
 ) -> None:
-    """Push a little along every axis, and ask whether it was felt there; arguments as of `_check_signs` and `_push`.
-
-    Raises:
-        DeviceTestError: the force was felt in another direction, or not at all.
-    """
+    """Push a little along every axis. Raises DeviceTestError if that was felt in another direction, or not at all."""
     spec, wrong = device.spec, []
     for axis in spec.axes:
         answer = "r"
@@ -371,17 +340,10 @@ FORCE_CHANGE_N = 5.0
 
 
 def try_robot(driver: Any, build: Callable[[], Robot], dialog: Dialog) -> None:
-    """Test a robot.
-
-    Args:
-        driver: class of the robot.
-        build: makes the robot.
-        dialog: with the person.
+    """Test the robot of a driver.
 
     Raises:
-        DeviceTestError: the test failed; the robot stays where it is.
-        RobotFault: the robot failed.
-        StoppedByUser: the person stopped.
+        DeviceTestError, RobotFault, StoppedByUser: of the test, the robot, or the person. It stays where it is.
     """
     robot = build()
     newtons, share = robot.spec.force_error

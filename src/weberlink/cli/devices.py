@@ -63,17 +63,13 @@ class DriverStatus:
 
     side: str
     driver: str
-    package: str | None
-    """None for a built-in driver."""
-    kind: str | None
-    """"virtual" or "hardware"; None if it could not be loaded."""
-    extra: str | None
-    """The extra of this project that it needs."""
+    package: str | None  # None for a built-in driver
+    kind: str | None  # "virtual" or "hardware"; None if it could not be loaded
+    extra: str | None  # of this project, which it needs
     state: str
     plugged: tuple[PluggedDevice, ...] = ()
     advice: tuple[str, ...] = ()
-    tier: str | None = None
-    """What a driver of hardware was tried on; None if it does not say, or is no driver of hardware."""
+    tier: str | None = None  # what a driver of hardware was tried on; None if it does not say
 
 
 @dataclass(frozen=True)

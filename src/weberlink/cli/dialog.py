@@ -33,13 +33,7 @@ class StoppedByUser(Exception):  # noqa: N818 - not an error
 class Dialog:
     """A dialog over two text streams, which may be a terminal.
 
-    Args:
-        source: input of the person.
-        screen: output.
-        yes: agree to every question that needs the word yes.
-        clock: monotonic [s].
-        pause: waits [s].
-        poll: pause between two readings of a device [s].
+    With `yes` every question is agreed to that needs that word; `poll` is the pause between two readings [s].
     """
 
     def __init__(
@@ -127,10 +121,7 @@ class Dialog:
 class View:
     """The last reading of a device or a robot, in lines, with the rate and age of its samples over the last second.
 
-    Args:
-        latest: reads it at a time [s]; called about a thousand times a second.
-        details: further lines on a reading, below its position and its rate.
-        round_trip_s: duration of its last exchange [s], if it reports that.
+    `latest` reads at a time [s], about a thousand times a second; `details` gives further lines on a reading.
     """
 
     def __init__(

@@ -269,14 +269,7 @@ def _in_foreground() -> bool:
 
 
 class FaultCommands:
-    """Interprets lines of commands: faults of the wire and of the device, its status, help.
-
-    Args:
-        name: of the device.
-        emulator: of the device.
-        device: its connection.
-        out: stream for answers.
-    """
+    """Interprets lines of commands: faults of the wire and of the device, its status, help; answers go to `out`."""
 
     def __init__(self, name: str, emulator: Any, device: ServedDevice, out: TextIO) -> None:
         self._name = name

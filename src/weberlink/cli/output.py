@@ -4,6 +4,7 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -16,6 +17,8 @@ from weberlink.session.targets import STANDARD_OUTPUT
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+    from weberlink.figures.tree import Figures
 
 PROGRESS_EVERY_S = 10.0
 """Least time between two lines about the progress of a command without a terminal [s]."""
@@ -104,20 +107,21 @@ def attempt(write: Callable[[], object], where: Path) -> str | None:
 
 
 def finish(
-    summary: dict[str, Any], title: str, json_out: Path | None, problem: str | None = None, *, quiet: bool = False
+    figures: "Figures", title: str, json_out: Path | None, problem: str | None = None, *, quiet: bool = False
 ) -> None:
     """Print and write the figures of a session, report `problem`, and exit; `quiet` prints nothing."""
     from weberlink.figures.environment import environment  # noqa: PLC0415
+
+    found = environment()
 
     def show(console: "Console") -> None:
         from weberlink.figures.report import session_report  # noqa: PLC0415 - not for JSON alone
 
         if not quiet:
-            session_report(summary, title, console)
+            session_report(figures, title, console, found)
 
-    status = summary.pop("status", COMPLETED)
-    summary["environment"] = environment()
-    write(summary, json_out, show)
+    status = figures.status or COMPLETED
+    write(replace(figures, status=None).to_json() | {"environment": found}, json_out, show)
     if problem is not None:
         fail(problem, status or FAILED)
     raise typer.Exit(status)

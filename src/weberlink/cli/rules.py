@@ -103,13 +103,7 @@ def install_line() -> str:
 
 
 def group_line(path: str, groups: Iterable[int], user: str | None = None) -> str | None:
-    """How to join the group that may open a device, if that is what is missing.
-
-    Args:
-        path: of the device.
-        groups: ids of the groups of this process.
-        user: name; that of this process if not given.
-    """
+    """How to join the group that may open a device, if this process, of these groups, lacks that alone."""
     try:
         status = os.stat(path)  # noqa: PTH116 - a device, not a file to read
         group = grp.getgrgid(status.st_gid)

@@ -17,6 +17,7 @@ from weberlink.order import MASTER, MISCONFIGURED, NOTE, SIDES, SLAVE
 from weberlink.session.targets import STANDARD_OUTPUT
 
 if TYPE_CHECKING:
+    from weberlink.figures.tree import Figures
     from weberlink.session.advice import Parts
 
 PeerLabel = Annotated[str | None, typer.Option("--peer", metavar="NAME", help="Meet this known peer only.")]
@@ -165,11 +166,11 @@ def simulate(
     refuse_live(configuration)
     say_advice(dry_run(configuration))
     with progress_bar() as progress:
-        summary, recorder = run(configuration, duration, record, progress, tell)
+        figures, recorder = run(configuration, duration, record, progress, tell)
     problem = None if trace is None else attempt(lambda: recorder.save(trace), trace)
-    if summary.get("interrupted") and problem is None:
-        problem = f"interrupted: {summary['duration_s']:.1f} s of simulated time are done, and in the report"
-    finish(summary, f"weberlink simulate {file}", json_out, problem)
+    if figures.interrupted and problem is None:
+        problem = f"interrupted: {figures.duration_s:.1f} s of simulated time are done, and in the report"
+    finish(figures, f"weberlink simulate {file}", json_out, problem)
 
 
 def _live(
@@ -187,7 +188,7 @@ def _live(
 ) -> None:
     from weberlink.config import load  # noqa: PLC0415
     from weberlink.session.advice import dry_run  # noqa: PLC0415
-    from weberlink.session.launcher import Session  # noqa: PLC0415
+    from weberlink.session.launcher import LiveRun  # noqa: PLC0415
     from weberlink.telemetry.runtime_directory import directory  # noqa: PLC0415
 
     with journals_to(log, json_out) as journal_at:
@@ -202,12 +203,12 @@ def _live(
                 format_for(record)
         on_delay = say_advice(parts)
         journal = None if journal_at is None else journal_at(configuration.system.rate_hz)
-        with Session(
+        with LiveRun(
             configuration, overrides, sides, duration, status_display, record, journal,
             take_over=take_over, tell=tell, on_delay=on_delay,
-        ) as session:  # fmt: skip
-            summary = session.run()
-    finish(summary, f"weberlink {name}", json_out, quiet=log == STANDARD_OUTPUT)
+        ) as run:  # fmt: skip
+            figures = run.run()
+    finish(figures, f"weberlink {name}", json_out, quiet=log == STANDARD_OUTPUT)
 
 
 def say_advice(parts: "Parts") -> Callable[[float], str | None]:
@@ -234,8 +235,8 @@ def status_display() -> Iterator[Any]:
         return
     with Live(Text("starting"), console=console, refresh_per_second=10, transient=True) as live:
 
-        def watch(records: dict[str, Any], summary: dict[str, Any]) -> None:
-            live.update(Text(status_line(records, summary)))
+        def watch(records: dict[str, Any], figures: "Figures") -> None:
+            live.update(Text(status_line(records, figures)))
 
         yield watch
 
@@ -252,4 +253,4 @@ def journals_to(log: Path | None, json_out: Path | None) -> Iterator[Any]:
     if log == json_out == STANDARD_OUTPUT:
         fail("--log -: standard output is taken by --json -; write one of them to a file", MISCONFIGURED)
     with LogFile(log) as file:
-        yield partial(Journal, file.write)
+        yield partial(Journal, file.write_json)

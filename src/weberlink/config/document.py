@@ -4,7 +4,7 @@ import re
 from collections.abc import Hashable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import yaml
 
@@ -55,12 +55,15 @@ def parse(path: Path) -> dict[str, Any]:
     Raises:
         ConfigurationError: there is no such file, it is empty or holds no mapping, or a key is given twice.
     """
-    text = _text(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"{path}: {_unreadable(path, error)}") from None
     try:
         content = _read(text)
     except yaml.MarkedYAMLError as error:
-        found = _mistake(text, error)
-        raise ConfigurationError(f"{path}:{found.line + 1}:{found.column + 1}: not YAML: {found.words}") from None
+        row, column, words = _mistake(text, error)
+        raise ConfigurationError(f"{path}:{row + 1}:{column + 1}: not YAML: {words}") from None
     except yaml.YAMLError as error:
         raise ConfigurationError(f"{path}: not YAML: {error}") from None
     if content is None:
@@ -73,31 +76,17 @@ def parse(path: Path) -> dict[str, Any]:
     return content
 
 
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise ConfigurationError(f"{path}: no such file{_shipped(path)}") from None
-    except IsADirectoryError:
-        raise ConfigurationError(f"{path}: cannot be read: it is a folder; give the name of a file") from None
-    except UnicodeDecodeError:
-        raise ConfigurationError(f"{path}: cannot be read: it is not text; give a YAML file") from None
-    except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from None
-
-
-def _shipped(path: Path) -> str:
-    """How to get the file of this name that comes with the program or a guest, if there is one."""
-    is_shipped = path.suffix == ".yaml" and any((folder / path.name).is_file() for folder in config_folders())
-    return f"; weberlink configs {path.stem} copies the shipped one here" if is_shipped else ""
-
-
-class _Mistake(NamedTuple):
-    """Where a text is not YAML, counted from 0, and why."""
-
-    line: int
-    column: int
-    words: str
+def _unreadable(path: Path, error: OSError | UnicodeDecodeError) -> str:
+    match error:
+        case FileNotFoundError():
+            is_shipped = path.suffix == ".yaml" and any((each / path.name).is_file() for each in config_folders())
+            return "no such file" + is_shipped * f"; weberlink configs {path.stem} copies the shipped one here"
+        case IsADirectoryError():
+            return "cannot be read: it is a folder; give the name of a file"
+        case UnicodeDecodeError():
+            return "cannot be read: it is not text; give a YAML file"
+        case OSError():
+            return f"cannot be read: {error.strerror}"
 
 
 _WORDS = (
@@ -113,8 +102,8 @@ _WORDS = (
 """What the commonest mistakes are, by the parser's words for them."""
 
 
-def _mistake(text: str, error: yaml.MarkedYAMLError) -> _Mistake:
-    """What is wrong, and where: the parser sees much of it only in the line after it."""
+def _mistake(text: str, error: yaml.MarkedYAMLError) -> tuple[int, int, str]:
+    """Line and column of a slip, from 0, and what it is; the parser sees much of it only in the line after it."""
     mark, problem = error.problem_mark or error.context_mark, str(error.problem)
     line, column = (0, 0) if mark is None else (mark.line, mark.column)
     lines = text.splitlines()
@@ -122,15 +111,14 @@ def _mistake(text: str, error: yaml.MarkedYAMLError) -> _Mistake:
     for at in (each for each in (line, before) if each < len(lines)):
         indent = lines[at][: len(lines[at]) - len(lines[at].lstrip(" \t"))]
         if "\t" in indent:
-            return _Mistake(at, indent.index("\t"), "a tab indents this line; use spaces")
-    for at in (before, line):
-        stuck = STUCK.match(lines[at]) if at < len(lines) else None
-        if stuck is not None:
-            return _Mistake(at, stuck.end(), no_space(stuck))
+            return at, indent.index("\t"), "a tab indents this line; use spaces"
+    for at in (each for each in (before, line) if each < len(lines)):
+        if (stuck := STUCK.match(lines[at])) is not None:
+            return at, stuck.end(), no_space(stuck)
     if "expected ':'" in problem:
         line, column = before, 0
     words = (re.sub(pattern, word, problem) for pattern, word in _WORDS if re.fullmatch(pattern, problem))
-    return _Mistake(line, column, next(words, problem))
+    return line, column, next(words, problem)
 
 
 def override(content: dict[str, Any], text: str) -> str:
@@ -148,7 +136,7 @@ def override(content: dict[str, Any], text: str) -> str:
     try:
         parsed = _read(value)
     except yaml.YAMLError as error:
-        problem = _mistake(value, error).words if isinstance(error, yaml.MarkedYAMLError) else error
+        problem = _mistake(value, error)[2] if isinstance(error, yaml.MarkedYAMLError) else error
         raise ConfigurationError(f"--set {text}: the value is not YAML: {problem}") from None
     target: Any = content
     for depth, key in enumerate(keys):

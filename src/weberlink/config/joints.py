@@ -5,15 +5,15 @@ limits, the gripper last where `codec.gripper` is given.
 """
 
 from collections.abc import Iterator
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, TypeVar
 
 from pydantic import Field
 
-from weberlink.config.settings import Settings
+from weberlink.config.settings import PredictorFor, Settings
 from weberlink.geometry.joints import MOST_JOINTS, Joints
 
 JointName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$")]
-JointPredictor = Literal["zoh", "linear"]
+JointPredictor = Annotated[str, PredictorFor("joints")]
 
 _Angle = Annotated[float, Field(gt=0, le=1)]
 _Floor = Annotated[float, Field(gt=0, le=10)]

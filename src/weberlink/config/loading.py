@@ -115,26 +115,21 @@ def _part(
     table: Registry[Any], settings: DriverSettings, where: str, folder: Path, overridden: Collection[str]
 ) -> Part:
     """Find a driver in a table of drivers, and validate its options."""
-    name = settings.driver
+    name, field = settings.driver, f"{where}.driver"
     try:
         driver = table.load(name)
     except ValueError as error:
-        if name in _arms(table):
-            raise ConfigurationError(
-                f"{where}.driver: {name} is an arm, and needs its joints: codec.joints (docs/arms/)"
-            ) from None
-        raise ConfigurationError(f"{where}.driver: {error}") from None
+        is_arm = name in _arms(table)
+        why = f"{name} is an arm, and needs its joints: codec.joints (docs/arms/)" if is_arm else error
+        raise ConfigurationError(f"{field}: {why}") from None
     except ImportError as error:
-        raise ConfigurationError(
-            f"{where}.driver: {name} needs a package that is not installed: {error.name}"
-        ) from None
+        raise ConfigurationError(f"{field}: {name} needs a package that is not installed: {error.name}") from None
     if not (isinstance(getattr(driver, "Options", None), type) and issubclass(driver.Options, BaseModel)):
-        raise ConfigurationError(
-            f"{where}.driver: {name} has no Options, a pydantic model of its options; see docs/how-to/driver.md"
-        )
+        why = "has no Options, a pydantic model of its options; see docs/how-to/driver.md"
+        raise ConfigurationError(f"{field}: {name} {why}")
     if hasattr(driver, "NEEDS"):
         package, extra = driver.NEEDS
-        require_package(package, extra, f"{where}.driver: {name}")
+        require_package(package, extra, f"{field}: {name}")
     options = validated(driver.Options, settings.options, *where.split("."))
     return Part(driver, make_absolute(options, folder, overridden, where))
 

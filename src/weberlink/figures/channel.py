@@ -1,17 +1,176 @@
-"""The error of one channel of a session (force, position, torque or orientation) against its deadband."""
+"""The error of each channel of a session against its deadband, for the hand and for the axes of an arm."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from math import inf, isnan
-from typing import Any
+from math import inf
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.codec.deadband.contract import Measures
+from weberlink.config.joints import per_axis
 from weberlink.figures.distribution import Distribution
-from weberlink.figures.energy import Records, Series
+from weberlink.figures.tree import AxisErrors, Errors
+from weberlink.geometry.joints import Joints
 from weberlink.protocol.states import State
+from weberlink.telemetry.record import JOINTS
+
+Records = NDArray[Any]
+"""Structured array of telemetry records."""
+Series = NDArray[np.float64]
+GRIPPER = slice(len(JOINTS) - 1, len(JOINTS))
+"""Place of the gripper in the vectors of a record."""
+
+
+class Thresholds(NamedTuple):
+    """What may stay unsent of an axis a: the larger of `weber` |a| and its floor.
+
+    Args:
+        floors: of each axis [rad | N m].
+        weber: Weber factor; None for that of each record, which a live change may have set.
+        predictor: of the channel.
+    """
+
+    floors: Joints
+    weber: float | None
+    predictor: str
+
+    def of(self, actual: Series, sender: Records) -> Series:
+        """The deadband of each axis at each tick, shape (n, axes); `actual` is what `sender` measured."""
+        weber = sender["weber"][:, None] if self.weber is None else self.weber
+        deadbands: Series = np.maximum(weber * np.abs(actual.astype(np.float64)), np.asarray(self.floors))
+        return deadbands
+
+
+class Compared(NamedTuple):
+    """Errors of some ticks, shape (n,), their bound, and the same in the measure of the bound; of an arm, by axis."""
+
+    errors: Series
+    bounds: Series
+    deviations: Series
+    by_axis: Series | None = None
+
+
+@dataclass(frozen=True)
+class Stream:
+    """A channel as its records hold it: what the sender measures in `raw`, and the receiver commands in `output`.
+
+    Args:
+        name: of the channel.
+        prefix: of the record fields: "", "rotation_" or "joint_".
+        counted: prefix of the counters and flags of its updates, where its direction has an earlier channel.
+        bank: names of the predictors in the order of selectors; empty where the choice is not reported.
+        error: of displayed and actual values, row by row, shape (n, 3) each.
+        measures: of the deadband; None if it measures `error`.
+        thresholds: deadbands of the axes of an arm, of which the largest error of a tick counts; None for the hand.
+        axes: of an arm: their places in the vectors of a record.
+        names: of these axes.
+    """
+
+    name: str
+    prefix: str = ""
+    counted: str = ""
+    bank: tuple[str, ...] = ()
+    error: Callable[[Series, Series], Series] | None = None
+    measures: Measures | None = None
+    thresholds: Thresholds | None = None
+    axes: slice = field(default_factory=lambda: slice(0, 3))
+    names: tuple[str, ...] = ()
+
+    def compare(self, displayed: Records, sender: Records, measured: str = "raw") -> Compared:
+        """Compare values of shape (n, axes of a record) with those of the sender, of field `measured`."""
+        actual = sender[f"{self.prefix}{measured}"]
+        if self.thresholds is None:
+            errors = deviations = (self.error or distances)(displayed, actual)
+            if self.measures is not None:
+                deviations = deviations_of(displayed, sender, self.measures)
+            return Compared(errors, np.asarray(sender[f"{self.prefix}bound"], dtype=np.float64), deviations)
+        actual = np.asarray(actual[:, self.axes], dtype=np.float64)
+        by_axis = np.abs(np.asarray(displayed[:, self.axes], dtype=np.float64) - actual)
+        deviations = (by_axis / self.thresholds.of(actual, sender)).max(axis=1)
+        return Compared(by_axis.max(axis=1), np.ones(len(by_axis)), deviations, by_axis)
+
+    def felt(self, receiver: Records, sender: Records) -> Compared:
+        """Compare records of the same moments."""
+        return self.compare(receiver[f"{self.prefix}output"], sender)
+
+
+@dataclass(frozen=True)
+class ArmLayout:
+    """The axes of a session in joint space, and their deadbands.
+
+    Args:
+        names: of the joints.
+        angle, torque: of the joints.
+        gripper_angle, gripper_torque: of the gripper; None without one.
+    """
+
+    names: tuple[str, ...]
+    angle: Thresholds
+    torque: Thresholds
+    gripper_angle: Thresholds | None = None
+    gripper_torque: Thresholds | None = None
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of all axes: the joints in order, then the gripper where there is one."""
+        return self.names if self.gripper_angle is None else (*self.names, JOINTS[-1])
+
+    @property
+    def places(self) -> list[int]:
+        """Column of each of these axes in the vectors of a record."""
+        joints = list(range(len(self.names)))
+        return joints if self.gripper_angle is None else [*joints, GRIPPER.start]
+
+    def torque_deadbands(self, slave: Records) -> Series:
+        """What may stay unsent of the torque of each axis at each tick [N m], shape (n, axes)."""
+        parts = [(self.torque, slice(0, len(self.names)))]
+        parts += [] if self.gripper_torque is None else [(self.gripper_torque, GRIPPER)]
+        return np.hstack([thresholds.of(slave["joint_raw"][:, axes], slave) for thresholds, axes in parts])
+
+    def streams(self) -> tuple[list[Stream], list[Stream]]:
+        """The channels from the slave, and those from the master."""
+        joints, bank = slice(0, len(self.names)), (self.torque.predictor,)
+        from_slave = [Stream("joint_torque", "joint_", "", bank, None, None, self.torque, joints, self.names)]
+        from_master = [Stream("joint_angle", "joint_", thresholds=self.angle, axes=joints, names=self.names)]
+        for name, thresholds, streams in (
+            ("gripper_torque", self.gripper_torque, from_slave),
+            ("gripper_angle", self.gripper_angle, from_master),
+        ):
+            if thresholds is not None:
+                grip = Stream(name, "joint_", "gripper_", thresholds=thresholds, axes=GRIPPER, names=JOINTS[-1:])
+                streams.append(grip)
+        return from_slave, from_master
+
+
+def arm_in(dump: Mapping[str, Any]) -> ArmLayout | None:
+    """The layout in the dump of a `System`, as descriptions and recordings hold it; None without an arm.
+
+    Raises:
+        ValueError: it says something else of joints than this release does.
+    """
+
+    def floors(setting: Any, count: int) -> Joints:
+        return per_axis(tuple(setting) if isinstance(setting, list) else setting, count)
+
+    def thresholds(settings: Mapping[str, Any], count: int, weber: float | None) -> tuple[Thresholds, Thresholds]:
+        angle, torque = settings["angle"], settings["torque"]
+        return (
+            Thresholds(floors(angle["bound_rad"], count), 0.0, angle["predictor"]),
+            Thresholds(floors(torque["floor_nm"], count), weber, torque["predictor"]),
+        )
+
+    try:
+        codec = dump["codec"]
+        joints, gripper = codec.get("joints"), codec.get("gripper")
+        if joints is None:
+            return None
+        names = tuple(joints["names"])
+        grip = () if gripper is None else thresholds(gripper, 1, gripper["torque"]["weber"])
+        return ArmLayout(names, *thresholds(joints, len(names), None), *grip)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"no settings of joints ({error!r})") from None
 
 
 @dataclass
@@ -26,14 +185,9 @@ class ErrorStatistics:
     deadbands: Distribution = field(default_factory=Distribution)  # in millionths, because its first bin ends at 1
     _run: int = 0
 
-    def add(self, errors: Series, bounds: Series, deviations: Series) -> None:
-        """Take the next ticks.
-
-        Args:
-            errors: in the unit of the values, shape (n,).
-            bounds: of the deviations, shape (n,).
-            deviations: the same errors in the measure of the deadband, shape (n,).
-        """
+    def add(self, compared: Compared) -> None:
+        """Take the next ticks."""
+        errors, bounds, deviations, _ = compared
         outside = deviations > bounds
         self.count += len(errors)
         self.violations += int(outside.sum())
@@ -46,18 +200,20 @@ class ErrorStatistics:
             self._run = self._run + 1 if value else 0
             self.longest_run = max(self.longest_run, self._run)
 
-    def summary(self, period: float) -> dict[str, float | None]:
-        in_deadbands = none_for_nan({"max": self.deadbands.max * 1e-6, "p99": self.deadbands.percentile(99.0) * 1e-6})
-        return {
-            "error_rms": (self.square_sum / self.count) ** 0.5 if self.count else None,
-            "error_max": self.largest if self.count else None,
-            "violation_fraction": self.violations / self.count if self.count else None,
-            "violation_longest_ticks": self.longest_run,
-            "violation_longest_s": self.longest_run * period if self.count else None,
-            "violation_s": self.violations * period if self.count else None,
-            "error_max_deadbands": in_deadbands["max"],
-            "error_p99_deadbands": in_deadbands["p99"],
-        }
+    def figures(self, period: float) -> Errors:
+        deadbands = self.deadbands.spread()
+        largest, high = (None if us is None else us * 1e-6 for us in (deadbands.max, deadbands.p99))
+        if not self.count:
+            return Errors(None, None, None, None, None, largest, high)
+        return Errors(
+            error_rms=(self.square_sum / self.count) ** 0.5,
+            error_max=self.largest,
+            violation_fraction=self.violations / self.count,
+            violation_longest_s=self.longest_run * period,
+            violation_s=self.violations * period,
+            error_max_deadbands=largest,
+            error_p99_deadbands=high,
+        )
 
 
 class ChannelScore:
@@ -65,72 +221,63 @@ class ChannelScore:
 
     The coding error is that of the sample which the sender decided on in a tick. With look-ahead this is an earlier
     one, so only the error at the same time counts the delay of the look-ahead.
-
-    Args:
-        prefix: of the record fields: "" or "rotation_".
-        period: of a tick [s].
-        bank: names of the predictors in the order of selectors, for a channel whose coding error is reported.
-        error: of displayed and actual values row by row, shape (n, 3) each.
-        measures: of the deadband; None if it measures `error`.
     """
 
-    def __init__(
-        self,
-        prefix: str,
-        period: float,
-        bank: Sequence[str] | None = None,
-        error: Callable[[Series, Series], Series] | None = None,
-        measures: Measures | None = None,
-    ) -> None:
-        self._prefix, self._period, self._bank = prefix, period, bank
-        self._coded = f"{prefix}raw" if prefix else "coded"  # the rotation has no look-ahead
-        self._error = error or distances
-        self._measures = measures
-        self.felt, self._coding = ErrorStatistics(), ErrorStatistics()
+    def __init__(self, stream: Stream) -> None:
+        self.stream = stream
+        self.felt, self.coding = ErrorStatistics(), ErrorStatistics()
+        self.widest: float | None = None
         self._selected: dict[int, int] = {}
         self._ticks = self._widened = 0
-        self._widest: float | None = None
+        self._squares = self._largest = np.zeros(len(stream.names))
 
     def add_sender(self, records: Records, in_session: Records) -> None:
         """Take the next records of the sender, and those of them that are in session and not in a ramp."""
-        widened = in_session[f"{self._prefix}bound"][in_session[f"{self._prefix}widened"] > 0]
+        stream = self.stream
         self._ticks += len(in_session)
-        self._widened += len(widened)
-        if len(widened):
-            self._widest = max(self._widest or 0.0, float(widened.max()))
-        if self._bank is None or not len(records):
-            return
-        tally(self._selected, records[f"{self._prefix}selected"][records[f"{self._prefix}sent"] > 0])
-        self._add(self._coding, in_session[f"{self._prefix}decoded"], in_session, self._coded)
+        if stream.counted != "gripper_":
+            widened = in_session[in_session[f"{stream.counted}widened"] > 0]
+            self._widened += len(widened)
+            if len(widened) and stream.thresholds is None:
+                self.widest = max(self.widest or 0.0, float(widened[f"{stream.prefix}bound"].max()))
+        if stream.bank and len(records):
+            tally(self._selected, records[f"{stream.counted}selected"][records[f"{stream.counted}sent"] > 0])
+            coded = "raw" if stream.prefix else "coded"  # of the hand alone there is a look-ahead
+            self.coding.add(stream.compare(in_session[f"{stream.prefix}decoded"], in_session, coded))
 
     def compare(self, sender: Records, receiver: Records) -> None:
         """Take records of the same moments."""
-        self._add(self.felt, receiver[f"{self._prefix}output"], sender, f"{self._prefix}raw")
+        if len(sender):
+            compared = self.stream.felt(receiver, sender)
+            self.felt.add(compared)
+            if compared.by_axis is not None:
+                self._squares = self._squares + (compared.by_axis**2).sum(axis=0)
+                self._largest = np.maximum(self._largest, compared.by_axis.max(axis=0))
 
-    def summary(self) -> dict[str, Any]:
-        summary: dict[str, Any] = self.felt.summary(self._period)
-        summary["widened_fraction"] = self._widened / self._ticks if self._ticks else None
-        summary["widened_max"] = self._widest
-        if self._bank is not None:
-            summary["coding"] = self._coding.summary(self._period)
-            summary["selected"] = {self._bank[i]: count for i, count in sorted(self._selected.items())}
-        return summary
+    @property
+    def widened_fraction(self) -> float | None:
+        return self._widened / self._ticks if self._ticks else None
 
-    def _add(self, statistics: ErrorStatistics, displayed: Series, sender: Records, measured: str) -> None:
-        actual = sender[measured]
-        errors = deviations = self._error(displayed, actual)
-        if self._measures is not None:
-            deviations = deviations_of(displayed, sender, self._measures)
-        statistics.add(errors, np.asarray(sender[f"{self._prefix}bound"], dtype=np.float64), deviations)
+    @property
+    def selected(self) -> dict[str, int] | None:
+        """Updates by predictor; None where the choice is not reported."""
+        bank = self.stream.bank
+        return {bank[number]: count for number, count in sorted(self._selected.items())} if bank else None
+
+    @property
+    def axes(self) -> dict[str, AxisErrors | None] | None:
+        """The error of each axis of an arm."""
+        if self.stream.thresholds is None:
+            return None
+        rms = (self._squares / max(1, self.felt.count)) ** 0.5
+        each = zip(self.stream.names, rms.tolist(), self._largest.tolist(), strict=True)
+        return {name: AxisErrors(rms, largest) if self.felt.count else None for name, rms, largest in each}
 
 
 class UpdatesOnTheirWay:
     """Counts the ticks in which an update was sent that the receiver cannot display yet.
 
     It displays an update after the delay of that time, and at least one tick after the send.
-
-    Args:
-        period: of a tick [s].
     """
 
     def __init__(self, period: float) -> None:
@@ -174,7 +321,13 @@ def turns(rotations: NDArray[Any]) -> Series:
 
 def turns_between(a: NDArray[Any], b: NDArray[Any]) -> Series:
     """Rotation vectors [rad] of b after the inverse of a, at most half a turn, row by row; shape (n, 3) each."""
-    (aw, av), (bw, bv) = (_quaternions(np.asarray(each, dtype=np.float64)) for each in (a, b))
+
+    def parts(rotations: Series) -> tuple[Series, Series]:
+        """Scalar and vector parts of quaternions."""
+        half = 0.5 * np.linalg.norm(rotations, axis=1)
+        return np.cos(half), 0.5 * np.sinc(half / np.pi)[:, None] * rotations
+
+    (aw, av), (bw, bv) = (parts(np.asarray(each, dtype=np.float64)) for each in (a, b))
     between = aw[:, None] * bv - bw[:, None] * av + np.cross(av, bv)
     scalar = aw * bw + np.einsum("ij,ij->i", av, bv)
     length = np.linalg.norm(between, axis=1)
@@ -183,12 +336,6 @@ def turns_between(a: NDArray[Any], b: NDArray[Any]) -> Series:
     sign = np.where(scalar < 0.0, -1.0, 1.0)
     factor = sign * np.divide(angle, length, out=np.full_like(length, 2.0), where=length > 0.0)
     return np.asarray(between * factor[:, None], dtype=np.float64)
-
-
-def _quaternions(rotations: Series) -> tuple[Series, Series]:
-    """Scalar and vector parts."""
-    half = 0.5 * np.linalg.norm(rotations, axis=1)
-    return np.cos(half), 0.5 * np.sinc(half / np.pi)[:, None] * rotations
 
 
 def deviations_of(displayed: Series, sender: Records, measures: Measures) -> Series:
@@ -226,8 +373,3 @@ def tally(counts: dict[int, int], values: NDArray[Any]) -> None:
     """Add the number of each value to `counts`."""
     for value, count in zip(*(column.tolist() for column in np.unique(values, return_counts=True)), strict=True):
         counts[value] = counts.get(value, 0) + count
-
-
-def none_for_nan(figures: dict[str, float]) -> dict[str, float | None]:
-    """JSON has no NaN."""
-    return {name: None if isnan(value) else value for name, value in figures.items()}

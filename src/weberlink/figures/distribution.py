@@ -8,13 +8,14 @@ from math import inf, log, nan
 import numpy as np
 from numpy.typing import ArrayLike
 
+from weberlink.figures.tree import Median, Spread
+
 RESOLUTION = 0.005
 SMALLEST_US = 1.0
 LARGEST_US = 6e8
 
 _LOG_STEP = log(1.0 + RESOLUTION)
 _BINS = int(log(LARGEST_US / SMALLEST_US) / _LOG_STEP) + 2
-_PERCENTILES = {"p50": 50.0, "p99": 99.0, "p99_9": 99.9}
 
 
 class Distribution:
@@ -55,12 +56,12 @@ class Distribution:
             return 0.0
         return min(self._largest, SMALLEST_US * float(np.exp((bin_ - 0.5) * _LOG_STEP)))
 
-    def p50_p99(self) -> dict[str, float | None]:
-        """Median and 99th percentile [us]; None if nothing was added."""
-        if not self.count:
-            return {"p50": None, "p99": None}
-        return {"p50": self.percentile(50.0), "p99": self.percentile(99.0)}
+    def median(self) -> Median:
+        """Median and 99th percentile [us]."""
+        return Median(self.percentile(50.0), self.percentile(99.0)) if self.count else Median()
 
-    def summary(self) -> dict[str, float]:
+    def spread(self) -> Spread:
         """The reported percentiles, and the largest duration [us]."""
-        return {name: self.percentile(p) for name, p in _PERCENTILES.items()} | {"max": self.max}
+        if not self.count:
+            return Spread()
+        return Spread(self.percentile(50.0), self.percentile(99.0), self.percentile(99.9), self.max)

@@ -14,8 +14,13 @@ PACKAGES = ("weberlink", "numpy", "uvloop", "cryptography", "scipy")
 
 def environment() -> dict[str, Any]:
     """Machine, system, versions and commit; a value is None where unknown."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return {
-        "machine": _processor(),
+        "machine": names[0] if names else platform.machine(),
         "cores": os.cpu_count(),
         "system": f"{platform.system()} {platform.release()}",
         "python": platform.python_version(),
@@ -39,15 +44,6 @@ def footer(facts: dict[str, Any], seed: int | None = None) -> str:
     if seed is not None:
         parts.append(f"seed {seed}")
     return "; ".join(parts)
-
-
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        lines = []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.machine()
 
 
 def _version(package: str) -> str | None:

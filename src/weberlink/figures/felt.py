@@ -6,15 +6,17 @@ literature (HSSIM and others) are not implemented: their formulas could not be v
 """
 
 from dataclasses import dataclass
-from math import ceil, log, nan
+from math import ceil, log
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.figures.channel import distances, in_session, none_for_nan
+from weberlink.figures.channel import Records, distances, in_session
 from weberlink.figures.distribution import Distribution
-from weberlink.figures.energy import Records
+from weberlink.figures.tree import Quality
+
+Array = NDArray[np.float64]
 
 REACH_S = 1.0
 """Longest lag that is looked at [s]."""
@@ -57,7 +59,7 @@ class AlignedError:
         rows = np.vstack([np.ones(len(ticks)), felt.T, robot.T])
         self._power += float(np.square(rows[1:]).sum())
         while len(ticks):
-            self._reach_for(int(ticks[0]))
+            self._move_to(int(ticks[0]))
             places = ticks - self._begin
             outside = np.flatnonzero((places < 0) | (places >= self._size))
             count = int(outside[0]) if len(outside) else len(ticks)
@@ -83,7 +85,7 @@ class AlignedError:
         error = means[:, index].max() if self._each else errors[index]
         return float(error**0.5), float(lags[index]) * self._period
 
-    def _reach_for(self, tick: int) -> None:
+    def _move_to(self, tick: int) -> None:
         """Move the window until it holds a tick."""
         if self._begin is None or not 0 <= tick - self._begin < 2 * self._size:
             self._spectrum += self._rest()
@@ -117,9 +119,6 @@ class AlignedError:
         )
         return np.vstack([ours[:1] * theirs[:1], errors])
 
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 WEBER_FRACTION = 0.10
 """JND of force as a share of the force: 0.07 between thumb and forefinger from 2.5 to 10 N (Pang, Tan and Durlach,
@@ -225,23 +224,27 @@ class QualityStatistics:
         """
         self._jumps.add(jump_n / self._threshold.at(before_n) * _PER_JND)
 
-    def summary(self) -> dict[str, float | None]:
+    def figures(self) -> Quality:
         """All measures; None before the first tick, or the first jump."""
-        count, jumps = max(1, self._count), self._jumps
-        ticks = {
-            "error_rms_jnd": (self._square_sum / count) ** 0.5,
-            "error_max_jnd": self._largest,
-            "noticeable_fraction": self._noticed / count,
-            "noticeable_longest_s": self._longest * self._period_s,
-            "log_error_rms_jnd": (self._log_square_sum / count) ** 0.5,
-            "log_error_max_jnd": self._log_largest,
-        }
-        changes = {
-            "jump_median_jnd": jumps.percentile(50.0) / _PER_JND,
-            "jump_p99_jnd": jumps.percentile(99.0) / _PER_JND,
-            "jump_max_jnd": jumps.max / _PER_JND,
-        }
-        return none_for_nan((ticks if self._count else dict.fromkeys(ticks, nan)) | changes)
+        jumps: dict[str, float] = {}
+        if self._jumps.count:
+            shares = {
+                "median": self._jumps.percentile(50.0),
+                "p99": self._jumps.percentile(99.0),
+                "max": self._jumps.max,
+            }
+            jumps = {f"jump_{name}_jnd": value / _PER_JND for name, value in shares.items()}
+        if not self._count:
+            return Quality(**jumps)
+        return Quality(
+            error_rms_jnd=(self._square_sum / self._count) ** 0.5,
+            error_max_jnd=self._largest,
+            noticeable_fraction=self._noticed / self._count,
+            noticeable_longest_s=self._longest * self._period_s,
+            log_error_rms_jnd=(self._log_square_sum / self._count) ** 0.5,
+            log_error_max_jnd=self._log_largest,
+            **jumps,
+        )
 
 
 class JumpsOfRecords:
@@ -278,7 +281,7 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values * values))) if len(values) else 0.0
 
 
-def longest_run(flags: Flags) -> int:
+def longest_run(flags: NDArray[np.bool_]) -> int:
     """Most True in a row."""
     edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
     return int((edges[1::2] - edges[::2]).max(initial=0))

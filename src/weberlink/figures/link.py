@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from weberlink.config import MASTER, SLAVE
+from weberlink.figures.channel import Records, engaged
 from weberlink.figures.distribution import Distribution
-from weberlink.figures.energy import Records
+from weberlink.figures.tree import Connection, Way, Ways
 from weberlink.protocol.session import EXPIRY
 from weberlink.protocol.states import State
 
@@ -28,19 +29,14 @@ class ConnectionScore:
     """Running figures of one side; a few numbers, whatever the length of the session.
 
     A state counts until the next record. Nothing counts from the tick on in which the side closed its end.
-
-    Attributes:
-        phase: the present one, or that before the end.
     """
 
     def __init__(self) -> None:
-        self.phase = WAITING
+        self._phase = WAITING  # the present one, or that before the end
         self._seconds = dict.fromkeys((WAITING, CONNECTED, UNCONNECTED, AWAY), 0.0)
         self._last: tuple[float, int] | None = None
         self._heard_at = -np.inf
-        self._since = 0.0
-        """Duration of the present phase [s]."""
-        self._longest = 0.0
+        self._since = 0.0  # duration of the present phase [s]
         self._interruptions = 0
 
     def add(self, records: Records) -> None:
@@ -49,22 +45,19 @@ class ConnectionScore:
             return
         at, states = records["at"], records["state"]
         starts = np.flatnonzero(states[1:] != states[:-1]) + 1
-        ends_of_runs = sorted({0, *(starts - 1).tolist(), *starts.tolist(), len(records) - 1})
-        for index in ends_of_runs:
+        for index in sorted({0, *(starts - 1).tolist(), *starts.tolist(), len(records) - 1}):
             self._enter(float(at[index]), int(states[index]))
 
-    def summary(self) -> dict[str, Any]:
-        """Seconds by phase, and how the side ended; keys as the commands document them."""
-        return {
-            "waited_s": self._seconds[WAITING],
-            "connected_s": self._seconds[CONNECTED],
-            "unconnected_s": self._seconds[UNCONNECTED],
-            "unconnected_longest_s": self._longest,
-            "interruptions": self._interruptions,
-            "away_s": self._seconds[AWAY],
-            "ended": self.phase,
-            "last_s": self._since,
-        }
+    def figures(self) -> Connection:
+        return Connection(
+            waited_s=self._seconds[WAITING],
+            connected_s=self._seconds[CONNECTED],
+            unconnected_s=self._seconds[UNCONNECTED],
+            interruptions=self._interruptions,
+            away_s=self._seconds[AWAY],
+            ended=self._phase,
+            last_s=self._since,
+        )
 
     def _enter(self, at: float, state: int) -> None:
         """Count up to a record, and take its state."""
@@ -72,33 +65,19 @@ class ConnectionScore:
             before, last = self._last
             if last == _CLOSED:
                 return
-            self._count(at - before)
+            self._seconds[self._phase] += at - before
+            self._since += at - before
             if last == _ENGAGED:
                 self._heard_at = before
         self._last = (at, state)
-        phase = self._next(at, state)
-        if phase != self.phase:
+        phase = self._phase
+        if state in (_ENGAGED, _SILENT):
+            phase = CONNECTED if state == _ENGAGED else UNCONNECTED
+        elif state != _CLOSED and phase not in (WAITING, AWAY):
+            phase = AWAY if at - self._heard_at < LEAVE_S else UNCONNECTED
+        if phase != self._phase:
             self._interruptions += phase == UNCONNECTED
-            self.phase, self._since = phase, 0.0
-
-    def _count(self, seconds: float) -> None:
-        self._seconds[self.phase] += seconds
-        self._since += seconds
-        if self.phase == UNCONNECTED:
-            self._longest = max(self._longest, self._since)
-
-    def _next(self, at: float, state: int) -> str:
-        if state == _ENGAGED:
-            return CONNECTED
-        if state == _SILENT:
-            return UNCONNECTED
-        if state == _CLOSED or self.phase in (WAITING, AWAY):
-            return self.phase
-        return AWAY if at - self._heard_at < LEAVE_S else UNCONNECTED
-
-
-WAYS = {"to_slave": (SLAVE, MASTER), "to_master": (MASTER, SLAVE)}
-"""Name of each way to the side that receives and the side that sends."""
+            self._phase, self._since = phase, 0.0
 
 
 @dataclass
@@ -118,8 +97,8 @@ class _Mean:
 
 
 @dataclass
-class _SideOfLink:
-    """What the records of one side say of both ways."""
+class WayScore:
+    """What the records of one side say of both ways, in bounded memory."""
 
     inward: Distribution = field(default_factory=Distribution)
     outward: Distribution = field(default_factory=Distribution)
@@ -131,84 +110,57 @@ class _SideOfLink:
     ticks: int = 0
 
     def add(self, records: Records) -> None:
+        """Take the next records of the side, in order."""
         if not len(records):
             return
-        engaged = records[records["state"] == State.ENGAGED.value]
+        counted = records[engaged(records)]
         self.ticks += len(records)
-        self.inward.add(engaged["one_way_us"])
-        self.outward.add(engaged["rtt_us"] - engaged["one_way_us"])
-        self.jitter.add(engaged["jitter_us"])
-        reported = engaged["outgoing_loss"]
+        self.inward.add(counted["one_way_us"])
+        self.outward.add(counted["rtt_us"] - counted["one_way_us"])
+        self.jitter.add(counted["jitter_us"])
+        reported = counted["outgoing_loss"]
         self.reported_loss.add(reported[np.isfinite(reported)])
-        self.burst.add(engaged["peer_burst"][engaged["peer_burst"] > 0.0])
+        self.burst.add(counted["peer_burst"][counted["peer_burst"] > 0.0])
         self.received, self.lost = (int(records[-1][f"datagrams_{name}"]) for name in ("received", "lost"))
 
 
-class WaysScore:
-    """Running figures of both ways, in bounded memory."""
+def ways_of(master: WayScore, slave: WayScore) -> Ways:
+    """Both ways, from what was read of either side.
 
-    def __init__(self) -> None:
-        self._sides = {MASTER: _SideOfLink(), SLAVE: _SideOfLink()}
+    A reported loss is the mean of what the receiving side reported while engaged, which is a recent share; else it
+    counts every datagram.
+    """
 
-    def add(self, side: str, records: Records) -> None:
-        """Take the next records of a side, in order."""
-        self._sides[side].add(records)
+    def way(receiver: WayScore, sender: WayScore) -> Way:
+        if not receiver.ticks:
+            return Way(sender.outward.median(), sender.reported_loss.value, is_reported=True, burst=None)
+        total = receiver.received + receiver.lost
+        loss = receiver.lost / total if total else None
+        return Way(receiver.inward.median(), loss, is_reported=False, burst=receiver.burst.value)
 
-    def summary(self) -> dict[str, Any]:
-        """Percentiles [us] and shares (0..1) by way; None where nothing is known.
-
-        `is_reported` says that the loss is the mean of what the receiving side reported while engaged, which is a
-        recent share; else it counts every datagram.
-        """
-        here = self._sides[MASTER] if self._sides[MASTER].ticks else self._sides[SLAVE]
-        ways = {name: self._way(*sides) for name, sides in WAYS.items()}
-        return {"jitter_us": here.jitter.p50_p99(), **ways}
-
-    def _way(self, receiver: str, sender: str) -> dict[str, Any]:
-        there, other = self._sides[receiver], self._sides[sender]
-        if there.ticks:
-            total = there.received + there.lost
-            return {
-                "one_way_us": there.inward.p50_p99(),
-                "received": there.received,
-                "lost": there.lost,
-                "loss": there.lost / total if total else None,
-                "is_reported": False,
-                "burst": there.burst.value,
-            }
-        return {
-            "one_way_us": other.outward.p50_p99(),
-            "received": None,
-            "lost": None,
-            "loss": other.reported_loss.value,
-            "is_reported": True,
-            "burst": None,
-        }
+    here = master if master.ticks else slave
+    return Ways(here.jitter.median(), to_slave=way(slave, master), to_master=way(master, slave))
 
 
 def ways_now(last: Mapping[str, Any]) -> dict[str, Any]:
-    """The same of the newest records.
+    """The same of the newest record of each side that has one, for JSON."""
 
-    Args:
-        last: the newest record of each side that has one.
-    """
-    here = last.get(MASTER) if MASTER in last else last.get(SLAVE)
-    ways = {name: _way_now(last.get(receiver), last.get(sender)) for name, (receiver, sender) in WAYS.items()}
-    return {"jitter_us": None if here is None else _known(here["jitter_us"]), **ways}
+    def known(value: Any) -> float | None:
+        return float(value) if np.isfinite(value) else None
 
+    def way(receiver: Any, sender: Any) -> dict[str, float | None]:
+        if receiver is not None:
+            delay, loss, burst = (receiver[name] for name in ("one_way_us", "incoming_loss", "peer_burst"))
+            return {"one_way_us": known(delay), "loss": known(loss), "burst": float(burst) or None}
+        if sender is None:
+            return {"one_way_us": None, "loss": None, "burst": None}
+        outward = float(sender["rtt_us"]) - float(sender["one_way_us"])
+        return {"one_way_us": known(outward), "loss": known(sender["outgoing_loss"]), "burst": None}
 
-def _way_now(there: Any, other: Any) -> dict[str, Any]:
-    if there is not None:
-        return {
-            "one_way_us": _known(there["one_way_us"]),
-            "loss": _known(there["incoming_loss"]),
-            "burst": float(there["peer_burst"]) or None,
-        }
-    if other is None:
-        return {"one_way_us": None, "loss": None, "burst": None}
-    outward = float(other["rtt_us"]) - float(other["one_way_us"])
-    return {"one_way_us": _known(outward), "loss": _known(other["outgoing_loss"]), "burst": None}
-
-
-def _known(value: Any) -> float | None:
-    return float(value) if np.isfinite(value) else None
+    master, slave = last.get(MASTER), last.get(SLAVE)
+    here = slave if master is None else master
+    return {
+        "jitter_us": None if here is None else known(here["jitter_us"]),
+        "to_slave": way(slave, master),
+        "to_master": way(master, slave),
+    }

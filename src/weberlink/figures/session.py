@@ -1,11 +1,12 @@
 """The figures of a session, from the telemetry records of its two sides on one clock.
 
-Records come in pieces; sums and histograms take bounded memory, so a session may have any length.
+Live runs, virtual time, recordings and those who watch share this accumulator. Records come in pieces; sums and
+histograms take bounded memory, so a session may have any length.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,27 +15,28 @@ from weberlink.codec.deadband.contract import Measures
 from weberlink.config import System
 from weberlink.control.contract import AccountParameters
 from weberlink.figures.channel import (
+    ArmLayout,
     ChannelScore,
+    Records,
+    Series,
+    Stream,
     UpdatesOnTheirWay,
     angles_between,
+    arm_in,
     distances,
     engaged,
     in_session,
-    none_for_nan,
     tally,
-    turns,
 )
 from weberlink.figures.distribution import Distribution
-from weberlink.figures.energy import EnergyBound, LinkEnergy, PortWork, Records, Series, accounts_in
+from weberlink.figures.energy import EnergyBound, PortWork, accounts_in
 from weberlink.figures.felt import AlignedError, JumpsOfRecords, QualityStatistics
-from weberlink.figures.link import ConnectionScore, WaysScore
-from weberlink.session.composition.channels import banks, measures_of
+from weberlink.figures.link import ConnectionScore, WayScore, ways_of
+from weberlink.figures.tree import Channel, Energy, Felt, Figures, Limited, Link, Ticks
+from weberlink.session.composition.channels import banks, measures_in
 from weberlink.telemetry.fault import Fault
 
-if TYPE_CHECKING:
-    from weberlink.figures.arm import ArmLayout, AxesScore
-
-__all__ = ["Records", "SessionScore", "nearest_ticks"]
+__all__ = ["Layout", "Records", "SessionScore", "nearest_ticks", "score_of"]
 
 LONGEST_WAIT_S = 10.0
 """How long a record waits for its counterpart; one side may run alone for days."""
@@ -45,6 +47,78 @@ ANOTHER_CLOCK_S = 0.1
 """A larger jump of the clock of the peer means another peer, or a restart of it."""
 LATEST_S = 1e10
 """Upper limit of plausible times and durations [s]: three centuries."""
+
+Known = TypeVar("Known")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What the records of a session mean.
+
+    Args:
+        rate_hz: tick rate of both sides [Hz].
+        bank: names of the predictors of the force channel, in the order of selectors.
+        torque_bank: the same of the torque channel; None for a session of three degrees of freedom.
+        measures: how the deadband of the force measures an error; None for the distance.
+        arm: the axes of a session in joint space; None for one in Cartesian space.
+        accounts: of the energy out of the hand; empty for none.
+    """
+
+    rate_hz: float
+    bank: tuple[str, ...]
+    torque_bank: tuple[str, ...] | None = None
+    measures: Measures | None = None
+    arm: ArmLayout | None = None
+    accounts: tuple[AccountParameters, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        dump: Mapping[str, Any],
+        rate_hz: float,
+        bank: Sequence[str],
+        torque_bank: Sequence[str] | None,
+        on_unknown: Callable[[ValueError], None] | None = None,
+    ) -> Self:
+        """That of the dump of a `System`, as descriptions and recordings hold it.
+
+        Args:
+            dump: the configuration.
+            rate_hz, bank, torque_bank: as of the class.
+            on_unknown: called for each part that is missing or of another release, which is then left out.
+
+        Raises:
+            ValueError: without `on_unknown`, a part is missing or of another release.
+        """
+
+        def known(read: Callable[[Mapping[str, Any]], Known], unknown: Known) -> Known:
+            try:
+                return read(dump)
+            except ValueError as error:
+                if on_unknown is None:
+                    raise
+                on_unknown(error)
+                return unknown
+
+        return cls(
+            rate_hz,
+            tuple(bank),
+            None if torque_bank is None else tuple(torque_bank),
+            known(measures_in, None),
+            known(arm_in, None),
+            known(accounts_in, ()),
+        )
+
+    def streams(self) -> tuple[list[Stream], list[Stream]]:
+        """The channels from the slave, that which the operator feels first, and those from the master."""
+        if self.arm is not None:
+            return self.arm.streams()
+        from_slave = [Stream("force", bank=self.bank, measures=self.measures)]
+        from_master = [Stream("position")]
+        if self.torque_bank is not None:
+            from_slave.append(Stream("torque", "rotation_", "rotation_", self.torque_bank))
+            from_master.append(Stream("orientation", "rotation_", "rotation_", error=angles_between))
+        return from_slave, from_master
 
 
 @dataclass
@@ -63,13 +137,13 @@ class _SideScore:
     one_way: Distribution = field(default_factory=Distribution)
     faults: dict[int, int] = field(default_factory=dict)
     connection: ConnectionScore = field(default_factory=ConnectionScore)
+    ways: WayScore = field(default_factory=WayScore)
 
     def add(self, records: Records) -> None:
         if not len(records):
             return
         self.ticks += len(records)
-        counted = engaged(records)
-        self.engaged += int(counted.sum())
+        self.engaged += int(engaged(records).sum())
         self.limited += int((records["clipped"] > 0).sum())
         missed = np.diff(records["ticks_missed"].astype(np.int64), prepend=self.counter("ticks_missed"))
         self.missed_in_a_row = max(self.missed_in_a_row, int(missed.max()))
@@ -77,6 +151,7 @@ class _SideScore:
         begins = np.diff(fault, prepend=np.uint8(self.counter("fault"))) != 0
         tally(self.faults, fault[begins & (fault > 0)])
         self.connection.add(records)
+        self.ways.add(records)
         self.last = records[-1]
         for name in ("lateness", "work", "codec", "rtt", "one_way"):
             getattr(self, name).add(records[f"{name}_us"])
@@ -85,19 +160,15 @@ class _SideScore:
         """The last value of a cumulative field."""
         return 0 if self.last is None else int(self.last[name])
 
-    def fault_counts(self) -> dict[str, int]:
-        """How often the records of each fault began, by name."""
-        return {Fault(number).name.lower(): count for number, count in sorted(self.faults.items())}
-
-    def timing(self, period: float) -> dict[str, Any]:
-        return {
-            "count": self.ticks,
-            "missed": self.counter("ticks_missed"),
-            "missed_longest_s": self.missed_in_a_row * period,
-            "lateness_us": none_for_nan(self.lateness.summary()),
-            "work_us": none_for_nan(self.work.summary()),
-            "codec_us": none_for_nan(self.codec.summary()),
-        }
+    def figures(self, period: float) -> Ticks:
+        return Ticks(
+            count=self.ticks,
+            missed=self.counter("ticks_missed"),
+            missed_longest_s=self.missed_in_a_row * period,
+            lateness_us=self.lateness.spread(),
+            work_us=self.work.spread(),
+            codec_us=self.codec.spread(),
+        )
 
 
 class SessionScore:
@@ -105,106 +176,45 @@ class SessionScore:
 
     The felt error of a slave tick is the force commanded to the device of the operator at the master tick nearest in
     time, against the force that the robot measured. Ticks count while both sides are engaged, except for the ramps at
-    the beginning and the end of a session; a force that fades because the link is silent counts. `error_max_deadbands`
-    and `error_p99_deadbands` are that error in units of its bound: the largest, and the 99th percentile.
-
-    `widened_fraction` is the share of the sender's ticks in which a bounded rate of updates widened the deadband, and
-    `widened_max` the largest deadband then.
-
-    The measures in JND are of the force that the operator felt, for a person of the default threshold
-    (`weberlink.figures.felt`). Jumps need the records of the master only.
-
-    `aligned_rms` of the felt channel is the least RMS of its error against what the robot measured a lag before, and
-    `aligned_lag_s` that lag: positive where the robot measured it before it was felt. It is of the axis of an arm whose
-    error is largest then.
-
-    Energy counts in all ticks. `energy.generated_j` is the largest energy that the operator had taken from the device
-    beyond what had been put in, at any time: 0 for a passive environment. `energy.dissipated_j` is the energy that had
-    gone in and not come out at the end. Both are of the port of the operator. `energy.bound_share` is the largest share
-    of what the accounts allowed to come out there by then that did, above 1 if they did not hold, and `energy.bound_j`
-    what they allowed then (`weberlink.figures.energy`); None without accounts. `energy.link_generated_j` is the
-    energy that the link between the ports generated, while errors count too (`weberlink.figures.energy`).
-
-    `violation_floor` is the share of the ticks of the felt error that no codec can keep within the deadband, because an
-    update is on its way (`weberlink.figures.channel.UpdatesOnTheirWay`).
-
-    `connection` says of each side how long it waited for its first session, was connected, unconnected (silent, or lost
-    by silence) and away (left by the peer in order), and in `ended` and `last_s` which of these it was at the end.
-    `faults` counts how often records with each fault began.
-
-    Args:
-        rate_hz: tick rate of both sides [Hz].
-        bank: names of the predictors of the force channel, in the order of selectors.
-        torque_bank: the same of the torque channel; None for a session of three degrees of freedom.
-        measures: how the deadband of the force measures an error; None for the distance.
-        arm: the axes of a session in joint space; None for a session in Cartesian space. Its channels are
-            `joint_torque`, `joint_angle` and, with a gripper, `gripper_torque` and `gripper_angle`.
-        accounts: of the energy out of the hand (`weberlink.figures.energy.accounts_in`); empty for none.
+    the beginning and the end of a session; a force that fades because the link is silent counts. The measures in JND
+    are of the force that the operator felt, for a person of the default threshold. Energy counts in all ticks.
     """
 
-    def __init__(
-        self,
-        rate_hz: float,
-        bank: tuple[str, ...],
-        torque_bank: tuple[str, ...] | None = None,
-        measures: Measures | None = None,
-        arm: "ArmLayout | None" = None,
-        accounts: Sequence[AccountParameters] = (),
-    ) -> None:
-        self._period = 1.0 / rate_hz
-        self._longest_wait = max(1, int(LONGEST_WAIT_S * rate_hz))
+    def __init__(self, layout: Layout) -> None:
+        self._period = period = 1.0 / layout.rate_hz
+        self._longest_wait = max(1, int(LONGEST_WAIT_S * layout.rate_hz))
         self._sides = (_SideScore(), _SideScore())
         self._waiting: list[Records] = [np.empty(0), np.empty(0)]
-        self._quality, self._jumps = QualityStatistics(self._period), JumpsOfRecords()
-        self._is_arm = arm is not None
-        self._from_slave: Mapping[str, ChannelScore | AxesScore]
-        self._from_master: Mapping[str, ChannelScore | AxesScore]
-        self._bound = EnergyBound(accounts) if accounts else None
-        if arm is None:
-            self._from_slave, self._from_master = cartesian_channels(self._period, bank, torque_bank, measures)
-            turning = None if torque_bank is None else turns
-            self._ports = (
-                PortWork("output", "position", held=True, turns=turning, turning="rotation_raw", bound=self._bound),
-                PortWork("raw", "output", held=False, turns=turning),
-            )
-        else:
-            self._from_slave, self._from_master = arm.channels(self._period)
-            self._ports = (
-                PortWork("joint_output", "joint_position", held=True, bound=self._bound),
-                PortWork("joint_raw", "joint_output", held=False),
-            )
-        self._felt = next(iter(self._from_slave))
-        self._columns = ("output", "raw") if arm is None else ("joint_output", "joint_raw")
-        self._axes = slice(0, 3 if arm is None else len(arm.names))
-        self._aligned = AlignedError(self._period, self._axes.stop, each=self._is_arm)
-        self._work: list[Series] = [np.empty(0), np.empty(0)]
-        """Work at the port of each side, up to each of the waiting records [J]."""
-        self._link_energy = LinkEnergy()
-        self._on_its_way = UpdatesOnTheirWay(self._period)
-        self._ways = WaysScore()
+        self._from_slave, self._from_master = ([ChannelScore(each) for each in streams] for streams in layout.streams())
+        self._felt = self._from_slave[0]
+        self._is_arm = layout.arm is not None
+        self._quality, self._jumps = QualityStatistics(period), JumpsOfRecords()
+        self._aligned = AlignedError(period, self._felt.stream.axes.stop, each=self._is_arm)
+        self._on_its_way = UpdatesOnTheirWay(period)
+        self._bound = EnergyBound(layout.accounts) if layout.accounts else None
+        prefix, rotates = "joint_" if self._is_arm else "", layout.torque_bank is not None and not self._is_arm
+        self._port = PortWork(prefix, rotates=rotates, bound=self._bound)
         self._first: float | None = None
         self._until = 0.0
 
     def add(self, master: Records, slave: Records) -> None:
         """Take the next records of both sides, each in order of time; either may be empty or run ahead."""
-        for index, (side, records) in enumerate((("master", master), ("slave", slave))):
+        for index, (records, channels) in enumerate(((master, self._from_master), (slave, self._from_slave))):
+            if not len(records):
+                continue
             self._sides[index].add(records)
-            self._ways.add(side, records)
-            if len(records):
-                waiting = self._waiting[index]
-                joined = np.concatenate([waiting, records]) if len(waiting) else records.copy()
-                self._waiting[index] = joined[-self._longest_wait :]
-                work = np.concatenate([self._work[index], self._ports[index].add(records)])
-                self._work[index] = work[-self._longest_wait :]
-                self._first = min(self._first if self._first is not None else np.inf, float(records["at"][0]))
-                self._until = max(self._until, float(records["at"][-1]))
-        if len(master) and not self._is_arm:  # the JND of a torque at each joint is not known
-            self._quality.add_jumps(*self._jumps.of(master))
-        for records, channels in ((master, self._from_master), (slave, self._from_slave)):
-            if len(records):  # these figures need no records of the other side
-                counted = records[in_session(records)]
-                for channel in channels.values():
-                    channel.add_sender(records, counted)
+            waiting = self._waiting[index]
+            joined = np.concatenate([waiting, records]) if len(waiting) else records.copy()
+            self._waiting[index] = joined[-self._longest_wait :]
+            self._first = min(self._first if self._first is not None else np.inf, float(records["at"][0]))
+            self._until = max(self._until, float(records["at"][-1]))
+            counted = records[in_session(records)]
+            for channel in channels:  # what the sender tells needs no records of the other side
+                channel.add_sender(records, counted)
+        if len(master):
+            self._port.add(master)
+            if not self._is_arm:  # the JND of a torque at each joint is not known
+                self._quality.add_jumps(*self._jumps.of(master))
         self._join()
 
     @property
@@ -213,59 +223,84 @@ class SessionScore:
         master, slave = self._sides
         return {"master": master.last, "slave": slave.last}
 
-    def summary(self) -> dict[str, Any]:
-        """All figures, under the keys that the commands document."""
+    def figures(self) -> Figures:
+        """All figures."""
         master, slave = self._sides
         duration = self._until - self._first + self._period if self._first is not None else 0.0
         heard = master if master.ticks else slave
-        summary: dict[str, Any] = {
-            "duration_s": duration,
-            "ticks": {"master": master.timing(self._period), "slave": slave.timing(self._period)},
-            **{name: {} for name in (*self._from_slave, *self._from_master)},
-            "link": {
-                "rtt_us": heard.rtt.p50_p99(),
-                "one_way_us": heard.one_way.p50_p99(),
-                "sent": master.counter("datagrams_sent") + slave.counter("datagrams_sent"),
-                "received": master.counter("datagrams_received") + slave.counter("datagrams_received"),
-                "lost": master.counter("datagrams_lost") + slave.counter("datagrams_lost"),
-                "dropped": master.counter("datagrams_dropped") + slave.counter("datagrams_dropped"),
-                "repeats": master.counter("repeats") + slave.counter("repeats"),
+        sides = {"master": master, "slave": slave}
+        link = Link(
+            heard.rtt.median(),
+            heard.one_way.median(),
+            *(
+                master.counter(name) + slave.counter(name)
+                for name in (*(f"datagrams_{what}" for what in ("sent", "received", "lost", "dropped")), "repeats")
+            ),
+        )
+        energy = Energy(None, None, None, None)
+        if master.ticks:
+            bound = self._bound
+            energy = Energy(
+                generated_j=max(0.0, -self._port.least),
+                dissipated_j=max(0.0, self._port.total),
+                bound_j=bound.allowed if bound else None,
+                bound_share=bound.share if bound else None,
+            )
+        lag = self._aligned.best((link.rtt_us.p99 or 0.0) * 1e-6) or (None, None)
+        felt = Felt(self._quality.figures(), self._on_its_way.share, *lag)
+        channels = [
+            *((channel, slave, master) for channel in self._from_slave),
+            *((channel, master, slave) for channel in self._from_master),
+        ]
+        return Figures(
+            duration_s=duration,
+            ticks={name: side.figures(self._period) for name, side in sides.items()},
+            channels={
+                channel.stream.name: self._channel(
+                    channel, sender, receiver, duration, felt if channel is self._felt else None
+                )
+                for channel, sender, receiver in channels
             },
-            "limited": {
-                "force_ticks": master.limited,
-                "slew_ticks": master.counter("slew_ticks"),
-                "motion_ticks": slave.limited,
-                "contact_ticks": slave.counter("contact_ticks"),
+            link=link,
+            ways=ways_of(master.ways, slave.ways),
+            limited=Limited(
+                force_ticks=master.limited,
+                slew_ticks=master.counter("slew_ticks"),
+                motion_ticks=slave.limited,
+                contact_ticks=slave.counter("contact_ticks"),
+            ),
+            connection={name: side.connection.figures() if side.ticks else None for name, side in sides.items()},
+            faults={
+                name: {Fault(number).name.lower(): count for number, count in sorted(side.faults.items())}
+                for name, side in sides.items()
+                if side.ticks
             },
-            "connection": {
-                "master": master.connection.summary() if master.ticks else None,
-                "slave": slave.connection.summary() if slave.ticks else None,
-            },
-            "faults": {
-                name: side.fault_counts() for name, side in (("master", master), ("slave", slave)) if side.ticks
-            },
-            "energy": {
-                "generated_j": max(0.0, -self._ports[0].least) if master.ticks else None,
-                "dissipated_j": max(0.0, self._ports[0].total) if master.ticks else None,
-                "bound_j": self._bound.allowed if self._bound and master.ticks else None,
-                "bound_share": self._bound.share if self._bound and master.ticks else None,
-                "link_generated_j": (
-                    max(0.0, -self._link_energy.least) if self._from_slave[self._felt].felt.count else None
-                ),
-            },
-        }
-        for name, channel in self._from_slave.items():
-            summary[name] = _packets(slave, master, duration, name) | channel.summary()
-        summary[self._felt] |= self._quality.summary() | {"violation_floor": self._on_its_way.share}
-        aligned = self._aligned.best((summary["link"]["rtt_us"]["p99"] or 0.0) * 1e-6) or (None, None)
-        summary[self._felt] |= dict(zip(("aligned_rms", "aligned_lag_s"), aligned, strict=True))
-        for name, channel in self._from_master.items():
-            summary[name] = _packets(master, slave, duration, name) | channel.summary()
-        return summary
+            energy=energy,
+        )
 
-    def ways(self) -> dict[str, Any]:
-        """The figures of the link, each way apart: see `WaysScore.summary`."""
-        return self._ways.summary()
+    def _channel(
+        self, channel: ChannelScore, sender: _SideScore, receiver: _SideScore, duration: float, felt: Felt | None
+    ) -> Channel:
+        """Packets are counted by the receiver where the sender's records are on another host."""
+        seen, how = (sender, "sent") if sender.ticks else (receiver, "received")
+        counted = channel.stream.counted
+        packets = seen.counter(f"{counted}updates_{how}")
+        datagrams, is_first = seen.counter(f"datagrams_{how}"), not counted  # which carry every channel of a direction
+        return Channel(
+            samples=seen.engaged,
+            packets=packets,
+            packets_per_s=packets / duration if duration else None,
+            reduction=1.0 - packets / seen.engaged if seen.engaged else None,
+            errors=channel.felt.figures(self._period),
+            widened_fraction=channel.widened_fraction,
+            widened_max=channel.widest,
+            reduction_all=1.0 - datagrams / seen.engaged if is_first and seen.engaged else None,
+            bytes_per_s=sender.counter("bytes_sent") / duration if is_first and sender.ticks and duration else None,
+            felt=felt,
+            coding=channel.coding.figures(self._period) if channel.stream.bank else None,
+            selected=channel.selected,
+            axes=channel.axes,
+        )
 
     def _join(self) -> None:
         master, slave = self._waiting
@@ -273,23 +308,21 @@ class SessionScore:
             return
         ready, nearest, close = nearest_ticks(master["at"], slave["at"], self._period)
         now, matched = slave[:ready], master[nearest]
-        given, taken = self._work[0][nearest], self._work[1][:ready]
         passed = max(0, int(nearest[-1]) - 1) if ready else 0
         self._waiting = [master[passed:], slave[ready:]]
-        self._work = [self._work[0][passed:], self._work[1][ready:]]
-        self._link_energy.add(given, taken, in_session(matched) & in_session(now))
         counts = close & in_session(matched) & in_session(now)
         self._on_its_way.add(now, matched["one_way_us"], counts)
         matched, now = matched[counts], now[counts]
-        felt, measured = (side[name][:, self._axes] for side, name in zip((matched, now), self._columns, strict=True))
-        self._aligned.add(now["tick"], felt, measured)
+        stream = self._felt.stream
+        displayed, measured = matched[f"{stream.prefix}output"], now[f"{stream.prefix}raw"]
+        self._aligned.add(now["tick"], displayed[:, stream.axes], measured[:, stream.axes])
         if not self._is_arm:
-            displayed, measured = (np.asarray(each, dtype=np.float64) for each in (matched["output"], now["raw"]))
+            displayed, measured = (np.asarray(each, dtype=np.float64) for each in (displayed, measured))
             magnitudes = (np.linalg.norm(each, axis=1) for each in (displayed, measured))
             self._quality.add(distances(displayed, measured), *magnitudes)
-        for channel in self._from_slave.values():
+        for channel in self._from_slave:
             channel.compare(now, matched)
-        for channel in self._from_master.values():
+        for channel in self._from_master:
             channel.compare(matched, now)
 
 
@@ -317,45 +350,4 @@ def nearest_ticks(
 
 def score_of(system: System) -> SessionScore:
     """The score of a session of this configuration."""
-    dump, arm = system.model_dump(mode="json"), None
-    if system.codec.joints is not None:
-        from weberlink.figures.arm import arm_in  # noqa: PLC0415 - for arms alone
-
-        arm = arm_in(dump)
-    return SessionScore(system.rate_hz, *banks(system), measures_of(system), arm, accounts_in(dump))
-
-
-def cartesian_channels(
-    period: float, bank: tuple[str, ...], torque_bank: tuple[str, ...] | None, measures: Measures | None
-) -> tuple[dict[str, ChannelScore], dict[str, ChannelScore]]:
-    """The scores of the channels from the slave, the force first, and of those from the master."""
-    from_slave = {"force": ChannelScore("", period, bank, measures=measures)}
-    from_master = {"position": ChannelScore("", period)}
-    if torque_bank is not None:
-        from_slave["torque"] = ChannelScore("rotation_", period, torque_bank)
-        from_master["orientation"] = ChannelScore("rotation_", period, error=angles_between)
-    return from_slave, from_master
-
-
-COUNTED = {"torque": "rotation_", "orientation": "rotation_", "gripper_torque": "gripper_", "gripper_angle": "gripper_"}
-"""Prefix of the counters of a channel that is the second one of its direction."""
-
-
-def _packets(sender: _SideScore, receiver: _SideScore, duration: float, channel: str) -> dict[str, Any]:
-    """The packets of one channel; counted by the receiver where the sender's records are on another host."""
-    seen = sender if sender.ticks else receiver
-    prefix = COUNTED.get(channel, "")
-    packets = seen.counter(f"{prefix}updates_{'sent' if sender.ticks else 'received'}")
-    figures = {
-        "samples": seen.engaged,
-        "packets": packets,
-        "packets_per_s": packets / duration if duration else None,
-        "reduction": 1.0 - packets / seen.engaged if seen.engaged else None,
-    }
-    if prefix:  # datagrams carry both channels of a direction, and are counted with the other one
-        return figures
-    datagrams = seen.counter("datagrams_sent" if sender.ticks else "datagrams_received")
-    return figures | {
-        "reduction_all": 1.0 - datagrams / seen.engaged if seen.engaged else None,
-        "bytes_per_s": sender.counter("bytes_sent") / duration if sender.ticks and duration else None,
-    }
+    return SessionScore(Layout.of(system.model_dump(mode="json"), system.rate_hz, *banks(system)))

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from weberlink.config import MASTER, SLAVE
-from weberlink.figures.paths import path_words
-from weberlink.figures.verdict import DEGRADED, GOOD
+from weberlink.figures.paths import path_in
+from weberlink.figures.tree import DEGRADED, GOOD
 
 INFO, WARN, ALARM = "info", "warn", "alarm"
 """Levels of an event: all is well; worth a look; the session does not do its work."""
@@ -62,56 +62,31 @@ def _of_side(template: Words, side: str) -> Words:
     return template._replace(text=template.text.format(peer=peer, hardware=hardware))
 
 
-def _started(side: str, fields: Fields) -> Words:
-    state = words(side, fields["state"], {}).text
-    return Words(INFO, f"began at {fields['rate_hz']:g} Hz; {state}")
-
-
-def _recovered(side: str, fields: Fields) -> Words:
-    del side
-    return Words(INFO, f"the fault {fields['fault']} is over after {fields['lasted_s']:.3g} s")
-
-
-def _settings(side: str, fields: Fields) -> Words:
-    del side
-    return Words(INFO, f"settings changed, change {fields['generation']}: Weber factor {fields['weber']:g}")
-
-
-def _path(side: str, fields: Fields) -> Words:
-    del side
-    return Words(WARN if fields["changes"] else INFO, path_words(fields))
-
-
-def _ended(side: str, fields: Fields) -> Words:
-    del side
+def _ended(_side: str, fields: Fields) -> Words:
     outcome, judged = fields["outcome"], fields.get("verdict")
     if judged is None:
         is_good = outcome == "completed" or fields.get("status") == 0
         return Words(INFO if is_good else ALARM, f"the session ended: {outcome}")
     causes = "; ".join(cause["text"] for cause in judged["causes"])
     told = f"{judged['word']} because {causes}" if causes else judged["word"]
-    return Words(_LEVELS.get(judged["word"], ALARM), f"the session ended ({outcome}): {told}")
-
-
-_LEVELS = {GOOD: INFO, DEGRADED: WARN}
-"""Level of the end of a session by its verdict."""
+    level = {GOOD: INFO, DEGRADED: WARN}.get(judged["word"], ALARM)
+    return Words(level, f"the session ended ({outcome}): {told}")
 
 
 def _counted(level: str, one: str, many: str) -> Callable[[str, Fields], Words]:
-    def made(side: str, fields: Fields) -> Words:
-        del side
-        ticks = fields["ticks"]
-        return Words(level, f"{ticks} {one if ticks == 1 else many}")
-
-    return made
+    return lambda _, fields: Words(level, f"{fields['ticks']} {one if fields['ticks'] == 1 else many}")
 
 
 EVENTS: dict[str, Callable[[str, Fields], Words]] = {
-    "started": _started,
+    "started": lambda side, fields: Words(
+        INFO, f"began at {fields['rate_hz']:g} Hz; {words(side, fields['state'], {}).text}"
+    ),
     "fault": lambda side, fields: fault_words(side, fields["fault"]),
-    "recovered": _recovered,
-    "settings": _settings,
-    "path": _path,
+    "recovered": lambda _, fields: Words(INFO, f"the fault {fields['fault']} is over after {fields['lasted_s']:.3g} s"),
+    "settings": lambda _, fields: Words(
+        INFO, f"settings changed, change {fields['generation']}: Weber factor {fields['weber']:g}"
+    ),
+    "path": lambda _, fields: Words(WARN if fields["changes"] else INFO, path_in(fields).words()),
     "held": lambda *_: Words(INFO, "button held: the robot follows"),
     "released": lambda *_: Words(WARN, "button released: the robot holds and the force is zero"),
     "missed": _counted(WARN, "tick missed its deadline", "ticks missed their deadlines"),

@@ -23,19 +23,12 @@ class UsbId(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PluggedDevice:
-    """A device that is plugged in.
+    """A device that is plugged in."""
 
-    Args:
-        path: to open, for example /dev/ttyACM0.
-        name: its product name; empty if it has none.
-        serial_number: empty if it has none.
-        problem: why it cannot be used as it is, with what to do about it; None if nothing is known to be in the way.
-    """
-
-    path: str
-    name: str = ""
+    path: str  # to open, for example /dev/ttyACM0
+    name: str = ""  # of the product; empty if it has none
     serial_number: str = ""
-    problem: str | None = None
+    problem: str | None = None  # why it cannot be used as it is, with what to do about it
 
     def __str__(self) -> str:
         number = f" (serial number {self.serial_number})" if self.serial_number else ""
@@ -126,12 +119,7 @@ def _attribute(device: Path, name: str) -> str:
 
 
 def only(found: Sequence[PluggedDevice], what: str, option: str) -> PluggedDevice:
-    """Choose the device when the file names none.
-
-    Args:
-        found: what is plugged in.
-        what: a name for the device, for the complaint.
-        option: the key that chooses among several, with the section in front.
+    """Choose the device when the file names none; `option` is the key that chooses among several.
 
     Raises:
         HardwareFault: none is there, several are, or the one cannot be used.

@@ -27,17 +27,11 @@ transport of its own it has `served(begin)`, which gives a `weberlink.testing.se
 
 @dataclass
 class WireFaults:
-    """Faults between device and host; may be changed at any time, from any thread.
+    """Faults between device and host; may be changed at any time, from any thread."""
 
-    Args:
-        garble: number of replies to come in which a byte is changed.
-        late_s: every reply leaves this much later [s].
-        silent: replies are lost.
-    """
-
-    garble: int = 0
-    late_s: float = 0.0
-    silent: bool = False
+    garble: int = 0  # number of replies to come in which a byte is changed
+    late_s: float = 0.0  # every reply leaves this much later
+    silent: bool = False  # replies are lost
 
 
 class Emulator(Protocol):
@@ -101,23 +95,13 @@ class FaultyDevice(ABC):
 
 @dataclass(frozen=True, slots=True)
 class HidIdentity:
-    """What a USB device with one HID interface says of itself.
+    """What a USB device with one HID interface says of itself."""
 
-    Args:
-        vendor: 16 bits.
-        product: 16 bits.
-        name: of the product.
-        report_descriptor: its bytes.
-        report_size: of a report to the device, without its number [bytes].
-        serial_number: empty for none.
-        manufacturer: empty for none.
-    """
-
-    vendor: int
-    product: int
+    vendor: int  # 16 bits
+    product: int  # 16 bits
     name: str
     report_descriptor: bytes
-    report_size: int
+    report_size: int  # of a report to the device, without its number [bytes]
     serial_number: str = ""
     manufacturer: str = ""
 
@@ -132,22 +116,13 @@ class AxisRange(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class InputIdentity:
-    """What a device of the kernel's input layer says of itself.
+    """What a device of the kernel's input layer says of itself."""
 
-    Args:
-        vendor: 16 bits.
-        product: 16 bits.
-        name: of the device.
-        keys: codes of its keys.
-        axes: its absolute axes, by their codes.
-        serial_number: empty for none.
-    """
-
-    vendor: int
-    product: int
+    vendor: int  # 16 bits
+    product: int  # 16 bits
     name: str
-    keys: tuple[int, ...]
-    axes: Mapping[int, AxisRange]
+    keys: tuple[int, ...]  # their codes
+    axes: Mapping[int, AxisRange]  # the absolute ones, by their codes
     serial_number: str = ""
 
 

@@ -65,10 +65,7 @@ class Guardian:
         return None if self._child is None else self._child.pid
 
     def watch(self, descriptor: int) -> None:
-        """Start the process.
-
-        Args:
-            descriptor: of the device, open for writing. The process has its own copy.
+        """Start the process, which gets a copy of the device's descriptor, open for writing.
 
         Raises:
             HardwareFault: it does not start.

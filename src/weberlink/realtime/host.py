@@ -26,17 +26,11 @@ BUSY_COLUMNS = 8
 
 
 class WakeUp(NamedTuple):
-    """A wake-up of a watcher: times on the clock of `time.monotonic` [s].
+    """A wake-up of a watcher: times on the clock of `time.monotonic` [s]."""
 
-    Args:
-        ran: when the watcher ran before.
-        due: the deadline.
-        woken: when it ran again.
-    """
-
-    ran: float
+    ran: float  # when the watcher ran before
     due: float
-    woken: float
+    woken: float  # when it ran again
 
     @property
     def late(self) -> float:
@@ -90,22 +84,13 @@ class Steal(NamedTuple):
 
 @dataclass(frozen=True)
 class WatchOrder(Order):
-    """What the program watches.
+    """What the program watches; times in s, on the clock of `time.monotonic`."""
 
-    Args:
-        processors: numbers of processors that it may run on.
-        priority: of SCHED_FIFO, above that of the daemons: a daemon that does not end its tick must not look like
-            the host.
-        first: a deadline [s, clock of `time.monotonic`].
-        interval: between deadlines [s].
-        least: lateness from which a wake-up is written [s].
-    """
-
-    processors: tuple[int, ...]
-    priority: int
-    first: float
-    interval: float
-    least: float
+    processors: tuple[int, ...]  # numbers of those that it may run on
+    priority: int  # above that of the daemons: one that does not end its tick must not look like the host
+    first: float  # a deadline
+    interval: float  # between deadlines
+    least: float  # lateness from which a wake-up is written
 
 
 def main(text: str) -> int:
@@ -141,18 +126,14 @@ def _fork(order: WatchOrder, processor: int) -> int:
         try:
             signal(SIGTERM, SIG_DFL)
             die_with_parent(SIGKILL, own)
-            _watch(order, processor)
+            os.sched_setaffinity(0, {processor})
+            for wake_up in wake_ups(order.first, order.interval):
+                if wake_up.late >= order.least:
+                    with suppress(BlockingIOError):  # a launcher that does not read loses lines, and delays nothing
+                        _write(f"{processor} {wake_up.ran:.6f} {wake_up.due:.6f} {wake_up.woken:.6f}")
         finally:
             os._exit(1)
     return watcher
-
-
-def _watch(order: WatchOrder, processor: int) -> None:
-    os.sched_setaffinity(0, {processor})
-    for wake_up in wake_ups(order.first, order.interval):
-        if wake_up.late >= order.least:
-            with suppress(BlockingIOError):  # a launcher that does not read loses lines, and delays nothing
-                _write(f"{processor} {wake_up.ran:.6f} {wake_up.due:.6f} {wake_up.woken:.6f}")
 
 
 def _write(line: str) -> None:

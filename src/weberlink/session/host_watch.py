@@ -16,7 +16,7 @@ import numpy as np
 from weberlink.child_process import Child, python
 from weberlink.config import SIDES
 from weberlink.config.model import RealtimeSettings
-from weberlink.figures.energy import Records
+from weberlink.figures.channel import Records
 from weberlink.realtime.host import Steal, WakeUp, WatchOrder
 from weberlink.realtime.process import HIGHEST_PRIORITY
 

@@ -9,7 +9,7 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from signal import SIG_DFL, SIG_IGN, SIGTERM, Signals, getsignal, signal
@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from weberlink.child_process import Child, python
 from weberlink.config import MASTER, SIDES, SLAVE, Configuration
-from weberlink.figures.paths import notable, paths_of
+from weberlink.figures.paths import LinkPath, notable, paths_of
 from weberlink.figures.verdict import verdict
 from weberlink.master.devices import target_link
 from weberlink.order import MISCONFIGURED, NOTE, STOP_SIGNALS
@@ -34,11 +34,12 @@ from weberlink.telemetry.runtime_directory import directories, directory
 if TYPE_CHECKING:
     from weberlink.figures.journal import Journal
     from weberlink.figures.session import Records, SessionScore
+    from weberlink.figures.tree import Figures
     from weberlink.session.host_watch import HostWatch
     from weberlink.telemetry.reader import RingReader
     from weberlink.telemetry.recorders import Recorder
 
-Watch = Callable[[dict[str, Any], dict[str, Any]], None]
+Watch = Callable[[dict[str, Any], "Figures"], None]
 
 LOOK_S = 0.1
 """Time between two looks at the telemetry."""
@@ -130,7 +131,7 @@ class Daemon:
 
 
 @dataclass
-class Session:
+class LiveRun:
     """A live run of one side or both; a context manager that leaves no process behind.
 
     Args:
@@ -166,32 +167,54 @@ class Session:
     _watch: Watch | None = None
     _key: Path | None = None
     _peers: dict[str, Any] = field(default_factory=dict)
-    _paths: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
+    _paths: dict[str, list[LinkPath]] = field(default_factory=dict)
     _told: set[str] = field(default_factory=set)
     _has_advised: bool = False
     _tell_at: float = 0.0
 
     def __enter__(self) -> Self:
         sweep()
-        system = self.configuration.system
-        if system.link.security == "session":
-            self._make_key()
+        if self.configuration.system.link.security == "session":
+            # A key in memory for both daemons; it is removed when they have read it.
+            self._key = path = directory() / f"weberlink-{os.getpid()}.key"
+            path.unlink(missing_ok=True)  # left by an earlier process with this process id
+            generate(path)
+            self._stack.callback(path.unlink, missing_ok=True)
+            self.overrides = [*self.overrides, f"link.key_file={json.dumps(str(path))}"]
         for number in STOP_SIGNALS:
             if getsignal(number) is SIG_IGN:  # for example by nohup
                 continue
-            self._stack.callback(signal, number, signal(number, self._signal) or SIG_DFL)
-        rings = {side: _ring(side) for side in self.sides}
+            self._stack.callback(signal, number, signal(number, self._on_signal) or SIG_DFL)
+        rings = {side: default_path(f"{os.getpid()}-{side}") for side in self.sides}
         for ring in rings.values():  # left by an earlier process with this process id
-            Path(ring).unlink(missing_ok=True)
+            ring.unlink(missing_ok=True)
         if self.record is not None:  # before the daemons, so that it sees their rings appear
             from weberlink.session.recorder import facts, format_for  # noqa: PLC0415
 
-            self._recorder = format_for(self.record).start(facts(self.configuration), rings, self.record)
+            by_side = {side: str(ring) for side, ring in rings.items()}
+            self._recorder = format_for(self.record).start(facts(self.configuration), by_side, self.record)
         for side in sorted(self.sides, reverse=True):  # the slave first: it listens when the master calls
-            daemon = Daemon(self._order(side))
-            self.daemons[side] = daemon
+            order = DaemonOrder(
+                side=side,
+                file=str(self.configuration.path),
+                overrides=tuple(self.overrides),
+                ring=str(rings[side]),
+                # With both sides, the slave ends when the master has left.
+                duration_s=self.duration_s if side == MASTER or len(self.sides) == 1 else None,
+                take_over=self.take_over,
+            )
+            daemon = self.daemons[side] = Daemon(order)
             self._stack.callback(daemon.release)
         return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        for daemon in self.daemons.values():
+            if daemon.running:
+                daemon.stop(SIGTERM)
+                daemon.finish()
+        if self._recorder is not None:
+            self._recorder.finish()  # before the rings are removed
+        self._stack.close()
 
     @cached_property
     def score(self) -> "SessionScore":
@@ -209,64 +232,50 @@ class Session:
         self._stack.callback(watch.stop)
         return watch
 
-    def _make_key(self) -> None:
-        """Write a key to memory for both daemons; it is removed when they have read it."""
-        self._key = path = directory() / f"weberlink-{os.getpid()}.key"
-        path.unlink(missing_ok=True)  # left by an earlier process with this process id
-        generate(path)
-        self._stack.callback(path.unlink, missing_ok=True)
-        self.overrides = [*self.overrides, f"link.key_file={json.dumps(str(path))}"]
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        for daemon in self.daemons.values():
-            if daemon.running:
-                daemon.stop(SIGTERM)
-                daemon.finish()
-        if self._recorder is not None:
-            self._recorder.finish()  # before the rings are removed
-        self._stack.close()
-
-    def run(self) -> dict[str, Any]:
+    def run(self) -> "Figures":
         """Watch until every side has ended; returns the figures of the session."""
+        first = self.daemons.get(MASTER) or self.daemons[SLAVE]  # the side that ends the run
         passed_on = 0
         while all(daemon.running for daemon in self.daemons.values()):
             for number in self._signals[passed_on:]:
-                self._first.stop(number)
+                first.stop(number)
             passed_on = len(self._signals)
             self._look()
             sleep(LOOK_S)
-        summaries = {side: self._end(daemon) for side, daemon in self._in_order()}
+        summaries = {}
+        for side, daemon in sorted(self.daemons.items()):
+            daemon.stop(SIGTERM)
+            summaries[side] = daemon.finish()
         self._look()
-        recording = {} if self._recorder is None else {"recording": self._recorded(self._recorder)}
-        report = self._judged(self._report(summaries) | recording, summaries)
-        if self.journal is not None:
-            for side, summary in sorted(summaries.items()):
-                self.journal.trace(summary.get("trace", ()), side)
-            self.journal.end(report)
-        return report
+        if self._recorder is not None and not self._recording_ended:
+            from weberlink.session.recorder import failure  # noqa: PLC0415 - see above
 
-    @property
-    def _first(self) -> Daemon:
-        """The side that ends the run: the master if there is one."""
-        return self.daemons.get(MASTER) or self.daemons[SLAVE]
-
-    def _in_order(self) -> list[tuple[str, Daemon]]:
-        return sorted(self.daemons.items())
-
-    def _order(self, side: str) -> DaemonOrder:
-        return DaemonOrder(
-            side=side,
-            file=str(self.configuration.path),
-            overrides=tuple(self.overrides),
-            ring=_ring(side),
-            # With both sides, the slave ends when the master has left.
-            duration_s=self.duration_s if side == MASTER or len(self.sides) == 1 else None,
-            take_over=self.take_over,
+            if (why := failure(self._recorder)) is not None:
+                self.tell(why)
+        for side, summary in summaries.items():
+            self._add_paths(side, paths_of(summary))
+        self._peers = {side: summary["peer"] for side, summary in summaries.items()}
+        failures = [summary["outcome"] for summary in summaries.values() if summary["failed"]]
+        system = self.configuration.system
+        figures = replace(
+            self._figures(),
+            record_age_s=None,
+            lookahead_ms=lookahead_ms(system),
+            playout_ms=system.link.playout_ms,
+            faults={side: summary["faults"] for side, summary in summaries.items()},
+            drops={side: summary["drops"] for side, summary in summaries.items()},
+            realtime={side: summary["realtime"] for side, summary in summaries.items()},
+            host=self._host.end(),
+            outcome=f"failed: {'; '.join(failures)}" if failures else summaries[first.side]["outcome"],
         )
-
-    def _end(self, daemon: Daemon) -> dict[str, Any]:
-        daemon.stop(SIGTERM)
-        return daemon.finish()
+        judged = verdict(figures)
+        is_wrong_file = any(summary["status"] == MISCONFIGURED for summary in summaries.values())
+        figures = replace(figures, verdict=judged, status=MISCONFIGURED if is_wrong_file else judged.status)
+        if self.journal is not None:
+            for side, summary in summaries.items():
+                self.journal.trace(summary.get("trace", ()), side)
+            self.journal.end(figures)
+        return figures
 
     def _look(self) -> None:
         if not self._begun:
@@ -283,53 +292,54 @@ class Session:
         none = next(iter(records.values()))[:0]
         self.score.add(records.get(MASTER, none), records.get(SLAVE, none))
         if self.journal is not None:
-            for side, daemon in self._in_order():
-                self.journal.look(side, records[side], daemon.wall_offset_s)
+            for side, daemon in sorted(self.daemons.items()):
+                self.journal.add(side, records[side], daemon.wall_offset_s)
         if monotonic() >= self._tell_at:
             self._tell_at = monotonic() + TELL_S
-            self._ask_daemons()
+            described = {side: daemon.described or {} for side, daemon in self.daemons.items()}
+            self._peers = {side: each.get("peer") for side, each in described.items()}
+            for side, each in sorted(described.items()):
+                self._add_paths(side, paths_of(each))
             self._tell()
         if self._watch is not None:
             self._watch(self.score.state, self._figures())
 
-    def _ask_daemons(self) -> None:
-        """Take what the sides know of their peers and paths, and log and mark paths that have changed."""
-        described = {side: daemon.described or {} for side, daemon in self.daemons.items()}
-        self._peers = {side: each.get("peer") for side, each in described.items()}
-        for side, each in sorted(described.items()):
-            self._take_paths(side, paths_of(each))
+    def _look_at_recorder(self) -> None:
+        """Say once, at once, that the recorder ended before the daemons."""
+        recorder = self._recorder
+        if recorder is None or recorder.running or self._recording_ended:
+            return
+        if all(daemon.running for daemon in self.daemons.values()):
+            from weberlink.session.recorder import recording_ended  # noqa: PLC0415 - see above
 
-    def _take_paths(self, side: str, paths: list[dict[str, Any]]) -> None:
+            self._recording_ended = True
+            self.tell(recording_ended(recorder.path, recorder.finish()["outcome"]))
+
+    def _add_paths(self, side: str, paths: list[LinkPath]) -> None:
+        """Log and mark paths that have changed."""
         if not paths:  # a daemon that has ended describes nothing: its last paths stay
             return
         before, self._paths[side] = self._paths.get(side, []), paths
         if self.journal is not None:
-            self.journal.take_paths(side, paths)
+            self.journal.add_paths(side, paths)
         if self._recorder is not None:
             for text in notable(before, paths):
                 self._recorder.mark(f"{side}: {text}")
 
-    def _figures(self) -> dict[str, Any]:
+    def _figures(self) -> "Figures":
         """The figures so far, with what telemetry does not contain; `record_age_s` is the age of the newest record."""
-        now = monotonic()
-        ages = {side: now - float(last["at"]) for side, last in self.score.state.items() if last is not None}
-        return self.score.summary() | self._facts(self._peers) | {"record_age_s": ages} | self._recording()
-
-    def _facts(self, peers: dict[str, Any]) -> dict[str, Any]:
-        link = self.configuration.system.link
-        return {
+        now, link, recorder = monotonic(), self.configuration.system.link, self._recorder
+        recording = None if recorder is None else {"running": True} if recorder.running else recorder.finish()
+        return replace(
+            self.score.figures(),
             # A path that is found has no address of the file.
-            "addresses": {} if self.configuration.finds_path else {"listen": link.listen, "slave": link.slave},
-            "peers": peers,
-            "paths": self._paths,
-            "dscp": link.dscp,
-        }
-
-    def _recording(self) -> dict[str, Any]:
-        """The state of the recorder, if there is one; its own summary once it has ended."""
-        if self._recorder is None:
-            return {}
-        return {"recording": {"running": True} if self._recorder.running else self._recorder.finish()}
+            addresses={} if self.configuration.finds_path else {"listen": link.listen, "slave": link.slave},
+            peers=self._peers,
+            paths=self._paths,
+            dscp=link.dscp,
+            record_age_s={side: now - float(last["at"]) for side, last in self.score.state.items() if last is not None},
+            recording=recording,
+        )
 
     def _tell(self) -> None:
         """Print what cannot wait for the end: causes, again if they went and returned; once, advice on the delay."""
@@ -338,58 +348,13 @@ class Session:
         for name in causes.keys() - self._told:
             self.tell(causes[name].text)
         self._told = set(causes)
-        median_us, sides = figures["link"]["rtt_us"]["p50"], figures["connection"].values()
-        is_measured = median_us is not None and any(side and side["connected_s"] >= MEASURED_S for side in sides)
-        if is_measured and not self._has_advised and (advice := self.on_delay(1e-6 * median_us)) is not None:
+        median_us, sides = figures.link.rtt_us.p50, figures.connection.values()
+        is_measured = median_us is not None and any(side and side.connected_s >= MEASURED_S for side in sides)
+        if is_measured and not self._has_advised and (advice := self.on_delay(1e-6 * (median_us or 0.0))) is not None:
             self._has_advised = True
             self.tell(f"{NOTE}{advice}")
 
-    def _look_at_recorder(self) -> None:
-        """Say once, at once, that the recorder ended before the daemons."""
-        recorder = self._recorder
-        early = recorder is not None and not recorder.running and all(each.running for each in self.daemons.values())
-        if recorder is not None and early and not self._recording_ended:
-            from weberlink.session.recorder import recording_ended  # noqa: PLC0415 - see above
-
-            self._recording_ended = True
-            self.tell(recording_ended(recorder.path, recorder.finish()["outcome"]))
-
-    def _recorded(self, recorder: "Recorder") -> dict[str, Any]:
-        """The summary of the recorder; says that the recording failed, unless that was said at once."""
-        from weberlink.session.recorder import failure  # noqa: PLC0415 - see above
-
-        if not self._recording_ended and (why := failure(recorder)) is not None:
-            self.tell(why)
-        return recorder.finish()
-
-    def _report(self, summaries: dict[str, dict[str, Any]]) -> dict[str, Any]:
-        failures = [summary["outcome"] for summary in summaries.values() if summary["failed"]]
-        asked = summaries[self._first.side]["outcome"]
-        peers = {side: summary["peer"] for side, summary in summaries.items()}
-        for side, summary in sorted(summaries.items()):
-            self._take_paths(side, paths_of(summary))
-        return (
-            self.score.summary()
-            | {"ways": self.score.ways()}
-            | self._facts(peers)
-            | {
-                "lookahead_ms": lookahead_ms(self.configuration.system),
-                "playout_ms": self.configuration.system.link.playout_ms,
-                "faults": {side: summary["faults"] for side, summary in summaries.items()},
-                "drops": {side: summary["drops"] for side, summary in summaries.items()},
-                "realtime": {side: summary["realtime"] for side, summary in summaries.items()},
-                "host": self._host.end(),
-                "outcome": f"failed: {'; '.join(failures)}" if failures else asked,
-            }
-        )
-
-    def _judged(self, report: dict[str, Any], summaries: dict[str, dict[str, Any]]) -> dict[str, Any]:
-        """The report with its verdict and exit status: that of a wrong file if a daemon reported one."""
-        judged = verdict(report)
-        is_wrong_file = any(summary["status"] == MISCONFIGURED for summary in summaries.values())
-        return report | {"verdict": judged.document(), "status": MISCONFIGURED if is_wrong_file else judged.status}
-
-    def _signal(self, number: int, _frame: FrameType | None) -> None:
+    def _on_signal(self, number: int, _frame: FrameType | None) -> None:
         self._signals.append(Signals(number))
 
 
@@ -404,7 +369,3 @@ def sweep(folders: Sequence[Path] | None = None) -> None:
         with suppress(OSError):  # gone by now
             if found and time() - path.lstat().st_mtime > LEFT_FOR_S and process_started(int(found[1])) is None:
                 path.unlink()
-
-
-def _ring(side: str) -> str:
-    return str(default_path(f"{os.getpid()}-{side}"))

@@ -4,6 +4,7 @@ The same seed gives the same run, bit for bit.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from random import Random
@@ -15,6 +16,7 @@ import numpy as np
 from weberlink.config import Configuration, ConfigurationError
 from weberlink.config.model import EmulationSettings
 from weberlink.figures.session import Records, score_of
+from weberlink.figures.tree import Figures
 from weberlink.figures.verdict import verdict
 from weberlink.order import COMPLETED, INTERRUPTED
 from weberlink.protocol.emulation import EmulatedLink
@@ -22,8 +24,7 @@ from weberlink.protocol.states import State
 from weberlink.registry import fault_of, is_hardware
 from weberlink.session.composition.channels import lookahead_ms
 from weberlink.session.composition.link import build_security
-from weberlink.session.composition.master import build_master
-from weberlink.session.composition.slave import build_slave
+from weberlink.session.composition.sides import build_master, build_slave
 from weberlink.session.interruption import Interruption
 from weberlink.session.side import Side
 from weberlink.telemetry.record import DESCRIPTION, RECORD, Record
@@ -171,7 +172,7 @@ def build_simulation(configuration: Configuration) -> Simulation:
     emulation = system.link.emulate or EmulationSettings()
     to_slave, to_master = emulation.directions
     chance = {name: Random(f"{emulation.seed}/{name}") for name in ("master", "slave", "forward", "backward")}  # noqa: S311
-    common: dict[str, Any] = {"security": build_security(configuration), "epoch": 0.0, "stopwatch": lambda: 0.0}
+    common: dict[str, Any] = {"security": build_security(configuration), "epoch": 0.0, "stopwatch": float}  # always 0.0
     return Simulation(
         master=build_master(configuration, entropy=chance["master"].randbytes, peer=SLAVE_ADDRESS, **common),
         slave=build_slave(configuration, entropy=chance["slave"].randbytes, **common),
@@ -212,7 +213,7 @@ def simulate(
     record: Path | None = None,
     progress: Callable[[float, float, str], None] = lambda *_: None,
     tell: Callable[[str], None] = lambda _: None,
-) -> tuple[dict[str, Any], "TraceRecorder"]:
+) -> tuple[Figures, "TraceRecorder"]:
     """Run to the end of the duration [s] or of the device's motion, or to Ctrl-C, which gives the figures so far.
 
     Args:
@@ -255,23 +256,22 @@ def simulate(
     master, slave = simulation.master, simulation.slave
     failures = [why for why in (fault and fault.text, master.failure, slave.failure) if why is not None]
     ended = "interrupted" if interruption.noted else "completed"
-    summary = score.summary() | {
-        "lookahead_ms": lookahead_ms(system),
-        "playout_ms": system.link.playout_ms,
-        "faults": {"master": master.faults, "slave": slave.faults},
-        "drops": {"master": master.drops, "slave": slave.drops},
-        "peers": {"master": master.peer._asdict(), "slave": slave.peer._asdict()},
-        "outcome": f"failed: {'; '.join(failures)}" if failures else ended,
-        "run_time_s": run_time,
-        "seed": (system.link.emulate or EmulationSettings()).seed,
-    }
-    if interruption.noted:
-        summary["interrupted"] = True
-    if recording is not None:
-        summary["recording"] = recording.finish()
-    judged = verdict(summary)
+    figures = replace(
+        score.figures(),
+        lookahead_ms=lookahead_ms(system),
+        playout_ms=system.link.playout_ms,
+        faults={"master": master.faults, "slave": slave.faults},
+        drops={"master": master.drops, "slave": slave.drops},
+        peers={"master": master.peer._asdict(), "slave": slave.peer._asdict()},
+        outcome=f"failed: {'; '.join(failures)}" if failures else ended,
+        run_time_s=run_time,
+        seed=(system.link.emulate or EmulationSettings()).seed,
+        interrupted=True if interruption.noted else None,
+        recording=None if recording is None else recording.finish(),
+    )
+    judged = verdict(figures)
     status = INTERRUPTED if interruption.noted and judged.status == COMPLETED else judged.status
-    return summary | {"verdict": judged.document(), "status": status}, recorder
+    return replace(figures, verdict=judged, status=status), recorder
 
 
 class TraceRecorder:

@@ -1,14 +1,16 @@
 """What a long run writes: files and folders are checked before the start, and the log never blocks or raises."""
 
+import json
 import os
 import select
 import sys
+from collections.abc import Mapping
 from contextlib import suppress
 from errno import EDQUOT, ENAMETOOLONG, ENOENT, ENOSPC
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 STANDARD_OUTPUT = Path("-")
 """For the options that can write there."""
@@ -108,6 +110,10 @@ class LogFile:
             from weberlink.config import ConfigurationError  # noqa: PLC0415 - who checks targets needs no configuration
 
             raise ConfigurationError(f"--log: {target}: {error.strerror}") from None
+
+    def write_json(self, document: Mapping[str, Any]) -> bool:
+        """Append a line of JSON; ValueError for a number that is not finite."""
+        return self.write(json.dumps(document, separators=(",", ":"), allow_nan=False))
 
     def write(self, line: str) -> bool:
         """Append a line, given without its end; returns whether all of it was written."""

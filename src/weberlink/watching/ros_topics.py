@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.config import MASTER
-from weberlink.figures.arm import ArmLayout
+from weberlink.figures.channel import ArmLayout
 from weberlink.telemetry.message import Rows
 from weberlink.watching.ros_messages import SCHEMAS, Motion, joint_state, pose_stamped, transforms, wrench_stamped
 

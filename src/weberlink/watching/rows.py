@@ -6,12 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.codec.deadband.contract import Measures
 from weberlink.config import SLAVE
-from weberlink.figures.arm import ArmLayout
-from weberlink.figures.channel import deviations_of, in_session
-from weberlink.figures.session import Records, nearest_ticks
-from weberlink.protocol.states import State
+from weberlink.figures.channel import Records, engaged, in_session
+from weberlink.figures.session import Layout, nearest_ticks
 from weberlink.telemetry.reader import DTYPE
 from weberlink.watching.rings import joined
 
@@ -79,40 +76,29 @@ class Thinning:
         return chosen
 
 
-def samples_message(
-    side: str, rows: Records, origin: float, *, rotation: bool = False, arm: ArmLayout | None = None
-) -> dict[str, Any]:
-    """Message with rows of one side.
-
-    Args:
-        side: master or slave.
-        rows: records to show.
-        origin: start of the session on the clock of the rows [s].
-        rotation: whether the session has six degrees of freedom.
-        arm: the axes of a session in joint space; None for one in Cartesian space.
-    """
-    columns = COLUMNS | ROTATION if rotation else COLUMNS
-    values = {name: rows[name] for name in columns}
+def samples_message(side: str, rows: Records, origin: float, layout: Layout) -> dict[str, Any]:
+    """Message with rows of one side; `origin` is the start of the session on the clock of the rows [s]."""
+    arm, columns = layout.arm, COLUMNS if layout.torque_bank is None else COLUMNS | ROTATION
     if arm is not None:
         columns = {name: digits for name, digits in columns.items() if name not in CARTESIAN} | ARM
-        values = {name: rows[name][:, arm.places] if rows[name].ndim > 1 else rows[name] for name in columns}
+    values = {name: rows[name] for name in columns}
+    if arm is not None:
+        values = {name: each[:, arm.places] if each.ndim > 1 else each for name, each in values.items()}
         if side == SLAVE:
             columns, values = columns | {"joint_bound": 6}, values | {"joint_bound": arm.torque_deadbands(rows)}
+
+    def column(values: NDArray[Any], digits: int | None) -> list[Any]:
+        if digits is None:
+            numbers: list[Any] = values.tolist()
+            return numbers
+        return listed(values, digits) if values.ndim == 1 else [listed(axis, digits) for axis in values.T]
+
     return {
         "type": "samples",
         "side": side,
         "t": listed(rows["at"] - origin, 6),
-        "columns": {name: _column(values[name], digits) for name, digits in columns.items()},
+        "columns": {name: column(values[name], digits) for name, digits in columns.items()},
     }
-
-
-def _column(values: NDArray[Any], digits: int | None) -> list[Any]:
-    if digits is None:
-        numbers: list[Any] = values.tolist()
-        return numbers
-    if values.ndim == 1:
-        return listed(values, digits)
-    return [listed(axis, digits) for axis in values.T]
 
 
 def listed(values: NDArray[Any], digits: int) -> list[float | None]:
@@ -160,50 +146,27 @@ class FeltErrorPairs:
         return matched[counts], now[counts]
 
 
-class FeltErrors(NamedTuple):
-    """Felt errors of pairs of records: in N (N m for an arm), their bound, and in units of it (NaN where that is 0)."""
-
-    error_n: NDArray[np.float64]
-    bound_n: NDArray[np.float64]
-    deadbands: NDArray[np.float64]
-
-
-def felt_errors(
-    master: Records, slave: Records, measures: Measures | None = None, arm: ArmLayout | None = None
-) -> FeltErrors:
-    """The operator's force against the robot's, of pairs; of an arm, those of the axis with most deadbands."""
-    if arm is not None:
-        return _felt_at_joints(master, slave, arm)
-    error = np.linalg.norm(master["output"] - slave["raw"], axis=1)
-    deviation = error if measures is None else deviations_of(master["output"], slave, measures)
-    bound = slave["bound"]
+def felt_message(master: Records, slave: Records, origin: float, layout: Layout) -> dict[str, Any]:
+    """Message with the felt error of pairs of records [N]; of an arm, of the axis with most deadbands [N m]."""
+    arm = layout.arm
+    if arm is None:
+        error, bound, deviation = layout.streams()[0][0].felt(master, slave)[:3]
+    else:
+        felt, measured = (
+            each[:, arm.places].astype(np.float64) for each in (master["joint_output"], slave["joint_raw"])
+        )
+        errors, bounds = np.abs(felt - measured), arm.torque_deadbands(slave)
+        worst = (errors / bounds).argmax(axis=1)[:, None]
+        error, bound = (np.take_along_axis(each, worst, axis=1)[:, 0] for each in (errors, bounds))
+        deviation = error
     with np.errstate(divide="ignore", invalid="ignore"):
-        return FeltErrors(error, bound, np.where(bound > 0.0, deviation / bound, np.nan))
-
-
-def _felt_at_joints(master: Records, slave: Records, arm: ArmLayout) -> FeltErrors:
-    felt, measured = (each[:, arm.places].astype(np.float64) for each in (master["joint_output"], slave["joint_raw"]))
-    error, bound = np.abs(felt - measured), arm.torque_deadbands(slave)
-    worst = (error / bound).argmax(axis=1)[:, None]
-    error, bound = (np.take_along_axis(each, worst, axis=1)[:, 0] for each in (error, bound))
-    return FeltErrors(error, bound, error / bound)
-
-
-def felt_message(
-    master: Records,
-    slave: Records,
-    origin: float,
-    measures: Measures | None = None,
-    arm: ArmLayout | None = None,
-) -> dict[str, Any]:
-    """Message with the felt error of pairs."""
-    felt = felt_errors(master, slave, measures, arm)
+        deadbands = np.where(bound > 0.0, deviation / bound, np.nan)  # unknown where the bound is 0
     return {
         "type": "felt",
         "t": listed(slave["at"] - origin, 6),
-        "deadbands": listed(felt.deadbands, 4),
-        "error_n": listed(felt.error_n, 5),
-        "bound_n": listed(felt.bound_n, 5),
+        "deadbands": listed(deadbands, 4),
+        "error_n": listed(error, 5),
+        "bound_n": listed(bound, 5),
     }
 
 
@@ -234,7 +197,7 @@ class Pace:
         first, last = records[0], records[-1]
         if not self._marks:
             self._marks.append(_PaceMark(float(first["at"]), int(first[self._counter]), 0))
-        self._engaged += int((records["state"] == State.ENGAGED.value).sum())
+        self._engaged += int(engaged(records).sum())
         self._marks.append(_PaceMark(float(last["at"]), int(last[self._counter]), self._engaged))
         while len(self._marks) > 2 and self._marks[1].at <= self._marks[-1].at - WINDOW_S:
             self._marks.popleft()

@@ -1,27 +1,26 @@
-"""A running session: the figures of the launcher's report so far, and the rows of its last seconds."""
+"""A running session: the figures of the launcher's report so far, the rows of its last seconds, and its events."""
 
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from dataclasses import asdict, replace
+from datetime import datetime
+from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from weberlink.codec.deadband.contract import Measures
 from weberlink.config import MASTER, SLAVE
-from weberlink.control.contract import AccountParameters
-from weberlink.figures.arm import ArmLayout, arm_in
-from weberlink.figures.energy import accounts_in
+from weberlink.figures.journal import Fields, Journal
 from weberlink.figures.link import ways_now
-from weberlink.figures.paths import dscp_words, finding, paths_of, route_words
-from weberlink.figures.session import Records, SessionScore
-from weberlink.figures.verdict import DEGRADED, FAILURE, Cause, verdict
-from weberlink.figures.wording import ALARM, fault_words
+from weberlink.figures.paths import LinkPath, finding, paths_of
+from weberlink.figures.session import Layout, Records, SessionScore
+from weberlink.figures.tree import DEGRADED, FAILURE, Cause
+from weberlink.figures.verdict import verdict
+from weberlink.figures.wording import ALARM, Words, fault_words, words
 from weberlink.protocol.states import State
-from weberlink.session.composition.channels import measures_in
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
-from weberlink.watching.events import EventLog
 from weberlink.watching.hello import hello
 from weberlink.watching.rings import RowSource, joined
 from weberlink.watching.rows import FeltErrorPairs, Pace, Thinning, felt_message, samples_message
@@ -31,6 +30,74 @@ BACKLOG_S = 5.0
 UNSCORED_S = 1.0
 """How many records wait to be scored while no figures are needed."""
 UNNAMED = tuple(f"predictor {number}" for number in range(16))
+MOST_EVENTS = 500
+"""Events that are kept; older ones are dropped."""
+
+
+class SessionEvent(NamedTuple):
+    """One event.
+
+    Args:
+        at: time since the session began [s].
+        wall: the same moment on the wall clock [s since 1970].
+        level: of `weberlink.figures.wording`.
+        side: master or slave; None for the session.
+        text: in words.
+    """
+
+    at: float
+    wall: float
+    level: str
+    side: str | None
+    text: str
+
+
+class EventLog:
+    """The last events of a session: the lines of its journal, with the time since the session began.
+
+    Args:
+        rate_hz: tick rate of both sides [Hz].
+        origin: start of the session on the clock of the records [s].
+
+    Attributes:
+        events: the newest ones.
+        count: number of events so far.
+    """
+
+    def __init__(self, rate_hz: float, origin: float) -> None:
+        self.events: deque[SessionEvent] = deque(maxlen=MOST_EVENTS)
+        self.count = 0
+        self.journal = Journal(self._on_line, rate_hz, summary_s=inf)
+        self._origin = origin
+        self._wall_offset_s = 0.0
+
+    def add(self, side: str, records: Records, wall_offset_s: float) -> None:
+        """Take the next records of a side; see `Journal.add`."""
+        if len(records):
+            self._wall_offset_s = wall_offset_s
+            self.journal.add(side, records, wall_offset_s)
+
+    def note(self, at: float, side: str | None, told: Words) -> None:
+        """Add an event that no record shows; `at` is on the clock of the records [s]."""
+        self._keep(SessionEvent(round(at - self._origin, 6), at + self._wall_offset_s, told.level, side, told.text))
+
+    def since(self, count: int) -> list[SessionEvent]:
+        """The events after the first `count` of them, as far as they are kept."""
+        new = min(self.count - count, len(self.events))
+        return list(self.events)[len(self.events) - new :]
+
+    def _on_line(self, line: Fields) -> None:
+        wall = datetime.fromisoformat(line["time"]).timestamp()
+        self._keep(SessionEvent(round(line["at_s"] - self._origin, 6), wall, line["level"], line["side"], line["text"]))
+
+    def _keep(self, event: SessionEvent) -> None:
+        self.events.append(event)
+        self.count += 1
+
+
+def events_message(session: str, events: list[SessionEvent]) -> dict[str, Any]:
+    """Message with events."""
+    return {"type": "events", "session": session, "events": [event._asdict() for event in events]}
 
 
 class _Shown(NamedTuple):
@@ -51,13 +118,12 @@ class _WatchedSide:
         self.gripper_pace = Pace("gripper_updates_sent")
         self.faults: Counter[int] = Counter()
         self.last: Any = None
-        self.has_ended = False
-        """Whether its end was told."""
-        self.paths: list[dict[str, Any]] = []
+        self.end_is_told = False
+        self.paths: list[LinkPath] = []
         """As its description says."""
         self._described: dict[str, Any] | None = None
 
-    def take(self) -> tuple[Records, Records]:
+    def read(self) -> tuple[Records, Records]:
         """The new records, and those of them to show."""
         records = self.source.read()
         if self.source.description is not self._described:
@@ -72,6 +138,11 @@ class _WatchedSide:
             self.gripper_pace.add(records)
         return records, self.thinning.choose(records)
 
+    @property
+    def fault(self) -> str | None:
+        """The fault that is active now, by name."""
+        return None if self.last is None or not self.last["fault"] else _fault_name(int(self.last["fault"]))
+
 
 class WatchedSession:
     """A session of one or two sides; the second may join later.
@@ -79,29 +150,26 @@ class WatchedSession:
     Args:
         name: of the session.
         first: source of the side that was found first.
+
+    Attributes:
+        origin: time 0 of the rows [s], on the clock of the records.
+        layout: what its records mean, as far as it is known.
+        settings, generation: settings in force as the daemons report them; None before that.
+        log: its events.
     """
 
     def __init__(self, name: str, first: RowSource) -> None:
         self.name = name
         self.rate_hz = first.rate_hz
         self.origin = first.began
-        """Time 0 of the rows [s], on the clock of the records."""
-        description = first.description or {}
-        torque = description.get("torque_bank")
-        self._rotates = torque is not None
-        bank = tuple(description.get("bank", ())) or UNNAMED
-        system = description.get("system", {})
-        self.measures: Measures | None = _known(measures_in, system, None)
-        """How its deadband measures; None for the distance."""
-        torque_bank = None if torque is None else tuple(torque)
-        self.arm: ArmLayout | None = _known(arm_in, system, None)
-        """The axes of a session in joint space; None for one in Cartesian space."""
-        accounts: tuple[AccountParameters, ...] = _known(accounts_in, system, ())
-        self._score = SessionScore(first.rate_hz, bank, torque_bank, self.measures, self.arm, accounts)
+        described = first.description or {}
+        bank, torque_bank = described.get("bank") or UNNAMED, described.get("torque_bank")
+        # Of another release, as much is shown as can be.
+        self.layout = Layout.of(described.get("system", {}), first.rate_hz, bank, torque_bank, lambda _: None)
+        self._score = SessionScore(self.layout)
         self._unscored: dict[str, list[Records]] = {MASTER: [], SLAVE: []}
         """Records that wait to be scored: the cost of scoring is per call, not per record."""
         self.settings: dict[str, Any] | None = None
-        """Settings in force as the daemons report them; None before that."""
         self.generation: int | None = None
         self._sides: dict[str, _WatchedSide] = {}
         self._felt = FeltErrorPairs(first.rate_hz)
@@ -111,23 +179,20 @@ class WatchedSession:
 
     def admit(self, source: RowSource) -> None:
         """Add a side."""
-        self._sides[source.side] = _WatchedSide(source)
+        sides = self._sides | {source.side: _WatchedSide(source)}
+        self._sides = dict(sorted(sides.items()))
 
     @property
     def score(self) -> SessionScore:
         """Score of all records read."""
-        self._count()
-        return self._score
-
-    def _count(self) -> None:
-        """Score the records that wait."""
         if any(self._unscored.values()):
             self._score.add(*(joined(self._unscored[side]) for side in (MASTER, SLAVE)))
             self._unscored = {MASTER: [], SLAVE: []}
+        return self._score
 
     @property
     def sources(self) -> dict[str, RowSource]:
-        return {name: side.source for name, side in self._each}
+        return {name: side.source for name, side in self._sides.items()}
 
     @property
     def description(self) -> dict[str, Any]:
@@ -151,40 +216,37 @@ class WatchedSession:
     @property
     def settings_count(self) -> int | None:
         """Number of live changes in force, as of the newest record; None before the first record."""
-        last = [side.last for side in self._sides.values() if side.last is not None]
-        return int(last[0]["settings"]) if last else None
+        return next((int(last["settings"]) for last in self.last.values()), None)
 
     @property
     def faults(self) -> dict[str, dict[str, int]]:
         """How often each fault began, by side and name."""
         return {
             name: {_fault_name(number): count for number, count in sorted(side.faults.items())}
-            for name, side in self._each
+            for name, side in self._sides.items()
         }
 
     @property
     def last(self) -> dict[str, Any]:
         """The newest record of each side that has one."""
-        return {name: side.last for name, side in self._each if side.last is not None}
+        return {name: side.last for name, side in self._sides.items() if side.last is not None}
 
     @property
     def pace(self) -> dict[str, Pace]:
         """Pace by channel, as of the side that sends it."""
-        master, slave = (self._sides.get(side) for side in (MASTER, SLAVE))
-        names = ("position", "force") if self.arm is None else ("joint_angle", "joint_torque")
-        paces = {names[1]: slave and slave.pace, names[0]: master and master.pace}
-        if self.arm is not None and self.arm.gripper_torque is not None:
-            paces |= {"gripper_torque": slave and slave.gripper_pace, "gripper_angle": master and master.gripper_pace}
-        return {channel: pace or Pace() for channel, pace in paces.items()}
+        paces = {}
+        for side, streams in zip((SLAVE, MASTER), self.layout.streams(), strict=True):
+            sender = self._sides.get(side)
+            for stream in streams:
+                if stream.counted != "rotation_":  # which goes with the translation
+                    of_stream = sender and (sender.gripper_pace if stream.counted else sender.pace)
+                    paces[stream.name] = of_stream or Pace()
+        return paces
 
     @property
-    def paths(self) -> dict[str, list[dict[str, Any]]]:
-        """The paths of each side that knows its own, as of `weberlink.figures.paths`."""
-        return {name: side.paths for name, side in self._each if side.paths}
-
-    @property
-    def _each(self) -> list[tuple[str, _WatchedSide]]:
-        return sorted(self._sides.items())
+    def paths(self) -> dict[str, list[LinkPath]]:
+        """The paths of each side that knows its own."""
+        return {name: side.paths for name, side in self._sides.items() if side.paths}
 
     def close(self) -> None:
         for side in self._sides.values():
@@ -193,35 +255,39 @@ class WatchedSession:
     def look(self, *, show: bool = True) -> list[dict[str, Any]]:
         """Read new records; returns messages with their rows if `show`."""
         empty = np.empty(0, DTYPE)
-        taken = {name: side.take() for name, side in self._each}
-        for name, (records, _) in taken.items():
+        read = {name: side.read() for name, side in self._sides.items()}
+        for name, (records, _) in read.items():
+            side = self._sides[name]
             if len(records):
                 self._unscored[name].append(records)
-                self.log.look(name, records, self._sides[name].source.wall_offset_s)
-        for name, side in self._each:
-            self.log.take_paths(name, side.paths)
+                self.log.add(name, records, side.source.wall_offset_s)
+            self.log.journal.add_paths(name, side.paths)
         self._note_ends()
         if any(sum(map(len, waiting)) > UNSCORED_S * self.rate_hz for waiting in self._unscored.values()):
-            self._count()
-        master, slave = (taken.get(name, (empty, empty)) for name in (MASTER, SLAVE))
-        shown = [_Shown(name, rows, rows) for name, (_, rows) in taken.items() if len(rows)]
+            _ = self.score
+        master, slave = (read.get(name, (empty, empty)) for name in (MASTER, SLAVE))
+        shown = [_Shown(name, rows, rows) for name, (_, rows) in read.items() if len(rows)]
         if len(self._sides) == 2:
             pairs = self._felt.add(master[0], slave[1])
             shown += [_Shown("felt", *pairs)] if len(pairs[0]) else []
-        self._remember(shown)
+        self._backlog.extend(shown)
+        newest = max((float(last["at"]) for last in self.last.values()), default=0.0)
+        while self._backlog and float(self._backlog[0].first["at"][-1]) < newest - BACKLOG_S:
+            self._backlog.popleft()
         return [self._message(*of) for of in shown] if show else []
 
     def _note_ends(self) -> None:
         """Tell the end of a side once, with its reason."""
-        for name, side in self._each:
-            if side.has_ended or not side.source.drained or side.last is None:
+        for name, side in self._sides.items():
+            source = side.source
+            if side.end_is_told or not source.drained or side.last is None:
                 continue
-            side.has_ended = True
-            self.log.flush()
-            fault = _fault(side.last)
-            outcome = "closed in order" if side.source.in_order else "its process died without closing its telemetry"
-            outcome += "" if fault is None else f", with the fault {fault}"
-            self.log.end(float(side.last["at"]), name, outcome, in_order=side.source.in_order and fault is None)
+            side.end_is_told = True
+            self.log.journal.flush()
+            outcome = "closed in order" if source.in_order else "its process died without closing its telemetry"
+            outcome += "" if side.fault is None else f", with the fault {side.fault}"
+            status = 0 if source.in_order and side.fault is None else 1
+            self.log.note(float(side.last["at"]), name, words(name, "ended", {"outcome": outcome, "status": status}))
 
     def backlog(self) -> list[dict[str, Any]]:
         """Messages with the rows of the last seconds, for who begins to watch."""
@@ -235,48 +301,48 @@ class WatchedSession:
     def hello(self) -> dict[str, Any]:
         """The greeting; `readonly` says whether nobody may change anything."""
         told = hello(self.name, {name: side.source.description for name, side in self._sides.items()})
-        axes = None if self.arm is None else list(self.arm.axes)
+        axes = None if self.layout.arm is None else list(self.layout.arm.axes)
         return told | self._settings | {"rate_hz": self.rate_hz, "seen_from_start": self.seen_from_start, "axes": axes}
 
     def figures(self) -> dict[str, Any]:
-        """All figures so far, and those of the last second."""
-        pace, figures = self.pace, self.score.summary() | {"ways": self.score.ways(), "paths": self.paths}
-        against = verdict(figures | {"faults": self.faults}).causes  # what the report would say
+        """Message with all figures so far, and those of the last second."""
+        pace, figures = self.pace, replace(self.score.figures(), paths=self.paths)
+        against = verdict(replace(figures, faults=self.faults)).causes  # what the report would say
         asked = self.description.get("system", {}).get("link", {}).get("dscp")
         dscp = asked if isinstance(asked, int) else None
-        told: dict[str, Any] = {
+        return {
             "type": "figures",
             "session": self.name,
-            "figures": figures,
-            "alarms": [cause._asdict() for cause in (*self._present_faults(), *against)],
+            "figures": figures.to_json(),
+            "alarms": [asdict(cause) for cause in (*self._present_faults(), *against)],
             "faults": self.faults,
-            "faults_now": {name: _fault(side.last) for name, side in self._each},
+            "faults_now": {name: side.fault for name, side in self._sides.items()},
             "ended": self.ended,
             "seen_from_start": self.seen_from_start,
             "packets_per_s_now": {channel: of.packets_per_s for channel, of in pace.items()},
             "reduction_now": {channel: of.reduction for channel, of in pace.items()},
             "engaged": {
                 name: side.last is not None and bool(side.last["state"] == State.ENGAGED.value)
-                for name, side in self._each
+                for name, side in self._sides.items()
             },
             "button": self._button,
             "ways_now": ways_now(self.last),
             "paths": [
-                facts | {"side": name, "words": route_words(facts), "class": dscp_words(facts, dscp)}
+                asdict(path) | {"side": name, "words": path.route_words, "class": path.dscp_words(dscp)}
                 for name, paths in self.paths.items()
-                for facts in paths
+                for path in paths
             ],
-            "finding": finding([facts for paths in self.paths.values() for facts in paths]),
+            "finding": finding([path for paths in self.paths.values() for path in paths]),
+            **self._settings,
         }
-        return told | self._settings
 
     def _present_faults(self) -> Iterator[Cause]:
         """The faults that are active now, as alarms."""
-        for name, side in self._each:
-            fault = _fault(side.last)
-            if fault is not None and not side.source.drained:
-                told = fault_words(name, fault)
-                yield Cause(FAILURE if told.level == ALARM else DEGRADED, f"{name}_{fault}", f"{name}: {told.text}")
+        for name, side in self._sides.items():
+            if side.fault is not None and not side.source.drained:
+                told = fault_words(name, side.fault)
+                level = FAILURE if told.level == ALARM else DEGRADED
+                yield Cause(level, f"{name}_{side.fault}", f"{name}: {told.text}")
 
     @property
     def _button(self) -> str | None:
@@ -293,26 +359,8 @@ class WatchedSession:
 
     def _message(self, kind: str, first: Records, second: Records) -> dict[str, Any]:
         if kind == "felt":
-            return felt_message(first, second, self.origin, self.measures, self.arm)
-        return samples_message(kind, first, self.origin, rotation=self._rotates, arm=self.arm)
-
-    def _remember(self, shown: list[_Shown]) -> None:
-        self._backlog.extend(shown)
-        newest = max((float(side.last["at"]) for side in self._sides.values() if side.last is not None), default=0.0)
-        while self._backlog and float(self._backlog[0].first["at"][-1]) < newest - BACKLOG_S:
-            self._backlog.popleft()
-
-
-def _known(read: Callable[[dict[str, Any]], Any], system: dict[str, Any], unknown: Any) -> Any:
-    """What a configuration says; `unknown` where it is missing or of another release."""
-    try:
-        return read(system)
-    except ValueError:
-        return unknown
-
-
-def _fault(record: Any) -> str | None:
-    return None if record is None or not record["fault"] else _fault_name(int(record["fault"]))
+            return felt_message(first, second, self.origin, self.layout)
+        return samples_message(kind, first, self.origin, self.layout)
 
 
 def _fault_name(number: int) -> str:

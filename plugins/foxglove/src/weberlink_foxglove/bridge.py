@@ -14,7 +14,7 @@ from foxglove.websocket import Capability, ChannelView, Client, ServerListener, 
 
 from weberlink.config import SIDES, SLAVE
 from weberlink.figures.session import Records
-from weberlink.figures.verdict import FAILURE
+from weberlink.figures.tree import FAILURE
 from weberlink.figures.wording import ALARM, INFO, WARN
 from weberlink.telemetry.message import (
     ENCAPSULATION,
@@ -25,10 +25,9 @@ from weberlink.telemetry.message import (
     TOPICS,
     Origin,
 )
-from weberlink.watching.events import SessionEvent
 from weberlink.watching.rings import RingSource
 from weberlink.watching.ros_topics import topics
-from weberlink.watching.session import WatchedSession
+from weberlink.watching.session import SessionEvent, WatchedSession
 from weberlink_foxglove.parameters import LiveParameters, as_parameters
 from weberlink_ros2 import follow
 from weberlink_ros2.diagnostics import Level, Status

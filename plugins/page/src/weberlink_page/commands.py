@@ -1,5 +1,6 @@
 """The commands `monitor` and `try`."""
 
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
@@ -112,7 +113,9 @@ def try_session(
         return
     if result.report is None:
         fail(result.complaint, result.status)
-    finish(result.report | {"status": result.status}, NAME, json_out)
+    from weberlink.figures.tree import Figures  # noqa: PLC0415 - where there is a report
+
+    finish(replace(Figures.of_json(result.report), status=result.status), NAME, json_out)
 
 
 def try_order(

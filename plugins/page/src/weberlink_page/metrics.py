@@ -11,6 +11,7 @@ from prometheus_client import CollectorRegistry, ProcessCollector
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
 
+from weberlink.figures.tree import Channel, Figures
 from weberlink.protocol.states import State
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
@@ -50,21 +51,13 @@ GAUGES = {
 PATH_INFO = ("route", "via", "interface", "remote")
 """Labels of a path."""
 QUANTILES = {"0.5": "p50", "0.99": "p99", "0.999": "p99_9"}
-CHANNELS = (
-    "force",
-    "position",
-    "torque",
-    "orientation",
-    "joint_torque",
-    "joint_angle",
-    "gripper_torque",
-    "gripper_angle",
-)
-"""A session has some of them."""
-CHANNEL_FIGURES = {
-    "packets_per_second": ("packets_per_s", "Updates sent per second, over the session."),
-    "reduction_ratio": ("reduction", "Share of samples that were not sent."),
-    "violation_ratio": ("violation_fraction", "Share of ticks outside the deadband, of felt or followed signals."),
+CHANNEL_FIGURES: dict[str, tuple[Callable[[Channel], float | None], str]] = {
+    "packets_per_second": (lambda channel: channel.packets_per_s, "Updates sent per second, over the session."),
+    "reduction_ratio": (lambda channel: channel.reduction, "Share of samples that were not sent."),
+    "violation_ratio": (
+        lambda channel: channel.errors.violation_fraction,
+        "Share of ticks outside the deadband, of felt or followed signals.",
+    ),
 }
 
 
@@ -98,7 +91,7 @@ class SessionCollector:
         yield from _records(newest)
         yield _faults(sessions)
         yield from _paths(sessions)
-        yield from _summaries({session.name: session.score.summary() for session in sessions})
+        yield from _figures({session.name: session.score.figures() for session in sessions})
         live = ((session.name, not session.ended) for session in sessions)
         yield _family(GaugeMetricFamily, "session_live", "1 while the session runs.", SESSION, live)
         meaning = "1 if the monitor read every record, so that its figures are those of the whole session."
@@ -152,47 +145,46 @@ def _faults(sessions: Iterable[WatchedSession]) -> Metric:
 def _paths(sessions: Iterable[WatchedSession]) -> Iterator[Metric]:
     """The paths of each side that has found one; `place` numbers them from 0."""
     found = [
-        (session.name, side, str(facts["place"]), facts)
+        (session.name, side, str(path.place), path)
         for session in sessions
         for side, paths in session.paths.items()
-        for facts in paths
+        for path in paths
     ]
     place = (*SIDE, "place")
-    infos = ((*of, *(facts[name] for name in PATH_INFO), 1) for *of, facts in found if facts["route"])
+    infos = ((*of, *(getattr(path, name) for name in PATH_INFO), 1) for *of, path in found if path.route)
     meaning = "1 for the path in use: direct, punched through a NAT, or relayed by `via`."
     yield _family(GaugeMetricFamily, "path_info", meaning, (*place, *PATH_INFO), infos)
-    changes = ((*of, facts["changes"]) for *of, facts in found)
+    changes = ((*of, path.changes) for *of, path in found)
     yield _family(CounterMetricFamily, "path_changes", "How often a path was replaced by another one.", place, changes)
-    dscp = ((*of, facts["dscp"]) for *of, facts in found if facts["dscp"] is not None)
+    dscp = ((*of, path.dscp) for *of, path in found if path.dscp is not None)
     yield _family(GaugeMetricFamily, "path_dscp", "Class of service (DSCP) with which datagrams came.", place, dscp)
 
 
-def _summaries(summaries: Mapping[str, Any]) -> Iterator[Metric]:
+def _figures(found: Mapping[str, Figures]) -> Iterator[Metric]:
     """The figures of the report so far."""
     for name, figure, meaning in (
         ("lateness", "lateness_us", "From the deadline to the start of a tick."),
         ("work", "work_us", "From the start of a tick to its end."),
     ):
         family = Metric(f"weberlink_tick_{name}_seconds", meaning, "summary")
-        for session, summary in summaries.items():
-            for side, timing in summary["ticks"].items():
+        for session, figures in found.items():
+            for side, ticks in figures.ticks.items():
                 labels = {"session": session, "side": side}
-                for quantile, percentile in QUANTILES.items() if timing["count"] else ():
-                    us = timing[figure][percentile]
+                for quantile, percentile in QUANTILES.items() if ticks.count else ():
+                    us = getattr(getattr(ticks, figure), percentile)
                     value = nan if us is None else us * 1e-6
                     family.add_sample(family.name, labels | {"quantile": quantile}, value)
-                if timing["count"]:
-                    family.add_sample(f"{family.name}_count", labels, timing["count"])
+                if ticks.count:
+                    family.add_sample(f"{family.name}_count", labels, ticks.count)
         yield family
-    for name, (figure, meaning) in CHANNEL_FIGURES.items():
-        figures = (
-            (session, channel, summary[channel][figure])
-            for session, summary in summaries.items()
-            for channel in CHANNELS
-            if channel in summary
+    for name, (of_channel, meaning) in CHANNEL_FIGURES.items():
+        samples = (
+            (session, name, of_channel(channel))
+            for session, figures in found.items()
+            for name, channel in figures.channels.items()
         )
-        yield _family(GaugeMetricFamily, name, meaning, ("session", "channel"), figures)
-    errors = ((session, summary["force"]["error_rms"]) for session, summary in summaries.items() if "force" in summary)
+        yield _family(GaugeMetricFamily, name, meaning, ("session", "channel"), samples)
+    errors = ((session, each.felt.errors.error_rms) for session, each in found.items() if not each.is_arm)
     yield _family(GaugeMetricFamily, "felt_error_rms_newtons", "RMS error of the felt force.", SESSION, errors)
-    lengths = ((session, summary["duration_s"]) for session, summary in summaries.items())
+    lengths = ((session, each.duration_s) for session, each in found.items())
     yield _family(GaugeMetricFamily, "session_duration_seconds", "Length so far.", SESSION, lengths)

@@ -8,9 +8,8 @@ from time import monotonic
 from typing import Any, Protocol
 
 from weberlink.watching.control import Answer, SessionControl, ask_daemon, refusal
-from weberlink.watching.events import events_message
 from weberlink.watching.rings import RingOpener, RowSource, find_rings
-from weberlink.watching.session import WatchedSession
+from weberlink.watching.session import WatchedSession, events_message
 from weberlink_page import driving
 from weberlink_page.launcher import SessionLauncher
 from weberlink_page.messages import Rooms

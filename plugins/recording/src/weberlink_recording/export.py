@@ -4,7 +4,7 @@ import csv
 import os
 import shutil
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,6 +19,7 @@ from weberlink.config import ConfigurationError
 from weberlink.config.errors import require_package
 from weberlink.figures.report import session_report
 from weberlink.figures.session import Records
+from weberlink.figures.tree import Figures
 from weberlink.figures.verdict import verdict
 from weberlink.master.trace import COLUMNS, TraceError, read_trace
 from weberlink.session.description import RANGE
@@ -54,16 +55,22 @@ DEFAULTS = DatasetOptions()
 class RecordingDescription:
     """What the recordings contain, and how it is shown."""
 
-    document: dict[str, Any]
+    files: list[dict[str, Any]]
+    marks: list[dict[str, Any]]
+    figures: Figures
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"files": self.files, "marks": self.marks} | self.figures.to_json()
 
     def show(self, console: Console) -> None:
         """Print a line for each file, then the report of the session."""
-        for file in self.document["files"]:
+        for file in self.files:
             console.print(Text(_file_line(file)))
-        for mark in self.document["marks"]:
+        for mark in self.marks:
             console.print(Text(f"mark at {mark['at_s']:.3f} s: {mark['text']}"))
-        title = "weberlink record info " + " ".join(file["path"] for file in self.document["files"])
-        session_report(self.document, title, console)
+        session_report(self.figures, "weberlink record info " + " ".join(file["path"] for file in self.files), console)
 
 
 def describe(paths: Sequence[Path]) -> RecordingDescription:
@@ -90,12 +97,11 @@ def describe(paths: Sequence[Path]) -> RecordingDescription:
     ]
     first = min(float(records["at"][0]) for records in session.sides.values())
     marks = [{"at_s": round(mark.at - first, 3), "text": mark.text} for mark in session.marks]
-    document = {"files": files, "marks": marks} | session.summary()
-    document["outcome"] = next(
+    outcome = next(
         (_ended(complete=False, outcome=str(file["outcome"])) for file in files if not file["complete"]), "completed"
     )
-    document["verdict"] = verdict(document).document()
-    return RecordingDescription(document)
+    figures = replace(session.figures(), outcome=outcome)
+    return RecordingDescription(files, marks, replace(figures, verdict=verdict(figures)))
 
 
 def export(paths: Sequence[Path], to: str, folder: Path | None, dataset: DatasetOptions = DEFAULTS) -> list[str]:
@@ -174,15 +180,17 @@ def _signal(recordings: Sequence[Recording]) -> dict[str, NDArray[Any]] | None:
 def _write_ros(recordings: Sequence[Recording], session: RecordedSession, path: Path) -> str:
     first = next((each for each in recordings if "master" in each.origins), recordings[0])
     count = write_ros(session, first.origins, first.facts, path)
-    what = "poses, forces and frames" if session.arm is None else "joint states"
+    what = "poses, forces and frames" if session.layout.arm is None else "joint states"
     return f"{count} messages; {what} at {RATE_HZ:g} Hz"
 
 
 def _lerobot(recordings: Sequence[Recording], session: RecordedSession, dataset: DatasetOptions) -> Output:
     from weberlink_recording.lerobot_export import write_dataset  # noqa: PLC0415 - writes with an optional library
 
-    if not 1 <= dataset.fps <= session.rate_hz:
-        raise ConfigurationError(f"--fps: {dataset.fps} is not within 1 and the {session.rate_hz:g} Hz of the ticks")
+    if not 1 <= dataset.fps <= session.layout.rate_hz:
+        raise ConfigurationError(
+            f"--fps: {dataset.fps} is not within 1 and the {session.layout.rate_hz:g} Hz of the ticks"
+        )
     try:
         frames = frames_of(session, dataset.fps, _gripper_range(recordings))
     except NoFramesError as error:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.figures.arm import ArmLayout
+from weberlink.figures.channel import ArmLayout
 from weberlink.figures.session import Records
 from weberlink.protocol.states import State
 from weberlink.telemetry.record import AXES
@@ -105,7 +105,7 @@ def frames_of(session: RecordedSession, fps: int, gripper_rad: tuple[float, floa
         (side,) = session.sides
         raise NoFramesError(f"holds the {side}'s side alone; give the recording of the other side of the session too")
     # As many ticks as the longest frame has, so that consecutive windows leave none out.
-    per_frame = ceil(session.rate_hz / fps - 1e-9)
+    per_frame = ceil(session.layout.rate_hz / fps - 1e-9)
     leads = list(_common([_leads(records) for records in session.sides.values()]))
     frame_times = [times for lead in leads if len(times := _frame_times(session, lead, per_frame, fps)) >= LEAST_FRAMES]
     if not frame_times:
@@ -113,7 +113,9 @@ def frames_of(session: RecordedSession, fps: int, gripper_rad: tuple[float, floa
             f"at no time of at least {LEAST_FRAMES} frames at {fps} Hz were both sides in session and the leader led"
         )
     times = np.concatenate(frame_times)
-    windows = {side: _windows(records, times, per_frame, session.rate_hz) for side, records in session.sides.items()}
+    windows = {
+        side: _windows(records, times, per_frame, session.layout.rate_hz) for side, records in session.sides.items()
+    }
     features = tuple(_features(session, windows, gripper_rad))
     for feature in features:
         if not np.isfinite(feature.values).all():
@@ -158,7 +160,7 @@ def _frame_times(session: RecordedSession, lead: tuple[float, float], per_frame:
     begin, end = lead
     at = session.master["at"]
     place = int(np.searchsorted(at, begin))
-    first = float(at[place]) + (per_frame - 1) / session.rate_hz
+    first = float(at[place]) + (per_frame - 1) / session.layout.rate_hz
     count = int((end - first) * fps + 1e-6) + 1 if end >= first else 0
     return first + np.arange(count) / fps
 
@@ -181,11 +183,11 @@ def _windows(records: Records, times: NDArray[np.float64], per_frame: int, rate_
 def _features(
     session: RecordedSession, windows: dict[str, Any], gripper_rad: tuple[float, float] | None
 ) -> Iterator[Feature]:
-    arm = session.arm
+    arm = session.layout.arm
     for signal in _SIGNALS:
         records, places = session.sides[signal.side], windows[signal.side]
         if arm is None:
-            fields = signal.cartesian if session.torque_bank is not None else signal.cartesian[:1]
+            fields = signal.cartesian if session.layout.torque_bank is not None else signal.cartesian[:1]
             values = np.concatenate([records[name] for name in fields], axis=1, dtype=np.float64)
             names = _CARTESIAN_NAMES[signal.quantity][: values.shape[1]]
         else:

@@ -37,16 +37,16 @@ def write_ros(session: RecordedSession, origins: Mapping[str, Origin], facts: Ma
     file = McapFile.create(path, Metadata(FACTS, dict(facts)))
     try:
         numbers = {name: file.add_schema(name, text) for name, text in ((SCHEMA_NAME, SCHEMA_TEXT), *SCHEMAS.items())}
-        some = slice(None, None, max(1, round(session.rate_hz / RATE_HZ)))
+        some = slice(None, None, max(1, round(session.layout.rate_hz / RATE_HZ)))
         for side, records in session.sides.items():
             times = clock.log_times_ns(records["at"])
-            origin = Origin(side, session.rate_hz, clock.wall_s, clock.monotonic_s)
+            origin = Origin(side, session.layout.rate_hz, clock.wall_s, clock.monotonic_s)
             channel = file.add_channel(origin.topic, numbers[SCHEMA_NAME], origin.to_metadata())
             own = np.empty(len(records), DTYPE)  # the fields of this release; those of another may have more
             for name in DTYPE.names or ():
                 own[name] = records[name]
             _add(file, channel, times, own)
-            for topic, schema, bodies in shown(side, records[some], times[some], session.arm):
+            for topic, schema, bodies in shown(side, records[some], times[some], session.layout.arm):
                 if topic not in channels:
                     channels[topic] = file.add_channel(topic, numbers[schema], QOS)
                 _add(file, channels[topic], times[some], bodies)

@@ -4,7 +4,7 @@ Two hosts record on two clocks. The records of the slave contain the time of the
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,13 +12,9 @@ import yaml
 from numpy.typing import NDArray
 from yaml import YAMLError
 
-from weberlink.codec.deadband.contract import Measures
 from weberlink.config import MASTER, SIDES, SLAVE
-from weberlink.control.contract import AccountParameters
-from weberlink.figures.arm import ArmLayout, arm_in
-from weberlink.figures.energy import accounts_in
-from weberlink.figures.session import ANOTHER_CLOCK_S, LATEST_S, MARGIN_S, Records, SessionScore
-from weberlink.session.composition.channels import measures_in
+from weberlink.figures.session import ANOTHER_CLOCK_S, LATEST_S, MARGIN_S, Layout, Records, SessionScore
+from weberlink.figures.tree import Figures
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.record import COUNTERS, FIELDS, FINITE
@@ -54,33 +50,23 @@ class RecordedSession:
     Args:
         master: records with `at` on the clock of the master.
         slave: records with `at` on the clock of the master, or on its own if the master was not recorded.
-        rate_hz: of the ticks.
-        bank: names of the predictors of the force channel.
-        torque_bank: of the torque channel; None for a session of three degrees of freedom.
-        measures: how the deadband of the force measures an error; None for the distance.
-        arm: the axes of a session in joint space; None for one in Cartesian space.
+        layout: what the records mean.
         marks: that a person set, in order of time.
-        accounts: of the energy out of the hand; empty for none.
     """
 
     master: Records
     slave: Records
-    rate_hz: float
-    bank: tuple[str, ...]
-    torque_bank: tuple[str, ...] | None = None
-    measures: Measures | None = None
-    arm: ArmLayout | None = None
+    layout: Layout
     marks: tuple[SessionMark, ...] = ()
-    accounts: tuple[AccountParameters, ...] = ()
 
     @property
     def sides(self) -> dict[str, Records]:
         """The sides that were recorded."""
         return {side: records for side in SIDES if len(records := getattr(self, side))}
 
-    def summary(self) -> dict[str, Any]:
+    def figures(self) -> Figures:
         """The figures of the session, as those of a live one, with faults and drops by side."""
-        score = SessionScore(self.rate_hz, self.bank, self.torque_bank, self.measures, self.arm, self.accounts)
+        score = SessionScore(self.layout)
         first = min(records["at"][0] for records in self.sides.values())
         last = max(records["at"][-1] for records in self.sides.values())
         begin: float | None = float(first)
@@ -88,13 +74,8 @@ class RecordedSession:
             until = begin + PIECE_S
             score.add(*(_between(getattr(self, side), begin, until) for side in SIDES))
             begin = self._next(until)
-        return score.summary() | {
-            "ways": score.ways(),
-            "drops": {
-                side: {"any": dropped} if (dropped := int(records["datagrams_dropped"][-1])) else {}
-                for side, records in self.sides.items()
-            },
-        }
+        dropped = {side: int(records["datagrams_dropped"][-1]) for side, records in self.sides.items()}
+        return replace(score.figures(), drops={side: {"any": any_} if any_ else {} for side, any_ in dropped.items()})
 
     def _next(self, at: float) -> float | None:
         """The time of the first record from `at` on; skips the long gap of a clock that jumped. None after the last."""
@@ -136,17 +117,11 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
         master = found[MASTER][1]["at"]  # the slave may have been alone for days
         found[SLAVE] = (found[SLAVE][0], _between(slave, master[0] - MARGIN_S, master[-1] + MARGIN_S))
     empty = np.empty(0, DTYPE)
-    measures, arm, accounts = _configuration(reference)
     return RecordedSession(
         master=found[MASTER][1] if MASTER in found else empty,
         slave=found[SLAVE][1] if SLAVE in found else empty,
-        rate_hz=rate,
-        bank=tuple(reference.facts.get("bank", "").split()),
-        torque_bank=tuple(reference.facts[TORQUE_BANK].split()) if TORQUE_BANK in reference.facts else None,
-        measures=measures,
-        arm=arm,
+        layout=_layout(reference, rate),
         marks=tuple(sorted(mark for recording in recordings for mark in _marks(recording, found, original))),
-        accounts=accounts,
     )
 
 
@@ -168,14 +143,14 @@ def _marks(
     ]
 
 
-def _configuration(recording: Recording) -> tuple[Measures | None, ArmLayout | None, tuple[AccountParameters, ...]]:
-    """How the deadband measures (None for the distance), the axes of an arm, and the accounts of energy; none of these
-    without a configuration."""
+def _layout(recording: Recording, rate_hz: float) -> Layout:
+    """What its records mean: without a configuration, the distance measures, and there is no arm and no account."""
+    torque = recording.facts.get(TORQUE_BANK)
+    bank, torque_bank = recording.facts.get("bank", "").split(), None if torque is None else tuple(torque.split())
     if CONFIGURATION not in recording.facts:
-        return None, None, ()
+        return Layout(rate_hz, tuple(bank), torque_bank)
     try:
-        dump = yaml.safe_load(recording.facts[CONFIGURATION])
-        return measures_in(dump), arm_in(dump), accounts_in(dump)
+        return Layout.of(yaml.safe_load(recording.facts[CONFIGURATION]), rate_hz, bank, torque_bank)
     except (ValueError, YAMLError, RecursionError) as error:
         why = " ".join(str(error).split())
         raise RecordingError(f"{recording.path}: its configuration has no settings known here: {why}") from None

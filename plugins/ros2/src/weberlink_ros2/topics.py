@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.figures.arm import ArmLayout, arm_in
+from weberlink.figures.channel import ArmLayout, arm_in
 from weberlink.figures.session import Records
 from weberlink.telemetry.message import Origin
 from weberlink.watching.hello import drawn

@@ -8,12 +8,12 @@ from contextlib import contextmanager
 from multiprocessing import active_children, get_context
 from typing import TypeVar
 
-from weberlink.child_process import safe_path
 from weberlink.realtime.process import die_with_parent
 from weberlink.session.interruption import Interruption
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
+SAFE_PATH = "PYTHONSAFEPATH"
 Progress = Callable[[int, int], None]
 """Receives the number of tasks done and of all tasks."""
 
@@ -63,12 +63,12 @@ def _as_completed(
     # Spawned, because the calling program may have threads. Workers end with their parent: each holds its own end of
     # the pipe open and would otherwise wait for work for ever.
     others = set(active_children())
-    with safe_path():  # it starts a process that tracks resources
+    with _safe_path():  # it starts a process that tracks resources
         pool = ProcessPoolExecutor(
             count, mp_context=get_context("spawn"), initializer=die_with_parent, initargs=(signal.SIGTERM, os.getpid())
         )
     try:
-        with _sigint_blocked(), safe_path():  # submitting starts the processes
+        with _sigint_blocked(), _safe_path():  # submitting starts the processes
             longest_first = sorted(range(len(tasks)), key=lambda index: -cost(tasks[index]))
             futures = {pool.submit(work, tasks[index]): index for index in longest_first}
         for future in as_completed(futures):
@@ -92,3 +92,17 @@ def _sigint_blocked() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _safe_path() -> Iterator[None]:
+    """Within this, processes that `multiprocessing` starts import nothing from the current folder."""
+    before = os.environ.get(SAFE_PATH)
+    os.environ[SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[SAFE_PATH]
+        else:
+            os.environ[SAFE_PATH] = before

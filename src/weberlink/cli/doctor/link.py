@@ -97,20 +97,12 @@ def _describe_paths(paths: Iterable[Mapping[str, Any]], link: LinkSettings) -> I
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """One direction of a link.
+    """One direction of a link."""
 
-    Args:
-        delay_s: median [s]; the split of the round trip takes the fastest datagrams of both ways as equally fast.
-        late_s: by how much 1 % of the datagrams exceed the least delay [s].
-        loss: share of datagrams lost, 0..1.
-        burst: mean number of datagrams lost in a row; 0 without losses.
-        longest_burst: the longest such run.
-    """
-
-    delay_s: float
-    late_s: float
-    loss: float
-    burst: float
+    delay_s: float  # median; the split of the round trip takes the fastest datagrams of both ways as equally fast
+    late_s: float  # by how much 1 % of the datagrams exceed the least delay
+    loss: float  # share of datagrams, 0..1
+    burst: float  # mean number of datagrams lost in a row; 0 without losses
     longest_burst: int
 
     @classmethod
@@ -129,25 +121,15 @@ class Way:
 
 @dataclass(frozen=True, slots=True)
 class LinkFigures:
-    """Figures of both directions.
-
-    Args:
-        questions, answers: how many were sent, and how many were answered.
-        seconds: from the first question to the last.
-        silences: how often the session fell silent.
-        rtt_s: round trip [s]: its least, 50 %, 99 %, largest.
-        jitter_s: as the endpoint measured it [s]: 50 % and 99 % of the time at most this.
-        loop_age_s: largest loop age [s], which silence limit and round trip bound (`weberlink.protocol.liveness`).
-        to_slave, to_master: each direction.
-    """
+    """Figures of both directions."""
 
     questions: int
     answers: int
-    seconds: float
-    silences: int
-    rtt_s: tuple[float, float, float, float]
-    jitter_s: tuple[float, float]
-    loop_age_s: float
+    seconds: float  # from the first question to the last
+    silences: int  # how often the session fell silent
+    rtt_s: tuple[float, float, float, float]  # least, 50 %, 99 %, largest
+    jitter_s: tuple[float, float]  # as the endpoint measured it: 50 % and 99 % of the time at most this
+    loop_age_s: float  # the largest, which silence limit and round trip bound (`weberlink.protocol.liveness`)
     to_slave: Way
     to_master: Way
 
@@ -165,11 +147,7 @@ class LinkFigures:
 
 
 def figures(trial: LinkTrial) -> LinkFigures:
-    """Compute the figures.
-
-    Raises:
-        ValueError: no question was answered.
-    """
+    """Compute the figures. Raises ValueError if no question was answered."""
     asked, heard = trial.asked, trial.heard
     answered = {each.question: each for each in heard if each.question is not None}
     timed = [(each.at - asked[question], each.delay) for question, each in answered.items() if each.delay is not None]
@@ -209,10 +187,6 @@ def lost_questions(count: int, heard: Sequence[Heard]) -> list[int]:
 
     Of a run without answers, those answers may be lost which the gap in the numbers of the slave's datagrams can hold.
     A datagram in such a gap was an answer with the probability that holds for those that came.
-
-    Args:
-        count: of all questions.
-        heard: as of `LinkTrial`.
     """
     answers = {each.question: each for each in heard if each.question is not None}
     numbers = _numbers(heard)
@@ -329,12 +303,8 @@ def _needed_round_trip(figures: LinkFigures, tick_period: float) -> float:
 
 
 def silence_needs(figures: LinkFigures, tick_period: float) -> tuple[float, float]:
-    """Least silence limits [s].
-
-    Returns:
-        That for which heartbeats can be dense enough that losses hardly ever cause a silence, and the largest loop age
-        of the measurement without the round trip.
-    """
+    """Least silence limits [s]: that for which heartbeats can be dense enough that losses hardly ever cause a silence,
+    and the largest loop age of the measurement without the round trip."""
     loss, round_trip = (figures.to_slave.loss, figures.to_master.loss), _needed_round_trip(figures, tick_period)
     longest = max(0.0, figures.loop_age_s - round_trip)
     for step in range(1, round(1e3 * LONGEST_SILENCE / SILENCE_STEP_MS) + 1):

@@ -21,8 +21,7 @@ from weberlink.config import MASTER, Configuration, ConfigurationError, load
 from weberlink.config.finders import PathFinder, finder_of, finding
 from weberlink.config.model import split_address
 from weberlink.protocol import PeerClosed, PeerSilent, Refused, Role, State
-from weberlink.protocol.aio.paths import peer_address
-from weberlink.protocol.aio.udp import UdpShell
+from weberlink.protocol.aio.udp import UdpShell, peer_address
 from weberlink.protocol.probing import Heard, ProbingEndpoint
 from weberlink.realtime.process import prepare
 from weberlink.session.composition.channels import streams
@@ -44,36 +43,19 @@ PATH_S = 40.0
 
 @dataclass(frozen=True, slots=True)
 class LinkTrial:
-    """What a measurement recorded; times on the clock of the master [s].
+    """What a measurement recorded; times on the clock of the master [s]."""
 
-    Args:
-        asked: departure of each question.
-        heard: every datagram of the slave; those before the first question tell only how the numbers go on.
-        jitters: as the endpoint measured it, in order.
-        silences: how often the session fell silent, at the limit of the file.
-        paths: in use at the end.
-        priority: what came of real-time rights.
-        failure: why there is no result.
-    """
-
-    asked: Sequence[float] = ()
-    heard: Sequence[Heard] = ()
-    jitters: Sequence[float] = ()
-    silences: int = 0
-    paths: list[dict[str, Any]] = field(default_factory=list)
-    priority: str = ""
-    failure: str | None = None
+    asked: Sequence[float] = ()  # departure of each question
+    heard: Sequence[Heard] = ()  # all of the slave; before the first question they tell only how the numbers go on
+    jitters: Sequence[float] = ()  # as the endpoint measured it, in order
+    silences: int = 0  # how often the session fell silent, at the limit of the file
+    paths: list[dict[str, Any]] = field(default_factory=list)  # in use at the end
+    priority: str = ""  # what came of real-time rights
+    failure: str | None = None  # why there is no result
 
 
 class Measurement:
-    """What a master without a device does: call, wait, ask, and wait for the last answers.
-
-    Args:
-        endpoint: not yet connected.
-        now: [s].
-        seconds: for how long to ask.
-        patience: longest time until the session [s].
-    """
+    """What a master without a device does: call, wait, ask for so many seconds, and wait for the last answers."""
 
     def __init__(self, endpoint: ProbingEndpoint, now: float, seconds: float, patience: float = ANSWER_S) -> None:
         self._endpoint = endpoint
@@ -147,11 +129,7 @@ def received(heard: Sequence[Sequence[Any]] = (), **fields: Any) -> LinkTrial:
 
 
 def build_probe(configuration: Configuration, epoch: float, finder: PathFinder | None) -> ProbingEndpoint:
-    """The endpoint of a master that measures.
-
-    Raises:
-        ConfigurationError: the key cannot be read, or the peer is not known.
-    """
+    """The endpoint of a master that measures. Raises ConfigurationError: no key can be read, or no such peer."""
     system, link = configuration.system, configuration.system.link
     name, expects = default_name(MASTER, link.listen), ""
     if finder is not None:

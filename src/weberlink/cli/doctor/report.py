@@ -25,27 +25,19 @@ class Needs:
     """Requirements that the checks compare the machine with; the defaults are those without a configuration."""
 
     file: Path | None = None
-    sides: Sequence[str] = SIDES
-    """Those that run on this machine."""
+    sides: Sequence[str] = SIDES  # those that run on this machine
     rate_hz: float = 1000.0
-    priority: int = DEFAULTS.priority
-    """Of SCHED_FIFO; 0 for the ordinary scheduler."""
+    priority: int = DEFAULTS.priority  # of SCHED_FIFO; 0 for the ordinary scheduler
     lock_memory: bool = DEFAULTS.lock_memory
-    wakeful: bool = DEFAULTS.wakeful
-    """Whether daemons keep processors out of deep idle states."""
-    busy_poll: bool = DEFAULTS.busy_poll
-    """Whether each daemon takes a processor."""
-    cpus: tuple[int, int] | None = None
-    """Processors of the master and the slave."""
-    listen: tuple[str, int] | None = None
-    """Address that the slave binds; None if it does not run here, or binds any free port."""
-    slave: tuple[str, int] | None = None
-    """Address that the master calls; None if it does not run here."""
+    wakeful: bool = DEFAULTS.wakeful  # whether daemons keep processors out of deep idle states
+    busy_poll: bool = DEFAULTS.busy_poll  # whether each daemon takes a processor
+    cpus: tuple[int, int] | None = None  # processors of the master and the slave
+    listen: tuple[str, int] | None = None  # what the slave binds; None if it does not run here, or for any free port
+    slave: tuple[str, int] | None = None  # what the master calls; None if it does not run here
     key_file: Path | None = None
     encrypted: bool = True
     silence_s: float = 0.1
-    drivers: tuple[tuple[str, str], ...] = ()
-    """Pairs of side and driver."""
+    drivers: tuple[tuple[str, str], ...] = ()  # pairs of side and driver
 
     @classmethod
     def of(cls, configuration: Configuration, sides: Sequence[str] = SIDES) -> "Needs":
@@ -110,21 +102,13 @@ COLOURS = {Grade.OK: "green", Grade.ADVICE: "yellow", Grade.PROBLEM: "bold red",
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One result.
-
-    Args:
-        grade: how good it is.
-        found: what was found.
-        fix: a command, or a line of a configuration; None where nothing is to be done.
-        check: short name, the same on every machine.
-        area: heading of the report that it stands under.
-    """
+    """One result."""
 
     grade: Grade
     found: str
-    fix: str | None = None
-    check: str = ""
-    area: str = ""
+    fix: str | None = None  # a command, or a line of a configuration; None where nothing is to be done
+    check: str = ""  # short name, the same on every machine
+    area: str = ""  # heading of the report that it stands under
 
 
 def ok(found: str, check: str = "") -> Finding:
@@ -188,19 +172,12 @@ Judge = Callable[[Machine, Needs], Finding | Iterable[Finding] | None]
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One row of the table.
-
-    Args:
-        area: heading of the report.
-        name: of the row; its findings have the same, or one of their own.
-        judge: reads the machine and compares it with the needs, without changing anything.
-        fix: of advice and problems for which `judge` names no other.
-    """
+    """One row of the table."""
 
     area: str
-    name: str
-    judge: Judge
-    fix: str | None = None
+    name: str  # of the row; its findings have the same, or one of their own
+    judge: Judge  # reads the machine and compares it with the needs, without changing anything
+    fix: str | None = None  # of advice and problems for which `judge` names no other
 
 
 CHECKS: list[Check] = []

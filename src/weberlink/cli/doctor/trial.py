@@ -34,6 +34,7 @@ IMPORTS = (
     "asyncio",
     "uvloop",
     "weberlink.session.daemon",
+    "weberlink.session.composition.sides",
     "weberlink.session.composition.master",
     "weberlink.session.composition.slave",
 )
@@ -53,41 +54,26 @@ AWAKE_US = 0
 class RightsTrial:
     """Result of the trial of rights."""
 
-    grants: dict[str, dict[str, bool | str]] = field(default_factory=dict)
-    """Name to `granted` and `detail`, as in the report of a session."""
-    memory_bytes: int = 0
-    """Address space of such a process: with all memory locked, this counts against the limit."""
-    lateness_us: dict[str, float] = field(default_factory=dict)
-    """From deadline to wake-up: `p50`, `p99`, `max`."""
-    missed: int = 0
-    """Deadlines without a wake-up."""
-    failure: str | None = None
-    """Why there is no result."""
+    grants: dict[str, dict[str, bool | str]] = field(default_factory=dict)  # as in the report of a session
+    memory_bytes: int = 0  # address space of such a process: with all memory locked, this counts against the limit
+    lateness_us: dict[str, float] = field(default_factory=dict)  # from deadline to wake-up: `p50`, `p99`, `max`
+    missed: int = 0  # deadlines without a wake-up
+    failure: str | None = None  # why there is no result
 
 
 @dataclass(frozen=True, slots=True)
 class HostTrial:
     """Result of the trial of the host."""
 
-    asleep: list[Stretch] = field(default_factory=list)
-    """Processors may enter idle states."""
-    awake: list[Stretch] = field(default_factory=list)
-    """The same number, each measured next to one of the others; none if that was not possible."""
-    not_awake: str | None = None
-    """Why not."""
-    failure: str | None = None
-    """Why there is no result."""
+    asleep: list[Stretch] = field(default_factory=list)  # processors may enter idle states
+    awake: list[Stretch] = field(default_factory=list)  # as many, each measured next to one of the others; or none
+    not_awake: str | None = None  # why none
+    failure: str | None = None  # why there is no result
 
 
 def run_child(module: str, answer: Callable[..., T], name: str, request: Any, limit_s: float = LIMIT_S) -> T:
-    """Run a module as a program.
-
-    Args:
-        module: writes the fields of an answer as JSON.
-        answer: what to make of these fields, or of `failure`: why there are none.
-        name, request: its arguments; the second as JSON.
-        limit_s: time limit for a child that hangs.
-    """
+    """Run a module as a program with a name and a request in JSON; makes an answer of the fields that it writes as
+    JSON, or of `failure`, why there are none."""
     command = python("-m", module, name, json.dumps(request))
     try:
         done = subprocess.run(  # noqa: S603
@@ -105,12 +91,7 @@ def run_child(module: str, answer: Callable[..., T], name: str, request: Any, li
 def rights_trial(
     priority: int, *, lock_memory: bool, wakeful: bool, cpu: int | None, rate_hz: float, encrypted: bool = False
 ) -> RightsTrial:
-    """Take the rights that a configuration asks for, and measure wake-ups from a timer.
-
-    Args:
-        cpu: to pin this process to.
-        encrypted: whether a daemon loads the encryption library.
-    """
+    """Take the rights that a configuration asks for, and measure wake-ups from a timer."""
     for name in (*IMPORTS, *(["weberlink.protocol.psk"] if encrypted else [])):
         __import__(name)
     grants = prepare(priority, lock_memory, cpu, wakeful=wakeful).as_dict()
@@ -141,12 +122,7 @@ def nearest_rank(values: Sequence[float], share: float) -> float:
 
 
 def host_trial(priority: int, processors: Sequence[int], rate_hz: float) -> HostTrial:
-    """Measure what the host takes; changes the scheduling class of this process.
-
-    Args:
-        processors: numbers; the first 8 are measured.
-        rate_hz: of wake-ups.
-    """
+    """Measure what the host takes; changes the scheduling class of this process."""
     grant = prepare(priority, lock_memory=False, cpu=None).priority
     if not grant:
         return HostTrial(failure=f"SCHED_FIFO {priority} {grant.detail}")

@@ -12,6 +12,7 @@ from weberlink.codec.rate import UpdateRate
 from weberlink.config import System
 from weberlink.config.joints import AngleCodecSettings, JointTorqueCodecSettings, per_axis
 from weberlink.config.model import ControlSettings, ForceCodecSettings, MappingSettings
+from weberlink.config.settings import PredictedSettings
 from weberlink.control.contract import LEAST_CONTACT, AccountParameters
 from weberlink.control.table import SCHEMES
 
@@ -28,13 +29,11 @@ def _force_deadband(force: ForceCodecSettings, tick_period: float, weber: float)
     )
 
 
-def measures_of(system: System) -> Measures | None:
-    """How the deadband of the force measures an error; None where that is the distance, which is quicker without."""
-    return _measures(system.codec.force, system.tick_period)
-
-
 def measures_in(dump: Mapping[str, Any]) -> Measures | None:
-    """The same of the dump of a `System`, as descriptions and recordings hold it.
+    """How the deadband of the force measures an error; None where that is the distance, which is quicker without.
+
+    Args:
+        dump: of a `System`, as descriptions and recordings hold it.
 
     Raises:
         ValueError: it holds no deadband that this installation knows.
@@ -44,10 +43,6 @@ def measures_in(dump: Mapping[str, Any]) -> Measures | None:
         force = ForceCodecSettings(**{key: given[key] for key in ("weber", "floor_n", "reference", "deadband")})
     except (KeyError, TypeError, ZeroDivisionError) as error:
         raise ValueError(f"no settings of a deadband ({error!r})") from None
-    return _measures(force, tick_period)
-
-
-def _measures(force: ForceCodecSettings, tick_period: float) -> Measures | None:
     if force.deadband.deadband.is_ball:
         return None
     return lambda weber: _force_deadband(force, tick_period, weber).error
@@ -57,47 +52,43 @@ def channels(system: System) -> tuple[Channel, Channel]:
     """The forward (position) and the backward (force) channel."""
     force, position = system.codec.force, system.codec.position
     forward = position_channel(
-        predictor=position.predictor,
+        **_common(position, system),
         bank=position.bank,
         weber=position.weber,
         bound=position.bound_m,
         axes=system.axes,
         position_step=position.step_m,
-        rate=rate_of(position.max_updates_per_s, system),
-        tick_period=system.tick_period,
         lookahead=_ticks(position.lookahead_ms, system),
     )
+    smoothing = _ticks(force.smooth_ms, system)
     backward = force_channel(
-        predictor=force.predictor,
+        **_common(force, system),
         bank=force.bank,
         axes=system.axes,
         force_step=force.step_n,
         position_step=position.step_m,
         fit_limits=FitLimits(force.trust.stiffness_n_m, force.trust.radius_m),
         deadband=force_deadband(system, force.weber),
-        smoothing=_smoothing(system),
-        rate=rate_of(force.max_updates_per_s, system),
-        tick_period=system.tick_period,
+        smoothing=Smoothing(smoothing) if smoothing else None,
         every_position=SCHEMES[system.control.scheme].reads_position,
         lookahead=_ticks(force.lookahead_ms, system),
     )
     return forward, backward
 
 
+def _common(
+    settings: PredictedSettings | AngleCodecSettings | JointTorqueCodecSettings, system: System
+) -> dict[str, Any]:
+    """Arguments of the channels of every signal."""
+    most, period = settings.max_updates_per_s, system.tick_period
+    rate = None if most is None else UpdateRate.limited_to(most, period)
+    return {"predictor": settings.predictor, "rate": rate, "tick_period": period}
+
+
 def motion_bank(system: System) -> tuple[str, ...]:
     """Names of the predictors of the position channel or, of an arm, of the angles of its joints."""
     joints = system.codec.joints
     return channels(system)[0].bank if joints is None else (joints.angle.predictor,)
-
-
-def rate_of(per_s: float | None, system: System) -> UpdateRate | None:
-    return None if per_s is None else UpdateRate.limited_to(per_s, system.tick_period)
-
-
-def _smoothing(system: System) -> Smoothing | None:
-    """Of the force, in ticks."""
-    ticks = _ticks(system.codec.force.smooth_ms, system)
-    return Smoothing(ticks) if ticks else None
 
 
 def _ticks(length_ms: float, system: System) -> int:
@@ -157,47 +148,36 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         return (forward,), (backward,)
     torque, orientation = system.codec.rotation.torque, system.codec.rotation.orientation
     turning = position_channel(
-        predictor=orientation.predictor,
+        **_common(orientation, system),
         bank=orientation.bank,
         weber=orientation.weber,
         bound=orientation.bound_rad,
         position_step=orientation.step_rad,
-        rate=rate_of(orientation.max_updates_per_s, system),
-        tick_period=system.tick_period,
     )
     twisting = force_channel(
-        predictor=torque.predictor,
+        **_common(torque, system),
         bank=torque.bank,
         weber=torque.weber,
         floor=torque.floor_nm,
         reference=torque.reference,
         force_step=torque.step_nm,
         position_step=orientation.step_rad,
-        rate=rate_of(torque.max_updates_per_s, system),
-        tick_period=system.tick_period,
     )
     return (forward, turning), (backward, twisting)
 
 
 def _angles(settings: AngleCodecSettings, count: int, system: System) -> Channel:
-    return joint_channel(
-        predictor=settings.predictor,
-        bounds=per_axis(settings.bound_rad, count),
-        step=settings.step_rad,
-        tick_period=system.tick_period,
-        rate=rate_of(settings.max_updates_per_s, system),
-    )
+    bounds = per_axis(settings.bound_rad, count)
+    return joint_channel(**_common(settings, system), bounds=bounds, step=settings.step_rad)
 
 
 def _torques(settings: JointTorqueCodecSettings, count: int, system: System, weber: float | None = None) -> Channel:
     return joint_channel(
-        predictor=settings.predictor,
+        **_common(settings, system),
         bounds=per_axis(settings.floor_nm, count),
         weber=settings.weber if weber is None else weber,
         step=settings.step_nm,
-        tick_period=system.tick_period,
         rest=(0.0,) * count,
-        rate=rate_of(settings.max_updates_per_s, system),
     )
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from functools import wraps
 from secrets import token_bytes
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.predictors import BANKS
@@ -17,13 +17,14 @@ from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
 from weberlink.protocol.security import Security
 from weberlink.registry import check_contract, fault_of
+from weberlink.session.channels import IncomingChannel, OutgoingChannel
 from weberlink.session.composition.channels import account, force_deadband, longest_round_trip, signal_delay
-
-if TYPE_CHECKING:
-    pass
+from weberlink.session.port import Port
 
 Entropy = Callable[[int], bytes]
 Stopwatch = Callable[[], float]
+Parts = tuple[Port, list[OutgoingChannel], list[IncomingChannel], Tuning]
+"""Of a side: its port, its channels out and in, and the settings that may change."""
 
 
 class Identity(NamedTuple):
@@ -235,7 +236,7 @@ def build_tuning(system: System, coder: Encoder | Decoder) -> Tuning:
 def tuning_of(system: System, retune: Callable[[LiveSettings, float], None], *, leads: bool) -> Tuning:
     """The tuning of a side: `retune` takes settings into the codec from a tick of the peer on."""
     felt = system.codec.force if system.codec.joints is None else system.codec.joints.torque
-    return Tuning(LiveSettings(felt.weber, felt.predictor), live_choices(system), retune, leads=leads)
+    return Tuning(LiveSettings(felt.weber, felt.predictor), live_choices(system), retune, is_master=leads)
 
 
 def live_choices(system: System) -> dict[str, tuple[str, ...]]:

@@ -1,7 +1,7 @@
 """The cases of `weberlink study evaluate`: every trace with every deadband, predictor and Weber factor, a row each."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -162,7 +162,7 @@ def evaluate(
         quality = QualityStatistics(signal.period_s, threshold)
         quality.add(run.error_n, run.displayed_n, np.linalg.norm(signal.force_n, axis=1))
         quality.add_jumps(run.jump_n, run.before_n)
-        unit, measures = "n", quality.summary()
+        unit, measures = "n", asdict(quality.figures())
     row = {
         "trace": name,
         "channel": "position" if threshold is None else "force",

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
@@ -11,8 +11,9 @@ from typing import Any
 
 from weberlink.config import SIDES, Configuration, ConfigurationError, load
 from weberlink.figures.session import score_of
+from weberlink.figures.tree import Figures, to_json
 from weberlink.session.advice import dry_run
-from weberlink.session.launcher import Session
+from weberlink.session.launcher import LiveRun
 from weberlink.session.simulation import build_simulation
 from weberlink_studies.experiment.conduct import Elapsed, FeltTrial, TrialResult
 from weberlink_studies.experiment.plan import REFERENCES, CodingCondition, TrialPlan
@@ -126,12 +127,12 @@ class LiveRunner:
         overrides = self.signals.with_condition(trial.condition, *self.ports())
         configuration = load(self.signals.file, overrides)
 
-        def watch(_: dict[str, Any], summary: dict[str, Any]) -> None:
-            elapsed(summary["duration_s"])
+        def watch(_: dict[str, Any], figures: Figures) -> None:
+            elapsed(figures.duration_s)
 
         display, duration = partial(nullcontext, watch), self.plan.duration_s
-        with Session(configuration, overrides, SIDES, duration, display, recording) as session:
-            return _felt(session.run())
+        with LiveRun(configuration, overrides, SIDES, duration, display, recording) as run:
+            return _felt(run.run())
 
 
 @dataclass(frozen=True)
@@ -155,18 +156,17 @@ class VirtualRunner:
         sides = {"master": simulation.master, "slave": simulation.slave}
         failures = "; ".join(side.failure for side in sides.values() if side.failure is not None)
         outcome = f"failed: {failures}" if failures else "completed"
-        return _felt(
-            score.summary() | {"faults": {name: side.faults for name, side in sides.items()}, "outcome": outcome}
-        )
+        faults = {name: side.faults for name, side in sides.items()}
+        return _felt(replace(score.figures(), faults=faults, outcome=outcome))
 
 
-def _felt(summary: dict[str, Any]) -> TrialResult:
+def _felt(figures: Figures) -> TrialResult:
     """The stored figures of a session, and whether it can be rated."""
-    force, outcome, faults = summary["force"], summary["outcome"], summary["faults"]
-    figures = {"outcome": outcome, "duration_s": summary["duration_s"], "faults": faults}
-    figures |= {name: force[name] for name in FIGURES}
-    if "recording" in summary:
-        figures["recording_outcome"] = summary["recording"].get("outcome")
+    force, outcome, faults = to_json(figures.felt), figures.outcome, figures.faults
+    kept = {"outcome": outcome, "duration_s": figures.duration_s, "faults": faults}
+    kept |= {name: force[name] for name in FIGURES}
+    if figures.recording is not None:
+        kept["recording_outcome"] = figures.recording.get("outcome")
     met = [f"{side} {fault}" for side, found in faults.items() for fault in found if fault in INTERRUPTING]
     problem = None
     if outcome != "completed":
@@ -175,7 +175,7 @@ def _felt(summary: dict[str, Any]) -> TrialResult:
         problem = "the two sides did not connect"
     elif met:
         problem = f"the force was interrupted ({', '.join(met)})"
-    return TrialResult(figures, problem, outcome in STOPPED)
+    return TrialResult(kept, problem, outcome in STOPPED)
 
 
 def _document(configuration: Configuration) -> dict[str, Any]:

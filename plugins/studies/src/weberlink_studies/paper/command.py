@@ -15,6 +15,7 @@ from rich.console import RenderableType
 
 from weberlink.config import Configuration, load
 from weberlink.figures.session import score_of
+from weberlink.figures.tree import to_json
 from weberlink.master.trace import Trace
 from weberlink.session.simulation import TraceRecorder, build_simulation
 from weberlink_studies import recordings
@@ -134,7 +135,7 @@ def _feel(scene: PaperScene, predictor: str, weber: float, duration_s: float) ->
     configuration = _configuration(scene, predictor, weber, FLOOR_N)
     score = score_of(configuration.system)
     build_simulation(configuration).run(duration_s, [score])
-    force = score.summary()["force"]
+    force = to_json(score.figures().felt)
     return {name: force[name] for name in ("packets_per_s", "error_rms_jnd")}
 
 

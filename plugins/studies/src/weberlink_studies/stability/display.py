@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.config import load
-from weberlink.figures.energy import Records
 from weberlink.figures.felt import longest_run
+from weberlink.figures.session import Records
 from weberlink.session.composition.channels import account
 from weberlink_studies.frame import Row
 from weberlink_studies.stability.simulated import recorded

@@ -3,7 +3,7 @@
 import numpy as np
 
 from weberlink.config import Configuration
-from weberlink.figures.energy import Records
+from weberlink.figures.session import Records
 from weberlink_studies.baselines import build_with
 
 
