@@ -17,7 +17,7 @@ from weberlink.config import MASTER, SLAVE
 from weberlink.figures.session import Records
 from weberlink.geometry.joints import Joints
 from weberlink.master.devices.remote_leader import limits
-from weberlink.master.devices.target_link import TargetWriter
+from weberlink.master.devices.target_link import LeaderSender
 from weberlink.session.description import read as read_description
 from weberlink.telemetry.reader import DTYPE, RingReader
 from weberlink.telemetry.record import AXES, JOINTS
@@ -200,7 +200,7 @@ class RemoteLead:
                     "a remote_leader is led in the follower's angles; leave out master.joint_mapping"
                 )
             self._lower, self._upper = map(np.array, limits(device))
-            self._writer = TargetWriter(self._end.pid)
+            self._sender = LeaderSender(self._end.pid)
         except FileNotFoundError:
             self._end.close()
             raise NoSessionError(f"the master of session {self._end.session} has ended") from None
@@ -222,12 +222,12 @@ class RemoteLead:
         if len(angles) != len(self._lower):
             raise ValueError(f"expected {len(self._lower)} angles, not {len(angles)}")
         sent = np.clip(angles, self._lower, self._upper)
-        self._writer.write(tuple(sent.tolist()))
+        self._sender.send(tuple(sent.tolist()))
         return sent
 
     def close(self) -> None:
         """Let go; may be repeated."""
-        self._writer.close()
+        self._sender.close()
         self._end.close()
 
 
