@@ -145,11 +145,7 @@ class Credit:
         self._newest = -1
 
     def grant(self, count: int) -> None:
-        """Grant so much to the peer.
-
-        Raises:
-            ValueError: it would fall.
-        """
+        """Grant so much to the peer; ValueError if it would fall."""
         if count < self.granted:
             raise ValueError(f"credit is cumulative: it cannot fall from {self.granted} to {count}")
         self.granted = count

@@ -95,12 +95,7 @@ class EmulatedLink(Generic[T]):
     """One direction of a faulty link; `T` is what the owner gets back with a datagram, such as an address."""
 
     def __init__(self, emulation: Emulation, uniform: Callable[[], float], epoch: float = 0.0) -> None:
-        """Set up the link.
-
-        Args:
-            uniform: random numbers in [0, 1), from a seeded generator.
-            epoch: `now` of the origin of the blackouts [s].
-        """
+        """`uniform` gives random numbers in [0, 1), from a seeded generator; blackouts count from the `epoch` [s]."""
         self._emulation = emulation
         self._uniform = uniform
         self._epoch = epoch
@@ -126,18 +121,20 @@ class EmulatedLink(Generic[T]):
         if self._is_blacked_out(now):
             counters.blacked_out += 1
             return
-        left_at = self._transmit(len(data), now)
-        if left_at is None:
+        due = self._due(len(data), now)
+        if due is None:
             counters.congested += 1
             return
-        due = self._arrival(left_at)
         if self._happens(emulation.corrupt):
-            data = self._flip(data)
+            bit = int(self._uniform() * 8 * len(data))
+            flipped = bytearray(data)
+            flipped[bit // 8] ^= 1 << bit % 8
+            data = bytes(flipped)
             counters.corrupted += 1
-        self._fly(due, data, tag)
+        heappush(self._flights, (due, next(self._numbers), data, tag))
         if self._happens(emulation.duplicate):
             counters.duplicated += 1
-            self._fly(due, data, tag)
+            heappush(self._flights, (due, next(self._numbers), data, tag))
 
     def receive(self, now: float) -> list[tuple[bytes, T]]:
         """Take the datagrams that have arrived by now, in order of arrival."""
@@ -173,19 +170,17 @@ class EmulatedLink(Generic[T]):
                 return True
         return False
 
-    def _transmit(self, size: int, now: float) -> float | None:
-        rate = self._emulation.rate_bit_s
-        if rate is None:
-            return now if len(self._flights) < CAPACITY else None
-        begin = max(now, self._busy_until)
-        if begin - now > QUEUE_S or len(self._flights) >= CAPACITY:
+    def _due(self, size: int, now: float) -> float | None:
+        """When a datagram that is sent now arrives [s]; None if the queue of the link is full."""
+        emulation, due = self._emulation, now
+        if len(self._flights) >= CAPACITY:
             return None
-        self._busy_until = begin + 8.0 * (size + HEADER_BYTES) / rate
-        return self._busy_until
-
-    def _arrival(self, left_at: float) -> float:
-        emulation = self._emulation
-        due = left_at + emulation.delay_s
+        if emulation.rate_bit_s is not None:
+            begin = max(now, self._busy_until)
+            if begin - now > QUEUE_S:
+                return None
+            due = self._busy_until = begin + 8.0 * (size + HEADER_BYTES) / emulation.rate_bit_s
+        due += emulation.delay_s
         if emulation.jitter_s > 0.0:
             due += emulation.jitter_s * self._uniform()
         due = max(due, self._last_due)
@@ -194,12 +189,3 @@ class EmulatedLink(Generic[T]):
             return due + REORDER_HOLD
         self._last_due = due
         return due
-
-    def _flip(self, data: bytes) -> bytes:
-        bit = int(self._uniform() * 8 * len(data))
-        flipped = bytearray(data)
-        flipped[bit // 8] ^= 1 << bit % 8
-        return bytes(flipped)
-
-    def _fly(self, due: float, data: bytes, tag: T) -> None:
-        heappush(self._flights, (due, next(self._numbers), data, tag))

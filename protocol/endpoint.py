@@ -203,14 +203,9 @@ class Endpoint:
     # --- what the owner sends
 
     def send_update(self, now: float, update: Update, stream: int = 0) -> bool:
-        """Send a new state of a stream to the peer, and repeat it until it arrives.
+        """Send a new state of a stream to the peer, and repeat it until it arrives; its tick is counted from the epoch.
 
         A silent peer is sent the update too; it is repeated once the peer is back.
-
-        Args:
-            now: [s].
-            update: its tick is counted from the epoch.
-            stream: which it belongs to, from 0.
 
         Returns:
             False if there is no session, and nothing was sent.
@@ -276,9 +271,7 @@ class Endpoint:
     def answer_change(self, proposal: events.ChangeProposed, refusal: str | None) -> None:
         """Answer a change that the peer has proposed, unless its session is over or it has proposed another one since.
 
-        Args:
-            proposal: the event itself, which belongs to its session.
-            refusal: None to accept it, else a short reason.
+        `proposal` is the event itself, which belongs to its session; `refusal` None to accept it, else a short reason.
         """
         if self._session is not None:
             self._session.negotiation.answer(proposal, refusal)
@@ -308,7 +301,7 @@ class Endpoint:
         if self._session is not None:
             # Nothing is heard or repeated from here on, so a lossy link gets copies at once.
             for _ in range(1 + copies_needed(self.statistics.outgoing_loss, self.statistics.outgoing_burst)):
-                self._post(self._session.send_bye(now, reason))
+                self._post(self._session.send(now, wire.BYE, wire.cut(reason)))
         self._end_session()
         self._listener.settle()
 
@@ -464,7 +457,7 @@ class Endpoint:
         self._listener.confirm(pending)
         self._served = caller
         if self._session is not None and replaced is not None and caller.instance != replaced.instance:
-            self._post(self._session.send_bye(now, TAKEN_OVER + caller.name))
+            self._post(self._session.send(now, wire.BYE, wire.cut(TAKEN_OVER + caller.name)))
         # The master has received the WELCOME at the address that it called from, and so has proved that address.
         self._establish(session, pending.address)
         self._on_authentic(session, outcome, address, now)
@@ -478,7 +471,7 @@ class Endpoint:
             check.on_datagram(address, now, is_fresh=session.is_newest and session.is_fresh)
             self.peer = check.address
             if (challenge := check.challenge(now)) is not None:
-                self._post(session.send_path(now, challenge[0], is_answer=False), challenge[1])
+                self._post(session.send(now, wire.PATH, challenge[0]), challenge[1])
         if self.state is _SILENT and session.is_fresh and now < session.liveness.silent_at:
             self.state = moved(self.state, _ENGAGED)
             session.silent_since = inf
@@ -503,7 +496,7 @@ class Endpoint:
     ) -> None:
         if isinstance(outcome, events.PathProbe):
             if not outcome.is_answer:
-                self._post(session.send_path(now, outcome.token, is_answer=True), address)
+                self._post(session.send(now, wire.PATH, outcome.token, mark=True), address)
             elif self._address is not None:
                 self._address.on_answer(outcome.token, now)
                 self.peer = self._address.address

@@ -97,11 +97,7 @@ def _is_name(name: object) -> bool:
 
 
 def check_name(name: str) -> str:
-    """Return the name of an end if it is valid.
-
-    Raises:
-        ValueError: it is empty, too long, or not printable.
-    """
+    """The name of an end; ValueError if it is empty, too long, or not printable."""
     if not _is_name(name):
         raise ValueError(f"a name has 1 to {LONGEST_NAME} printable characters, not {name!r}")
     return name
@@ -126,8 +122,7 @@ def read_map(packed: bytes) -> dict[str, object] | None:
 def pack_agreement(agreement: Mapping[str, object]) -> bytes:
     """The packed agreement.
 
-    Raises:
-        ValueError: naming the key whose value msgpack cannot carry, or if the whole does not fit a datagram.
+    Raises ValueError: naming the key whose value msgpack cannot carry, or if the whole does not fit a datagram.
     """
     for key, value in agreement.items():
         try:
@@ -243,14 +238,11 @@ class Dialer:
     def __init__(
         self, end: LocalEnd, instance: bytes, *, stamp: Callable[[float], int], takes_over: bool = False
     ) -> None:
-        """Prepare to call.
+        """Prepare to call. `instance` are random bytes of this run. `stamp` gives the wall clock [ns] at `now` [s]; if
+        it goes back, stamps go on rising by one.
 
-        Args:
-            end: the caller.
-            instance: random bytes of this run of it.
-            stamp: wall clock [ns] at `now` [s]; if it goes back, stamps go on rising by one.
-            takes_over: whether to replace a master that the slave serves, until `confirm`: otherwise two masters would
-                take the slave from each other for ever. A slave that has served this run ignores it in any case.
+        `takes_over` is to replace a master that the slave serves, until `confirm`: otherwise two masters would take the
+        slave from each other for ever. A slave that has served this run ignores it in any case.
         """
         self._end = end
         self._instance = instance

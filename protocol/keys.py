@@ -18,8 +18,7 @@ class KeyFileError(ValueError):
 def generate(path: Path) -> None:
     """Write a new random key, mode 0600.
 
-    Raises:
-        KeyFileError: if there is such a file already (it is left as it is), or none can be made there.
+    Raises KeyFileError if there is such a file already (it is left as it is), or none can be made there.
     """
     try:
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
@@ -33,56 +32,8 @@ def generate(path: Path) -> None:
 
 
 def load(path: Path) -> bytes:
-    """Read the key, of `KEY_BYTES`.
-
-    Raises:
-        KeyFileError: if the file is missing, a symbolic link, of another user than this one or root, open to other
-            users, or not a key file.
-    """
-    return _parse(read_private(path, f"`weberlink keygen {path}` makes a key"), path)
-
-
-def read_private(path: Path, advice: str, longest: int = _LONGEST_FILE) -> bytes:
-    """The content of a file that only its owner may read.
-
-    Args:
-        path: of the file.
-        advice: what to do if it is missing.
-        longest: how much is read [bytes].
-
-    Raises:
-        KeyFileError: if the file is missing, a symbolic link, or of another user than this one or root, or open to
-            other users.
-    """
-    try:
-        # O_NONBLOCK: nothing waits for a pipe by that name.
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
-    except FileNotFoundError:
-        raise KeyFileError(f"{path} does not exist; {advice}") from None
-    except OSError as problem:
-        if problem.errno == errno.ELOOP:
-            raise KeyFileError(f"{path} is a symbolic link; name the file itself") from None
-        raise KeyFileError(f"{path} cannot be read: {problem.strerror}") from None
-    try:
-        return _read(descriptor, path, longest)
-    finally:
-        os.close(descriptor)
-
-
-def _read(descriptor: int, path: Path, longest: int) -> bytes:
-    status = os.fstat(descriptor)
-    if not stat.S_ISREG(status.st_mode):
-        raise KeyFileError(f"{path} is not a file")
-    owner, user = status.st_uid, os.geteuid()
-    if owner not in (0, user):  # the owner could replace the key at any time
-        raise KeyFileError(f"{path} belongs to user id {owner}, this is {user}; run: sudo chown {user} {path}")
-    if status.st_mode & 0o077:
-        mode = stat.S_IMODE(status.st_mode)
-        raise KeyFileError(f"{path} is open to other users (mode {mode:04o}); run: chmod 600 {path}")
-    return os.read(descriptor, longest)
-
-
-def _parse(content: bytes, path: Path) -> bytes:
+    """Read the key, of `KEY_BYTES`; KeyFileError as of `read_private`, or if it is not a key file."""
+    content = read_private(path, f"`weberlink keygen {path}` makes a key")
     words = content.decode("ascii", errors="replace").split()
     try:
         label, digits = words
@@ -94,3 +45,33 @@ def _parse(content: bytes, path: Path) -> bytes:
     if len(key) != KEY_BYTES:
         raise KeyFileError(f"{path} holds a key of {len(key)} bytes; expected {KEY_BYTES}")
     return key
+
+
+def read_private(path: Path, advice: str, longest: int = _LONGEST_FILE) -> bytes:
+    """The first `longest` bytes of a file that only its owner may read; `advice` says what to do if it is missing.
+
+    Raises KeyFileError if the file is missing, a symbolic link, of another user than this one or root, or open to
+    other users.
+    """
+    try:
+        # O_NONBLOCK: nothing waits for a pipe by that name.
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
+    except FileNotFoundError:
+        raise KeyFileError(f"{path} does not exist; {advice}") from None
+    except OSError as problem:
+        if problem.errno == errno.ELOOP:
+            raise KeyFileError(f"{path} is a symbolic link; name the file itself") from None
+        raise KeyFileError(f"{path} cannot be read: {problem.strerror}") from None
+    try:
+        status = os.fstat(descriptor)
+        if not stat.S_ISREG(status.st_mode):
+            raise KeyFileError(f"{path} is not a file")
+        owner, user = status.st_uid, os.geteuid()
+        if owner not in (0, user):  # the owner could replace the key at any time
+            raise KeyFileError(f"{path} belongs to user id {owner}, this is {user}; run: sudo chown {user} {path}")
+        if status.st_mode & 0o077:
+            mode = stat.S_IMODE(status.st_mode)
+            raise KeyFileError(f"{path} is open to other users (mode {mode:04o}); run: chmod 600 {path}")
+        return os.read(descriptor, longest)
+    finally:
+        os.close(descriptor)

@@ -188,12 +188,8 @@ class Liveness:
 
 
 class HeartbeatSchedule:
-    """Times of the heartbeats of one direction, and whether one asks for an answer.
-
-    Attributes:
-        max_echo_age: longest time from an arrival that was echoed to our next datagram, if there is a newer one [s].
-        max_gap: longest time between two of our datagrams [s].
-        credit_interval: time in which credit that was granted is told [s].
+    """Times of the heartbeats of one direction, and whether one asks for an answer: `max_echo_age` after an arrival
+    that was echoed, if there is a newer one, `max_gap` after our last datagram, `credit_interval` for new credit [s].
     """
 
     def __init__(self, now: float, *, silence: float, tick_period: float) -> None:
@@ -331,10 +327,8 @@ class HeartbeatSchedule:
 
 
 def questions_needed(unanswered: float, rate: float) -> int:
-    """The least number of questions for which all of them stay unanswered more rarely than `rate` per interval.
-
-    Losses are taken as independent. Bursts longer than the questions are not covered: no datagram arrives during them.
-    """
+    """The least number of questions for which all of them stay unanswered more rarely than `rate` per interval, if
+    losses are independent. Bursts longer than the questions are not covered: no datagram arrives during them."""
     if unanswered <= rate:
         return 0
     return MOST_QUESTIONS if unanswered >= 1.0 else min(MOST_QUESTIONS, ceil(log(rate) / log(unanswered)) - 1)

@@ -1,18 +1,17 @@
 """An initiator that measures the link: it asks the peer over and over whether it is there, and notes the answers.
 
 Every end answers such a question at once (`Kind.PATH`), whatever else it does. So the measurement needs no other
-program at the peer, and its datagrams are as long and as well protected as those of the session.
-
-The peer stamps an answer when it leaves, which is when the question arrived. So each answer tells the delay of both
-directions, and the numbers of the peer's datagrams tell whether a question or its answer was lost.
+program at the peer, and its datagrams are as long and as well protected as those of the session. The peer stamps an
+answer when it leaves, which is when the question arrived: each answer tells the delay of both directions, and the
+numbers of the peer's datagrams tell whether a question or its answer was lost.
 """
 
 from typing import Any, NamedTuple
 
+from weberlink.protocol import wire
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address, DropReason, PathProbe
 from weberlink.protocol.session import Outcome, Session
-from weberlink.protocol.wire import TOKEN_BYTES
 
 
 class Heard(NamedTuple):
@@ -28,15 +27,9 @@ class Heard(NamedTuple):
 
 
 class ProbingEndpoint(Endpoint):
-    """An initiator with questions to the peer. It sends no updates unless its owner does.
-
-    Attributes:
-        asked: departure of each question [s].
-        heard: every authentic datagram of the peer, once, in the order of arrival.
-    """
+    """An initiator with questions to the peer: when each was `asked` [s], and each authentic datagram `heard`."""
 
     def __init__(self, **arguments: Any) -> None:
-        """Compose one end; arguments as of `Endpoint`."""
         super().__init__(**arguments)
         self.asked: list[float] = []
         self.heard: list[Heard] = []
@@ -47,9 +40,8 @@ class ProbingEndpoint(Endpoint):
         if session is None:
             return False
         self._due = None
-        token = len(self.asked).to_bytes(TOKEN_BYTES, "big")
+        self._post(session.send(now, wire.PATH, len(self.asked).to_bytes(wire.TOKEN_BYTES, "big")))
         self.asked.append(now)
-        self._post(session.send_path(now, token, is_answer=False))
         return True
 
     def _on_authentic(self, session: Session, outcome: Outcome, address: Address, now: float) -> None:

@@ -39,11 +39,7 @@ class PresharedKey:
     private_size: ClassVar[int] = PRIVATE_BYTES
 
     def __init__(self, key: bytes) -> None:
-        """Take the shared key.
-
-        Raises:
-            ValueError: if the key does not have `PSK_BYTES`.
-        """
+        """Take the shared key; ValueError if it does not have `PSK_BYTES`."""
         if len(key) != PSK_BYTES:
             raise ValueError(f"a pre-shared key has {PSK_BYTES} bytes, not {len(key)}")
         self._shared = noise.shared_key(key)

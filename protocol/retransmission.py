@@ -130,15 +130,9 @@ class OutgoingStream:
     (`copies_needed`), 5 ms apart so that one short burst does not take all, until it is acknowledged or a newer one
     replaces it. These early repeats are paid from an `Allowance`, which the streams of an end share.
 
-    So in T seconds one update is repeated at most 13 + T / 0.1 times.
-
-    Attributes:
-        layout: of the updates.
-        update: the newest; None before the first.
-        sent_at: when it was last sent [s].
-        is_pending: whether there is an update that is not known to have arrived.
-        is_forgotten: whether the peer has said that it no longer holds it.
-    """
+    So in T seconds one update is repeated at most 13 + T / 0.1 times. `is_pending` if it is not known to have arrived,
+    `is_forgotten` if the peer has said that it no longer holds it, `is_missed` if the peer was heard after the update
+    must have arrived, and does not have it."""
 
     def __init__(self, layout: UpdateLayout, allowance: Allowance) -> None:
         self.layout = layout
@@ -150,7 +144,7 @@ class OutgoingStream:
         """Truncated numbers of the datagrams that carried it."""
         self._begun_at = -inf
         self._count = 0
-        self._evidence = False
+        self.is_missed = False
         self._early = 0
         self._last_ack = 0
         self._acknowledged_by = -1
@@ -162,7 +156,7 @@ class OutgoingStream:
         self._sequences.append(sequence & ACKNOWLEDGEMENT_MASK)
         self._count = 0
         self._begun_at = self.sent_at = now
-        self.is_pending, self.is_forgotten, self._evidence = True, False, False
+        self.is_pending, self.is_forgotten, self.is_missed = True, False, False
         self._early = min(copies, self._allowance.left(now)) if copies else 0
 
     def repeated(self, sequence: int, now: float) -> None:
@@ -174,7 +168,7 @@ class OutgoingStream:
         else:
             self._count += 1
         self.sent_at = now
-        self._evidence = False
+        self.is_missed = False
 
     def unambiguous(self, sequence: int) -> int:
         """The next number that is not confused with an acknowledgement of nothing, or of 2^16 datagrams ago."""
@@ -199,10 +193,6 @@ class OutgoingStream:
         self.is_forgotten |= is_newest and ack == 0 and self.update is not None
         return True
 
-    def miss(self) -> None:
-        """The peer was heard after the update must have arrived, and does not have it."""
-        self._evidence = True
-
     def is_lost(self, now: float, limit: float) -> bool:
         """Whether the peer needs a new state, because it has forgotten the update, or the update has not arrived and
         was first sent longer ago than the limit [s]; then it is repeated no more."""
@@ -220,4 +210,4 @@ class OutgoingStream:
         pace = max(SHORTEST_PACE, rtt)
         if self._count >= _EVEN_REPEATS:
             pace = min(pace * 2.0 ** min(self._count + 1 - _EVEN_REPEATS, 10), max(LONGEST_PACE, rtt))
-        return self.sent_at + (pace if self._evidence else max(pace, fallback))
+        return self.sent_at + (pace if self.is_missed else max(pace, fallback))

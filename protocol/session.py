@@ -16,7 +16,7 @@ from weberlink.protocol.events import (
     UpdateReceived,
 )
 from weberlink.protocol.liveness import HeartbeatSchedule, Liveness
-from weberlink.protocol.negotiation import NUMBERS, Message, Negotiation, RoundTripAgreement, in_ms
+from weberlink.protocol.negotiation import NUMBERS, Negotiation, RoundTripAgreement, in_ms
 from weberlink.protocol.retransmission import Allowance, OutgoingStream, copies_needed
 from weberlink.protocol.security import Protection, Security
 from weberlink.protocol.timing import Clock
@@ -54,15 +54,9 @@ Opened = tuple[int, int, bytes]
 
 
 class LocalEnd(NamedTuple):
-    """What its calls and sessions share of an endpoint, which has checked it.
-
-    Args:
-        agreement: packed.
-        epoch: when our clock was at 0 [s].
-        longest_round_trip: that this end allows [s].
-        calls: whether this end begins the sessions.
-        rekey_after: datagrams after which a key is replaced, if it was not by time.
-    """
+    """What its calls and sessions share of an endpoint, which has checked it. Times are in s; the agreement is packed;
+    `epoch` is when our clock was at 0; `calls` is whether this end begins the sessions; a key is replaced after
+    `rekey_after` datagrams, if it was not by time."""
 
     security: Security
     entropy: Callable[[int], bytes]
@@ -86,9 +80,8 @@ class Session:
 
     Attributes:
         silent_since: when the present silence began [s]; inf without one.
-        sequence: number of the authentic datagram that came last.
-        is_fresh: whether that one was fresh (`Liveness.is_fresh`).
-        is_newest: whether no datagram sent after that one was accepted before it.
+        sequence, is_fresh, is_newest: of the authentic datagram that came last: its number, whether it was fresh
+            (`Liveness.is_fresh`), and whether none that was sent after it was accepted before it.
         is_confirmed: whether the peer was heard under the keys of this session.
         said_encoding: whether our newest datagram said that our encoder runs.
     """
@@ -200,7 +193,7 @@ class Session:
             if not stream.acknowledge(sequence, ack, is_newest=self.is_newest):
                 arrived = clock.arrival_bound(stream.sent_at)
                 if arrived is not None and departure > arrived + SLACK:
-                    stream.miss()
+                    stream.is_missed = True
         if content.kind == wire.BYE:
             return PeerClosed(content.data.decode(errors="replace"))
         if content.report is not None and not self._learn(content.report, now):
@@ -326,8 +319,7 @@ class Session:
     def send_update(self, now: float, update: Update, stream: int = 0) -> bytes:
         """The datagram of a new update, which replaces any older one of its stream.
 
-        Raises:
-            ValueError: naming the field that cannot be sent; nothing has changed then.
+        Raises ValueError, naming the field that cannot be sent; nothing has changed then.
         """
         if update.tick < 0:
             raise ValueError(f"tick must not be negative, not {update.tick}")
@@ -382,27 +374,23 @@ class Session:
             self._loss.lost & wire.LOST_MASK,
         )
 
-    def send_bye(self, now: float, reason: str) -> bytes:
-        """The datagram of a farewell; `reason` is cut to `LONGEST_REASON` bytes."""
+    def send(
+        self, now: float, kind: int, data: bytes, *, mark: bool = False, selector: int = 0, tick: int | None = None
+    ) -> bytes:
+        """The datagram of a farewell, of a change, or of a question or an answer (`mark`) about an address."""
         envelope, sequence = self._envelope(now)
-        return self._seal(sequence, wire.pack_bye(envelope, reason), now)
-
-    def send_path(self, now: float, token: bytes, *, is_answer: bool) -> bytes:
-        """Ask whether the peer is at the address that this is sent to, or answer such a question."""
-        envelope, sequence = self._envelope(now)
-        return self._seal(sequence, wire.pack_path(envelope, token, is_answer=is_answer), now)
+        return self._seal(sequence, wire.pack(envelope, kind, data, mark=mark, selector=selector, tick=tick), now)
 
     def _send_change(self, now: float) -> bytes | None:
         """The message of a negotiation that is due."""
         rtt = self.clock.rtt
         negotiation = self.negotiation if now >= self.negotiation.due else self.round_trip
-        message: Message | None = negotiation.take(now, UNMEASURED_RTT if rtt is None else rtt + self.clock.jitter)
+        message = negotiation.take(now, UNMEASURED_RTT if rtt is None else rtt + self.clock.jitter)
         if message is None:
             return None
         number, tick, body, is_answer = message
-        envelope, sequence = self._envelope(now)
-        clear = wire.pack_change(envelope, tick & _CHANGE_TICK_MASK, number, body, is_answer=is_answer)
-        return self._seal(sequence, clear, now)
+        body, tick = body[: wire.LONGEST_CHANGE], tick & _CHANGE_TICK_MASK
+        return self.send(now, wire.CHANGE, body, mark=is_answer, selector=number, tick=tick)
 
     def _envelope(self, now: float) -> tuple[Envelope, int]:
         """Envelope of the next datagram, which leaves now, and its number in full."""

@@ -49,11 +49,7 @@ MOVES: dict[State, tuple[State, ...]] = {
 
 
 def moved(state: State, target: State) -> State:
-    """The state after a move.
-
-    Raises:
-        StateError: if the table has no such move; the state stays as it was.
-    """
+    """The state after a move; StateError if the table has no such move."""
     if target not in MOVES[state]:
         raise StateError(f"an endpoint that is {state.name} cannot become {target.name}")
     return target

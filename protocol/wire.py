@@ -242,7 +242,7 @@ def _pack_head(first: int, envelope: Envelope) -> int:
     return string
 
 
-# Each `pack` makes a datagram without tag.
+# The following make datagrams without tag.
 
 
 def pack_heartbeat(
@@ -270,21 +270,17 @@ def pack_heartbeat(
     return to_bytes(string)
 
 
-def pack_bye(envelope: Envelope, reason: str) -> bytes:
-    """A farewell, its reason cut to `LONGEST_REASON` bytes."""
-    text = reason.encode(errors="replace")[:LONGEST_REASON].decode(errors="ignore").encode()
-    return to_bytes(_pack_head(BYE, envelope)) + text
+def pack(
+    envelope: Envelope, kind: int, data: bytes, *, mark: bool = False, selector: int = 0, tick: int | None = None
+) -> bytes:
+    """A farewell, a path, or a change with its tick, which is truncated already."""
+    head = _pack_head(kind | mark * MARK | selector << _SELECTOR_SHIFT, envelope)
+    return to_bytes(head if tick is None else head << CHANGE_TICK_BITS | tick) + data
 
 
-def pack_change(envelope: Envelope, tick: int, number: int, body: bytes, *, is_answer: bool) -> bytes:
-    """A proposed change, or the answer to one; the tick is truncated already."""
-    head = _pack_head(CHANGE | is_answer * MARK | number << _SELECTOR_SHIFT, envelope)
-    return to_bytes(head << CHANGE_TICK_BITS | tick) + body[:LONGEST_CHANGE]
-
-
-def pack_path(envelope: Envelope, token: bytes, *, is_answer: bool) -> bytes:
-    """The question whether the peer is at an address, or the answer."""
-    return to_bytes(_pack_head(PATH | is_answer * MARK, envelope)) + token
+def cut(reason: str) -> bytes:
+    """The reason of a farewell, in at most `LONGEST_REASON` bytes."""
+    return reason.encode(errors="replace")[:LONGEST_REASON].decode(errors="ignore").encode()
 
 
 # Of a received string, `bits`, the lowest `left` bits are still to be read. One that ends too early makes `left`
@@ -292,11 +288,7 @@ def pack_path(envelope: Envelope, token: bytes, *, is_answer: bool) -> bytes:
 
 
 def read_groups(bits: int, left: int, groups: Sequence[int]) -> tuple[tuple[int, ...], int]:
-    """The numbers of `pack_groups`, and how many bits are left.
-
-    Raises:
-        ValueError: the string ends too early.
-    """
+    """The numbers of `pack_groups`, and how many bits are left."""
     numbers: list[int] = []
     for count in groups:
         left -= _WIDTH_BITS
@@ -310,11 +302,7 @@ def read_groups(bits: int, left: int, groups: Sequence[int]) -> tuple[tuple[int,
 
 
 def read_rest(bits: int, left: int) -> bytes:
-    """The whole bytes that are left.
-
-    Raises:
-        ValueError: the bits before them are not 0, or the string has ended before.
-    """
+    """The whole bytes that are left; bits before them must be 0."""
     size = left // 8
     if bits >> 8 * size & (1 << left % 8) - 1:
         raise ValueError("bits after the end")
@@ -332,13 +320,7 @@ class UpdateLayout:
         acks: int = 1,
         kind: Kind = Kind.UPDATE,
     ) -> None:
-        """Prepare for updates of these forms, by selector.
-
-        Args:
-            forms: what an update carries.
-            carries_credit: whether each datagram carries the sender's credit.
-            acks: number of streams of the other direction.
-            kind: of the updates.
+        """Prepare for updates of these forms, by selector; `acks` is the number of streams of the other direction.
 
         Raises:
             ValueError: for no form or more than there are selectors, for an update without levels, or for so many that
@@ -358,11 +340,7 @@ class UpdateLayout:
         self._kind = int(kind)
 
     def check(self, update: Update) -> None:
-        """Check that an update can be packed without loss.
-
-        Raises:
-            ValueError: naming the field and its range.
-        """
+        """Raise ValueError, naming the field and its range, for an update that cannot be packed without loss."""
         _, selector, newest, payload = update
         if not 0 <= selector < len(self.forms):
             raise ValueError(f"selector must be in 0..{len(self.forms) - 1}, not {selector}")
@@ -407,11 +385,7 @@ class UpdateLayout:
         return packed + payload.data if isinstance(payload, ModelParameters) else packed
 
     def read(self, bits: int, left: int, selector: int, *, mark: bool) -> tuple[Update, int | None]:
-        """The update in the lowest `left` bits, after the head, with its lag as its tick; and the truncated credit.
-
-        Raises:
-            ValueError: if it does not fit its form.
-        """
+        """The update in the lowest `left` bits, after the head, with its lag as its tick; and the truncated credit."""
         if selector >= len(self.forms):
             raise ValueError(f"selector {selector} of {len(self.forms)}")
         form = self.forms[selector]
@@ -441,12 +415,7 @@ class UpdateLayout:
         return Update(lag, selector, newest, payload), credit
 
     def length(self, update: Update, *, acknowledges: bool = True) -> int:
-        """Bytes of an update whose sample is of its tick, without tag.
-
-        Args:
-            update: one that `check` accepts.
-            acknowledges: whether it carries the acknowledgements.
-        """
+        """Bytes of an update whose sample is of its tick, without tag, with or without the acknowledgements."""
         return len(self.pack((0, 0, 0, 0, (0 if acknowledges else None,) * self._acks), 0, update))
 
     @property
@@ -466,18 +435,12 @@ class UpdateLayout:
 
 
 class DirectionLayout:
-    """The layouts of all datagrams of one direction.
-
-    Attributes:
-        updates: by stream.
-        carries_credit: whether each update and heartbeat carries the sender's credit.
-    """
+    """The layouts of all datagrams of one direction; `updates` by stream."""
 
     def __init__(self, streams: Sequence[Sequence[UpdateForm]], *, carries_credit: bool = False, acks: int = 1) -> None:
         """Prepare for streams whose updates have these forms, by selector; `acks` streams of the other direction.
 
-        Raises:
-            ValueError: for no stream or more than there are kinds of updates, or as `UpdateLayout`.
+        Raises ValueError for no stream or more than there are kinds of updates, or as `UpdateLayout`.
         """
         if not 1 <= len(streams) <= len(UPDATE_KINDS):
             raise ValueError(f"a direction has 1 to {len(UPDATE_KINDS)} streams of updates, not {len(streams)}")
@@ -489,14 +452,9 @@ class DirectionLayout:
         )
 
     def read(self, first: int, body: bytes) -> Content:
-        """What a datagram says.
+        """What a datagram says: its first byte, and what follows `CLEAR_BYTES`, decrypted.
 
-        Args:
-            first: first byte of the datagram.
-            body: what follows `CLEAR_BYTES`, decrypted.
-
-        Raises:
-            ValueError: if it is none that a peer of these layouts sends.
+        Raises ValueError if it is none that a peer of these layouts sends.
         """
         bits = int.from_bytes(body, "big")
         left = 8 * len(body) - _TIMES_BITS
@@ -562,13 +520,13 @@ class DirectionLayout:
         short: Envelope = (0, 0, 0, 0, (None,) * self._acks)
         long: Envelope = (0, 0, 0, 0, (0,) * self._acks)
         credit = 0 if self.carries_credit else None
-        longest = pack_heartbeat(long, 0, Report(0, 0, 0, 0, 0, 0), credit, round_trip_ms=0)
-        change, token = bytes(LONGEST_CHANGE), bytes(TOKEN_BYTES)
+        longest = pack_heartbeat(long, 0, Report(*[0] * len(_REPORT)), credit, round_trip_ms=0)
+        token = bytes(TOKEN_BYTES)
         made = {
             HEARTBEAT: (pack_heartbeat(short, 0, None, credit), longest),
-            BYE: (pack_bye(short, ""), pack_bye(long, "x" * LONGEST_REASON)),
-            CHANGE: tuple(pack_change(*each, is_answer=False) for each in ((short, 0, 0, b"x"), (long, 0, 0, change))),
-            PATH: tuple(pack_path(envelope, token, is_answer=False) for envelope in (short, long)),
+            BYE: (pack(short, BYE, b""), pack(long, BYE, bytes(LONGEST_REASON))),
+            CHANGE: (pack(short, CHANGE, b"x", tick=0), pack(long, CHANGE, bytes(LONGEST_CHANGE), tick=0)),
+            PATH: (pack(short, PATH, token), pack(long, PATH, token)),
         }
         found = {kind: (len(low) + tag_size, len(high) + tag_size) for kind, (low, high) in made.items()}
         for kind, layout in zip((UPDATE, SECOND_UPDATE), self.updates, strict=False):

@@ -1,4 +1,7 @@
-"""UDP sockets: their addresses and options, as the system takes them.
+"""UDP sockets: their addresses and options, as the system takes them, and reading them in bounded processor time.
+
+While the budget of a socket is used up, the event loop is not woken for it: datagrams wait in the kernel, and are
+dropped there when its buffer is full.
 
 An address of an endpoint is a host and a port. The host of a link-local IPv6 address has its zone behind it, as a
 number: "fe80::1%2" (RFC 4007 section 11). The same address may be there in every zone, one for each network interface,
@@ -6,13 +9,17 @@ and the system takes it with its zone only.
 """
 
 import asyncio
+import select
 import socket
+from collections.abc import Callable
 from contextlib import suppress
 from errno import EADDRINUSE
+from math import inf
 from typing import Any, Final
 
 from weberlink.compiled import mypyc_attr
 from weberlink.protocol.events import Address
+from weberlink.protocol.wire import LONGEST_DATAGRAM
 
 Ancillary = list[tuple[int, int, bytes]]
 """Level, kind and data of what the system gives or takes beside a datagram."""
@@ -20,6 +27,12 @@ ANCILLARY_BYTES: Final = socket.CMSG_SPACE(20)
 """Enough for a class of service or a called address."""
 ECN_BITS: Final = 2
 """Lowest bits of the type-of-service octet (RFC 3168); the class of service is above them (RFC 2474)."""
+SLICE_S: Final = 2e-4
+"""Longest time spent on datagrams before the event loop does other work [s]; a single datagram may take longer."""
+MOST_S: Final = 2e-3
+"""Largest balance of the budget [s], for the datagrams of a peer that wait after a stall."""
+_LONGEST_READ: Final = LONGEST_DATAGRAM + 5
+"""More than the longest datagram in the header of a relay [bytes]."""
 _PKTINFO: Final = 8
 """IP_PKTINFO of <netinet/in.h>, which Python 3.11 does not name."""
 
@@ -51,11 +64,7 @@ def numeric(address: Address) -> str:
 async def resolve(
     loop: asyncio.AbstractEventLoop, address: Address, family: int, *, passive: bool
 ) -> tuple[socket.AddressFamily, Address]:
-    """The family and the numeric address of a name; `passive` to listen there.
-
-    Raises:
-        OSError: if it does not resolve.
-    """
+    """The family and the numeric address of a name; `passive` to listen there. OSError if it does not resolve."""
     host, port = address
     flags = socket.AI_PASSIVE if passive else 0
     try:
@@ -72,12 +81,7 @@ async def resolve(
 
 
 def bind(family: socket.AddressFamily, local: Address) -> socket.socket:
-    """A socket at this address of this host.
-
-    Raises:
-        AddressInUseError: if another program has the port.
-        OSError: if it is no address of this host.
-    """
+    """A socket at this address of this host; AddressInUseError or OSError says why there is none."""
     bound = socket.socket(family, socket.SOCK_DGRAM)
     try:
         bound.bind(name_of(local))
@@ -95,13 +99,8 @@ def bind(family: socket.AddressFamily, local: Address) -> socket.socket:
 
 
 def connected_twin(bound: socket.socket, own_host: str, peer: Address) -> socket.socket:
-    """A second socket on the port and the network interface of a bound one, connected to a peer.
-
-    `own_host` is the address of this host that the peer knows, or "" for the one at which the first socket is bound.
-
-    Raises:
-        OSError: if the system refuses it.
-    """
+    """A second socket on the port and the network interface of a bound one, connected to a peer; OSError if the system
+    refuses it. `own_host` is the address of this host that the peer knows, "" for that of the first socket."""
     twin = socket.socket(bound.family, socket.SOCK_DGRAM)
     try:
         twin.setblocking(False)
@@ -125,16 +124,6 @@ def set_option(of: socket.socket, ipv4: int, ipv6: int, value: int) -> None:
         of.setsockopt(level, option, value)
 
 
-def mark(bound: socket.socket, dscp: int) -> None:
-    """Ask for a class of service."""
-    set_option(bound, socket.IP_TOS, socket.IPV6_TCLASS, dscp << ECN_BITS)
-
-
-def ask_for_class(connected: socket.socket) -> None:
-    """Have the class of service delivered with each datagram."""
-    set_option(connected, socket.IP_RECVTOS, socket.IPV6_RECVTCLASS, 1)
-
-
 def ask_for_destination(bound: socket.socket) -> None:
     """Have the called address delivered with each datagram, if the socket is bound to all addresses."""
     if bound.getsockname()[0] in ("0.0.0.0", "::"):  # noqa: S104 - asks
@@ -148,3 +137,110 @@ def answering(ancillary: Ancillary) -> tuple[str, Ancillary]:
     if level == socket.IPPROTO_IPV6:
         return socket.inet_ntop(socket.AF_INET6, value[:16]), [(level, kind, value[:16] + bytes(4))]
     return socket.inet_ntop(socket.AF_INET, value[8:12]), [(level, kind, bytes(4) + value[4:])]
+
+
+class WorkBudget:
+    """Processor time that may be spent: a share of the time that passes, saved up to a limit (token bucket).
+
+    It counts time and not datagrams, because a datagram of the peer costs several times as much as a foreign one. The
+    debt is bounded too: otherwise, after a stall, the peer would not be heard for several times as long as it lasted.
+    """
+
+    def __init__(self, share: float, most: float, now: float) -> None:
+        self.share = share
+        self._most = most
+        self._left = most
+        self._updated_at = now
+
+    def left(self, now: float) -> float:
+        """Balance [s]; negative after a piece of work that took longer than was left."""
+        self._left = min(self._most, self._left + self.share * max(0.0, now - self._updated_at))
+        self._updated_at = now
+        return self._left
+
+    def spend(self, seconds: float, now: float) -> float:
+        """Subtract a piece of work that ended now [s]; returns the time until the balance is positive [s]."""
+        self._left = max(self.left(now) - seconds, -self._most)
+        return max(0.0, -self._left / self.share)
+
+
+class ReceiveQueue:
+    """Reads one socket, which does not block and is closed with the queue."""
+
+    def __init__(
+        self,
+        bound: socket.socket,
+        *,
+        loop: asyncio.AbstractEventLoop,
+        now: Callable[[], float],
+        take: Callable[[bytes, Address, Ancillary, float], None],
+        on_datagrams: Callable[[], None],
+        share: float,
+    ) -> None:
+        """Listen. `take` is given each datagram with its sender and what the system gives beside it; `on_datagrams` is
+        called after the loop was woken and datagrams were taken; `share` of a processor is what reading may cost."""
+        self.socket = bound
+        self.is_open = True
+        self.budget = WorkBudget(share, MOST_S, now())
+        self._loop = loop
+        self._now = now
+        self._take = take
+        self._on_datagrams = on_datagrams
+        self._resume: asyncio.TimerHandle | None = None
+        waiting = select.poll()
+        waiting.register(bound.fileno(), select.POLLIN)
+        self._waiting = waiting.poll
+        # That of uvloop returns None and not the bool of its type, which compiled code would check.
+        self._forget: Callable[[int], object] = loop.remove_reader
+        loop.add_reader(bound.fileno(), self._on_readable)
+
+    def read(self) -> bool:
+        """Take the datagrams that wait, until a slice or the budget is used up; returns whether there were any."""
+        # To ask first costs a third of a read that finds nothing and raises an exception.
+        if self._resume is not None or not self._waiting(0):
+            return False
+        began = now = -inf
+        found = False
+        while self.is_open:
+            data = b""
+            source: Any = None
+            ancillary: Any = None
+            try:
+                data, ancillary, _, source = self.socket.recvmsg(_LONGEST_READ, ANCILLARY_BYTES)
+            except BlockingIOError:
+                break
+            except OSError:  # such as an ICMP error of an earlier send: it costs time as a datagram does
+                pass
+            if began == -inf:
+                began = now = self._now()
+            if source is not None:
+                found = True
+                self._take(data, address_of(source), ancillary, now)
+            now = self._now()
+            if now - began > SLICE_S or not (self.is_open and self._waiting(0)):
+                break
+        if began > -inf:
+            wait = self.budget.spend(now - began, now)
+            if wait > 0.0 and self.is_open:
+                self._forget(self.socket.fileno())
+                self._resume = self._loop.call_later(wait, self._go_on)
+        return found
+
+    def _go_on(self) -> None:
+        self._resume = None
+        self._loop.add_reader(self.socket.fileno(), self._on_readable)
+
+    def _on_readable(self) -> None:
+        if self.read():
+            self._on_datagrams()
+
+    def close(self) -> None:
+        """Stop listening and release the socket; may be repeated, also from within `take`."""
+        if self._resume is not None:
+            self._resume.cancel()
+            self._resume = None
+        if self.is_open:
+            self.is_open = False
+            if not self._loop.is_closed():
+                self._forget(self.socket.fileno())
+            self.socket.close()

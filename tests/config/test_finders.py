@@ -18,7 +18,7 @@ from weberlink.config.finders import PathFinder, finder_of, finding
 from weberlink.config.loading import Part
 from weberlink.protocol import Role
 from weberlink.protocol.aio import UdpShell
-from weberlink.protocol.aio.paths import MakePaths, Paths
+from weberlink.protocol.aio.udp import MakePaths, Paths
 from weberlink.protocol.psk import PresharedKey
 from weberlink.session.composition.link import build_security
 

@@ -16,7 +16,7 @@ from tests.program import weberlink as command
 from tests.records import ticks as records_of
 from weberlink.figures.journal import Journal
 from weberlink.figures.paths import paths_of
-from weberlink.protocol.aio.paths import PathFacts
+from weberlink.protocol.aio.udp import PathFacts
 from weberlink.protocol.states import State
 from weberlink.session.targets import LogFile
 from weberlink.telemetry.fault import Fault

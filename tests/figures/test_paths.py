@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from weberlink.figures.paths import LONGEST, MOST, LinkPath, finding, notable, paths_of
-from weberlink.protocol.aio.paths import PathFacts
+from weberlink.protocol.aio.udp import PathFacts
 
 RELAYED = PathFacts(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)
 DIRECT = PathFacts(remote="10.0.0.2:47000")

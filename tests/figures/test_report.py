@@ -12,7 +12,7 @@ from tests.figures.test_verdict import clean, figures, put
 from weberlink.figures.paths import paths_of
 from weberlink.figures.report import WIDTH, session_report, status_line
 from weberlink.figures.tree import Energy, Figures
-from weberlink.protocol.aio.paths import PathFacts
+from weberlink.protocol.aio.udp import PathFacts
 from weberlink.protocol.states import State
 
 FINDING = [PathFacts(route="", note="asking the mailbox")._asdict()]

@@ -8,8 +8,8 @@ import pytest
 
 from tests.protocol.harness import KEY, MASTER, STRANGER, Pair, local_end, make_endpoint
 from weberlink.protocol import DropReason, Endpoint, Role, State
-from weberlink.protocol.aio.paths import PEER_SHARE
-from weberlink.protocol.aio.queue import MOST_S
+from weberlink.protocol.aio.sockets import MOST_S
+from weberlink.protocol.aio.udp import PEER_SHARE
 from weberlink.protocol.handshake import (
     EXCHANGE_PACE,
     EXCHANGE_PACE_ENGAGED,

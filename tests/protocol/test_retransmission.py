@@ -44,7 +44,7 @@ def test_a_repeat_is_due_until_the_update_or_a_repeat_of_it_is_acknowledged() ->
     retransmission.begin(UPDATE, 6, 0.9)
     retransmission.begin(UPDATE, 7 + 2**16, 1.0)
     assert retransmission.due_at(0.01, 0.1) == 1.1
-    retransmission.miss()  # evidence of a loss
+    retransmission.is_missed = True  # evidence of a loss
     assert retransmission.due_at(0.01, 0.1) == 1.01
     assert retransmission.due_at(0.0, 0.1) == 1.0 + SHORTEST_PACE
     retransmission.repeated(9 + 2**16, 1.1)
@@ -70,7 +70,7 @@ def test_repeats_keep_to_their_bound_over_any_pattern(steps: list[tuple[float, s
         elif what == "acknowledged":
             acknowledge(retransmission, number)
         elif what == "missed":
-            retransmission.miss()
+            retransmission.is_missed = True
         while retransmission.due_at(rtt, 0.0) <= now:
             assert now >= retransmission.sent_at + max(SHORTEST_PACE, 0.0 if copies else rtt) - 1e-12
             number, repeats = number + 1, repeats + 1
@@ -202,7 +202,7 @@ def test_an_update_is_late_slower_with_each_repeat_and_forgotten_only_by_the_new
     assert not sent.acknowledge(4, None, is_newest=True)
     for repeats, pace in ((1, 0.01), (2, 0.01), (3, 0.02), (4, 0.04)):
         sent.repeated(5 + repeats, 0.0)
-        sent.miss()
+        sent.is_missed = True
         assert sent.due_at(0.01, 1.0) == pytest.approx(pace), repeats
     assert sent.unambiguous(2**16) == 2**16 + 1 and sent.unambiguous(2**16 + 7) == 2**16 + 7
     assert sent.acknowledge(10, 7, is_newest=True)

@@ -9,7 +9,7 @@ from tests.protocol.harness import KEY, exchanged, suites
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Security
-from weberlink.protocol.wire import CLEAR_BYTES, pack_path, sequence_of
+from weberlink.protocol.wire import CLEAR_BYTES, Kind, pack, sequence_of
 
 CLEAR = b"\x03\x01\x00\x00"[:CLEAR_BYTES]
 DATAGRAM = CLEAR + b"what follows is hidden"
@@ -30,7 +30,7 @@ def test_every_flipped_bit_is_found(security: Security) -> None:
 @pytest.mark.parametrize("number", [0x1234, 0xFFFF, 0x10000])
 def test_a_number_that_was_changed_is_found_under_the_changed_number(security: Security, number: int) -> None:
     sealing, opening = exchanged(security)
-    sealed = sealing.seal(number, pack_path((number & 0xFFFF, 0, 1, 2, (None,)), bytes(8), is_answer=False))
+    sealed = sealing.seal(number, pack((number & 0xFFFF, 0, 1, 2, (None,)), Kind.PATH, bytes(8)))
     assert opening.open(number, sealed) is not None
     for bit in range(8, 8 * CLEAR_BYTES):
         damaged = bytearray(sealed)

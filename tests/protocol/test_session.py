@@ -12,7 +12,7 @@ from weberlink.protocol.events import PeerClosed, UpdateReceived
 from weberlink.protocol.liveness import INTRODUCTIONS, Liveness
 from weberlink.protocol.security import Security
 from weberlink.protocol.session import REKEY_AFTER, REKEY_AFTER_S, Session
-from weberlink.protocol.wire import PHASE, DirectionLayout
+from weberlink.protocol.wire import PHASE, DirectionLayout, Kind
 from weberlink.update import PreviousSample, Update
 
 
@@ -161,7 +161,7 @@ def test_a_heartbeat_reports_again_once_the_link_has_changed() -> None:
 
 def test_a_farewell_arrives_however_late() -> None:
     sender, receiver, _, _ = pair(Checksum(), silence=10.0)
-    data = sender.send_bye(0.1, "robot: fault")
+    data = sender.send(0.1, Kind.BYE, b"robot: fault")
     assert deliver(receiver, data, 40.0) == PeerClosed("robot: fault")
 
 

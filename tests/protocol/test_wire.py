@@ -177,15 +177,15 @@ def test_a_report_saturates() -> None:
 
 @given(ENVELOPES, st.text(), st.binary(min_size=1, max_size=300), st.integers(0, 2**32 - 1), st.integers(0, 7))
 def test_other_kinds_survive_the_wire(envelope: Envelope, reason: str, body: bytes, tick: int, number: int) -> None:
-    """A reason is cut at a character, a change at its limit."""
+    """A reason is cut at a character."""
     direction = DirectionLayout([forms(3)], acks=2)
-    said = read(direction, wire.pack_bye(envelope, reason)).data
+    said = read(direction, wire.pack(envelope, Kind.BYE, wire.cut(reason))).data
     assert len(said) <= wire.LONGEST_REASON
     assert reason.encode(errors="replace").decode().startswith(said.decode())
-    change = read(direction, wire.pack_change(envelope, tick, number, body, is_answer=False))
-    assert change == Content(Kind.CHANGE, False, number, *envelope[1:], tick=tick, data=body[: wire.LONGEST_CHANGE])
-    path = read(direction, wire.pack_path(envelope, body[:8].ljust(8), is_answer=True))
-    assert path == Content(Kind.PATH, True, 0, *envelope[1:], data=body[:8].ljust(8))
+    change = read(direction, wire.pack(envelope, Kind.CHANGE, body, selector=number, tick=tick))
+    assert change == Content(Kind.CHANGE, False, number, *envelope[1:], tick=tick, data=body)
+    path = read(direction, wire.pack(envelope, Kind.PATH, body, mark=True))
+    assert path == Content(Kind.PATH, True, 0, *envelope[1:], data=body)
 
 
 ENVELOPE: Envelope = (1, 0, 2, 3, (None,))
@@ -197,9 +197,9 @@ PADDED = {  # datagrams and their bits after the head, of 33 bits
         1 + 4 + 9 + 4 + 1 + 4 + 3,
     ),
     "heartbeat": (wire.pack_heartbeat(ENVELOPE, 5), 16),
-    "bye": (wire.pack_bye(ENVELOPE, ""), 0),
-    "change": (wire.pack_change(ENVELOPE, 3, 4, b"", is_answer=False), 32),
-    "path": (wire.pack_path(ENVELOPE, b"", is_answer=True), 0),
+    "bye": (wire.pack(ENVELOPE, Kind.BYE, b""), 0),
+    "change": (wire.pack(ENVELOPE, Kind.CHANGE, b"", selector=4, tick=3), 32),
+    "path": (wire.pack(ENVELOPE, Kind.PATH, b"", mark=True), 0),
 }
 
 

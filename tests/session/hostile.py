@@ -11,7 +11,7 @@ from typing import Any
 from weberlink.config import Configuration, System
 from weberlink.geometry.vector import is_finite, norm
 from weberlink.protocol import Endpoint, Role, State
-from weberlink.protocol.wire import CHANGE_TICK_BITS, Kind, pack_change, pack_path
+from weberlink.protocol.wire import CHANGE_TICK_BITS, Kind, pack
 from weberlink.session.composition.channels import streams
 from weberlink.session.composition.link import Identity, build_endpoint, build_security
 from weberlink.session.simulation import MASTER_ADDRESS, SLAVE_ADDRESS, build_simulation
@@ -149,7 +149,7 @@ class Duel:
 
         def packed(envelope: Any) -> bytes:
             tick = (self.index + ahead) % (1 << CHANGE_TICK_BITS)
-            return pack_change(envelope, tick, number, body, is_answer=is_answer)
+            return pack(envelope, Kind.CHANGE, body, mark=is_answer, selector=number, tick=tick)
 
         self._forge(packed)
 
@@ -157,7 +157,7 @@ class Duel:
         """Send any bits as the content of any kind."""
 
         def packed(envelope: Any) -> bytes:
-            return bytes([kind | flags & 0x78]) + pack_path(envelope, body, is_answer=False)[1:]
+            return bytes([kind | flags & 0x78]) + pack(envelope, Kind.PATH, body)[1:]
 
         self._forge(packed)
 

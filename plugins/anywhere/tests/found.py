@@ -10,7 +10,7 @@ from tests.protocol.harness import forms, make_endpoint, sample_update
 from tests.wait import soon
 from weberlink.protocol import Connected, Endpoint, Event, Role, State, UpdateReceived
 from weberlink.protocol.aio import UdpShell
-from weberlink.protocol.aio.paths import peer_address
+from weberlink.protocol.aio.udp import peer_address
 from weberlink.protocol.events import Address
 from weberlink_anywhere import hand_over
 from weberlink_anywhere.found_paths import FoundPaths

@@ -15,7 +15,7 @@ from tests.test_child_process import executed
 from tests.wait import until
 from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError, load
 from weberlink.config.finders import finder_of, running
-from weberlink.protocol.aio.paths import PathFacts
+from weberlink.protocol.aio.udp import PathFacts
 from weberlink.protocol.psk import Keyring, PresharedKey
 from weberlink.session import description
 from weberlink_anywhere import hand_over

@@ -25,7 +25,7 @@ from plugins.anywhere.tests.found import (
 from tests.protocol.harness import make_endpoint
 from tests.wait import soon
 from weberlink.protocol import Connected, PeerSilent, Role, State
-from weberlink.protocol.aio.paths import PEER_SHARE, STRANGER_SHARE, peer_address
+from weberlink.protocol.aio.udp import PEER_SHARE, STRANGER_SHARE, peer_address
 from weberlink.protocol.events import Address, DropReason
 from weberlink_anywhere import hand_over
 from weberlink_anywhere.found_paths import FINDER_ENDED, MOVED_PEERS, SILENT_S, STUN_BURST_S, STUN_S, FoundPaths
@@ -198,7 +198,7 @@ def test_the_addresses_that_were_answered_last_are_remembered() -> None:
     path = SimpleNamespace(is_open=True, send_to=lambda data, address: sent.append(address))
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with ours, theirs:
-        paths = FoundPaths(stand_in, 0, monotonic, print, print, finder=ours)  # type: ignore[arg-type]
+        paths = FoundPaths(SimpleNamespace(endpoint=stand_in), finder=ours)  # type: ignore[arg-type]
         addresses = [("192.0.2.1", port) for port in range(1, MOVED_PEERS + 3)]
         for address in (*addresses[:MOVED_PEERS], addresses[0], *addresses[MOVED_PEERS:]):
             paths.take_from_elsewhere(b"call", address, 0.0, path)  # type: ignore[arg-type]

@@ -11,7 +11,7 @@ from weberlink.registry import Registry
 
 if TYPE_CHECKING:
     from weberlink.config import Configuration
-    from weberlink.protocol.aio.paths import MakePaths
+    from weberlink.protocol.aio.udp import MakePaths
     from weberlink.protocol.security import Security
 
 ENDS_S = 2.0
@@ -92,7 +92,7 @@ def finder_of(configuration: "Configuration", side: str) -> PathFinder | None:
 @contextmanager
 def finding(configuration: "Configuration", finder: PathFinder | None, *, take_over: bool) -> "Iterator[MakePaths]":
     """What makes the paths of the endpoint; a process that finds them has ended when this is left."""
-    from weberlink.protocol.aio.paths import Paths  # noqa: PLC0415 - for daemons alone
+    from weberlink.protocol.aio.udp import Paths  # noqa: PLC0415 - for daemons alone
 
     if finder is None or not configuration.finds_path:
         yield Paths

@@ -1,4 +1,4 @@
-"""The paths that a link takes, as a daemon describes them (`weberlink.protocol.aio.paths.PathFacts`), in words.
+"""The paths that a link takes, as a daemon describes them (`weberlink.protocol.aio.udp.PathFacts`), in words.
 
 `paths_of` reads them from a description, which another release or another host may have written.
 """

@@ -25,7 +25,7 @@ from weberlink.session.port import Port
 from weberlink.telemetry.runtime_directory import open_file
 
 if TYPE_CHECKING:
-    from weberlink.protocol.aio.paths import PathFacts
+    from weberlink.protocol.aio.udp import PathFacts
 
 LONGEST = 1_000_000
 """Largest description [bytes]; the shipped configurations take up to 10 kB."""

@@ -18,7 +18,7 @@ from weberlink.config import MASTER as LEADS
 from weberlink.config import load
 from weberlink.config.loading import Part
 from weberlink.protocol import Role, UpdateReceived
-from weberlink.protocol.aio.paths import PathFacts
+from weberlink.protocol.aio.udp import PathFacts
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.probing import Heard, ProbingEndpoint
 from weberlink.protocol.psk import PresharedKey

@@ -10,27 +10,24 @@ from typing import Any
 import pytest
 
 from tests.wait import soon
-from weberlink.protocol.aio.queue import MOST_S, SLICE_S, ReceiveQueue, WorkBudget
+from weberlink.protocol.aio.sockets import MOST_S, SLICE_S, Ancillary, ReceiveQueue, WorkBudget
 from weberlink.protocol.events import Address
 
 
 def test_spent_time_returns_at_the_rate_of_the_share() -> None:
     budget = WorkBudget(0.25, 0.002, 10.0)
     assert budget.left(10.0) == 0.002
-    budget.spend(0.003, 10.0)
+    assert budget.spend(0.003, 10.0) == pytest.approx(0.004)
     assert budget.left(10.0) == pytest.approx(-0.001)
-    assert budget.wait() == pytest.approx(0.004)
     assert budget.left(10.004) == pytest.approx(0.0, abs=1e-12)
     assert budget.left(11.0) == 0.002, "no more is saved up than the limit"
     budget.share = 0.5
-    budget.spend(0.003, 11.0)
-    assert budget.wait() == pytest.approx(0.002)
-    budget.spend(0.1, 11.0)
-    assert budget.wait() == pytest.approx(0.004), "the debt after a stall is bounded"
+    assert budget.spend(0.003, 11.0) == pytest.approx(0.002)
+    assert budget.spend(0.1, 11.0) == pytest.approx(0.004), "the debt after a stall is bounded"
     assert budget.left(5.0) == -0.002, "nothing returns while the clock stands"
 
 
-def listening(take: Callable[[bytes, Address, float], None], *, share: float) -> ReceiveQueue:
+def listening(take: Callable[[bytes, Address, Ancillary, float], None], *, share: float) -> ReceiveQueue:
     bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     bound.bind(("127.0.0.1", 0))
     bound.setblocking(False)
@@ -45,7 +42,7 @@ def test_flooded_socket_costs_its_share_only(share: float) -> None:
     async def flooded() -> tuple[float, int]:
         taken = 0
 
-        def take(data: bytes, source: Address, now: float) -> None:
+        def take(data: bytes, source: Address, ancillary: Ancillary, now: float) -> None:
             nonlocal taken
             began = time.monotonic()
             while time.monotonic() - began < 50e-6:
@@ -74,7 +71,7 @@ def test_a_queue_that_has_paused_goes_on() -> None:
     async def scenario() -> None:
         taken: list[bytes] = []
 
-        def take(data: bytes, source: Address, now: float) -> None:
+        def take(data: bytes, source: Address, ancillary: Ancillary, now: float) -> None:
             taken.append(data)
             time.sleep(0.02)
 
@@ -143,7 +140,7 @@ def test_a_datagram_behind_an_error_is_taken() -> None:
         taken: list[bytes] = []
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
             peer.bind(("127.0.0.1", 0))
-            queue = listening(lambda data, _source, _now: taken.append(data), share=0.3)
+            queue = listening(lambda data, _source, _ancillary, _now: taken.append(data), share=0.3)
             queue.socket.connect(("127.0.0.1", 1))  # nobody listens there
             queue.socket.send(b"x")
             queue.socket.connect(peer.getsockname())

@@ -14,8 +14,7 @@ from tests.protocol.harness import forms, make_endpoint, sample_update
 from tests.wait import soon
 from weberlink.protocol import Connected, Endpoint, Event, PeerClosed, PeerSilent, Role, State, UpdateReceived
 from weberlink.protocol.aio import AddressInUseError, UdpShell
-from weberlink.protocol.aio.queue import MOST_S
-from weberlink.protocol.aio.sockets import address_of, name_of
+from weberlink.protocol.aio.sockets import MOST_S, address_of, name_of
 from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.events import Address
 

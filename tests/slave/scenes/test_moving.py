@@ -11,7 +11,6 @@ from tests.slave.scenes.solids import GROUND, SHAPES, UP, wander
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, norm, subtract
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject, Sway
-from weberlink.slave.scenes.moving import MovingScene
 from weberlink.slave.scenes.scene import Scene
 
 TICK = 0.001
@@ -22,16 +21,16 @@ TWISTED = Sway(direction=(0.48, 0.6, 0.64), amplitude_m=0.002, frequency_hz=1.9,
 FAR = Sway(direction=(1.0, 0.0, 0.0), amplitude_m=10.0, frequency_hz=0.1, phase_deg=108.0, wave="triangle")
 
 
-def moving() -> MovingScene:
+def moving() -> Scene:
     """The ground alone."""
-    return MovingScene([SceneObject(GROUND, STIFFNESS, motion=RISING)])
+    return Scene([SceneObject(GROUND, STIFFNESS, motion=RISING)])
 
 
 @pytest.mark.parametrize("name", sorted(SHAPES))
 def test_only_the_motion_relative_to_the_surface_counts(name: str) -> None:
     """The same relative path against the same object at rest gives the same forces."""
     still = Scene([SceneObject(SHAPES[name], STIFFNESS, CONE, 2.0)])
-    scene = MovingScene([SceneObject(SHAPES[name], STIFFNESS, CONE, 2.0, TWISTED)])
+    scene = Scene([SceneObject(SHAPES[name], STIFFNESS, CONE, 2.0, TWISTED)])
     pressed = 0
     for tick, position in enumerate(wander(1000, depth=-0.003)):
         force = scene.force(position, TICK)
@@ -52,7 +51,7 @@ def test_only_the_motion_relative_to_the_surface_counts(name: str) -> None:
 )
 def test_whatever_comes_the_force_is_finite(steps: list[tuple[Vector, float]]) -> None:
     moving = ((GROUND, RISING), (SHAPES["sphere"], TWISTED), (SHAPES["box"], FAR))
-    scene = MovingScene([SceneObject(shape, STIFFNESS, CONE, 2.0, motion) for shape, motion in moving])
+    scene = Scene([SceneObject(shape, STIFFNESS, CONE, 2.0, motion) for shape, motion in moving])
     for position, dt in steps:
         assert is_finite(scene.force(position, dt))
         assert scene.proxy is None or is_finite(scene.proxy)

@@ -2,12 +2,10 @@
 
 import asyncio
 import socket
-from collections.abc import Callable
 from typing import Final
 
-from weberlink.protocol.aio.paths import PEER_SHARE, STRANGER_SHARE, Path, PathFacts, Paths, peer_address
-from weberlink.protocol.aio.queue import WorkBudget
-from weberlink.protocol.endpoint import Endpoint
+from weberlink.protocol.aio.sockets import WorkBudget
+from weberlink.protocol.aio.udp import PEER_SHARE, STRANGER_SHARE, Path, PathFacts, Paths, UdpShell, peer_address
 from weberlink.protocol.events import Address, DropReason
 from weberlink.protocol.states import Role, State
 from weberlink_anywhere import hand_over
@@ -48,13 +46,11 @@ class FoundPath(Path):
     def __init__(
         self, found: PathFound, bound: socket.socket, owner: "FoundPaths", loop: asyncio.AbstractEventLoop
     ) -> None:
-        super().__init__(
-            PathFacts(found.place, found.route, found.via, found.interface), bound, owner, loop, owner.dscp
-        )
+        super().__init__(PathFacts(found.place, found.route, found.via, found.interface), bound, owner, loop)
         self.found = found
         self.address = peer_address(found.peer)
         self.channel = b"" if found.channel is None else found.channel.to_bytes(2, "big")
-        self.budgets = [WorkBudget(share, STUN_BURST_S, owner.now()) for share in (STRANGER_SHARE, PEER_SHARE)]
+        self.budgets = [WorkBudget(share, STUN_BURST_S, owner.shell.now()) for share in (STRANGER_SHARE, PEER_SHARE)]
         self.is_replaced = False
         self.missing_since: float | None = None
         self._paths = owner
@@ -77,18 +73,10 @@ class FoundPaths(Paths):
     longer, because the two ends change at different moments.
     """
 
-    def __init__(
-        self,
-        endpoint: Endpoint,
-        dscp: int,
-        now: Callable[[], float],
-        on_datagrams: Callable[[], None],
-        on_no_path: Callable[[str], None],
-        *,
-        finder: socket.socket,
-    ) -> None:
-        """Prepare. `finder` is the socket to the process, which stays open; `on_no_path` is told once at most, in one
-        line, why there will be no session: the finder gave up before the first one, or has ended."""
+    def __init__(self, shell: UdpShell, *, finder: socket.socket) -> None:
+        """Prepare. `finder` is the socket to the process, which stays open; `shell.on_no_path` is told once at most, in
+        one line, why there will be no session: the finder gave up before the first one, or has ended."""
+        endpoint = shell.endpoint
         self._finder = finder
         self._loop: asyncio.AbstractEventLoop | None = None
         self._finds = True
@@ -103,7 +91,7 @@ class FoundPaths(Paths):
         self._note = "finding a path" if endpoint.role is Role.INITIATOR else ""
         self._is_given_up = False
         self._had_session = False
-        super().__init__(endpoint, dscp, now, on_datagrams, on_no_path)
+        super().__init__(shell)
 
     async def open(self, loop: asyncio.AbstractEventLoop, listen: Address) -> None:  # noqa: ARG002 - the finder listens
         self._loop = loop
@@ -237,7 +225,7 @@ class FoundPaths(Paths):
                 break
             self._obey(*received)
         self.tell()
-        self.on_datagrams()
+        self.shell.on_datagrams()
 
     def _obey(self, message: hand_over.Message, carried: socket.socket | None) -> None:
         if isinstance(message, PathFound) and carried is not None:
@@ -293,7 +281,7 @@ class FoundPaths(Paths):
         if self._is_given_up or self.endpoint.state is State.CLOSED:
             return
         self._is_given_up = True
-        self.on_no_path(why if why == self._note or not self._note else f"{why}: {self._note}")
+        self.shell.on_no_path(why if why == self._note or not self._note else f"{why}: {self._note}")
 
     def tell(self) -> None:
         shown = sorted(

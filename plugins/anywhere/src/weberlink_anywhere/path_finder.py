@@ -6,7 +6,7 @@ from socket import socket
 from typing import Any
 
 from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError
-from weberlink.protocol.aio.paths import MakePaths
+from weberlink.protocol.aio.udp import MakePaths
 from weberlink.protocol.psk import Keyring, PresharedKey
 from weberlink.protocol.security import Security
 from weberlink_anywhere.options import AnywhereOptions

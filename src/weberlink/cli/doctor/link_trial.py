@@ -21,8 +21,7 @@ from weberlink.config import MASTER, Configuration, ConfigurationError, load
 from weberlink.config.finders import PathFinder, finder_of, finding
 from weberlink.config.model import split_address
 from weberlink.protocol import PeerClosed, PeerSilent, Refused, Role, State
-from weberlink.protocol.aio.paths import peer_address
-from weberlink.protocol.aio.udp import UdpShell
+from weberlink.protocol.aio.udp import UdpShell, peer_address
 from weberlink.protocol.probing import Heard, ProbingEndpoint
 from weberlink.realtime.process import prepare
 from weberlink.session.composition.channels import streams
