@@ -44,7 +44,6 @@ COMPILED = (
     "slave/guard.py",
     "slave/integrators/*.py",
     "slave/robots/computed.py",
-    "arms/interpolation.py",
     "slave/robots/tool.py",
 )
 """What a tick runs, for simulated devices and robots; the drivers of real ones wait for their hardware.
