@@ -70,14 +70,10 @@ def read_private(path: Path, advice: str, longest: int = _LONGEST_FILE) -> bytes
             raise KeyFileError(f"{path} is not a file")
         owner, user = status.st_uid, os.geteuid()
         if owner not in (0, user):  # the owner could replace the key at any time
-            raise KeyFileError(
-                f"{path} belongs to user id {owner}, this is {user}; run: sudo chown {user} {shlex.quote(str(path))}"
-            )
+            raise KeyFileError(f"{path} belongs to user id {owner}, this is {user}; run: sudo chown {user} {quoted}")
         if status.st_mode & 0o077:
             mode = stat.S_IMODE(status.st_mode)
-            raise KeyFileError(
-                f"{path} is open to other users (mode {mode:04o}); run: chmod 600 {shlex.quote(str(path))}"
-            )
+            raise KeyFileError(f"{path} is open to other users (mode {mode:04o}); run: chmod 600 {quoted}")
         return os.read(descriptor, longest)
     finally:
         os.close(descriptor)
