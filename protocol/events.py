@@ -105,8 +105,8 @@ class TakenOver(NamedTuple):
 
 
 class Refused(NamedTuple):
-    """The two ends do not agree; `message` names each key and both values. Final for an initiator; a responder reports it
-    only while it has no session, and goes on listening."""
+    """The two ends do not agree; `message` names each key and both values. Final for an initiator; a responder reports
+    it only while it has no session, and goes on listening."""
 
     message: str
 
@@ -120,7 +120,7 @@ class PathProbe(NamedTuple):
 
 
 class ChangeProposed(NamedTuple):
-    """The peer proposes a change at a tick of its own; the owner must call `Endpoint.answer_change` with this very event."""
+    """The peer proposes a change at a tick of its own; the owner must call `Endpoint.answer_change` with this event."""
 
     tick: int
     body: bytes
