@@ -6,7 +6,6 @@ from weberlink.codec import Decoder, Encoder
 from weberlink.codec.sample import INT16_MAX
 from weberlink.config import Configuration, ConfigurationError, System
 from weberlink.config.joints import FollowerLimits
-from weberlink.control.tuning import LiveSettings
 from weberlink.geometry.joints import Joints
 from weberlink.session.channels import IncomingChannel, OutgoingChannel
 from weberlink.session.composition.arms import (
@@ -15,11 +14,11 @@ from weberlink.session.composition.arms import (
     each_axis,
     within,
 )
-from weberlink.session.composition.channels import streams, torque_deadbands
+from weberlink.session.composition.channels import streams
 from weberlink.session.composition.link import (
     Parts,
     build_driver,
-    tuning_of,
+    build_tuning,
     with_file_name,
 )
 from weberlink.slave.follower_port import TRIP_RETREAT, FollowerPort, axis_press_limit
@@ -64,11 +63,7 @@ def build_following(configuration: Configuration) -> Parts:
         for stream, (name, channel) in enumerate(zip(("joint_angle", "gripper_angle"), forward, strict=False))
     ]
 
-    def retune(settings: LiveSettings, peer_tick: float) -> None:  # noqa: ARG001 - the encoder decides from now on
-        first, *more = torque_deadbands(system, settings.weber)
-        outgoing[0].encoder.retune(first, [0], more)
-
-    return port, outgoing, incoming, tuning_of(system, retune, leads=False)
+    return port, outgoing, incoming, build_tuning(system, outgoing[0].encoder)
 
 
 @with_file_name

@@ -26,7 +26,7 @@ from weberlink.session.composition.channels import account, longest_round_trip, 
 from weberlink.session.composition.link import (
     Parts,
     build_driver,
-    tuning_of,
+    build_tuning,
     with_file_name,
 )
 from weberlink.session.composition.master import build_gate, check_button, check_force_ends
@@ -39,6 +39,7 @@ def build_leading(configuration: Configuration, endpoint: Endpoint) -> Parts:
     """The port of a leader arm, its channels out and in, and the settings that may change."""
     system, leader = configuration.system, build_leader(configuration)
     forward, backward = streams(system)
+    decoders = [Decoder(channel) for channel in backward]
     most, slew = torque_limits(system, leader.spec)
     least, delay, ramp = _least(system), signal_delay(system), system.master.limits.ramp_ms * 1e-3
     sensors, bounds = sensors_of(leader.spec, "angles"), []
@@ -46,7 +47,7 @@ def build_leading(configuration: Configuration, endpoint: Endpoint) -> Parts:
         limiter = ContactLimiter(max(sensor.part(most)), FREE_FORCE * LEVER, longest_round_trip(system) + delay)
         contact = ContactWatch(limiter, endpoint, sensor.part(least), delay)
         bounds.append(Bound(sensor.part(most), sensor.part(slew), ramp, width=1, contact=contact))
-    tuning = tuning_of(system, lambda settings, tick: None, leads=True)  # noqa: ARG005 - decoders of joints need not know
+    tuning = build_tuning(system, decoders[0])
     engage = system.master.engage
     port = LeaderPort(
         leader,
@@ -63,8 +64,8 @@ def build_leading(configuration: Configuration, endpoint: Endpoint) -> Parts:
         for stream, (name, sensor) in enumerate(zip(("joint_angle", "gripper_angle"), sensors, strict=False))
     ]
     incoming = [
-        IncomingChannel(name, stream, Decoder(channel))
-        for stream, (name, channel) in enumerate(zip(("joint_torque", "gripper_torque"), backward, strict=False))
+        IncomingChannel(name, stream, decoder)
+        for stream, (name, decoder) in enumerate(zip(("joint_torque", "gripper_torque"), decoders, strict=False))
     ]
     return port, outgoing, incoming, tuning
 
