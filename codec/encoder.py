@@ -1,7 +1,7 @@
 """The sending end: predicts what the decoder holds, and makes an update when the error leaves the deadband."""
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,9 +13,8 @@ from weberlink.codec.predictors.estimation import NOTHING, Ahead
 from weberlink.codec.predictors.model import Hold, Model
 from weberlink.codec.rate import TokenBucket
 from weberlink.codec.sample import UNKNOWN, Sample
-from weberlink.geometry.joints import Joints, joined, parts
-from weberlink.geometry.joints import is_finite as are_finite
-from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
+from weberlink.geometry.joints import Joints, is_finite, joined, parts
+from weberlink.geometry.vector import ZERO, Vector, distance
 from weberlink.update import MAX_GAP, Payload, PreviousSample, Update
 
 if TYPE_CHECKING:
@@ -36,16 +35,20 @@ class PendingSample(NamedTuple):
 class Part:
     """Up to three axes of a stream at its sending end: their grid, their deadband, and what was sent of them."""
 
-    __slots__ = ("deadband", "grid", "levels", "mirror", "newest", "previous", "quantizer")
+    __slots__ = ("deadband", "error", "grid", "levels", "mirror", "newest", "previous", "quantizer")
 
     def __init__(self, channel: Channel, mirror: Decoder) -> None:
         self.grid = channel.grid
         self.quantizer = channel.value_quantizer
-        self.deadband = channel.deadband
+        self.retune(channel.deadband)
         self.mirror = mirror
         self.newest: Sample | None = None
         self.previous: Sample | None = None
         self.levels: tuple[int, ...] = ()
+
+    def retune(self, deadband: Deadband) -> None:
+        self.deadband = deadband
+        self.error: Callable[[Vector, Vector], float] = distance if deadband.is_ball else deadband.error
 
 
 class Encoder:
@@ -76,10 +79,13 @@ class Encoder:
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
         self._joints = channel.joints
+        self._reads_value = channel.position_quantizer is None
+        """Whether the motion that a deadband reads is that of the value itself."""
         self._lookahead = channel.lookahead
         self._predictors = channel.predictors
         self._fitted = [each for each in channel.predictors if isinstance(each, FittedPredictor)]
         self._sizes = [sum(form.newest) for form in channel.forms]
+        self._reads = [sum(form.previous or ()) for form in channel.forms]
         self.mirror = Decoder(channel)
         self._parts = [
             Part(each, mirror) for each, mirror in zip((channel, *channel.more), self.mirror.parts, strict=True)
@@ -148,7 +154,7 @@ class Encoder:
         if not selectors or not all(0 <= selector < count for selector in selectors):
             raise ValueError(f"selectors must name some of a bank of {count} predictors, not {list(selectors)!r}")
         for part, each in zip(self._parts, (deadband, *more), strict=True):
-            part.deadband = each
+            part.retune(each)
         if self._choice is not None:
             self._choice.retune(deadband)
         self.mirror.retune(deadband)
@@ -178,14 +184,15 @@ class Encoder:
         if self._joints:
             if len(value) != self._joints:
                 raise ValueError(f"a sample has {len(value)} axes, expected {self._joints}")
-            if not are_finite(value):
+            if not is_finite(value):
                 self.rejected += 1
                 return None
             confined = [part.quantizer.confine(each) for part, each in zip(self._parts, parts(value), strict=True)]
             return self._code(tick, tick, value, confined, ZERO, most, NOTHING)
         x, y, z = value
         vector = (x, y, z)
-        if not (is_finite(vector) and is_finite(position)):
+        u, v, w = position
+        if not (x - x == y - y == z - z == u - u == v - v == w - w == 0.0):  # not finite
             self.rejected += 1
             return self.decide(tick)
         actual = self._parts[0].quantizer.confine(vector)
@@ -196,7 +203,7 @@ class Encoder:
             pending.clear()
         deadband, moved = self._parts[0].deadband, 0.0
         if deadband.reads_motion:
-            place = self._moving(actual, position)
+            place = actual if self._reads_value else position
             moved, self._arrived = distance(place, self._arrived if self._arrived is not None else place), place
         bound = min(deadband.bound(actual, actual, actual, moved), most)
         if self._choice is not None:
@@ -243,7 +250,7 @@ class Encoder:
                 error = inf
                 break
             displayed.append(shown)
-            error = max(part.deadband.error(shown, actual), error)
+            error = max(part.error(shown, actual), error)
         else:
             self.predicted = self.held = joined(displayed, self._joints) if self._joints else displayed[0]
         actual = confined[0]
@@ -256,7 +263,7 @@ class Encoder:
         for part, each in zip(self._parts, confined, strict=True):
             levels, sample = part.grid.quantize(tick, each, position)
             quantized.append((levels, sample))
-            least = max(part.deadband.error(sample.value, each), least)
+            least = max(part.error(sample.value, each), least)
         if error <= least:
             return None
         if self._bucket is not None and not self._bucket.take(forced=self._forced or not displayed):
@@ -272,7 +279,7 @@ class Encoder:
         """The deadband in force, widened by the rate limit."""
         part, moved = self._parts[0], 0.0
         if part.deadband.reads_motion:
-            place = self._moving(actual, position)
+            place = actual if self._reads_value else position
             moved, self._last = distance(place, self._last if self._last is not None else place), place
         sent = displayed if part.newest is None else part.newest.value
         self.bound = bound = min(part.deadband.bound(actual, displayed, sent, moved), most)
@@ -314,14 +321,14 @@ class Encoder:
         elif (
             earlier is not None and isinstance(predictor, FittedPredictor) and predictor.needs_previous(sample, earlier)
         ):
-            reads = predictor.reads(part.grid)
+            reads = self._reads[selector]
             payload = PreviousSample(sample.tick - earlier.tick, earlier_levels[:reads])
             if len(earlier_levels) > reads:
                 before = Sample(earlier.tick, earlier.value, UNKNOWN)
         update = Update(sample.tick, selector, levels[:size], payload)
         part.newest, part.previous, part.levels = sample, earlier, levels
         decoded = self.mirror.read(update, known, before)
-        if part.deadband.error(decoded.first, actual) > most:
+        if part.error(decoded.first, actual) > most:
             update = update._replace(payload=None)
             decoded = self.mirror.read(update, known)
         self.mirror.take(update, decoded)
@@ -349,10 +356,6 @@ class Encoder:
         self.held = joined([part.mirror.first for part in self._parts], self._joints)
         return update
 
-    def _moving(self, actual: Vector, position: Vector) -> Vector:
-        """The position whose motion the deadband reads [m]."""
-        return position if self._channel.position_quantizer is not None else actual
-
     def _choose(self, sample: Sample, actual: Vector, position: Vector, earlier: Sample | None, ahead: Ahead) -> int:
         """The paper's choice: the smallest w_i = |f_pred,i - f| / |f|. The common divisor |f| is left out.
 
@@ -366,7 +369,7 @@ class Encoder:
         place, limits = channel.place(position), channel.fit_limits
         if ahead.values:
             new = [predictors[selector].model(sample, earlier, limits) for selector in selectors]
-            lasts = [ahead.lasts(model, sample.tick, part.deadband.error) for model in new]
+            lasts = [ahead.lasts(model, sample.tick, part.error) for model in new]
             selectors = tuple(selector for selector, ticks in zip(selectors, lasts, strict=True) if ticks == max(lasts))
         best, smallest = selectors[0], inf
         for selector in selectors:

@@ -68,15 +68,21 @@ class Quantizer:
         Of two levels that are equally near, the even one. Within the limit the error is at most half a step per axis.
         """
         x, y, z = self.confine(value)
-        step = self.step
+        step, limit = self.step, self.limit
         i, j, k = round(x / step), round(y / step), round(z / step)
         levels: tuple[int, ...] = (i, j, k)
-        return levels[self._sent], self.confine((i * step, j * step, k * step))
+        x, y, z = i * step, j * step, k * step
+        if -limit <= x <= limit and -limit <= y <= limit and -limit <= z <= limit:
+            return levels[self._sent], (x, y, z)
+        return levels[self._sent], self.confine((x, y, z))
 
     def value(self, levels: tuple[int, ...]) -> Vector:
         """SI value of `size` levels. A level beyond the limit (-32768, which no encoder sends) counts as the limit."""
-        step, (i, j, k), padded = self.step, self._places, (*levels, 0)
-        return self.confine((padded[i] * step, padded[j] * step, padded[k] * step))
+        step, limit, (i, j, k), padded = self.step, self.limit, self._places, (*levels, 0)
+        x, y, z = padded[i] * step, padded[j] * step, padded[k] * step
+        if -limit <= x <= limit and -limit <= y <= limit and -limit <= z <= limit:
+            return (x, y, z)
+        return self.confine((x, y, z))
 
     def components(self, vector: Vector) -> list[float]:
         """The `size` components of a vector on the axes that are sent."""

@@ -8,7 +8,6 @@ from weberlink.codec.predictors.estimation import Candidate, EncodeContext, Sign
 from weberlink.codec.predictors.model import FitLimits, Hold, Model
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.compiled import mypyc_attr
-from weberlink.geometry.vector import ZERO
 from weberlink.update import ModelParameters, Payload, PreviousSample
 
 
@@ -39,10 +38,6 @@ class Predictor(metaclass=ABCMeta):
     def groups(self, grid: SampleGrid) -> tuple[int, ...]:
         """Numbers of levels of what the predictor reads of a sample: the value, then (if `geometric`) the position."""
         return grid.groups if self.geometric else grid.groups[:1]
-
-    def reads(self, grid: SampleGrid) -> int:
-        """The sum of `groups`."""
-        return grid.size if self.geometric else grid.value.size
 
     @abstractmethod
     def candidates(self, signal: Signal) -> Sequence[Candidate]:
@@ -90,13 +85,13 @@ class FittedPredictor(Predictor):
     def decode(
         self, payload: Payload, newest: Sample, grid: SampleGrid, limits: FitLimits, previous: Sample | None = None
     ) -> Model:
+        size = grid.size if self.geometric else grid.value.size
         if payload is None:
             previous = None
         elif isinstance(payload, ModelParameters):
             raise ValueError(f"update of {self.name} carries model parameters, expected a previous sample")
-        elif len(payload.levels) != self.reads(grid):
-            counted = f"{len(payload.levels)} levels of the previous sample, expected {self.reads(grid)}"
-            raise ValueError(f"update carries {counted}")
+        elif len(payload.levels) != size:
+            raise ValueError(f"update carries {len(payload.levels)} levels of the previous sample, expected {size}")
         elif previous is None:
             previous = grid.sample(newest.tick - payload.gap, payload.levels)
         return self.fit(newest, previous, limits) or Hold(newest.value)
@@ -145,8 +140,3 @@ class FittedCandidate:
 
     def model(self, context: EncodeContext) -> Model | None:
         return self._predictor.fit(context.newest, context.earlier, self._limits)
-
-
-def same_contact(newest: Sample, previous: Sample) -> bool:
-    """Whether both samples have a force, and so may belong to one contact."""
-    return ZERO not in (newest.value, previous.value)

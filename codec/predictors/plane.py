@@ -10,11 +10,11 @@ measures what they would send.
 from dataclasses import dataclass
 from typing import ClassVar
 
-from weberlink.codec.predictors.contract import FittedPredictor, same_contact
+from weberlink.codec.predictors.contract import FittedPredictor
 from weberlink.codec.predictors.model import FitLimits, Model, ModelKind, ModelRecord
 from weberlink.codec.sample import Sample
 from weberlink.compiled import mypyc_attr
-from weberlink.geometry.vector import ZERO, Vector, dot, norm, subtract, unit
+from weberlink.geometry.vector import ZERO, Vector, dot, norm, subtract
 
 
 @dataclass(slots=True)
@@ -48,21 +48,21 @@ class PlanePredictor(FittedPredictor):
     describes_contact: ClassVar[bool] = True
 
     def fit(self, newest: Sample, previous: Sample | None, limits: FitLimits) -> Plane | None:
-        if previous is None or not same_contact(newest, previous):
+        if previous is None or ZERO in (newest.value, previous.value):  # not of one contact
             return None
+        (_, (x, y, z), place), before = newest, previous.position
         force = norm(newest.value)
-        normal = unit(newest.value)
-        pressed = -dot(normal, subtract(newest.position, previous.position))
+        normal = (x / force, y / force, z / force)
         difference = force - norm(previous.value)
         if difference == 0.0:
             return None
-        compliance = pressed / difference
+        compliance = -dot(normal, subtract(place, before)) / difference
         if not limits.accepts_compliance(compliance):
             return None
-        return Plane(normal, -dot(normal, newest.position) - force * compliance, 1.0 / compliance)
+        return Plane(normal, -dot(normal, place) - force * compliance, 1.0 / compliance)
 
     def needs_previous(self, newest: Sample, previous: Sample) -> bool:
-        return same_contact(newest, previous)
+        return ZERO not in (newest.value, previous.value)
 
 
 PLANE = PlanePredictor()

@@ -12,11 +12,11 @@ One fit finds both kinds of wall. The study `paper` measures what convex walls a
 from dataclasses import dataclass
 from typing import ClassVar
 
-from weberlink.codec.predictors.contract import FittedPredictor, same_contact
+from weberlink.codec.predictors.contract import FittedPredictor
 from weberlink.codec.predictors.model import FitLimits, Model, ModelKind, ModelRecord
 from weberlink.codec.sample import Sample
 from weberlink.compiled import mypyc_attr
-from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
+from weberlink.geometry.vector import ZERO, Vector, dot, norm, subtract
 
 
 @dataclass(slots=True)
@@ -55,51 +55,38 @@ class SpherePredictor(FittedPredictor):
     describes_contact: ClassVar[bool] = True
 
     def fit(self, newest: Sample, previous: Sample | None, limits: FitLimits) -> Sphere | None:
-        if previous is None or not same_contact(newest, previous):
+        if previous is None or ZERO in (newest.value, previous.value):  # not of one contact
             return None
-        direction, earlier = unit(newest.value), unit(previous.value)
-        solution = _solve(
-            subtract(direction, earlier),
-            subtract(previous.value, newest.value),
-            subtract(newest.position, previous.position),
-            limits.least_angle_sine,
+        (_, f, p), (_, g, q) = newest, previous
+        size, earlier = norm(f), norm(g)
+        u = (f[0] / size, f[1] / size, f[2] / size)
+        v = (g[0] / earlier, g[1] / earlier, g[2] / earlier)
+        # Least-squares r, c of a r + b c = y. A column that is (nearly) 0, or parallel to the other, tells nothing.
+        a, b, y = subtract(u, v), subtract(g, f), subtract(p, q)
+        a_norm, b_norm = norm(a), norm(b)
+        if not (a_norm > limits.least_angle_sine and b_norm > 0.0):
+            return None
+        first = (a[0] / a_norm, a[1] / a_norm, a[2] / a_norm)
+        along = dot(first, b)
+        across = (b[0] - first[0] * along, b[1] - first[1] * along, b[2] - first[2] * along)
+        across_norm = norm(across)
+        if not across_norm > limits.least_angle_sine * b_norm:
+            return None
+        second = (across[0] / across_norm, across[1] / across_norm, across[2] / across_norm)
+        c = dot(second, y) / across_norm
+        r = (dot(first, y) - along * c) / a_norm
+        if not (limits.accepts_compliance(c) and limits.accepts_radius(r)):
+            return None
+        centre = (
+            ((p[0] - u[0] * r + f[0] * c) + (q[0] - v[0] * r + g[0] * c)) * 0.5,
+            ((p[1] - u[1] * r + f[1] * c) + (q[1] - v[1] * r + g[1] * c)) * 0.5,
+            ((p[2] - u[2] * r + f[2] * c) + (q[2] - v[2] * r + g[2] * c)) * 0.5,
         )
-        if solution is None:
-            return None
-        radius, compliance = solution
-        if not (limits.accepts_compliance(compliance) and limits.accepts_radius(radius)):
-            return None
-        centre = scale(
-            add(
-                _centre(newest, direction, radius, compliance),
-                _centre(previous, earlier, radius, compliance),
-            ),
-            0.5,
-        )
-        sphere = Sphere(centre, radius, 1.0 / compliance, newest.value)
+        sphere = Sphere(centre, r, 1.0 / c, f)
         return sphere if limits.accepts_fit(sphere, newest) else None
 
     def needs_previous(self, newest: Sample, previous: Sample) -> bool:
-        return same_contact(newest, previous)
-
-
-def _solve(a: Vector, b: Vector, y: Vector, least_sine: float) -> tuple[float, float] | None:
-    """Least-squares r, c of a r + b c = y; None if the columns are (nearly) parallel or one is (nearly) 0."""
-    a_norm, b_norm = norm(a), norm(b)
-    if not (a_norm > least_sine and b_norm > 0.0):
-        return None
-    first = unit(a)
-    along = dot(first, b)
-    across = subtract(b, scale(first, along))
-    across_norm = norm(across)
-    if not across_norm > least_sine * b_norm:
-        return None
-    second = dot(unit(across), y) / across_norm
-    return (dot(first, y) - along * second) / a_norm, second
-
-
-def _centre(sample: Sample, direction: Vector, radius: float, compliance: float) -> Vector:
-    return add(subtract(sample.position, scale(direction, radius)), scale(sample.value, compliance))
+        return ZERO not in (newest.value, previous.value)
 
 
 SPHERE = SpherePredictor()

@@ -6,7 +6,7 @@ from math import ceil, inf, isfinite, nan
 from typing import Any, NamedTuple
 
 from weberlink.control.contract import CREDIT_STEP
-from weberlink.control.tuning import LEAD_TICKS, Tuning, lead
+from weberlink.control.tuning import MARGIN_TICKS, Tuning, change_margin
 from weberlink.geometry.vector import ZERO
 from weberlink.order import EMERGENCY
 from weberlink.protocol.endpoint import Endpoint
@@ -30,9 +30,8 @@ from weberlink.session.channels import IncomingChannel, OutgoingChannel
 from weberlink.session.port import Port
 from weberlink.session.rows import Rows
 from weberlink.telemetry.fault import Fault, FaultLedger
-from weberlink.telemetry.record import Record
+from weberlink.telemetry.record import ALL, Record
 from weberlink.telemetry.row import Row
-from weberlink.update import Update
 
 CONNECT_PATIENCE = 1.0
 """A run that ends without a session after longer than this has failed, not completed [s]."""
@@ -123,7 +122,7 @@ class Side:
         self._last_reading_at = nan
         self._peer_tick = 0.0
         self._playout = playout
-        self._waiting: deque[UpdateReceived] = deque()
+        self._waiting: deque[tuple[float, UpdateReceived]] = deque()
         """Updates that are not to be used yet."""
         self._row = Row()
         self._rows = Rows(outgoing, incoming, leads=port.leads)
@@ -167,13 +166,24 @@ class Side:
         elapsed = self.pace.tick(now)
         if self.pace.settling:
             self._settle(now)
-        self._hear(now)
+        self._receive(now)
+        endpoint = self.endpoint
         if self.tuning.is_busy:
-            peer_time = self.endpoint.clock.peer_time(deadline)
+            peer_time = endpoint.clock.peer_time(deadline)
             self._guarded(self.tuning.advance, index, None if peer_time is None else peer_time / self._tick_period)
-        self._follow_peer_clock(now)
-        if self._waiting:
-            self._play_out()
+        # The tick of the peer for which this tick decodes: now, but not long past its encoder's last sign.
+        encoder_heard_at = endpoint.liveness.encoder_heard_at
+        if encoder_heard_at > -inf:
+            peer_time = endpoint.clock.latest_receivable_peer_time(min(now, encoder_heard_at + self._horizon))
+            if peer_time is not None:  # a session that is over leaves its last force, which fades
+                self._peer_tick = peer_time / self._tick_period
+        # What took less than the least delay and the play-out has waited until its tick has come.
+        while self._waiting and self._waiting[0][1].update.tick <= self._peer_tick - self._playout:
+            left_at, event = self._waiting.popleft()
+            if endpoint.liveness.is_fresh(now - left_at, endpoint.liveness.generation):
+                self._apply(event)
+            else:  # this process stood still meanwhile: nothing is used that is older than the limit
+                endpoint.request_full_state()
         if self._leads:
             self._sense(now)
             self._engage(now)
@@ -194,25 +204,12 @@ class Side:
             return complaint
         if self.endpoint.state is not State.ENGAGED or self.endpoint.sessions != self._session:
             return "no session: the other side is not there"
-        self._propose(self.tuning.ask(change), now)
-        return None
-
-    def _propose(self, body: bytes, now: float) -> None:
-        ahead = lead(self.endpoint.clock.rtt, self.endpoint.clock.jitter)
-        tick = self.index + LEAD_TICKS + ceil(ahead / self._tick_period)
+        body = self.tuning.propose(change)
+        ahead = change_margin(self.endpoint.clock.rtt, self.endpoint.clock.jitter)
+        tick = self.index + MARGIN_TICKS + ceil(ahead / self._tick_period)
         if not self.endpoint.propose_change(now, tick, body):
             raise AssertionError("the tuning allows one change at a time")
-
-    def _answered_at(self, now: float) -> float:
-        """Tick of the peer at which nearly every answer that leaves now has arrived.
-
-        The mapping of its clock errs by half the asymmetry of the delays, so half a round trip more is exact.
-        """
-        clock = self.endpoint.clock
-        peer_time, rtt = clock.peer_time(now), clock.rtt
-        if peer_time is None or rtt is None:
-            return inf
-        return (peer_time + 0.5 * rtt + clock.jitter) / self._tick_period + 0.5 * LEAD_TICKS
+        return None
 
     def stop(self, now: float, reason: str) -> None:
         """Leave the session: the robot's end at once, the operator's end when the force has faded to zero."""
@@ -244,12 +241,12 @@ class Side:
     def record(self) -> Record:
         """The telemetry of the tick just done, in virtual time, with the fields of all parts."""
         self._fill(0.0, 0.0, 0)
-        return Record._make(self._row.values())
+        return Record._make(ALL.values(self._row))
 
     def values(self, lateness_us: float, work_us: float, missed: int) -> list[float]:
         """The telemetry of the tick just done: the values of a record of this side's `layout`."""
         self._fill(lateness_us, work_us, missed)
-        return self._row.values(self.layout)
+        return self.layout.values(self._row)
 
     def _fill(self, lateness_us: float, work_us: float, missed: int) -> None:
         row, endpoint, port = self._row, self.endpoint, self.port
@@ -298,38 +295,49 @@ class Side:
 
     # --- what the peer says
 
-    def _hear(self, now: float) -> None:
+    def _receive(self, now: float) -> None:
         for channel in self.incoming:
             channel.received = 0
-        if self.endpoint.sessions != self._session:
+        endpoint = self.endpoint
+        if endpoint.sessions != self._session:
             self._begin()
-        while (event := self.endpoint.next_event()) is not None:
-            self._take(event, now)
+        while (event := endpoint.next_event()) is not None:
+            if not isinstance(event, UpdateReceived):
+                self._on_event(event, now)
+            elif self._playout:
+                self._waiting.append((now - event.age, event))
+            else:
+                self._apply(event)
 
-    def _take(self, event: Event, now: float) -> None:
-        """Other events need nothing: `_hear` and `_engage` see the state, and the endpoint counts what it drops."""
+    def _apply(self, event: UpdateReceived) -> None:
+        began = self._stopwatch()
+        try:  # as `_guarded`, without a call
+            self.incoming[event.stream].apply(event.update)
+        except Exception:
+            self._on_bad_contents()
+        self.codec_time += self._stopwatch() - began
+
+    def _on_event(self, event: Event, now: float) -> None:
+        """Other events need nothing: `_receive` and `_engage` see the state, and the endpoint counts what it drops."""
+        faults = self._faults
         match event:
-            case UpdateReceived():
-                if self._playout:
-                    self._waiting.append(event)
-                else:
-                    self._apply(event.update, event.stream)
             case PeerSilent(is_heard):
-                self._fall_silent(is_heard=is_heard)
+                faults.clear(Fault.UNHEARD)
+                faults.meet(Fault.UNHEARD if is_heard else Fault.SILENCE)
             case PeerReturned():
-                self._faults.clear(Fault.SILENCE, Fault.UNHEARD)
+                faults.clear(Fault.SILENCE, Fault.UNHEARD)
                 self._forget()
             case UpdateLost(stream):
                 self.outgoing[stream].encoder.restart()
             case ChangeProposed():
                 self._guarded(self._answer, event, now)
             case ChangeAnswered(tick, body, refusal):
-                self._guarded(self.tuning.settle, tick, body, refusal)
+                self._guarded(self.tuning.on_answer, tick, body, refusal)
             case _:
-                self._take_notice(event, now)
+                self._on_farewell(event, now)
 
-    def _take_notice(self, event: Event, now: float) -> None:
-        """Take an event that says why there is no session, or why it ended."""
+    def _on_farewell(self, event: Event, now: float) -> None:
+        """An event that says why there is no session, or why it ended."""
         match event:
             case PeerClosed(farewell):
                 self.peer = self.peer._replace(farewell=farewell)
@@ -361,24 +369,14 @@ class Side:
         self.endpoint.request_full_state()
 
     def _answer(self, proposal: ChangeProposed, now: float) -> None:
-        refusal = self.tuning.hear(proposal.tick, proposal.body, self._answered_at(now))
+        # The tick of the peer at which nearly every answer that leaves now has arrived. The mapping of its clock errs
+        # by half the asymmetry of the delays, so half a round trip more is exact.
+        clock = self.endpoint.clock
+        peer_time, rtt, answered_at = clock.peer_time(now), clock.rtt, inf
+        if peer_time is not None and rtt is not None:
+            answered_at = (peer_time + 0.5 * rtt + clock.jitter) / self._tick_period + 0.5 * MARGIN_TICKS
+        refusal = self.tuning.on_proposal(proposal.tick, proposal.body, answered_at)
         self.endpoint.answer_change(proposal, refusal)
-
-    def _fall_silent(self, *, is_heard: bool) -> None:
-        self._faults.clear(Fault.UNHEARD)
-        self._faults.meet(Fault.UNHEARD if is_heard else Fault.SILENCE)
-
-    def _apply(self, update: Update, stream: int) -> None:
-        began = self._stopwatch()
-        self._guarded(self.incoming[stream].apply, update)
-        self.codec_time += self._stopwatch() - began
-
-    def _play_out(self) -> None:
-        """Apply the updates whose tick has come: what took less than the least delay and the play-out has waited."""
-        waiting, tick = self._waiting, self._peer_tick - self._playout
-        while waiting and waiting[0].update.tick <= tick:
-            event = waiting.popleft()
-            self._apply(event.update, event.stream)
 
     def _begin(self) -> None:
         """Begin a new session: nothing of the last one holds but a trip, which concerns the robot's contact."""
@@ -432,7 +430,10 @@ class Side:
             return
         if port.ended:
             self.stop(now, "completed")
-        complaint = self._complaint(reading)
+        # A time that is NaN differs from every other one, as if there were news for ever.
+        complaint = None if isfinite(reading.at) else f"reports the time {reading.at}"
+        for sensor in self._sensors:
+            complaint = sensor.complaint(reading) or complaint
         if complaint is None and reading.at != self._last_reading_at:
             self._last_reading_at = reading.at
             for sensor in self._sensors:
@@ -444,15 +445,6 @@ class Side:
         if self._watchdog.expired(now):
             why = f": {port.trouble}" if port.trouble else ""
             self._lose(f"{port.name} {complaint or 'gives no new sample'}{why}", now)
-
-    def _complaint(self, reading: Any) -> str | None:
-        """Why a reading cannot be used; None if it can."""
-        for sensor in self._sensors:
-            problem = sensor.complaint(reading)
-            if problem is not None:
-                return problem
-        # A time that is NaN differs from every other one, as if there were news for ever.
-        return None if isfinite(reading.at) else f"reports the time {reading.at}"
 
     def _lose(self, complaint: str, now: float) -> None:
         self._faults.meet(Fault.DEVICE)
@@ -492,7 +484,12 @@ class Side:
         holds = self._leads and encodes and not engaged and not pace.stalled
         self._is_paused = holds and (was_engaged or self._is_paused)
         if was_engaged and not engaged and not self._leads and not pace.settling:
-            self._let_go()
+            # The master no longer leads: whatever it sent is void.
+            self._waiting.clear()
+            for channel in self.incoming:
+                channel.decoder.reset()
+            self.endpoint.request_full_state()
+            port.release(retreat=True)
         self._is_fresh = self._is_fresh and not engaged
 
     def _restart(self, *, anew: bool) -> None:
@@ -509,14 +506,6 @@ class Side:
         if self._leads:  # the scheme has forgotten a model that the peer may hold for known
             self.endpoint.request_full_state()
         self.port.restart()
-
-    def _let_go(self) -> None:
-        """The master no longer leads: whatever it sent is void."""
-        self._waiting.clear()
-        for channel in self.incoming:
-            channel.decoder.reset()
-        self.endpoint.request_full_state()
-        self.port.release(retreat=True)
 
     def _send(self, index: int, now: float, elapsed: float) -> None:
         endpoint = self.endpoint
@@ -535,14 +524,6 @@ class Side:
         for channel in self.outgoing:
             if channel.update is not None:
                 endpoint.send_update(now, channel.update, stream=channel.stream)
-
-    def _follow_peer_clock(self, now: float) -> None:
-        """The tick of the peer for which this tick decodes: now, but not long past its encoder's last sign."""
-        encoder_heard_at = self.endpoint.liveness.encoder_heard_at
-        if encoder_heard_at > -inf:
-            peer_time = self.endpoint.clock.latest_receivable_peer_time(min(now, encoder_heard_at + self._horizon))
-            if peer_time is not None:  # a session that is over leaves its last force, which fades
-                self._peer_tick = peer_time / self._tick_period
 
     def _actuate(self, now: float, elapsed: float) -> None:
         """Decode every channel for this very moment, less the play-out, without waiting for the network, and act."""

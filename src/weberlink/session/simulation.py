@@ -24,8 +24,7 @@ from weberlink.protocol.states import State
 from weberlink.registry import fault_of, is_hardware
 from weberlink.session.composition.channels import lookahead_ms
 from weberlink.session.composition.link import build_security
-from weberlink.session.composition.master import build_master
-from weberlink.session.composition.slave import build_slave
+from weberlink.session.composition.sides import build_master, build_slave
 from weberlink.session.interruption import Interruption
 from weberlink.session.side import Side
 from weberlink.telemetry.record import DESCRIPTION, RECORD, Record
@@ -173,7 +172,7 @@ def build_simulation(configuration: Configuration) -> Simulation:
     emulation = system.link.emulate or EmulationSettings()
     to_slave, to_master = emulation.directions
     chance = {name: Random(f"{emulation.seed}/{name}") for name in ("master", "slave", "forward", "backward")}  # noqa: S311
-    common: dict[str, Any] = {"security": build_security(configuration), "epoch": 0.0, "stopwatch": lambda: 0.0}
+    common: dict[str, Any] = {"security": build_security(configuration), "epoch": 0.0, "stopwatch": float}  # always 0.0
     return Simulation(
         master=build_master(configuration, entropy=chance["master"].randbytes, peer=SLAVE_ADDRESS, **common),
         slave=build_slave(configuration, entropy=chance["slave"].randbytes, **common),
