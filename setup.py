@@ -40,12 +40,10 @@ COMPILED = (
     "master/devices/turning.py",
     "slave/robot_port.py",
     "slave/follower_port.py",
-    "slave/joint_safety.py",
     "slave/rotation.py",
-    "slave/safety.py",
+    "slave/guard.py",
     "slave/integrators/*.py",
     "slave/robots/computed.py",
-    "arms/interpolation.py",
     "slave/robots/tool.py",
 )
 """What a tick runs, for simulated devices and robots; the drivers of real ones wait for their hardware.

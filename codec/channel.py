@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import inf
-from typing import Any
 
 from weberlink.codec.deadband import Deadband, ForceDeadband, PositionDeadband, Reference
 from weberlink.codec.deadband.per_axis import PerAxisDeadband
@@ -228,9 +227,14 @@ def force_channel(
     axes: str = "xyz",
     force_step: float = 1e-3,
     position_step: float = 1e-5,
+    fit_limits: FitLimits | None = None,
     saturates: bool = True,
     deadband: Deadband | None = None,
-    **others: Any,
+    smoothing: Smoothing | None = None,
+    rate: UpdateRate | None = None,
+    every_position: bool = False,
+    tick_period: float = 1e-3,
+    lookahead: int = 0,
 ) -> Channel:
     """Make the backward channel: forces [N], and the commanded positions [m] at which they were measured.
 
@@ -245,7 +249,7 @@ def force_channel(
         position_step: wire step [m], > 0.
         saturates: False lifts the int16 range, for studies without a wire.
         deadband: a deadband of another shape; `weber`, `floor` and `reference` are not read then.
-        others: fields of `Channel`.
+        fit_limits, smoothing, rate, every_position, tick_period, lookahead: as of `Channel`.
 
     Raises:
         ValueError: as `Channel`, or for a number out of range.
@@ -258,8 +262,13 @@ def force_channel(
         value_quantizer=_quantizer(force_step, axes, saturates=saturates),
         position_quantizer=_quantizer(position_step, axes, saturates=saturates),
         rest=ZERO,
+        fit_limits=fit_limits if fit_limits is not None else FitLimits(),
         adaptive=predictor == ADAPTIVE,
-        **others,
+        smoothing=smoothing,
+        rate=rate,
+        every_position=every_position,
+        tick_period=tick_period,
+        lookahead=lookahead,
     )
 
 
@@ -272,7 +281,9 @@ def position_channel(
     axes: str = "xyz",
     position_step: float = 1e-5,
     saturates: bool = True,
-    **others: Any,
+    rate: UpdateRate | None = None,
+    tick_period: float = 1e-3,
+    lookahead: int = 0,
 ) -> Channel:
     """Make the forward channel: commanded positions [m].
 
@@ -284,7 +295,9 @@ def position_channel(
         deadband=PositionDeadband(weber, bound),
         value_quantizer=_quantizer(position_step, axes, saturates=saturates),
         adaptive=predictor == ADAPTIVE,
-        **others,
+        rate=rate,
+        tick_period=tick_period,
+        lookahead=lookahead,
     )
 
 

@@ -1,11 +1,11 @@
 """Recorded teleoperation signals: positions and forces over time, from CSV, npz or a recording of a session."""
 
 import csv
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,31 +24,6 @@ Side = Literal["master", "slave"]
 
 SIGNALS = {"slave": ("output", "raw"), "master": ("position", "output")}
 """Position and force of each side: commanded and measured of the robot, measured and displayed of the device."""
-
-
-class Units(NamedTuple):
-    """Units of the columns of a CSV file, by their symbols."""
-
-    position: str = "m"
-    time: str = "s"
-    force: str = "N"
-
-    @property
-    def factors(self) -> "Array":
-        """What turns a row of `COLUMNS` into SI units."""
-        time, position, force = TIME_UNITS[self.time], LENGTH_UNITS[self.position], FORCE_UNITS[self.force]
-        return np.array([time, *[position] * 3, *[force] * 3])
-
-
-SI = Units()
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
-FORCE_UNITS = {"N": 1.0, "mN": 1e-3, "kN": 1e3}
-FARTHEST_M = 5.0
-"""Positions beyond this are more likely in another unit: hands and arms reach less."""
-SLOWEST_S = 0.5
-"""A period of sampling beyond this is more likely in another unit: nobody feels at 2 Hz."""
-STRONGEST_N = 2000.0
 
 
 class TraceError(ValueError):
@@ -82,7 +57,7 @@ class Trace:
         return float(np.median(np.diff(self.time_s)))
 
 
-def read_trace(path: Path | str, units: Units = SI) -> Trace:
+def read_trace(path: Path | str, factors: Array | float = 1.0) -> Trace:
     """Read what the teleoperator was commanded and felt.
 
     The file is CSV with a header of t, px, py, pz, fx, fy, fz in any order (other columns are ignored), an npz file
@@ -90,35 +65,12 @@ def read_trace(path: Path | str, units: Units = SI) -> Trace:
 
     Args:
         path: of the file.
-        units: of a CSV or npz file; a recording is always in SI units.
+        factors: that turn a row of `COLUMNS` of a CSV or npz file into SI units; a recording is in SI units.
 
     Raises:
         TraceError: with file, row (the header is row 1), column, and what was expected.
     """
-    return _read(Path(path), ("slave",), units)
-
-
-def unlikely_units(trace: Trace) -> tuple[str, Units] | None:
-    """What in a trace cannot be in SI units, in words, and the units in which it would be plausible; None if all can.
-
-    Where even the smallest unit would not do, that one is named.
-    """
-    reach, strongest = float(np.abs(trace.position_m).max()), float(np.linalg.norm(trace.force_n, axis=1).max())
-    seen, units = [], SI
-    if reach > FARTHEST_M:
-        seen.append(f"positions reach {reach:.4g} m")
-        units = units._replace(position=_fitting(reach, FARTHEST_M, ("mm", "um"), LENGTH_UNITS))
-    if trace.period_s > SLOWEST_S:
-        seen.append(f"samples are {trace.period_s:.4g} s apart")
-        units = units._replace(time=_fitting(trace.period_s, SLOWEST_S, ("ms", "us", "ns"), TIME_UNITS))
-    if strongest > STRONGEST_N:
-        seen.append(f"forces reach {strongest:.4g} N")
-        units = units._replace(force="mN")
-    return (" and ".join(seen), units) if seen else None
-
-
-def _fitting(value: float, most: float, symbols: Sequence[str], factors: Mapping[str, float]) -> str:
-    return next((symbol for symbol in symbols if value * factors[symbol] <= most), symbols[-1])
+    return _read(Path(path), ("slave",), factors)
 
 
 def read_motion(path: Path | str) -> Trace:
@@ -139,7 +91,7 @@ def as_trace(table: Array) -> Trace:
     return Trace(time.copy(), table[:, 1:4].copy(), table[:, 4:7].copy(), gaps)
 
 
-def _read(path: Path, sides: Sequence[Side], units: Units = SI) -> Trace:
+def _read(path: Path, sides: Sequence[Side], factors: Array | float = 1.0) -> Trace:
     try:
         # A pipe or a device may never end, and the file is read more than once.
         if path.exists() and not path.is_file() and not path.is_dir():
@@ -162,10 +114,9 @@ def _read(path: Path, sides: Sequence[Side], units: Units = SI) -> Trace:
         index = int(np.argmax(falling)) + 1
         row = index + 1 if is_npz else [number for number, _ in _data_rows(path)][index]
         raise TraceError(
-            f"{path}: row {row}, column t: expected a time after {time[index - 1]:.9g} {units.time}, "
-            f"found {time[index]:.9g} {units.time}"
+            f"{path}: row {row}, column t: expected a time after {time[index - 1]:.9g}, found {time[index]:.9g}"
         )
-    return as_trace(table if units == SI else table * units.factors)
+    return as_trace(table * factors)
 
 
 def _recorded(path: Path, sides: Sequence[Side]) -> Array:

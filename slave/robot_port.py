@@ -1,48 +1,162 @@
 """The teleoperator's end of the link: the robot follows the operator, and what it feels is sensed."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from math import inf
-from typing import ClassVar, Final, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-from weberlink.control.ends import SlaveControl
+from weberlink.compiled import mypyc_attr
+from weberlink.control.ends import Control, SlaveControl
+from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.protocol.endpoint import Endpoint
-from weberlink.slave.robots.contract import Robot, RobotFault, RobotReading
-from weberlink.slave.safety import CommandGuard, PressLimit
+from weberlink.slave.guard import Guard
+from weberlink.slave.robots.contract import OrientedRobot, Robot, RobotFault, RobotReading
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
 
+if TYPE_CHECKING:
+    from weberlink.arms.contract import FollowerArm
+    from weberlink.slave.rotation import ToolOrientation
 
-class ChannelFollower(Protocol):
-    """Makes the robot follow an incoming channel other than the position, for example an orientation."""
+
+@mypyc_attr(allow_interpreted_subclasses=True)
+class TeleoperatorPort:
+    """The robot's end; a `weberlink.session.port.Port`. A subclass says what is wanted, sensed and recorded.
+
+    Args:
+        robot: or the arm, not yet open.
+        guard: bounds every command.
+        command: takes a command, and the time [s].
+        controls: this end of the control scheme.
+        by_button: whether the operator leads only while holding a button; for telemetry.
+
+    Attributes:
+        applied: the last command.
+        where: the robot is, as measured.
+        felt: force of the environment on it, as measured.
+        is_overloaded: whether that is above its limit.
+    """
+
+    kind: Final = "robot"
+    leads: Final = False
+    enabled: Final = True
+    at_rest: Final = True
+    unfounded: Final = False
+    ended: Final = False
+    fault: ClassVar[type[Exception]] = RobotFault
+
+    def __init__(
+        self,
+        robot: "Robot | FollowerArm",
+        *,
+        guard: Guard,
+        command: Callable[[Any, float], None],
+        controls: Sequence[Control],
+        by_button: bool = False,
+    ) -> None:
+        self._robot, self.guard, self._command, self._by_button = robot, guard, command, by_button
+        self.name: str = robot.spec.name
+        self.controls = controls
+        self.applied = self.where = self.felt = guard.held
+        self.is_overloaded = False
+        self.latest: Callable[[float], Any] = robot.latest  # bound here: it is called in every tick
 
     @property
-    def applied(self) -> Vector:
-        """What the robot was last commanded, in the form of the channel."""
+    def trouble(self) -> str | None:
+        return getattr(self._robot, "trouble", None)
+
+    @property
+    def tripped(self) -> bool:
+        return self.guard.tripped
+
+    @property
+    def follows(self) -> bool:
+        """Whether no contact that was too strong keeps the robot from following."""
+        return not (self.is_overloaded or self.guard.tripped)
 
     @property
     def clipped(self) -> bool:
-        """Whether the last command was limited."""
+        return self.guard.clipped
 
     @property
     def ramping(self) -> bool:
-        """Whether less than all of what is felt may be shown."""
+        return self.guard.ramping
 
-    def shown(self, felt: Vector) -> Vector:
-        """The part of a force or torque that may be shown to the operator now."""
+    def open(self, now: float) -> None:
+        self._robot.open(now)
+        reading = self.latest(now)
+        problem = self._complaint(reading)
+        if problem is not None:
+            self._robot.close()
+            raise self.fault(f"{self.name} {problem}")
+        self._take(reading)
+        self.applied = self.where
+        self.guard.place(self.where)
 
-    def move(self, commanded: Vector | None, step: float, now: float) -> None:
-        """Follow the decoded value for `step` more seconds; hold where there is None."""
+    def close(self) -> None:
+        self._robot.close()
 
-    def halt(self, now: float) -> None:
-        """Hold, at once."""
+    def _complaint(self, reading: Any) -> str | None:
+        """Why a reading cannot be used; None if it can."""
+        raise NotImplementedError
+
+    def _take(self, reading: Any) -> None:
+        """Take in where the robot is and what it feels."""
+        raise NotImplementedError
+
+    def accept(self, reading: Any) -> bool:
+        self._take(reading)
+        self.is_overloaded = self.guard.is_overloaded(self.felt)
+        trips = self.is_overloaded and not self.guard.tripped
+        if trips:
+            self.guard.trip(self.felt, self.where)
+        return trips
+
+    def settle(self, now: float) -> None:
+        """Hold the robot where it is now: in contact, with the force that it presses with."""
+        with suppress(self.fault):  # the side meets it in this very tick, as it does a reading that is not finite
+            reading = self.latest(now)
+            if self._complaint(reading) is None:
+                self._take(reading)
+                self.guard.place(self._settled(reading))
+
+    def _settled(self, reading: Any) -> Joints:
+        """The command that holds the robot where it is."""
+        raise NotImplementedError
 
     def reset(self) -> None:
-        """Begin anew: approach what is commanded, and show nothing until there."""
+        self.guard.reset()
 
-    def release(self) -> None:
-        """Nobody leads any more: hold."""
+    def restart(self) -> None: ...
+
+    def release(self, *, retreat: bool) -> None:
+        if retreat:
+            self.guard.retreat(self.felt, self.where)
+        else:
+            self.guard.release()
+
+    def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:
+        raise NotImplementedError
+
+    def _wanted(self, values: Sequence[Any], elapsed: float) -> Joints | None:
+        """What the operator commands; None for nothing."""
+        raise NotImplementedError
+
+    def actuate(self, values: Sequence[Any], now: float, elapsed: float, step: float, *, engaged: bool) -> None:
+        wanted = self._wanted(values, elapsed) if engaged and not self.is_overloaded else None
+        if wanted is None:
+            self.applied = self.guard.hold(step)
+        else:
+            self.applied = self.guard.follow(wanted, self.where, self.felt, step)
+        self._command(self.applied, now)
+
+    def report(self, row: Row, *, is_led: bool) -> None:
+        row.contact_ticks, row.clipped = self.guard.contact_ticks, self.clipped
+        row.ramping = self.ramping if is_led or not self._by_button else RELEASED
+
+    def halt(self, now: float) -> None:
+        self._command(self.applied, now)
 
 
 class ContactForce:
@@ -77,186 +191,113 @@ class ContactForce:
         return self._port.shown(self.value), self.rest, inf
 
 
-class RobotPort:
-    """A robot behind its guard; a `weberlink.session.port.Port`.
+class RobotPort(TeleoperatorPort):
+    """A robot that a hand leads.
 
-    Args:
-        robot: not yet open.
-        guard: bounds the commanded position.
-        followers: one per incoming channel beside the position.
+    Args: as of `TeleoperatorPort`, and these.
         control: the teleoperator's end of the control scheme.
         endpoint: measures the link.
-        press_limit: bounds the force with which the robot presses.
-        trip_force: contact force above which the robot stops following and backs off [N].
-        by_button: whether the operator leads only while holding a button; for telemetry.
+        tool: turns with the hand; None without six degrees of freedom.
     """
-
-    kind: Final = "robot"
-    leads: Final = False
-    fault: ClassVar[type[RobotFault]] = RobotFault
-    enabled: Final = True
-    at_rest: Final = True
-    unfounded: Final = False
-    ended: Final = False
 
     def __init__(
         self,
-        *,
         robot: Robot,
-        guard: CommandGuard,
-        followers: Sequence[ChannelFollower],
+        *,
+        guard: Guard,
         control: SlaveControl,
         endpoint: Endpoint,
-        press_limit: PressLimit,
-        trip_force: float,
+        tool: "ToolOrientation | None" = None,
         by_button: bool = False,
     ) -> None:
-        self.robot, self.followers, self._control, self._by_button = robot, followers, control, by_button
-        self.controls = (control,)
-        self.name = robot.spec.name
+        super().__init__(robot, guard=guard, command=robot.command, controls=(control,), by_button=by_button)
+        self._control, self._endpoint, self.tool = control, endpoint, tool
+        self._point: Any = robot.point if isinstance(robot, OrientedRobot) else None
         self.force = ContactForce(self, robot.spec.stiffness_n_m)
-        self.commanded: Vector = ZERO
+        self.commanded: Any = ZERO
         """The decoded position that was last followed [m]."""
-        self._led: Sequence[Vector | None] = ()
-        self.applied: Vector = ZERO
-        """The commanded position after control and guard [m]."""
-        self._guard = guard
-        self._press_limit = press_limit
-        self.contact_ticks = 0
-        """Ticks in which the press limit held the robot back."""
-        self._endpoint = endpoint
-        # A reading that saturates at the limit is not above it.
-        self._trip_squared = (trip_force * (1.0 + 1e-9)) ** 2
-        self._is_overloaded = False
-        self._where: Vector = ZERO
-        # Bound here: both are called in every tick.
-        self.latest = robot.latest
-        self.shown = self._shown_in_all if followers else guard.shown
-
-    @property
-    def follows(self) -> bool:
-        """Whether no contact that was too strong keeps the robot from following."""
-        return not (self._is_overloaded or self._guard.tripped)
+        self._led: Sequence[Any] = ()
 
     def led(self, channel: int) -> Vector | None:
         """Where the operator leads the robot in an incoming channel, whether it follows or not; None for nowhere."""
-        return self._led[channel] if self._led else None
-
-    @property
-    def trouble(self) -> str | None:
-        trouble: str | None = getattr(self.robot, "trouble", None)
-        return trouble
-
-    @property
-    def tripped(self) -> bool:
-        return self._guard.tripped
+        led: Vector | None = self._led[channel] if self._led else None
+        return led
 
     @property
     def clipped(self) -> bool:
-        clipped = self._guard.clipped
-        for follower in self.followers:
-            clipped |= follower.clipped
-        return clipped
+        return self.guard.clipped or (self.tool is not None and self.tool.clipped)
 
     @property
     def ramping(self) -> bool:
-        ramping = self._guard.ramping
-        for follower in self.followers:
-            ramping |= follower.ramping
-        return ramping
+        return self.guard.ramping or (self.tool is not None and self.tool.ramping)
 
-    def _shown_in_all(self, felt: Vector) -> Vector:
+    def shown(self, felt: Vector) -> Vector:
         """What may be shown of a force or torque: all, once the robot is where the operator is in every channel."""
-        shown = self._guard.shown(felt)
-        for follower in self.followers:
-            shown = follower.shown(shown)
-        return shown
+        share = self.guard.share
+        if self.tool is not None:
+            share *= self.tool.share
+        return felt if share == 1.0 else (felt[0] * share, felt[1] * share, felt[2] * share)
 
-    def open(self, now: float) -> None:
-        self.robot.open(now)
-        reading = self.robot.latest(now)
-        problem = self.force.complaint(reading)
-        if problem is not None:
-            self.robot.close()
-            raise RobotFault(f"{self.name} {problem}")
-        self.applied = self._where = reading.position
-        self._guard.place(self.applied)
+    def _complaint(self, reading: RobotReading) -> str | None:
+        return self.force.complaint(reading)
 
-    def close(self) -> None:
-        self.robot.close()
+    def _take(self, reading: RobotReading) -> None:
+        self.where, self.felt = reading.position, reading.force
 
     def accept(self, reading: RobotReading) -> bool:
-        self._where = reading.position
-        x, y, z = reading.force
-        self._is_overloaded = x * x + y * y + z * z > self._trip_squared
-        trips = self._is_overloaded and not self._guard.tripped
-        if trips:
-            self._guard.trip(reading.force, self._where)
-            for follower in self.followers:
-                follower.release()
+        trips = super().accept(reading)
+        if trips and self.tool is not None:
+            self.tool.release()
         return trips
 
     def settle(self, now: float) -> None:
-        """Hold the robot where it is now: in contact, with the force that it presses with."""
-        with suppress(RobotFault):  # the side meets it in this very tick, as it does a reading that is not finite
-            reading = self.robot.latest(now)
-            if self.force.complaint(reading) is None:
-                self._where = reading.position
-                self.force.take(reading)
-                self._guard.place(self.force.rest)
-        for follower in self.followers:
-            follower.reset()
+        super().settle(now)
+        if self.tool is not None:
+            self.tool.reset()
+
+    def _settled(self, reading: RobotReading) -> Joints:
+        self.force.take(reading)
+        return self.force.rest
 
     def reset(self) -> None:
-        self._guard.reset()
-        for follower in self.followers:
-            follower.reset()
-
-    def restart(self) -> None: ...
+        super().reset()
+        if self.tool is not None:
+            self.tool.reset()
 
     def release(self, *, retreat: bool) -> None:
-        if retreat:
-            self._guard.release(self.force.value, self._where)
-        else:
-            self._guard.release()
-        for follower in self.followers:
-            follower.release()
+        super().release(retreat=retreat)
+        if self.tool is not None:
+            self.tool.release()
 
     def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002
         if encodes:
-            self._control.observe(self.applied, self.force.value)
+            applied: Any = self.applied
+            self._control.observe(applied, self.force.value)
         return self._control.credit
 
-    def actuate(
-        self, values: Sequence[Vector | None], now: float, elapsed: float, step: float, *, engaged: bool
-    ) -> None:
-        guard, follows = self._guard, engaged and not self._is_overloaded
-        commanded = values[0] if follows else None
-        self._led = values if engaged else ()
+    def _wanted(self, values: Sequence[Any], elapsed: float) -> Joints | None:
+        commanded = values[0]
         if commanded is None:
-            self.applied = guard.hold(step)
-            self._press_limit.forget()
-        else:
-            self.commanded = commanded
-            endpoint = self._endpoint
-            wanted = self._control.follow(commanded, self.applied, elapsed, endpoint.credit.known, endpoint.clock.rtt)
-            goal = self._press_limit.bounded(wanted, self.applied, self._where, self.force.value, step)
-            self.contact_ticks += goal != wanted
-            self.applied = guard.follow(goal, step)
-        self.robot.command(self.applied, now)
-        if self.followers:
-            follows = follows and not guard.tripped
-            for follower, value in zip(self.followers, values[1:], strict=True):
-                follower.move(value if follows else None, step, now)
+            return None
+        self.commanded = commanded
+        endpoint = self._endpoint
+        applied: Any = self.applied
+        return self._control.follow(commanded, applied, elapsed, endpoint.credit.known, endpoint.clock.rtt)
+
+    def actuate(self, values: Sequence[Any], now: float, elapsed: float, step: float, *, engaged: bool) -> None:
+        self._led = values if engaged else ()
+        super().actuate(values, now, elapsed, step, engaged=engaged)
+        if self.tool is not None:
+            self._point(self.tool.move(values[1] if engaged and self.follows else None, step), now)
 
     def report(self, row: Row, *, is_led: bool) -> None:
-        row.position, row.output = self.commanded, self.applied
-        row.contact_ticks, row.clipped = self.contact_ticks, self.clipped
-        row.ramping = self.ramping if is_led or not self._by_button else RELEASED
-        if self.followers:
-            row.rotation_output = self.followers[0].applied
+        super().report(row, is_led=is_led)
+        applied: Any = self.applied
+        row.position, row.output = self.commanded, applied
+        if self.tool is not None:
+            row.rotation_output = self.tool.applied
 
     def halt(self, now: float) -> None:
-        self.robot.command(self.applied, now)
-        for follower in self.followers:
-            follower.halt(now)
+        super().halt(now)
+        if self.tool is not None:
+            self._point(self.tool.hold(0.0), now)

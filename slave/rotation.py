@@ -1,22 +1,22 @@
 """The tool of the robot as a channel: it turns as the hand does, and the torque on it is sensed."""
 
+from collections.abc import Callable
 from math import inf
+from typing import Any
 
 from weberlink.geometry.rotation import IDENTITY, Quaternion, quaternion, toward, vector
 from weberlink.geometry.vector import ZERO, Vector, norm
-from weberlink.slave.robot_port import RobotPort
-from weberlink.slave.robots.contract import OrientedRobot, RobotReading
-from weberlink.slave.safety import Follower
+from weberlink.slave.guard import Follower
+from weberlink.slave.robots.contract import RobotReading
 
 LARGEST = 1e9
 """No measured torque is as large [N m]; a telemetry record has room for it."""
 
 
-class ToolOrientation(Follower[Quaternion]):
-    """Turns the tool to the decoded orientation, at a limited speed; a `weberlink.slave.robot_port.ChannelFollower`.
+class ToolOrientation(Follower):
+    """Turns the tool to the decoded orientation, at a limited speed.
 
     Args:
-        robot: that holds the tool.
         speed: largest angular speed while following [rad/s].
         approach_speed: angular speed of the approach after an engagement [rad/s].
         ramp: time in which the torque fades in [s].
@@ -25,32 +25,31 @@ class ToolOrientation(Follower[Quaternion]):
         applied: what the tool was last commanded, as a rotation vector near the decoded one [rad].
     """
 
-    __slots__ = ("_robot", "applied")
+    __slots__ = ("applied",)
 
-    def __init__(self, robot: OrientedRobot, *, speed: float, approach_speed: float, ramp: float) -> None:
-        super().__init__(IDENTITY, toward, speed=speed, approach_speed=approach_speed, ramp=ramp)
-        self._robot = robot
+    def __init__(self, *, speed: float, approach_speed: float, ramp: float) -> None:
+        super().__init__(IDENTITY, (4,), speed=speed, approach_speed=approach_speed, ramp=ramp, step_toward=toward)
         self.applied: Vector = ZERO
 
-    def move(self, commanded: Vector | None, step: float, now: float) -> None:
+    def move(self, commanded: Vector | None, step: float) -> Quaternion:
+        """Follow the decoded value for `step` more seconds, or hold where there is None; the orientation to command."""
+        held: Any
         if commanded is None:
             held = self.hold(step)
         else:
             goal = quaternion(commanded)
             held = self.pursue(goal, step)
             self.applied = commanded if held == goal else vector(held, self.applied)
-        self._robot.point(held, now)
-
-    def halt(self, now: float) -> None:
-        self._robot.point(self.hold(0.0), now)
+        orientation: Quaternion = held
+        return orientation
 
 
 class ToolTorque:
     """The torque of the environment on the tool [N m], as far as it may be shown, at the commanded orientation."""
 
-    def __init__(self, port: RobotPort, orientation: ToolOrientation) -> None:
+    def __init__(self, shown: Callable[[Vector], Vector], orientation: ToolOrientation) -> None:
         self.value: Vector = ZERO
-        self._port = port
+        self._shown = shown
         self._orientation = orientation
 
     def complaint(self, reading: RobotReading) -> str | None:
@@ -60,4 +59,4 @@ class ToolTorque:
         self.value = reading.torque
 
     def sample(self) -> tuple[Vector, Vector, float]:
-        return self._port.shown(self.value), self._orientation.applied, inf
+        return self._shown(self.value), self._orientation.applied, inf

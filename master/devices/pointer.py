@@ -11,7 +11,7 @@ from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.devices.hand_device import HandDevice
 from weberlink.master.devices.hand_options import HandOptions
 from weberlink.master.devices.operator import OperatorOptions, motion_of
-from weberlink.master.devices.target_link import PointerTarget, TargetSocket, TargetSource
+from weberlink.master.devices.target_link import POINTER, PointerTarget, TargetSocket, TargetSource, unpack
 
 HELD = 1
 """Bit of the button in a reading."""
@@ -106,7 +106,7 @@ class PointerDevice(HandDevice):
         super().__init__(self.NAME, options, self._intended, tick_period, self._turned)
         self.spec = replace(self.spec, buttons=1)
         self._pointer, self._silence = options, options.silence_ms * 1e-3
-        self._source = TargetSocket() if source is None else source
+        self._source = TargetSocket(POINTER, unpack) if source is None else source
         self._script = motion_of(options.script, options.home_m, options.repeat)[0]
         self._begin()
 

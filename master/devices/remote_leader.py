@@ -1,5 +1,6 @@
 """A leader arm without an arm: a program in another process, such as a policy, gives the angles."""
 
+from functools import partial
 from math import inf, pi
 from typing import Annotated, Any, ClassVar, Self
 
@@ -7,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from weberlink.arms.contract import ArmFault, ArmReading, ArmSpec
 from weberlink.geometry.joints import MOST_JOINTS, Joints, is_finite
-from weberlink.master.devices.target_link import LeaderTarget, TargetMemory, TargetSource
+from weberlink.master.devices.target_link import LEADER, LeaderTarget, TargetSocket, TargetSource, unpack_angles
 
 LEADS = 1
 """Bit of the button in a reading."""
@@ -108,7 +109,7 @@ class RemoteLeader:
     Args:
         options: of the driver.
         tick_period: [s].
-        source: of the targets; None for the shared memory of this process.
+        source: of the targets; None for the socket of this process.
     """
 
     COMPUTED: ClassVar[bool] = True
@@ -132,7 +133,9 @@ class RemoteLeader:
             watchdog_s=0.0,
         )
         self._home, self._silence = options.each("home_rad"), options.silence_ms * 1e-3
-        self._source = TargetMemory(options.axes) if source is None else source
+        self._source: TargetSource[LeaderTarget] = (
+            TargetSocket(LEADER, partial(unpack_angles, axes=options.axes)) if source is None else source
+        )
         self._motion = JointMotion(options.smooth_ms, options.speed_rad_s)
         self._target: Joints = self._home
         self._reading: ArmReading | None = None
@@ -143,7 +146,7 @@ class RemoteLeader:
         try:
             self._source.open()
         except OSError as error:
-            raise ArmFault(f"{self.spec.name}: its memory cannot be made: {error.strerror or error}") from None
+            raise ArmFault(f"{self.spec.name}: its socket cannot be opened: {error.strerror or error}") from None
         self._motion.place(self._home)
         self._target = self._home
         self._leads_until, self._has_led = -inf, False

@@ -1,10 +1,8 @@
-"""Targets from another process of the same user, for a device or an arm that a program leads.
+"""Targets from another process of the same user, for a device or an arm that a program leads: datagrams on AF_UNIX.
 
-The daemon of the master makes a file of mode 0600 in the runtime directory, which no other user can enter. For
-`pointer` it is an AF_UNIX socket: a datagram is complete in itself, so a lost one costs nothing once the next has
-arrived. For `remote_leader` it is shared memory with one target, a `weberlink.hardware.slot`, so one that is only
-partly written is recognised and read in the next tick. One process at a time leads an arm: it holds a lock on the file,
-which the kernel removes with the process.
+The daemon of the master opens the socket as a file of mode 0600 in the runtime directory, which no other user can
+enter. A datagram is complete in itself, so a lost one costs nothing once the next has arrived. One process at a time
+leads an arm: it holds a lock on a file beside the socket, which the kernel removes with the process.
 """
 
 import fcntl
@@ -12,56 +10,30 @@ import os
 import select
 import socket
 import stat
+from collections.abc import Callable
 from contextlib import suppress
 from math import isfinite, tau
-from mmap import MAP_SHARED, mmap
 from pathlib import Path
 from struct import Struct
 from struct import error as StructError  # noqa: N812 - as of an exception
-from tempfile import mkstemp
 from time import monotonic_ns
-from typing import NamedTuple, Protocol, Self, TypeVar
+from typing import Generic, NamedTuple, Protocol, Self, TypeVar
 
 from weberlink.geometry import joints
 from weberlink.geometry.joints import MOST_JOINTS, Joints
 from weberlink.geometry.vector import ZERO, Vector, is_finite, norm
-from weberlink.hardware.slot import Slot, size_of
-from weberlink.telemetry.runtime_directory import ForeignFileError, check, directories, directory, listening_socket
+from weberlink.telemetry.runtime_directory import check, directories, directory, listening_socket
 
-POINTER, LEADER = "pointer", "leader"
-
-Target_co = TypeVar("Target_co", covariant=True)
-
-
-class TargetSource(Protocol[Target_co]):
-    """Where a device or an arm gets its targets."""
-
-    def open(self) -> None:
-        """Begin; raises OSError if that is not possible."""
-
-    def newest(self) -> Target_co | None:
-        """The newest target that arrived since the last call; None if none did. Never waits, never raises."""
-
-    def close(self) -> None:
-        """End; may be repeated."""
-
-
-def link_path(pid: int, kind: str) -> Path:
-    """Where the daemon with this process id has its `POINTER` or `LEADER`: the file if it is there, else its place.
-
-    Raises:
-        RuntimeDirectoryError: there is no place for it.
-    """
-    name = f"weberlink-{pid}.{kind}"
-    found = (path for path in (folder / name for folder in directories()) if path.is_socket() or path.is_file())
-    return next(found, None) or directory() / name
-
-
-# --- datagrams
-
+POINTER, LEADER, LEADER_LOCK = KINDS = "pointer", "leader", "leader.lock"
+"""Of files, by what follows the name of the process."""
 LAYOUT = Struct("<4sQ?6d")
 """Mark, number, held, x, y, z [m], rotation vector [rad]."""
 MARK = b"WLP2"
+ANGLES_LAYOUT = Struct("<4sQ?")
+"""Mark, number, leads; the angles of all axes [rad] follow as doubles."""
+ANGLES_MARK = b"WLA2"
+LONGEST = ANGLES_LAYOUT.size + 8 * (MOST_JOINTS + 1)
+"""Bytes of a datagram."""
 MOST_A_TICK = 16
 """Datagrams that one call of `TargetSocket.newest` reads; the kernel's queue holds 10 by default."""
 
@@ -76,6 +48,14 @@ class PointerTarget(NamedTuple):
     held: bool
     number: int
     rotation: Vector = ZERO
+
+
+class LeaderTarget(NamedTuple):
+    """Angles of all axes [rad], and whether the process that sent them leads; the highest number is the newest."""
+
+    angles: Joints
+    leads: bool
+    number: int
 
 
 def pack(target: Vector, held: bool, number: int, rotation: Vector = ZERO) -> bytes:
@@ -105,24 +85,77 @@ def unpack(data: bytes) -> PointerTarget:
     return PointerTarget((x, y, z), held, number, rotation)
 
 
-class TargetSocket:
-    """The daemon's end: takes the newest of the targets that have arrived, and ignores all else."""
+def pack_angles(angles: Joints, leads: bool, number: int) -> bytes:
+    """The datagram of a target for an arm; raises ValueError for an angle that is not finite."""
+    if not joints.is_finite(angles):
+        raise ValueError(f"expected finite angles, not {angles}")
+    return ANGLES_LAYOUT.pack(ANGLES_MARK, number, leads) + Struct(f"<{len(angles)}d").pack(*angles)
 
-    def __init__(self) -> None:
+
+def unpack_angles(data: bytes, axes: int) -> LeaderTarget:
+    """The target of so many axes in a datagram; raises ValueError if it is none."""
+    if len(data) != ANGLES_LAYOUT.size + 8 * axes:
+        raise ValueError(f"a target of {axes} axes has {ANGLES_LAYOUT.size + 8 * axes} bytes, not {len(data)}")
+    mark, number, leads = ANGLES_LAYOUT.unpack_from(data)
+    angles: Joints = Struct(f"<{axes}d").unpack_from(data, ANGLES_LAYOUT.size)
+    if mark != ANGLES_MARK or not joints.is_finite(angles):
+        raise ValueError("not a target")
+    return LeaderTarget(angles, leads, number)
+
+
+def link_path(pid: int, kind: str) -> Path:
+    """Where the daemon with this process id has a kind of file: the file if it is there, else its place.
+
+    Raises:
+        RuntimeDirectoryError: there is no place for it.
+    """
+    name = f"weberlink-{pid}.{kind}"
+    found = (path for path in (folder / name for folder in directories()) if path.exists())
+    return next(found, None) or directory() / name
+
+
+Target = TypeVar("Target", PointerTarget, LeaderTarget)
+Target_co = TypeVar("Target_co", covariant=True)
+
+
+class TargetSource(Protocol[Target_co]):
+    """Where a device or an arm gets its targets."""
+
+    def open(self) -> None:
+        """Begin; raises OSError if that is not possible."""
+
+    def newest(self) -> Target_co | None:
+        """The newest target that arrived since the last call; None if none did. Never waits, never raises."""
+
+    def close(self) -> None:
+        """End; may be repeated."""
+
+
+class TargetSocket(Generic[Target]):
+    """The daemon's end: takes the newest of the targets that have arrived, and ignores all else.
+
+    Args:
+        kind: of its file.
+        decode: gives the target in a datagram, or raises ValueError.
+    """
+
+    def __init__(self, kind: str, decode: Callable[[bytes], Target]) -> None:
+        self._kind = kind
+        self._decode: Callable[[bytes], Target] = decode
         self._socket: socket.socket | None = None
         self._path = Path()
         self._number = -1
 
     def open(self) -> None:
         self.close()
-        self._path = directory() / f"weberlink-{os.getpid()}.{POINTER}"
+        self._path = directory() / f"weberlink-{os.getpid()}.{self._kind}"
         listener = listening_socket(self._path)
         self._socket, self._number = listener, -1
         waiting = select.poll()
         waiting.register(listener.fileno(), select.POLLIN)
         self._waiting = waiting.poll
 
-    def newest(self) -> PointerTarget | None:
+    def newest(self) -> Target | None:
         # To ask first costs a third of a read that finds nothing and raises an exception.
         if self._socket is None or not self._waiting(0):
             return None
@@ -130,7 +163,7 @@ class TargetSocket:
         with suppress(OSError):  # no more are there
             for _ in range(MOST_A_TICK):
                 with suppress(ValueError):  # ignored
-                    arrived = unpack(self._socket.recv(LAYOUT.size + 1))
+                    arrived = self._decode(self._socket.recv(LONGEST + 1))
                     if arrived.number > self._number:
                         newest, self._number = arrived, arrived.number
         return newest
@@ -140,18 +173,53 @@ class TargetSocket:
             self._socket.close()
             self._socket = None
             self._path.unlink(missing_ok=True)
+            self._path.with_name(f"{self._path.name}.lock").unlink(missing_ok=True)
 
 
-class PointerSender:
-    """The other end: sends targets to the daemon with a process id, which may begin later or end meanwhile.
+class _Sender:
+    """The other end. Its numbers are times, so those of a sender that replaces another one are newer."""
 
-    Its numbers are times, so those of a sender that replaces another one are newer.
-    """
+    def __init__(self, pid: int, kind: str) -> None:
+        self._pid, self._kind = pid, kind
+        self._socket: socket.socket | None = None
+        self._last = 0
+
+    def _number(self) -> int:
+        self._last = max(self._last + 1, monotonic_ns())
+        return self._last
+
+    def _connect(self) -> None:
+        """Raises FileNotFoundError, or another OSError, also for a file of another user in its place."""
+        path = link_path(self._pid, self._kind)
+        check(path, path.lstat(), stat.S_IFSOCK)
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+        self._socket.connect(str(path))
+
+    def _send(self, data: bytes) -> bool:
+        """Whether the daemon has it to read."""
+        try:
+            if self._socket is None:
+                self._connect()
+            assert self._socket is not None
+            self._socket.send(data)
+        except BlockingIOError:  # its queue is full
+            return False
+        except OSError:
+            self._disconnect()
+            return False
+        return True
+
+    def _disconnect(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+
+class PointerSender(_Sender):
+    """Sends targets to the daemon with a process id, which may begin later or end meanwhile."""
 
     def __init__(self, pid: int) -> None:
-        self._pid = pid
-        self._socket: socket.socket | None = None
-        self._number = 0
+        super().__init__(pid, POINTER)
 
     def send(self, target: Vector, held: bool, rotation: Vector = ZERO) -> bool:
         """Send a target [m], turned by a rotation vector [rad]; repeat it at least every 33 ms while it is held.
@@ -162,149 +230,67 @@ class PointerSender:
         Raises:
             ValueError: the target is not finite, or is turned by more than a turn.
         """
-        self._number = max(self._number + 1, monotonic_ns())
-        data = pack(target, held, self._number, rotation)
-        try:
-            if self._socket is None:
-                path = link_path(self._pid, POINTER)
-                check(path, path.lstat(), stat.S_IFSOCK)
-                self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
-                self._socket.connect(str(path))
-            self._socket.send(data)
-        except BlockingIOError:  # its queue is full
-            return False
-        except OSError:  # among them a file of another user in its place
-            self.close()
-            return False
-        return True
+        return self._send(pack(target, held, self._number(), rotation))
 
     def close(self) -> None:
         """Release the socket; may be repeated. Sends nothing: send `held` False before."""
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
-
-
-# --- shared memory
-
-MOST_AXES = MOST_JOINTS + 1
-HEADER = Struct("<4sI")
-"""Mark, number of axes."""
-MEMORY_MARK = b"WLA1"
-TARGET_AT = 8
-TARGET = Struct(f"<Q{MOST_AXES}d")
-"""1 while it leads, angles [rad]; unused ones are 0."""
-SIZE = TARGET_AT + size_of(TARGET)
-
-
-class LeaderTarget(NamedTuple):
-    """Angles of all axes [rad], and whether the process that wrote them leads."""
-
-    angles: Joints
-    leads: bool
+        self._disconnect()
 
 
 class TargetInUseError(RuntimeError):
     """Another process leads the arm."""
 
 
-class TargetMemory:
-    """The daemon's end, for a target of so many axes."""
-
-    def __init__(self, axes: int) -> None:
-        self._axes = axes
-        self._map: mmap | None = None
-        self._path = Path()
-
-    def open(self) -> None:
-        """Make the file, in place of one that a killed process left."""
-        self.close()
-        self._path = directory() / f"weberlink-{os.getpid()}.{LEADER}"
-        fd, draft = mkstemp(prefix=f"{self._path.name}.", dir=self._path.parent)
-        try:
-            os.posix_fallocate(fd, 0, SIZE)
-            mapping = mmap(fd, SIZE, flags=MAP_SHARED)
-            mapping[: HEADER.size] = HEADER.pack(MEMORY_MARK, self._axes)
-            Path(draft).replace(self._path)
-        except BaseException:
-            Path(draft).unlink()
-            raise
-        finally:
-            os.close(fd)
-        self._map, self._slot = mapping, Slot(mapping, TARGET_AT, TARGET)
-
-    def newest(self) -> LeaderTarget | None:
-        values = None if self._map is None else self._slot.newest()
-        if values is None:
-            return None
-        leads, *angles = values
-        target = tuple(angles[: self._axes])
-        return LeaderTarget(target, bool(leads)) if joints.is_finite(target) else None
-
-    def close(self) -> None:
-        if self._map is not None:
-            self._map.close()
-            self._map = None
-            self._path.unlink(missing_ok=True)
-
-
-class TargetWriter:
-    """The other end: leads the arm of the daemon with a process id, alone, until it is closed.
+class LeaderSender(_Sender):
+    """Leads the arm of the daemon with a process id, alone, until it is closed.
 
     Raises:
         FileNotFoundError: there is no such daemon, or its arm is no `remote_leader`.
         TargetInUseError: another process leads it.
-        ForeignFileError: the file is another user's, or is no target.
-        OSError: the file cannot be opened.
+        OSError: the socket cannot be used, or is another user's.
     """
 
     def __init__(self, pid: int) -> None:
-        path = link_path(pid, LEADER)
-        self._fd = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        super().__init__(pid, LEADER)
         try:
-            self._map = self._mapped(path)
-        except BaseException:
-            os.close(self._fd)
+            self._connect()
+            self._lock = self._locked(link_path(pid, LEADER_LOCK))
+        except BaseException as error:
+            self._disconnect()
+            if isinstance(error, ConnectionRefusedError):  # the daemon was killed
+                raise FileNotFoundError(f"no daemon with process id {pid} has a remote leader") from None
             raise
-        self.axes: int = HEADER.unpack_from(self._map)[1]
-        self._slot = Slot(self._map, TARGET_AT, TARGET)
         self._angles: Joints | None = None
-        self._closed = False
 
-    def _mapped(self, path: Path) -> mmap:
-        status = os.fstat(self._fd)
-        check(path, status, stat.S_IFREG)
-        if status.st_size != SIZE or os.pread(self._fd, len(MEMORY_MARK), 0) != MEMORY_MARK:
-            raise ForeignFileError(f"{path} is not the target of a remote leader of this release")
+    @staticmethod
+    def _locked(path: Path) -> int:
+        lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
         try:
-            fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
+            os.close(lock)
             raise TargetInUseError(f"another process leads this arm already ({path}); end it first") from None
-        return mmap(self._fd, SIZE, flags=MAP_SHARED)
+        return lock
 
-    def write(self, angles: Joints) -> None:
-        """Lead to these angles of all axes [rad]. Repeat it, at 30 Hz for example: a writer that is silent has let go.
+    def send(self, angles: Joints) -> None:
+        """Lead to these angles of all axes [rad]. Repeat it, at 30 Hz for example: a sender that is silent has let go.
 
         Raises:
-            ValueError: an angle is not finite, or there are more or fewer than axes.
+            ValueError: an angle is not finite.
         """
-        if len(angles) != self.axes or not joints.is_finite(angles):
-            raise ValueError(f"expected {self.axes} finite angles, not {angles}")
+        data = pack_angles(angles, True, self._number())
         self._angles = angles
-        self._put(angles, leads=True)
+        if self._socket is not None:  # else the daemon has ended; one that follows it is another's to lead
+            self._send(data)
 
     def close(self) -> None:
         """Let go, and let another process lead; may be repeated."""
-        if self._closed:
-            return
-        self._closed = True
-        if self._angles is not None:
-            self._put(self._angles, leads=False)
-        self._map.close()
-        os.close(self._fd)
-
-    def _put(self, angles: Joints, *, leads: bool) -> None:
-        self._slot.write(leads, *angles, *(0.0,) * (MOST_AXES - len(angles)))
+        if self._socket is not None and self._angles is not None:
+            self._send(pack_angles(self._angles, False, self._number()))
+        self._disconnect()
+        if self._lock >= 0:
+            os.close(self._lock)
+            self._lock = -1
 
     def __enter__(self) -> Self:
         return self

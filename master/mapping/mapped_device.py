@@ -6,6 +6,7 @@ not depend on the map.
 
 from dataclasses import replace
 from math import cos, radians, sin
+from typing import NamedTuple
 
 from weberlink.geometry.rotation import IDENTITY, Quaternion, inverse, product
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, scale, subtract, within
@@ -56,11 +57,7 @@ class FrameMap:
         return scale(_times(self._columns, robot), 1.0 / self.motion_scale)
 
     def force(self, robot: Vector) -> Vector:
-        """Force on the hand [N] for a force on the robot [N]."""
-        return scale(_times(self._columns, robot), self.force_scale)
-
-    def torque(self, robot: Vector) -> Vector:
-        """Torque on the hand [N m] for a torque on the robot's tool about its tip [N m]."""
+        """Force on the hand [N] for a force on the robot [N]; torque on it [N m] for a torque about the tool's tip."""
         return scale(_times(self._columns, robot), self.force_scale)
 
     def orientation(self, device: Quaternion) -> Quaternion:
@@ -103,7 +100,7 @@ def _times(rows: tuple[Vector, Vector, Vector], v: Vector) -> Vector:
     )
 
 
-class Walls:
+class Walls(NamedTuple):
     """A box in the robot's frame: sent positions stay inside, and a hand beyond it is pushed back.
 
     Args:
@@ -111,32 +108,17 @@ class Walls:
         stiffness: of the wall, felt by the hand [N/m].
     """
 
-    __slots__ = ("_high", "_low", "_stiffness")
-
-    def __init__(self, box: Box, stiffness: float) -> None:
-        self._low, self._high = box
-        self._stiffness = stiffness
-
-    @property
-    def box(self) -> Box:
-        return self._low, self._high
+    box: Box
+    stiffness: float
 
     def inside(self, position: Vector) -> Vector:
         """The position, or the point of the box that is nearest to it [m]."""
-        low, high = self._low, self._high
+        low, high = self.box
         return (
             min(max(position[0], low[0]), high[0]),
             min(max(position[1], low[1]), high[1]),
             min(max(position[2], low[2]), high[2]),
         )
-
-    def force(self, way: Vector) -> Vector:
-        """Force on the hand [N] at a displacement [m, device frame] beyond the wall."""
-        return scale(way, -self._stiffness)
-
-    def beyond(self, position: Vector) -> Vector:
-        """How far a position is outside [m]."""
-        return subtract(position, self.inside(position))
 
 
 class Clutch:
@@ -266,8 +248,9 @@ class MappedDevice:
         if clutch is not None:
             position = clutch.pass_through(position, reading.buttons, None if last is None else last.position)
         if self._walls is not None and is_finite(position):
-            self._beyond = self._frame.way(self._walls.beyond(position))
-            position = self._walls.inside(position)
+            inside = self._walls.inside(position)
+            self._beyond = self._frame.way(subtract(position, inside))
+            position = inside
         orientation = None
         if reading.orientation is not None:
             orientation = self._frame.orientation(reading.orientation)
@@ -289,14 +272,14 @@ class MappedDevice:
         on_hand = scale(self._frame.force(force), self._gain)
         if self._walls is not None:
             self._wall_gain = min(1.0, self._wall_gain + share)
-            on_hand = add(on_hand, scale(self._walls.force(self._beyond), self._wall_gain))
+            on_hand = add(on_hand, scale(self._beyond, -self._walls.stiffness * self._wall_gain))
         self._device.command(within(on_hand, self._limit), now)
 
     def turn(self, torque: Vector, now: float) -> None:
         """Fades with the clutch like the force of the last `command`; no effect on a device without torque."""
         check_finite(self.spec.name, "torque", torque)
         if self._turns is not None:
-            self._turns.turn(scale(self._frame.torque(torque), self._gain), now)
+            self._turns.turn(scale(self._frame.force(torque), self._gain), now)
 
     def close(self) -> None:
         self._device.close()

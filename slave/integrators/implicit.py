@@ -5,8 +5,9 @@ from math import inf, sqrt
 
 from weberlink.geometry.vector import ZERO, Vector, add, dot, scale, subtract
 from weberlink.slave.integrators.contract import ControlledMass, MassState
-from weberlink.slave.integrators.problem import MassInContact, Stage, by_normals, contact_force, pushes
+from weberlink.slave.integrators.problem import MassInContact, Stage, contact_force, pushes
 from weberlink.slave.scenes.contact import Touch
+from weberlink.slave.scenes.proxy import multipliers
 from weberlink.slave.scenes.scene import Scene, SceneState
 
 GAMMA = 1.0 - 1.0 / sqrt(2.0)
@@ -199,6 +200,7 @@ class ContactResistance:
         grip = self._grip
         return (fx - grip * x, fy - grip * y, fz - grip * z)
 
-    def _shares(self, vector: Vector) -> list[float] | None:
-        """The components of `vector` along the normals."""
-        return by_normals(self._touches, [dot(touch.normal, vector) for touch in self._touches])
+    def _shares(self, vector: Vector) -> Sequence[float] | None:
+        """The components of `vector` along the normals; None without any, and where they are dependent."""
+        normals = [touch.normal for touch in self._touches]
+        return multipliers([dot(n, vector) for n in normals], normals)

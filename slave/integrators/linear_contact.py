@@ -13,7 +13,7 @@ from typing import NamedTuple
 from weberlink.geometry.vector import ZERO, Vector, add, dot, scale, subtract
 from weberlink.slave.integrators.oscillation import Oscillation
 from weberlink.slave.integrators.problem import MassInContact
-from weberlink.slave.scenes.proxy import PARALLEL, SOLVERS, smallest_push
+from weberlink.slave.scenes.proxy import PARALLEL, multipliers, smallest_push
 from weberlink.slave.scenes.scene import FARTHEST, NOTHING, Facing
 
 UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -140,15 +140,12 @@ class LinearContact:
 
     def _face(self, active: list[int]) -> Face | None:
         """The coordinates while `active` hold the probe; None if more than three do or their normals are dependent."""
-        if len(active) > len(SOLVERS):
-            return None
         normals = [self._normals[i] for i in active]
         duals: list[Vector] = []
         offsets: list[float] = []
         if active:
-            solve = SOLVERS[len(active) - 1]
-            x, y, z = [solve([dot(n, unit) for n in normals], normals) for unit in UNITS]
-            solved = solve([self._offsets[i] for i in active], normals)
+            x, y, z = [multipliers([dot(n, unit) for n in normals], normals) for unit in UNITS]
+            solved = multipliers([self._offsets[i] for i in active], normals)
             if x is None or y is None or z is None or solved is None:
                 return None
             duals, offsets = list(zip(x, y, z, strict=True)), list(solved)

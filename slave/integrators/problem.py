@@ -15,7 +15,7 @@ from weberlink.geometry.vector import ZERO, Vector, dot, scale, subtract
 from weberlink.slave.integrators.contract import ControlledMass, MassState
 from weberlink.slave.integrators.oscillation import Oscillation
 from weberlink.slave.scenes.contact import Touch
-from weberlink.slave.scenes.proxy import SOLVERS
+from weberlink.slave.scenes.proxy import multipliers
 from weberlink.slave.scenes.scene import Scene, SceneState
 
 ROUNDING = 1e-12
@@ -120,16 +120,8 @@ def pushes(touches: Sequence[Touch], velocity: Vector) -> list[float]:
     """k depth + b d(depth)/dt of each touch [N]; a touch below 0 does not push."""
     rates = [-dot(touch.normal, velocity) for touch in touches]
     if len(touches) > 1:
-        rates = by_normals(touches, rates) or rates
+        rates = list(multipliers(rates, [touch.normal for touch in touches]) or rates)
     return [touch.stiffness * touch.depth + touch.damping * rate for touch, rate in zip(touches, rates, strict=True)]
-
-
-def by_normals(touches: Sequence[Touch], products: Sequence[float]) -> list[float] | None:
-    """The s_i with n_j . (sum s_i n_i) = `products`; None where the normals are linearly dependent."""
-    if not 0 < len(touches) <= len(SOLVERS):
-        return None
-    solved = SOLVERS[len(touches) - 1](products, [touch.normal for touch in touches])
-    return None if solved is None else list(solved)
 
 
 def stored_energy(touches: Sequence[Touch], push: float) -> float:

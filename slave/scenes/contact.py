@@ -124,12 +124,14 @@ class ObjectContact:
     turned back): a pause between two position updates must not bring back the higher static limit.
     """
 
-    __slots__ = ("_anchor", "_cone", "_damping", "_depth", "_sliding", "_stiffness", "has_memory")
+    __slots__ = ("_anchor", "_cone", "_damping", "_depth", "_sliding", "_stiffness", "has_memory", "offset")
 
     def __init__(self, thing: SceneObject) -> None:
         self._depth = 0.0
         self._anchor: Vector | None = None
         self._sliding = False
+        self.offset: Vector = ZERO
+        """Displacement of the object [m]: the anchor moves with it."""
         self.become(thing)
 
     def become(self, thing: SceneObject) -> None:
@@ -174,10 +176,11 @@ class ObjectContact:
 
     def _drag(self, cone: FrictionCone, depth: float, normal: Vector, proxy: Vector) -> Vector:
         """k (anchor - proxy) along the surface, after the anchor has been dragged along as far as necessary."""
+        px, py, pz = proxy[0] - self.offset[0], proxy[1] - self.offset[1], proxy[2] - self.offset[2]
         if self._anchor is None:
-            self._anchor = proxy
+            self._anchor = (px, py, pz)
             return ZERO
-        (ax, ay, az), (px, py, pz), n, k = self._anchor, proxy, normal, self._stiffness
+        (ax, ay, az), n, k = self._anchor, normal, self._stiffness
         x, y, z = ax - px, ay - py, az - pz
         out = x * n[0] + y * n[1] + z * n[2]
         x, y, z = x - n[0] * out, y - n[1] * out, z - n[2] * out

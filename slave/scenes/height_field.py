@@ -4,18 +4,13 @@ from collections.abc import Sequence
 from itertools import pairwise
 from math import cos, floor, hypot, isfinite, pi, sqrt
 from pathlib import Path
-from typing import Literal, Self, TypeVar
+from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
 from weberlink.geometry.vector import Vector
 from weberlink.slave.scenes.shape import SceneModel, SceneShapeSettings, Shape, Tangent
 from weberlink.slave.scenes.solids import CarvedShape, PlaneShape
-
-T = TypeVar("T")
-
-Grid = Sequence[Sequence[float]]
-"""Heights [m]: rows run along y, columns along x."""
 
 WAVE_SAMPLES = 16
 
@@ -27,7 +22,7 @@ class HeightFieldShape:
     exact at the surface, and corrected by the iteration of the proxy elsewhere.
 
     Args:
-        heights: Grid of at least 2 x 2 finite samples [m], relative to the z of `origin`.
+        heights: At least 2 x 2 finite samples [m], relative to the z of `origin`; rows run along y, columns along x.
         spacing: Distance between neighbouring samples [m], above 0.
         origin: Scene position of the sample in the first row and column.
     """
@@ -36,13 +31,20 @@ class HeightFieldShape:
 
     flat = False
 
-    def __init__(self, heights: Grid, spacing: float, origin: Vector) -> None:
+    def __init__(self, heights: Sequence[Sequence[float]], spacing: float, origin: Vector) -> None:
         rows = [tuple(map(float, row)) for row in heights]
         self._shape = (len(rows), len(rows[0]))
-        self._rows = [padded(row) for row in padded(rows)]
+        # Three more copies of the first and of the last sample: `_surface` needs no test for the border.
+        wide = [[row[0]] * 3 + list(row) + [row[-1]] * 3 for row in rows]
+        self._rows = [wide[0]] * 3 + wide + [wide[-1]] * 3
         self._origin = origin
         self._scale = 1.0 / spacing
-        self._safety = 1.0 / sqrt(1.0 + steepest_slope(rows, spacing) ** 2)
+        # A Catmull-Rom derivative is a sum of three neighbouring differences whose weights add up to at most 1.5 in
+        # absolute value, and interpolating across adds at most a factor 1.25.
+        along_x = max(abs(b - a) for row in rows for a, b in pairwise(row))
+        along_y = max(abs(b - a) for low, high in pairwise(rows) for a, b in zip(low, high, strict=True))
+        steepest = 1.5 * 1.25 * hypot(along_x, along_y) / spacing
+        self._safety = 1.0 / sqrt(1.0 + steepest**2)
 
     def clearance(self, point: Vector) -> float:
         above = point[2] - self._surface(point)[0]
@@ -60,26 +62,20 @@ class HeightFieldShape:
         u = min(max((point[0] - origin[0]) * scale, -2.0), columns + 1.0)
         v = min(max((point[1] - origin[1]) * scale, -2.0), rows + 1.0)
         i, j = min(floor(u), columns), min(floor(v), rows)
-        a0, a1, a2, a3, da0, da1, da2, da3 = cubic_weights(u - i)
-        b0, b1, b2, b3, db0, db1, db2, db3 = cubic_weights(v - j)
-        p, q, r, s = self._rows[j + 2 : j + 6]
+        a, b, c, d, da, db, dc, dd = cubic_weights(v - j)
+        e, f, g, h, de, df, dg, dh = cubic_weights(u - i)
         i += 2
+        p, q, r, s = self._rows[j + 2 : j + 6]
         p0, p1, p2, p3 = p[i : i + 4]
         q0, q1, q2, q3 = q[i : i + 4]
         r0, r1, r2, r3 = r[i : i + 4]
         s0, s1, s2, s3 = s[i : i + 4]
-        c0 = b0 * p0 + b1 * q0 + b2 * r0 + b3 * s0
-        c1 = b0 * p1 + b1 * q1 + b2 * r1 + b3 * s1
-        c2 = b0 * p2 + b1 * q2 + b2 * r2 + b3 * s2
-        c3 = b0 * p3 + b1 * q3 + b2 * r3 + b3 * s3
-        slope_y = (
-            a0 * (db0 * p0 + db1 * q0 + db2 * r0 + db3 * s0)
-            + a1 * (db0 * p1 + db1 * q1 + db2 * r1 + db3 * s1)
-            + a2 * (db0 * p2 + db1 * q2 + db2 * r2 + db3 * s2)
-            + a3 * (db0 * p3 + db1 * q3 + db2 * r3 + db3 * s3)
-        )
-        height = a0 * c0 + a1 * c1 + a2 * c2 + a3 * c3
-        slope_x = da0 * c0 + da1 * c1 + da2 * c2 + da3 * c3
+        h0, slope0 = a * p0 + b * q0 + c * r0 + d * s0, da * p0 + db * q0 + dc * r0 + dd * s0
+        h1, slope1 = a * p1 + b * q1 + c * r1 + d * s1, da * p1 + db * q1 + dc * r1 + dd * s1
+        h2, slope2 = a * p2 + b * q2 + c * r2 + d * s2, da * p2 + db * q2 + dc * r2 + dd * s2
+        h3, slope3 = a * p3 + b * q3 + c * r3 + d * s3, da * p3 + db * q3 + dc * r3 + dd * s3
+        height, slope_y = e * h0 + f * h1 + g * h2 + h * h3, e * slope0 + f * slope1 + g * slope2 + h * slope3
+        slope_x = de * h0 + df * h1 + dg * h2 + dh * h3
         return origin[2] + height, slope_x * scale, slope_y * scale
 
 
@@ -97,22 +93,6 @@ def cubic_weights(t: float) -> tuple[float, float, float, float, float, float, f
         -4.5 * s + 4.0 * t + 0.5,
         1.5 * s - t,
     )
-
-
-def padded(row: Sequence[T]) -> list[T]:
-    """Three more copies of the first and of the last sample, so that `_surface` needs no test for the border."""
-    return [row[0]] * 3 + list(row) + [row[-1]] * 3
-
-
-def steepest_slope(rows: Grid, spacing: float) -> float:
-    """Upper bound of |grad h|.
-
-    The Catmull-Rom derivative is a sum of three neighbouring differences whose weights add up to at most 1.5 in
-    absolute value, and interpolating across adds at most a factor 1.25.
-    """
-    along_x = max(abs(b - a) for row in rows for a, b in pairwise(row))
-    along_y = max(abs(b - a) for low, high in pairwise(rows) for a, b in zip(low, high, strict=True))
-    return 1.5 * 1.25 * hypot(along_x, along_y) / spacing
 
 
 def bumps(amplitude: float, wavelength: float, size: float) -> tuple[list[list[float]], float]:

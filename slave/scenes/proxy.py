@@ -34,12 +34,12 @@ def smallest_push(violations: Sequence[float], normals: Sequence[Vector]) -> tup
     if not order or violations[order[0]] <= 0.0:
         return ()
     slack = 1e-12 + 1e-9 * violations[order[0]]
-    for size, solve in enumerate(SOLVERS, start=1):
+    for size in (1, 2, 3):
         for active in combinations(order, size):
-            multipliers = solve([violations[i] for i in active], [normals[i] for i in active])
-            if multipliers is None or min(multipliers) < 0.0:
+            found = multipliers([violations[i] for i in active], [normals[i] for i in active])
+            if found is None or min(found) < 0.0:
                 continue
-            pushes = tuple(zip(active, multipliers, strict=True))
+            pushes = tuple(zip(active, found, strict=True))
             x, y, z = displacement(pushes, normals)
             constraints = ((normals[i], violations[i] - slack) for i in order)
             if all(n[0] * x + n[1] * y + n[2] * z >= least for n, least in constraints):
@@ -55,34 +55,27 @@ def displacement(pushes: Sequence[Push], normals: Sequence[Vector]) -> Vector:
     return (x, y, z)
 
 
-def single(v: Sequence[float], _: Sequence[Vector]) -> tuple[float, ...] | None:
-    return (v[0],)
-
-
-def pair(v: Sequence[float], n: Sequence[Vector]) -> tuple[float, ...] | None:
-    """G lambda = v with the Gram matrix G of two normals; None where they are parallel."""
-    g = dot(n[0], n[1])
-    determinant = 1.0 - g * g
-    if determinant < PARALLEL:
+def multipliers(v: Sequence[float], n: Sequence[Vector]) -> tuple[float, ...] | None:
+    """G lambda = v with the Gram matrix G of up to three normals; None where they are dependent, and for more."""
+    if len(n) == 1:
+        return (v[0],)
+    if len(n) == 2:
+        g = dot(n[0], n[1])
+        determinant = 1.0 - g * g
+        if determinant < PARALLEL:
+            return None
+        return ((v[0] - g * v[1]) / determinant, (v[1] - g * v[0]) / determinant)
+    if len(n) != 3:
         return None
-    return ((v[0] - g * v[1]) / determinant, (v[1] - g * v[0]) / determinant)
-
-
-def triple(v: Sequence[float], n: Sequence[Vector]) -> tuple[float, ...] | None:
-    """G lambda = v for three normals by Cramer's rule; None where they do not span space."""
     a, b, c = dot(n[0], n[1]), dot(n[0], n[2]), dot(n[1], n[2])
     determinant = 1.0 + 2.0 * a * b * c - a * a - b * b - c * c
     if determinant < PARALLEL:
         return None
-    return (
+    return (  # by Cramer's rule
         ((1.0 - c * c) * v[0] + (b * c - a) * v[1] + (a * c - b) * v[2]) / determinant,
         ((b * c - a) * v[0] + (1.0 - b * b) * v[1] + (a * b - c) * v[2]) / determinant,
         ((a * c - b) * v[0] + (a * b - c) * v[1] + (1.0 - a * a) * v[2]) / determinant,
     )
-
-
-SOLVERS = (single, pair, triple)
-"""Each solves for one more constraint than the one before."""
 
 
 ShapePress = tuple[int, float, Vector]

@@ -1,11 +1,12 @@
 """All objects that the probe can touch, and the force that it feels."""
 
 from collections.abc import Sequence
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
-from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
-from weberlink.slave.scenes.contact import ContactState, ObjectContact, SceneObject, Touch
-from weberlink.slave.scenes.proxy import Proxy, ShapePress
+from weberlink.geometry.vector import ZERO, Vector, add, distance, interpolate, is_finite, norm, subtract
+from weberlink.slave.scenes.contact import ContactState, ObjectContact, SceneObject, Sway, Touch
+from weberlink.slave.scenes.proxy import Proxy, ShapePress, traced
+from weberlink.slave.scenes.shape import Shape, Tangent
 
 NOTHING: frozenset[int] = frozenset()
 FARTHEST = 1e12  # [m] beyond it squares of distances are too coarse for a contact
@@ -30,44 +31,60 @@ class SceneState(NamedTuple):
     time: float = 0.0
 
 
+class DisplacedShape:
+    """`shape` displaced by `offset` [m], which may change."""
+
+    __slots__ = ("_shape", "flat", "offset")
+
+    def __init__(self, shape: Shape) -> None:
+        self._shape = shape
+        self.flat = shape.flat
+        self.offset: Vector = ZERO
+
+    def clearance(self, point: Vector) -> float:
+        return self._shape.clearance(subtract(point, self.offset))
+
+    def linearise(self, point: Vector) -> tuple[Tangent, ...]:
+        return self._shape.linearise(subtract(point, self.offset))
+
+
 class Scene:
     """The union of `objects`; without objects, free space.
 
     Never raises and never returns a non-finite force. A position that is not finite, or 1e12 m away, leaves the contact
     as it was, gives zero force and is counted in `rejected`.
+
+    Friction and damping act relative to the surface of an object that moves, so friction drags the probe along and a
+    damper resists the speed at which surface and probe approach. The motion is prescribed: the probe cannot hold an
+    object up, and the motor of the object supplies the energy. Its time is the sum of the `dt` of `force`, from 0 at
+    the start and after `reset`. `touch` and `facing` are those of the present moment and do not include the velocity of
+    a surface, so no integrator takes a scene that `moves`.
     """
 
-    __slots__ = (
-        "_contacts",
-        "_proxy",
-        "_remembering",
-        "_touched",
-        "closed_form",
-        "damping_n_s_m",
-        "flat",
-        "objects",
-        "penetration_depth",
-        "rejected",
-        "rubs",
-        "stiffness_n_m",
-    )
-
-    moves: ClassVar[bool] = False
-    """Whether any object moves by itself."""
-
-    def __init__(self, objects: Sequence[SceneObject], contacts: Sequence[ObjectContact] | None = None) -> None:
-        self._describe(objects)
-        self._contacts = contacts or [ObjectContact(thing) for thing in objects]
+    def __init__(self, objects: Sequence[SceneObject]) -> None:
+        self.objects = tuple(objects)
+        self._contacts = [ObjectContact(thing) for thing in objects]
         self._remembering = [contact for contact in self._contacts if contact.has_memory]
-        self._proxy = Proxy([thing.shape for thing in objects])
+        self._movers: list[tuple[Sway, DisplacedShape, ObjectContact]] = []
+        shapes = [thing.shape for thing in objects]
+        for index, thing in enumerate(objects):
+            if thing.motion is not None:
+                shapes[index] = moving = DisplacedShape(thing.shape)
+                self._movers.append((thing.motion, moving, self._contacts[index]))
+        self.moves = bool(self._movers)
+        """Whether any object moves by itself."""
+        self._shapes = shapes
+        self._proxy = Proxy(shapes)
         self._touched: frozenset[int] = NOTHING
+        self._describe()
+        self._place(0.0)
         self.penetration_depth = 0.0
         """Distance [m] between probe and proxy at the last call."""
         self.rejected = 0
         """Positions that were not usable, since the start."""
 
-    def _describe(self, objects: Sequence[SceneObject]) -> None:
-        self.objects = tuple(objects)
+    def _describe(self) -> None:
+        objects = self.objects
         self.flat = all(thing.shape.flat for thing in objects)
         """Whether every object is a half-space, so that `facing` is the same from anywhere."""
         self.rubs = any(thing.friction is not None and thing.friction.static > 0.0 for thing in objects)
@@ -81,7 +98,8 @@ class Scene:
 
     def soften(self, most: float) -> None:
         """Give every object a stiffness of at most `most` [N/m]; its damping falls in proportion."""
-        self._describe([thing.softened(most) for thing in self.objects])
+        self.objects = tuple([thing.softened(most) for thing in self.objects])
+        self._describe()
         for contact, thing in zip(self._contacts, self.objects, strict=True):
             contact.become(thing)
 
@@ -105,6 +123,8 @@ class Scene:
         Returns:
             Force on the probe [N], scene frame.
         """
+        if self._movers and 0.0 < dt < FARTHEST:  # a time without significant digits moves nothing
+            self._advance(dt)
         x = y = z = 0.0
         proxy, presses = self._follow(position)
         for index, depth, normal in presses:
@@ -133,21 +153,23 @@ class Scene:
         """Tangent planes of every object, seen from `point` [m]; changes no state."""
         return [
             Facing(gap, normal, thing.stiffness_n_m, thing.damping_n_s_m or 0.0)
-            for thing in self.objects
-            for gap, normal in thing.shape.linearise(point)
+            for thing, shape in zip(self.objects, self._shapes, strict=True)
+            for gap, normal in shape.linearise(point)
         ]
 
     @property
     def state(self) -> SceneState:
         """For `restore`; only contacts with a memory are read."""
         contacts = tuple([contact.state for contact in self._remembering])
-        return SceneState(self._proxy.at, self._touched, contacts, self.penetration_depth)
+        return SceneState(self._proxy.at, self._touched, contacts, self.penetration_depth, self._time)
 
     def restore(self, state: SceneState) -> None:
         """Go back to where `state` was read. The counter `rejected` stays."""
-        self._proxy.at, self._touched, contacts, self.penetration_depth, _ = state
+        self._proxy.at, self._touched, contacts, self.penetration_depth, time = state
         for contact, remembered in zip(self._remembering, contacts, strict=True):
             contact.restore(remembered)
+        if self._movers:
+            self._place(time)
 
     def forget_friction(self) -> None:
         """Start friction anew at the next position; the proxy stays."""
@@ -158,6 +180,31 @@ class Scene:
         self._proxy.at = None
         self._hold(NOTHING)
         self.penetration_depth = 0.0
+        self._place(0.0)
+
+    def _place(self, time: float) -> None:
+        self._time = time
+        for sway, shape, contact in self._movers:
+            shape.offset = contact.offset = sway.at(time)
+
+    def _advance(self, dt: float) -> None:
+        """Move the objects one after another, and with each the proxy if it lies on it or in its way.
+
+        The surface pushes the proxy along from where it first meets it. In the frame of the shape the proxy travels the
+        opposite way. That path is traced, so that no thin object passes through the proxy between two ticks.
+        """
+        self._time += dt
+        for sway, shape, contact in self._movers:
+            before = shape.offset
+            shape.offset = contact.offset = sway.at(self._time)
+            moved, proxy = subtract(shape.offset, before), self._proxy.at
+            length = norm(moved)
+            if proxy is None or length == 0.0:
+                continue
+            start = add(proxy, moved)
+            free = traced(shape, start, proxy, length)
+            if free is not None:
+                self._proxy.at = interpolate(start, proxy, free / length)
 
     def _follow(self, position: Vector) -> tuple[Vector, Sequence[ShapePress]]:
         """Move the proxy; release objects that are no longer touched."""

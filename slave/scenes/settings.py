@@ -62,10 +62,6 @@ def carvable(name: str) -> type[CarvableSettings]:
     return settings
 
 
-class CutSettings(CarvableSettings):
-    """A shape that is cut out of another one."""
-
-
 class ObjectSettings(SceneShapeSettings):
     """The properties of an object's surface. What is not given is not computed."""
 
@@ -73,7 +69,7 @@ class ObjectSettings(SceneShapeSettings):
     friction: FrictionCone | None = None
     damping_n_s_m: float | None = Field(default=None, ge=0.0, le=1e6, description="along the normal; never pulls")
     motion: Sway | None = None
-    carve: tuple[Annotated[CutSettings, ByShape(carvable)], ...] = Field(
+    carve: tuple[Annotated[CarvableSettings, ByShape(carvable)], ...] = Field(
         default=(), description="shapes cut out of this one"
     )
 
@@ -108,9 +104,4 @@ def build(objects: Sequence[ObjectSettings]) -> Scene:
     Raises:
         ValueError: A height field file is missing, not numeric or not rectangular.
     """
-    things = [settings.thing() for settings in objects]
-    if all(thing.motion is None for thing in things):
-        return Scene(things)
-    from weberlink.slave.scenes.moving import MovingScene  # noqa: PLC0415 - where something moves
-
-    return MovingScene(things)
+    return Scene([settings.thing() for settings in objects])

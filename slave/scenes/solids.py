@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from math import copysign, cos, radians, sin, sqrt
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from weberlink.geometry.vector import Vector, dot, norm, scale
 from weberlink.slave.scenes.shape import CarvableSettings, Shape, Tangent, UnitVector
@@ -22,12 +22,12 @@ class PlaneShape:
         self._offset = dot(self._normal, point)
 
     def clearance(self, point: Vector) -> float:
-        normal = self._normal
-        return normal[0] * point[0] + normal[1] * point[1] + normal[2] * point[2] - self._offset
+        n = self._normal
+        return n[0] * point[0] + n[1] * point[1] + n[2] * point[2] - self._offset
 
     def linearise(self, point: Vector) -> tuple[Tangent, ...]:
-        normal = self._normal
-        return ((normal[0] * point[0] + normal[1] * point[1] + normal[2] * point[2] - self._offset, normal),)
+        n = self._normal
+        return ((n[0] * point[0] + n[1] * point[1] + n[2] * point[2] - self._offset, n),)
 
 
 class SphereShape:
@@ -138,7 +138,7 @@ class CarvedShape:
 
 
 class TurnedShape:
-    """`shape` turned about `pivot` by roll, pitch, yaw [rad], R = Rz(yaw) Ry(pitch) Rx(roll), scene axes."""
+    """`shape` turned about `pivot` by roll, pitch, yaw [deg], R = Rz(yaw) Ry(pitch) Rx(roll), scene axes."""
 
     __slots__ = ("_pivot", "_rows", "_shape", "flat")
 
@@ -146,7 +146,8 @@ class TurnedShape:
         self._shape = shape
         self._pivot = pivot
         self.flat = shape.flat
-        (sr, sp, sy), (cr, cp, cy) = [tuple(map(function, roll_pitch_yaw)) for function in (sin, cos)]
+        roll, pitch, yaw = map(radians, roll_pitch_yaw)
+        sr, sp, sy, cr, cp, cy = sin(roll), sin(pitch), sin(yaw), cos(roll), cos(pitch), cos(yaw)
         self._rows: tuple[Vector, Vector, Vector] = (
             (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
             (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
@@ -159,15 +160,7 @@ class TurnedShape:
     def linearise(self, point: Vector) -> tuple[Tangent, ...]:
         a, b, c = self._rows
         return tuple(
-            (
-                distance,
-                (
-                    a[0] * n[0] + a[1] * n[1] + a[2] * n[2],
-                    b[0] * n[0] + b[1] * n[1] + b[2] * n[2],
-                    c[0] * n[0] + c[1] * n[1] + c[2] * n[2],
-                ),
-            )
-            for distance, n in self._shape.linearise(self._to_shape(point))
+            [(gap, (dot(a, n), dot(b, n), dot(c, n))) for gap, n in self._shape.linearise(self._to_shape(point))]
         )
 
     def _to_shape(self, point: Vector) -> Vector:
@@ -209,15 +202,7 @@ class SphereSettings(CarvableSettings):
         return SphereShape(self.center_m, self.radius_m, inside=True)
 
 
-def edges(size: Vector) -> Vector:
-    if not min(size) > 0.0:
-        raise ValueError("expected three edges longer than 0 m")
-    return size
-
-
-RollPitchYaw = Annotated[
-    Vector, Field(description="roll, pitch, yaw [deg] about the centre: R = Rz(yaw) Ry(pitch) Rx(roll)")
-]
+Edge = Annotated[float, Field(gt=0.0)]
 
 
 class BoxSettings(CarvableSettings):
@@ -225,9 +210,11 @@ class BoxSettings(CarvableSettings):
 
     shape: Literal["box"]
     center_m: Vector
-    size_m: Annotated[Vector, AfterValidator(edges)]
+    size_m: tuple[Edge, Edge, Edge]
     side: Literal["outside", "inside"] = Field(default="outside", description="where the operator is")
-    rotation_deg: RollPitchYaw | None = None
+    rotation_deg: Vector | None = Field(
+        default=None, description="roll, pitch, yaw about the centre: R = Rz(yaw) Ry(pitch) Rx(roll)"
+    )
 
     def solid(self) -> Shape:
         return self._turned(BoxShape(self.center_m, self.size_m)) if self.side == "outside" else self.hollow()
@@ -238,5 +225,4 @@ class BoxSettings(CarvableSettings):
     def _turned(self, shape: Shape) -> Shape:
         if self.rotation_deg is None:
             return shape
-        roll, pitch, yaw = self.rotation_deg
-        return TurnedShape(shape, self.center_m, (radians(roll), radians(pitch), radians(yaw)))
+        return TurnedShape(shape, self.center_m, self.rotation_deg)

@@ -33,7 +33,7 @@ class Program:
 
     def newest(self) -> LeaderTarget:
         self.angle = min(0.3, self.angle + 1e-3)
-        return LeaderTarget((self.angle, 0.0, 0.0), True)
+        return LeaderTarget((self.angle, 0.0, 0.0), True, 1)
 
     def close(self) -> None: ...
 

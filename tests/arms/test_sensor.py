@@ -4,8 +4,9 @@ from math import inf, nan
 
 import pytest
 
+from tests.arms.ends import SPEC, spec
 from weberlink.arms.contract import ArmReading
-from weberlink.arms.sensor import sensors
+from weberlink.arms.sensor import sensors_of
 from weberlink.geometry.vector import ZERO
 
 READING = ArmReading(0.0, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0))
@@ -13,8 +14,8 @@ READING = ArmReading(0.0, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0))
 
 @pytest.mark.parametrize(("quantity", "taken"), [("angles", (1.0, 2.0, 3.0)), ("torques", (4.0, 5.0, 6.0))])
 def test_each_takes_and_sends_its_axes(quantity: str, taken: tuple[float, ...]) -> None:
-    joints, gripper = sensors(quantity, 2, 3)  # type: ignore[arg-type]
-    (alone,) = sensors(quantity, 3, 3)  # type: ignore[arg-type]
+    joints, gripper = sensors_of(SPEC, quantity)  # type: ignore[arg-type]
+    (alone,) = sensors_of(spec(joints=("base", "elbow", "wrist"), gripper=False), quantity)  # type: ignore[arg-type]
     for sensor, part in ((joints, slice(0, 2)), (gripper, slice(2, 3)), (alone, slice(0, 3))):
         assert sensor.sample() == ((0.0,) * len(taken[part]), ZERO, inf)
         sensor.take(READING)
@@ -34,6 +35,6 @@ def test_each_takes_and_sends_its_axes(quantity: str, taken: tuple[float, ...]) 
 def test_a_reading_that_is_not_sound_in_all_axes_is_named(
     angles: tuple[float, ...], torques: tuple[float, ...], says: str
 ) -> None:
-    for sensor in sensors("angles", 2, 3):
+    for sensor in sensors_of(SPEC, "angles"):
         assert says in (sensor.complaint(ArmReading(0.0, angles, torques)) or "")
         assert sensor.complaint(READING) is None

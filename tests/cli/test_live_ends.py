@@ -1,6 +1,7 @@
 """What a program with a loop of its own reads of a live session, and how LeRobot names and scales it."""
 
 from collections.abc import Iterator
+from functools import partial
 from math import degrees, radians
 from pathlib import Path
 from time import monotonic
@@ -11,7 +12,7 @@ import pytest
 
 from tests.cli.arm_rings import REMOTE, SYSTEM, ArmRings, arm_rings
 from weberlink.cli.live_ends import AxisUnits, NoSessionError, NotRemoteError, RemoteLead, find_end
-from weberlink.master.devices.target_link import TargetMemory
+from weberlink.master.devices.target_link import LEADER, TargetSocket, unpack_angles
 
 
 @pytest.fixture
@@ -112,7 +113,7 @@ def test_cartesian_session_is_in_metres(tmp_path: Path) -> None:
 
 
 def test_lead_writes_angles_within_the_leaders_limits(tmp_path: Path, rings: ArmRings) -> None:
-    memory = TargetMemory(3)  # of this process, whose rings these are
+    memory = TargetSocket(LEADER, partial(unpack_angles, axes=3))  # of this process, whose rings these are
     memory.open()
     lead = RemoteLead(where=tmp_path)
     assert lead.send((radians(20.0), -3.0, 0.25)).tolist() == [radians(20.0), -1.0, 0.25]

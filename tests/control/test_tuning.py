@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.control.tuning import BUSY, LATE, ChangeResult, LiveSettings, Tuning, lead
+from weberlink.control.tuning import BUSY, LATE, ChangeResult, LiveSettings, Tuning, change_margin
 from weberlink.protocol.negotiation import PACE, PACE_SHARE
 
 FILE = LiveSettings(0.1, "hybrid")
@@ -16,10 +16,10 @@ PERMITTED = {"weber": (), "predictor": ("zoh", "plane", "hybrid")}
 class Applied:
     """A tuning and the changes that it has made, with the peer's tick of each."""
 
-    def __init__(self, permitted: dict[str, tuple[str, ...]] = PERMITTED, *, leads: bool = False) -> None:
+    def __init__(self, permitted: dict[str, tuple[str, ...]] = PERMITTED, *, is_master: bool = False) -> None:
         self.seen: list[LiveSettings] = []
         self.peer_ticks: list[float] = []
-        self.tuning = Tuning(FILE, permitted, self.apply, leads=leads)
+        self.tuning = Tuning(FILE, permitted, self.apply, is_master=is_master)
 
     def apply(self, settings: LiveSettings, peer_tick: float) -> None:
         self.seen.append(settings)
@@ -27,8 +27,8 @@ class Applied:
 
 
 def asked(tuning: Tuning, change: dict[str, object], tick: int = 100, refusal: str | None = None) -> None:
-    body = tuning.ask(change)
-    tuning.settle(tick, body, refusal)
+    body = tuning.propose(change)
+    tuning.on_answer(tick, body, refusal)
 
 
 def test_a_change_is_made_at_its_tick_and_not_before() -> None:
@@ -47,7 +47,7 @@ def test_a_change_is_made_at_its_tick_and_not_before() -> None:
 
 def test_a_change_of_the_peer_is_made_at_its_tick_of_the_peer() -> None:
     applied = Applied()
-    assert applied.tuning.hear(500, b'{"predictor": "plane"}') is None
+    assert applied.tuning.on_proposal(500, b'{"predictor": "plane"}') is None
     applied.tuning.advance(10_000, None)
     applied.tuning.advance(10_000, 499.4)
     assert not applied.seen
@@ -61,14 +61,14 @@ def test_each_end_knows_the_tick_at_which_the_other_makes_a_change(offset: float
     """Clocks apart by an offset; the answer may come when the tick has passed."""
     proposer, peer = Applied(), Applied()
     tick = 5000
-    body = proposer.tuning.ask({"weber": 0.2})
-    assert peer.tuning.hear(tick, body) is None
+    body = proposer.tuning.propose({"weber": 0.2})
+    assert peer.tuning.on_proposal(tick, body) is None
     made = 0
     for own in range(tick + round(offset) - 5, tick + round(offset) + 6):
         peer.tuning.advance(own, own - offset)
         made = made or (own if peer.seen else 0)
     assert peer.peer_ticks == [tick]
-    proposer.tuning.settle(tick, body, None)
+    proposer.tuning.on_answer(tick, body, None)
     proposer.tuning.advance(tick + late, tick + late + offset)
     assert made - 1 < proposer.peer_ticks[0] <= made
     unknown = Applied()
@@ -106,16 +106,16 @@ def test_what_cannot_be_is_refused_with_what_could(change: dict[str, object], co
 )  # fmt: skip
 def test_nonsense_of_a_peer_is_refused(body: bytes) -> None:
     applied = Applied()
-    assert applied.tuning.hear(10, body) is not None
+    assert applied.tuning.on_proposal(10, body) is not None
     applied.tuning.advance(1000, 1000.0)
     assert not applied.seen
 
 
 def test_one_change_at_a_time_whoever_asks() -> None:
-    tuning = Applied(leads=True).tuning
-    body = tuning.ask({"weber": 0.2})
-    assert tuning.complaint({"weber": 0.3}) == BUSY == tuning.hear(50, b'{"weber": 0.3}')
-    tuning.settle(100, body, None)
+    tuning = Applied(is_master=True).tuning
+    body = tuning.propose({"weber": 0.2})
+    assert tuning.complaint({"weber": 0.3}) == BUSY == tuning.on_proposal(50, b'{"weber": 0.3}')
+    tuning.on_answer(100, body, None)
     assert tuning.complaint({"weber": 0.3}) == BUSY, "agreed, and still to come"
     tuning.advance(100, None)
     assert tuning.complaint({"weber": 0.3}) is None
@@ -135,20 +135,20 @@ def test_a_new_session_begins_with_the_settings_of_the_file() -> None:
 
 @pytest.mark.parametrize(("answered_at", "refusal"), [(99.9, None), (100.0, None), (100.1, LATE), (inf, LATE)])
 def test_a_proposal_whose_answer_cannot_be_there_in_time_is_refused(answered_at: float, refusal: str | None) -> None:
-    assert Applied().tuning.hear(100, b'{"weber":0.2}', answered_at) == refusal
+    assert Applied().tuning.on_proposal(100, b'{"weber":0.2}', answered_at) == refusal
 
 
 @pytest.mark.parametrize("first", ["proposal", "answer"])
 def test_of_two_that_cross_the_one_of_the_master_is_made(first: str) -> None:
-    master, slave = Applied(leads=True), Applied()
-    own, other = master.tuning.ask({"predictor": "zoh"}), slave.tuning.ask({"weber": 0.2})
-    assert master.tuning.hear(300, other, 0.0) == BUSY
+    master, slave = Applied(is_master=True), Applied()
+    own, other = master.tuning.propose({"predictor": "zoh"}), slave.tuning.propose({"weber": 0.2})
+    assert master.tuning.on_proposal(300, other, 0.0) == BUSY
     if first == "answer":
-        slave.tuning.settle(300, other, BUSY)
-    assert slave.tuning.hear(100, own, 0.0) is None
+        slave.tuning.on_answer(300, other, BUSY)
+    assert slave.tuning.on_proposal(100, own, 0.0) is None
     if first == "proposal":
-        slave.tuning.settle(300, other, BUSY)
-    master.tuning.settle(100, own, None)
+        slave.tuning.on_answer(300, other, BUSY)
+    master.tuning.on_answer(100, own, None)
     master.tuning.advance(100, None)
     slave.tuning.advance(50, 100.0)
     assert master.seen == slave.seen == [FILE._replace(predictor="zoh")]
@@ -159,9 +159,9 @@ def test_of_two_that_cross_the_one_of_the_master_is_made(first: str) -> None:
 def test_a_change_whose_answer_was_late_is_made_beside_the_next_one_of_the_peer() -> None:
     """The master has made the slave's change and goes on to its own; the slave hears of both at once."""
     slave = Applied()
-    own = slave.tuning.ask({"weber": 0.2})
-    assert slave.tuning.hear(400, b'{"predictor":"zoh"}', 0.0) is None
-    slave.tuning.settle(90, own, None)
+    own = slave.tuning.propose({"weber": 0.2})
+    assert slave.tuning.on_proposal(400, b'{"predictor":"zoh"}', 0.0) is None
+    slave.tuning.on_answer(90, own, None)
     slave.tuning.advance(100, 300.0)
     assert slave.seen == [FILE._replace(weber=0.2)]
     slave.tuning.advance(200, 400.0)
@@ -169,8 +169,8 @@ def test_a_change_whose_answer_was_late_is_made_beside_the_next_one_of_the_peer(
 
 
 @given(rtt=st.floats(0.0, 3.0), jitter=st.floats(0.0, 0.1))
-def test_the_lead_leaves_time_for_five_exchanges(rtt: float, jitter: float) -> None:
+def test_the_margin_leaves_time_for_five_exchanges(rtt: float, jitter: float) -> None:
     repeat = max(PACE, PACE_SHARE * (rtt + jitter))
-    assert lead(rtt, jitter) - (rtt + jitter) >= 4.0 * repeat
-    assert lead(rtt, jitter) == pytest.approx(0.01 + 1.5 * rtt + 2.0 * jitter)
-    assert lead(None, jitter) == lead(0.1, jitter)
+    assert change_margin(rtt, jitter) - (rtt + jitter) >= 4.0 * repeat
+    assert change_margin(rtt, jitter) == pytest.approx(0.01 + 1.5 * rtt + 2.0 * jitter)
+    assert change_margin(None, jitter) == change_margin(0.1, jitter)

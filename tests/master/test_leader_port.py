@@ -8,7 +8,7 @@ import pytest
 from tests.arms.ends import TICK, Hand, Transparent, link, spec
 from tests.compiled import replaces_methods
 from weberlink.arms.contract import ArmReading
-from weberlink.arms.sensor import sensors
+from weberlink.arms.sensor import sensors_of
 from weberlink.geometry.joints import Joints
 from weberlink.master.gate import PATIENCE, Bound, ContactLimiter, ContactWatch, OutputGate
 from weberlink.master.leader_port import LeaderPort, PressedAxes
@@ -37,7 +37,7 @@ class Leading:
         self.hand = hand or Hand()
         self.control, self.link = Transparent(), link()
         spec = self.hand.spec
-        self.sensors, bounds = sensors("angles", len(spec.joints), spec.axes), []
+        self.sensors, bounds = sensors_of(spec, "angles"), []
         for index, sensor in enumerate(self.sensors):
             limits, slew, least = sensor.part(most), sensor.part(SLEW), sensor.part((0.02, 0.02, 0.02))
             watch = ContactWatch(contacts[index], self.link, least, delay) if contacts else None

@@ -1,6 +1,7 @@
 """Tick numbers, deadlines and missed ticks, in both event loops."""
 
 import asyncio
+import fcntl
 import time
 from pathlib import Path
 
@@ -120,6 +121,7 @@ def test_stopping_inside_a_tick_is_final_and_leaves_no_descriptor(loop_run, poll
         ticker = Ticker(PERIOD, lambda *call: (calls.append(call), ticker.stop()), polls=polls)
         ticker.start()
         assert ticker.running
+        assert fcntl.fcntl(ticker._fd, fcntl.F_GETFD) & fcntl.FD_CLOEXEC, "no child inherits the timer"
         await asyncio.sleep(10 * PERIOD)
         assert len(calls) == 1
         assert not ticker.running

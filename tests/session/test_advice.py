@@ -1,5 +1,6 @@
-"""Advice on a delay, on a rate that the machine can hardly hold, and on addresses that nobody has."""
+"""What is said of a file before a run; and how stiff a robot is towards its command, and how hard it presses."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.session.systems import CONFIGS, configuration
+from weberlink.cli.check import describe
 from weberlink.config import SLAVE, load
 from weberlink.control.account import passivity_limit
 from weberlink.protocol.keys import generate
@@ -14,7 +16,8 @@ from weberlink.session.advice import (
     TICK_SHARE,
     UNKNOWN_BORNE,
     USUAL_RATE_HZ,
-    Parts,
+    DryRun,
+    advise,
     borne_round_trip,
     dry_run,
     measured_tick_s,
@@ -23,6 +26,59 @@ from weberlink.session.advice import (
     tick_rate,
     uncontrolled_delay,
 )
+from weberlink.session.composition.coupling import FIT_MARGIN, coupling, press_limit
+from weberlink.session.composition.slave import build_robot
+from weberlink.slave.robots.virtual import STIFFEST
+
+DISPLAYED = 3000.0
+"""Stiffness that its device displays [N/m]."""
+
+
+def notes(*overrides: str) -> list[str]:
+    """What is said of a file before a run; `check` says the same."""
+    loaded = configuration(*overrides)
+    said = advise(dry_run(loaded))
+    assert said == [line.removeprefix("warning   ") for line in describe(loaded) if line.startswith("warning")]
+    return said
+
+
+WALLS = "master.mapping.walls={stiffness_n_m: 4000, box_m: [[-0.06, 0.06], [-0.06, 0.06], [-0.06, 0.06]]}"
+WARNINGS: list[tuple[list[str], str, str, str]] = [
+    (["master.device.hand.damping_n_s_m=3"], "slave.robot.stiffness_n_m 2500", "2000", "1600"),
+    (["slave.scene.1.damping_n_s_m=20"], "slave.scene.1.damping_n_s_m", "use less than 8", "2"),
+    (["master.device.hand.damping_n_s_m=0"], "master.device.hand.damping_n_s_m 0", "", "8"),
+    (["codec.position.bound_m=0.001"], "codec.position.bound_m 0.001", "use at most 0.0004", "0.0004"),
+    (["codec.position.step_m=0.00002"], "codec.position.step_m 2e-05", "use at most 1.6e-05", "1.6e-5"),
+    (["link.emulate.delay_ms=10", "control.scheme=none"], "control.scheme none", "bears 14 ms", "bounded"),
+    (["slave.limits.trip_n=40"], "slave.limits.trip_n 40", "30 N", "30"),
+    ([WALLS], "master.mapping.walls.stiffness_n_m 4000", "3000", "3000"),
+    (["codec.force.floor_n=0"], "codec.force.floor_n 0", "", "0.02"),
+    (["codec.force.weber=0.5"], "codec.force.weber 0.5", "use at most", "0.27"),
+    (["codec.force.trust.stiffness_n_m=[10, 5000]"], "codec.force.trust.stiffness_n_m", "3000", "[10, 3000]"),
+    (["rate_hz=10", "slave.robot.stiffness_n_m=40"], "link.silence_ms 100", "use at least 500", "500"),
+    (["link.emulate={delay_ms: 230}"], "link.longest_round_trip_ms 400", "use at least 462", "462"),
+]
+"""Overrides, the key that the one warning begins with, a figure in it, and a value of that key that ends it."""
+
+
+@pytest.mark.parametrize(("overrides", "key", "figure", "followed"), WARNINGS)
+def test_a_warning_names_key_and_figure_and_what_it_advises_ends_it(
+    overrides: list[str], key: str, figure: str, followed: str
+) -> None:
+    (said,) = [line for line in notes(*overrides) if line.startswith(key)]
+    assert figure in said
+    assert notes(*overrides, f"{key.split(maxsplit=1)[0]}={followed}") == []
+
+
+def test_the_bounds_are_those_in_the_frame_of_the_robot() -> None:
+    """At twice the motion, the device's stiffness and damping are half of what they are at the hand."""
+    twice = ("master.mapping.scale=2", "codec.position.step_m=4e-6", "codec.force.trust.stiffness_n_m=[10, 1500]")
+    assert notes(*twice) == []
+    (said,) = notes(*twice, "slave.robot.stiffness_n_m=2000")
+    assert "1500" in said
+
+
+# --- delay
 
 
 @given(
@@ -80,13 +136,13 @@ def test_a_rate_beyond_the_machine_names_one_that_it_holds(tick_us: float | None
     def cost(_: object) -> float | None:
         return None if tick_us is None else 1e-6 * tick_us
 
-    lines = list(tick_rate(Parts(configuration("rate_hz=10000")), cost))
+    lines = list(tick_rate(DryRun(configuration("rate_hz=10000")), cost))
     assert len(lines) == warns
     for line in lines:
         most = float(line.rpartition(" ")[2])
         assert most == pytest.approx(1e6 * TICK_SHARE / tick_us, abs=100.0)
-        assert list(tick_rate(Parts(configuration(f"rate_hz={most}")), cost)) == []
-    assert list(tick_rate(Parts(configuration(f"rate_hz={USUAL_RATE_HZ}")), pytest.fail)) == [], "it is not measured"
+        assert list(tick_rate(DryRun(configuration(f"rate_hz={most}")), cost)) == []
+    assert list(tick_rate(DryRun(configuration(f"rate_hz={USUAL_RATE_HZ}")), pytest.fail)) == [], "it is not measured"
 
 
 @pytest.mark.parametrize("file", ["loopback.yaml", "phantom.yaml"])
@@ -114,6 +170,39 @@ DEVICE = 'master.device={driver: polhem_serial, port: "ws://PLACE"}'
 def test_an_address_that_nobody_has_is_named(override: str, told: str) -> None:
     given = [override, "link.slave=10.0.0.2:47000"] if "device" in override else [override]
     loaded = load(CONFIGS / "lan.yaml", given)
-    assert [line.partition(": ")[0] for line in placeholders(Parts(loaded))] == ([told] if told else [])
+    assert [line.partition(": ")[0] for line in placeholders(DryRun(loaded))] == ([told] if told else [])
     slave = load(CONFIGS / "lan.yaml", given, sides=[SLAVE])
-    assert not any("link.slave" in line for line in placeholders(Parts(slave))), "the robot's host calls nobody"
+    assert not any("link.slave" in line for line in placeholders(DryRun(slave))), "the robot's host calls nobody"
+
+
+# --- the coupling
+
+
+@pytest.mark.parametrize(
+    ("overrides", "expected"),
+    [
+        ((), DISPLAYED / FIT_MARGIN),
+        (("slave.robot.stiffness_n_m=700",), 700.0),
+        (("master.device.stiffness_n_m=600",), 500.0),
+        (("master.mapping.scale=2",), DISPLAYED / FIT_MARGIN / 2.0),
+        (("master.mapping.scale=0.5", "master.mapping.force_scale=4"), DISPLAYED / FIT_MARGIN / 2.0),
+        (("master.device.stiffness_n_m=1e9", "master.mapping.scale=0.1"), STIFFEST),
+    ],
+)
+def test_the_coupling_is_stated_or_follows_the_device(overrides: Sequence[str], expected: float) -> None:
+    loaded = configuration(*overrides, "codec.position.step_m=4e-6")
+    assert coupling(loaded) == build_robot(loaded).spec.stiffness_n_m == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "expected"),
+    [
+        ((), 10.0),
+        (("slave.limits.contact_n=4",), 4.0),
+        (("slave.robot.force_n=6",), 6.0),
+        (("master.mapping.force_scale=4",), 2.5),
+    ],
+)
+def test_the_robot_presses_no_harder_than_stated_felt_or_measured(overrides: Sequence[str], expected: float) -> None:
+    loaded = configuration(*overrides)
+    assert press_limit(loaded.system, build_robot(loaded)) == expected

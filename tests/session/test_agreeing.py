@@ -11,7 +11,7 @@ import pytest
 
 from tests.program import ENGAGED
 from tests.session.kinds import HAND, TICK, Run, run
-from weberlink.control.tuning import LEAD_TICKS
+from weberlink.control.tuning import MARGIN_TICKS
 from weberlink.protocol.negotiation import PACE, PACE_SHARE
 from weberlink.session.simulation import Simulation
 
@@ -39,7 +39,7 @@ def test_on_any_link_they_differ_no_longer_than_it_takes_to_repeat(seed: int) ->
         acts[at] = partial(ask, sides, chance.choice([0.05, 0.2, 0.3]), at)
     ran = run(HAND, 5.0, link, "link.silence_ms=400", acts=acts)
     trip = rtt + 2.0 * jitter
-    bound = LOSTS * max(PACE, PACE_SHARE * trip) + trip + LEAD_TICKS * TICK
+    bound = LOSTS * max(PACE, PACE_SHARE * trip) + trip + MARGIN_TICKS * TICK
     both = (ran.master["state"] == ENGAGED) & (ran.slave["state"] == ENGAGED)
     differs = both & (ran.master["weber"] != ran.slave["weber"])
     assert (

@@ -31,10 +31,10 @@ def build(file, side, *overrides):
     configuration = load(Path(file), overrides, sides=[side])
     common = {"security": build_security(configuration), "entropy": os.urandom, "epoch": 0.0, "stopwatch": lambda: 0.0}
     if side == "master":
-        from weberlink.session.composition.master import build_master
+        from weberlink.session.composition.sides import build_master
         build_master(configuration, peer=split_address(configuration.system.link.slave), **common)
     else:
-        from weberlink.session.composition.slave import build_slave
+        from weberlink.session.composition.sides import build_slave
         build_slave(configuration, **common)
     print(json.dumps(sorted(sys.modules)), flush=True)
 

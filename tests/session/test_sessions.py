@@ -32,7 +32,7 @@ from weberlink.geometry.vector import ZERO
 from weberlink.protocol.liveness import HORIZON_SHARE
 from weberlink.protocol.states import State
 from weberlink.session.simulation import Simulation
-from weberlink.slave.safety import TRIP_PAUSE
+from weberlink.slave.guard import TRIP_PAUSE
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import FINITE, JOINTS, RELEASED
 

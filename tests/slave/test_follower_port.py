@@ -1,20 +1,18 @@
 """The port of a follower arm: how it engages, what it commands, what it shows, and when it holds."""
 
 from itertools import pairwise
-from math import inf, isfinite, nan
+from math import inf, nan
 
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
 
-from tests.arms.ends import SPEC, TICK, Servos, spec
+from tests.arms.ends import TICK, Servos
 from tests.compiled import replaces_methods
-from tests.examples import examples
 from weberlink.arms.contract import ArmFault, ArmReading
+from weberlink.arms.sensor import sensors_of
 from weberlink.geometry.joints import Joints
 from weberlink.session.port import Port
-from weberlink.slave.follower_port import FollowerPort
-from weberlink.slave.safety import TRIP_PAUSE
+from weberlink.slave.follower_port import TRIP_RETREAT, FollowerPort, axis_press_limit
+from weberlink.slave.guard import TRIP_PAUSE, Guard
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
 
@@ -29,16 +27,17 @@ class Following:
 
     def __init__(self, arm: Servos | None = None, *, press: Joints = PRESS, trip: Joints = TRIP) -> None:
         self.arm = arm or Servos()
+        presses = [
+            axis_press_limit(most, stiffness, 0.0)
+            for most, stiffness in zip(press, self.arm.spec.stiffness_nm_rad, strict=True)
+        ]
+        guard = Guard(
+            [1, 1, 1], presses=presses, lower=LOWER, upper=UPPER, trips=trip, speed=SPEED, approach_speed=APPROACH,
+            ramp=RAMP, trip_retract=TRIP_RETREAT,
+        )  # fmt: skip
+        self.joints, self.gripper = self.sensors = sensors_of(self.arm.spec, "torques")
         self.port = FollowerPort(
-            arm=self.arm,
-            lower=LOWER,
-            upper=UPPER,
-            speed=SPEED,
-            approach_speed=APPROACH,
-            ramp=RAMP,
-            press=press,
-            trip=trip,
-            by_button=True,
+            self.arm, guard=guard, angle_range=(LOWER, UPPER), sensors=self.sensors, by_button=True
         )
         self.now = 0.0
         self.trips = 0
@@ -46,8 +45,7 @@ class Following:
 
     def sense(self) -> None:
         reading = self.port.latest(self.now)
-        for sensor in (self.port.joints, self.port.gripper):
-            assert sensor is not None
+        for sensor in self.sensors:
             assert sensor.complaint(reading) is None
             sensor.take(reading)
         self.trips += self.port.accept(reading)
@@ -71,8 +69,7 @@ class Following:
 
     def shown(self) -> Joints:
         """What the operator may feel."""
-        assert self.port.gripper is not None
-        return self.port.joints.sample()[0] + self.port.gripper.sample()[0]
+        return self.joints.sample()[0] + self.gripper.sample()[0]
 
     def row(self) -> Row:
         row = Row()
@@ -83,70 +80,6 @@ class Following:
 def test_it_is_a_port() -> None:
     port: Port = Following().port
     assert (port.kind, port.leads, port.at_rest, port.tripped) == ("robot", False, True, False)
-
-
-wild = st.floats(-3.0, 3.0) | st.sampled_from([nan, inf, -inf, 1e300, -1.8, 1.8, 1.2])
-loads = st.floats(-1.5, 1.5) | st.sampled_from([0.0, 2.0, -2.0, 2.1, -2.1])
-events = st.lists(
-    st.tuples(st.just("lead"), st.tuples(wild, wild, wild), st.integers(1, 40))
-    | st.tuples(
-        st.sampled_from(["no joints", "no gripper", "idle", "release", "reset", "settle", "halt"]),
-        st.tuples(wild, wild, wild),
-        st.just(2),
-    )
-    | st.tuples(st.just("load"), st.tuples(loads, loads, loads), st.integers(1, 20)),
-    max_size=25,
-)
-
-
-@given(events)
-@example([("lead", (9.0, -9.0, 9.0), 40), ("load", (2.1, 0.0, 0.0), 30), ("lead", (-1.0, 0.0, 0.4), 40)])
-@example([("lead", (0.02, 0.0, 0.4), 100), ("idle", (0.0, 0.0, 0.0), 2), ("lead", (0.5, 0.5, 0.5), 9)])
-@example([("lead", (0.02, 0.0, 0.4), 100), ("no gripper", (0.1, 0.0, 0.0), 2), ("lead", (0.5, 0.5, 0.5), 9)])
-@example([("lead", (0.0, 0.0, 0.9), 999), ("load", (0.0, 0.0, 0.9), 1), ("settle", (0.0, 0.0, 0.0), 2)])
-@example([("load", (2.0, -2.0, 1.0), 5), ("load", (0.0, -2.1, 0.0), 90), ("settle", (0.0, 0.0, 0.0), 2)])
-@examples(80)
-def test_in_every_state_commands_are_slow_and_in_range(happens: list[tuple[str, Joints, int]]) -> None:
-    following = Following(Servos(angles=(0.0, 0.0, 0.4)))
-    port, arm = following.port, following.arm
-    last, is_there = port.applied, False
-    for event, angles, count in happens:
-        match event:
-            case "load":
-                arm.load = angles
-            case "release":
-                port.release(retreat=True)
-            case "reset":
-                port.reset()
-            case "settle":
-                port.settle(following.now)
-                last = arm.angles  # within what the axes may press with
-            case "halt":
-                port.halt(following.now)
-                assert arm.commands[-1] == port.applied
-        is_there = is_there and event in ("lead", "load", "halt")
-        leads = event in ("lead", "no joints", "no gripper", "idle")
-        joints = angles[:2] if leads and event != "no joints" else None
-        gripper = angles[2:] if leads and event != "no gripper" else None
-        usable = event == "lead" and all(map(isfinite, angles))
-        for _ in range(count):
-            overloaded = any(abs(torque) > trip * (1.0 + 1e-8) for torque, trip in zip(arm.torques, TRIP, strict=True))
-            is_there = is_there and usable and not overloaded and not port.tripped
-            applied = following.tick(joints, gripper, engaged=event != "idle")
-            assert applied == port.applied
-            slack = 0.1 if event == "settle" else 0.0
-            for angle, before, low, high in zip(applied, last, LOWER, UPPER, strict=True):
-                assert low - max(0.0, low - before) <= angle <= high + max(0.0, before - high), "no further out"
-                assert abs(angle - before) <= (SPEED if is_there else APPROACH) * TICK * (1 + 1e-9) + 1e-12 + slack
-            if not usable and not port.tripped and event not in ("settle", "load"):
-                assert applied == last, "it holds until all angles are there"
-            assert set(following.shown()) == {0.0} or not overloaded or following.trips
-            is_there = is_there or following.row().ramping == 0 or (usable and applied == clamped(angles))
-            last = applied
-
-
-def clamped(angles: Joints) -> Joints:
-    return tuple(min(max(angle, low), high) for angle, low, high in zip(angles, LOWER, UPPER, strict=True))
 
 
 def test_it_approaches_slowly_then_follows_at_once() -> None:
@@ -164,7 +97,7 @@ def test_no_torque_is_shown_until_it_is_there() -> None:
     shown = []
     for _ in range(400):
         following.tick((-0.05, 0.1), (0.0,))
-        shown.append(following.port.joints.sample()[0][0])
+        shown.append(following.joints.sample()[0][0])
     arrival = round(0.1 / APPROACH / TICK)
     assert shown[: arrival - 1] == [0.0] * (arrival - 1)
     assert max(b - a for a, b in pairwise(shown)) <= 0.3 * TICK / RAMP * (1 + 1e-9)
@@ -173,9 +106,8 @@ def test_no_torque_is_shown_until_it_is_there() -> None:
 
 def test_gripper_shows_its_torque_on_its_own_channel() -> None:
     following = Following(Servos(walls=(-inf, -inf, 0.3), angles=(0.0, 0.0, 0.4))).there((0.0, 0.0), (0.25,))
-    assert following.port.gripper is not None
-    assert following.port.joints.sample() == ((0.0, 0.0), (0.0, 0.0, 0.0), inf)
-    assert following.port.gripper.sample()[0] == pytest.approx((5.0 * 0.05,))
+    assert following.joints.sample() == ((0.0, 0.0), (0.0, 0.0, 0.0), inf)
+    assert following.gripper.sample()[0] == pytest.approx((5.0 * 0.05,))
 
 
 def test_gripper_that_is_not_led_holds() -> None:
@@ -189,7 +121,7 @@ def test_it_holds_when_nobody_leads_and_fades(retreat: bool) -> None:
     following.port.release(retreat=retreat)
     held = {following.tick(None, None, engaged=False) for _ in range(round(RAMP / TICK) + 1)}
     assert held == {(-0.05, 0.1, 0.2)}
-    assert following.port.joints.sample()[0] == (0.0, 0.0)
+    assert following.joints.sample()[0] == (0.0, 0.0)
     applied = following.tick((0.5, 0.1), (0.2,))
     assert applied[0] == pytest.approx(-0.05 + APPROACH * TICK), "the next approach is slow again"
 
@@ -240,7 +172,7 @@ def test_torque_above_the_limit_trips_and_backs_off() -> None:
     for _ in range(round(TRIP_PAUSE / TICK) + 10):
         following.tick((0.0, -0.3), (0.2,))
     assert following.port.applied == (0.0, pytest.approx(0.05), 0.2)
-    assert following.port.joints.sample()[0] == (0.0, 0.0)
+    assert following.joints.sample()[0] == (0.0, 0.0)
     following.tick((0.0, 0.06), (0.2,))
     assert not following.port.tripped
 
@@ -256,10 +188,9 @@ def test_torque_above_the_limit_trips_and_backs_off() -> None:
 def test_unusable_reading_is_named_and_never_held(reading: ArmReading) -> None:
     following = Following().there((0.1, 0.0), (0.2,))
     port = following.port
-    assert port.gripper is not None
-    assert port.joints.complaint(reading) is not None
-    assert port.gripper.complaint(reading) is not None
-    port.arm.latest = lambda now: reading  # type: ignore[method-assign]
+    assert following.joints.complaint(reading) is not None
+    assert following.gripper.complaint(reading) is not None
+    port.latest = lambda now: reading
     port.settle(following.now)
     following.now += TICK
     port.actuate([None, None], following.now, TICK, TICK, engaged=False)
@@ -290,10 +221,3 @@ def test_record_has_the_gripper_in_the_last_place() -> None:
     assert row.joint_raw == pytest.approx((0.3, 0, 0, 0, 0, 0, 0, 0, 0))
     following.port.report(row, is_led=False)
     assert row.ramping == RELEASED
-
-
-def test_limits_of_other_axes_are_refused() -> None:
-    with pytest.raises(ValueError, match="3 axes"):
-        Following(press=(1.0, 1.0))
-    with pytest.raises(ValueError, match="2 axes"):
-        Following(Servos(spec(gripper=False)), trip=SPEC.torque_nm)

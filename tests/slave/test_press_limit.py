@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil, exp, inf, log
+from typing import Any
 
 import pytest
 from hypothesis import example, given
@@ -10,12 +11,12 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from weberlink.control.contract import LEAST_CONTACT
-from weberlink.geometry.vector import ZERO, Vector
-from weberlink.slave.joint_safety import JointPressLimit
+from weberlink.geometry.vector import ZERO
+from weberlink.slave.follower_port import axis_press_limit
+from weberlink.slave.guard import Guard, PressLimit, PressStep
 from weberlink.slave.robots.contract import Robot, RobotReading
 from weberlink.slave.robots.point import PointOptions, PointRobot
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
-from weberlink.slave.safety import CommandGuard, PressLimit, PressStep
 from weberlink.slave.scenes.contact import SceneObject
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import PlaneShape
@@ -63,11 +64,14 @@ def tapped(
     robot: Robot, limit: PressLimit, tap: Tap, tick: float, until: float, felt: Callable[[RobotReading], RobotReading]
 ) -> Outcome:
     """The loop of `RobotPort`, with a hand in place of the link."""
-    guard = CommandGuard(workspace=((-1.0,) * 3, (1.0,) * 3), speed=SPEED, approach_speed=SPEED, ramp=0.05)
+    guard = Guard(
+        [3], presses=[limit], lower=(-1.0,) * 3, upper=(1.0,) * 3, trips=(inf,), speed=SPEED, approach_speed=SPEED,
+        ramp=0.05, trip_retract=0.01,
+    )  # fmt: skip
     robot.open(0.0)
-    applied: Vector = robot.latest(0.0).position
-    guard.place(applied)
-    outcome, touches, goal = Outcome(), False, applied
+    goal: Any = robot.latest(0.0).position
+    guard.place(goal)
+    outcome, touches = Outcome(), False
     for index in range(1, round(until / tick) + 1):
         reading = felt(robot.latest(index * tick))
         force = abs(reading.force[2])
@@ -76,8 +80,7 @@ def tapped(
         outcome.peak, outcome.last = max(outcome.peak, force), force
         if index % tap.hold == 0:
             goal = (0.0, 0.0, tap.at(index * tick))
-        bounded = limit.bounded(goal, applied, reading.position, reading.force, tick)
-        applied = guard.follow(bounded, tick)
+        applied: Any = guard.follow(goal, reading.position, reading.force, tick)
         robot.command(applied, index * tick)
     return outcome
 
@@ -104,7 +107,9 @@ class Case:
         self, tap: Tap, until: float, felt: Callable[[RobotReading], RobotReading] = lambda reading: reading
     ) -> tuple[Outcome, Outcome]:
         """Without a limit, and with it."""
-        free, limited = (PressLimit(most, self.coupling) for most in (inf, self.most))
+        free, limited = (
+            PressLimit(most, self.coupling, damping=100.0, contact=LEAST_CONTACT) for most in (inf, self.most)
+        )
         tick = 1.0 / self.rate
         return tapped(self.robot(), free, tap, tick, until, felt), tapped(self.robot(), limited, tap, tick, until, felt)
 
@@ -213,7 +218,7 @@ def test_press_that_follows_motion_as_well_as_depth_settles_at_the_limit(
     assert presses[-1] == pytest.approx(1.0, rel=1e-3)
 
 
-def pushed_axis(limit: JointPressLimit | None, *, damping: float) -> tuple[int, float]:
+def pushed_axis(limit: PressLimit | None, *, damping: float) -> tuple[int, float]:
     """An axis without inertia, on a stop of 10 N m/rad: how often it meets the stop, and the torque at the end."""
     coupling, tick = 50.0, 1e-3
     held = angle = torque = depth = 0.0
@@ -234,6 +239,6 @@ def test_axis_without_inertia_does_not_bounce_off_a_damped_stop(damping: float) 
     contacts, torque = pushed_axis(None, damping=damping)
     assert contacts == 1
     assert torque == pytest.approx(-5.0)
-    contacts, torque = pushed_axis(JointPressLimit((1.0,), (50.0,), 0.0), damping=damping)
+    contacts, torque = pushed_axis(axis_press_limit(1.0, 50.0, 0.0), damping=damping)
     assert contacts <= 3
     assert torque == pytest.approx(-1.0, rel=0.1)

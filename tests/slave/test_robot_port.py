@@ -6,20 +6,21 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from hypothesis import example, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.compiled import replaces_methods
 from tests.examples import examples
+from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.ends import SlaveControl
 from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, quaternion
-from weberlink.geometry.vector import ZERO, Vector, add, distance, is_finite, norm, scale
+from weberlink.geometry.vector import ZERO, Vector, norm, scale
 from weberlink.session.port import Port
+from weberlink.slave.guard import TRIP_PAUSE, Guard, PressLimit
 from weberlink.slave.robot_port import RobotPort
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
 from weberlink.slave.rotation import ToolOrientation, ToolTorque
-from weberlink.slave.safety import TRIP_PAUSE, CommandGuard, PressLimit
 from weberlink.slave.scenes.contact import SceneObject
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import PlaneShape
@@ -71,17 +72,17 @@ class Following:
 
     def __init__(self, at: Vector = ZERO, *, most: float = inf, retract: float = RETRACT) -> None:
         self.robot = Tip(at)
-        self.guard = CommandGuard(
-            workspace=(LOW, HIGH), speed=SPEED, approach_speed=APPROACH, ramp=RAMP, retract=retract,
+        self.guard = Guard(
+            [3], presses=[PressLimit(most, COUPLING, damping=100.0, contact=LEAST_CONTACT)], lower=LOW, upper=HIGH,
+            trips=(TRIP_N,), speed=SPEED, approach_speed=APPROACH, ramp=RAMP, retract=retract,
             trip_retract=TRIP_RETRACT,
         )  # fmt: skip
-        self.tool = ToolOrientation(self.robot, speed=TURN, approach_speed=TURN_APPROACH, ramp=RAMP)
+        self.tool = ToolOrientation(speed=TURN, approach_speed=TURN_APPROACH, ramp=RAMP)
         link: Any = SimpleNamespace(credit=SimpleNamespace(known=0), clock=SimpleNamespace(rtt=None))
         self.port = RobotPort(
-            robot=self.robot, guard=self.guard, followers=[self.tool], control=SlaveControl(), endpoint=link,  # type: ignore[arg-type]
-            press_limit=PressLimit(most, COUPLING), trip_force=TRIP_N, by_button=True,
-        )  # fmt: skip
-        self.torque = ToolTorque(self.port, self.tool)
+            self.robot, guard=self.guard, control=SlaveControl(), endpoint=link, tool=self.tool, by_button=True
+        )
+        self.torque = ToolTorque(self.port.shown, self.tool)
         self.now, self.trips = 0.0, 0
         self.port.open(0.0)
 
@@ -113,64 +114,6 @@ class Following:
 def outside(place: Vector) -> float:
     """How far from the workspace [m]."""
     return norm(tuple(max(0.0, low - x, x - high) for low, x, high in zip(LOW, place, HIGH, strict=True)))  # type: ignore[arg-type]
-
-
-coordinates = st.floats(-0.3, 0.3) | st.sampled_from([-0.1, 0.1, -1e9, 1e9])
-places = st.tuples(coordinates, coordinates, coordinates)
-pushes = st.floats(-15.0, 15.0) | st.sampled_from([0.0, TRIP_N, -TRIP_N, 30.0])
-events = st.lists(
-    st.tuples(st.just("lead"), places, st.integers(1, 40))
-    | st.tuples(st.sampled_from(["lose", "idle", "release", "leave", "reset", "settle", "halt"]), places, st.just(2))
-    | st.tuples(st.just("push"), st.tuples(pushes, pushes, pushes), st.integers(1, 20)),
-    min_size=1, max_size=25,
-)  # fmt: skip
-CORNER: Vector = (-0.1, 0.1, -0.1)
-
-
-@given(st.sampled_from([ZERO, CORNER, (0.1, 0.1, 0.1)]), events)
-@example(CORNER, [("lead", (-1.0, 1.0, -1.0), 60), ("push", (-30.0, 30.0, -30.0), 30), ("lead", ZERO, 40)])
-@example(CORNER, [("push", (-9.0, 9.0, -9.0), 5), ("leave", ZERO, 2), ("idle", ZERO, 2), ("lead", ZERO, 9)])
-@example(ZERO, [("lead", (0.001, 0.0, 0.0), 90), ("lose", ZERO, 2), ("lead", (0.09, 0.0, 0.0), 5)])
-@example(ZERO, [("push", (0.0, 0.0, TRIP_N), 5), ("lead", (0.0, 0.0, -0.01), 200), ("settle", ZERO, 2)])
-@examples(80)
-def test_in_every_state_commands_are_slow_and_inside_and_nothing_jumps(
-    start: Vector, happens: list[tuple[str, Vector, int]]
-) -> None:
-    following = Following(start)
-    port, robot, guard = following.port, following.robot, following.guard
-    last, share = start, 0.0
-    for event, value, count in happens:
-        place: Vector | None = value if event == "lead" else None
-        match event:
-            case "push":
-                robot.force = value
-            case "release" | "leave":
-                port.release(retreat=event == "leave")
-            case "reset":
-                port.reset()
-            case "settle":
-                port.settle(following.now)
-                last = add(robot.at, scale(robot.force, -1.0 / COUPLING))
-            case "halt":
-                port.halt(following.now)
-                assert robot.commands[-1] == port.applied
-        for _ in range(count):
-            led, was_following = place is not None, guard.following
-            overloaded = norm(robot.force) > TRIP_N * (1.0 + 1e-8)
-            applied = following.tick(place, ZERO, engaged=event != "idle")
-            assert applied == port.applied
-            assert is_finite(applied)
-            assert outside(applied) <= outside(last) + 1e-12, "it never leaves the workspace"
-            speed = SPEED if was_following and led and not overloaded else APPROACH
-            assert distance(applied, last) <= speed * TICK * (1 + 1e-6) + 1e-12
-            assert guard.clipped == (guard.following and place is not None and applied != place)
-            assert port.tripped or not overloaded
-            assert port.follows is not port.tripped or overloaded
-            shown = norm(guard.shown(UP))
-            assert norm(port.shown(UP)) <= shown <= min(1.0, share + TICK / RAMP * (1 + 1e-9)), "it fades in"
-            if not guard.following:
-                assert shown <= max(0.0, share - TICK / RAMP) + 1e-9, "and out, where the robot does not follow"
-            last, share = applied, shown
 
 
 @pytest.mark.parametrize("interruption", ["lose", "idle", "release", "reset", "settle"])
@@ -297,7 +240,7 @@ def test_the_robot_presses_with_no_more_than_the_limit() -> None:
         robot.force = (0.0, 0.0, max(0.0, -COUPLING * following.port.applied[2]))
         following.tick((0.0, 0.0, max(-0.05, -1e-4 * tick)))
     assert following.port.applied[2] == pytest.approx(-MOST_N / COUPLING, rel=0.02)
-    assert following.row().contact_ticks == following.port.contact_ticks > 500
+    assert following.row().contact_ticks == following.guard.contact_ticks > 500
     assert following.port.led(0) == (0.0, 0.0, -0.05), "where it is led, whether it goes there or not"
     following.tick(ZERO, engaged=False)
     assert following.port.led(0) is None
@@ -328,13 +271,14 @@ def test_after_a_stall_it_holds_with_the_force_that_it_presses_with() -> None:
 
 @pytest.mark.parametrize(("at", "force"), [((nan, 0.0, 0.0), ZERO), (ZERO, (0.0, inf, 0.0))])
 def test_a_reading_of_no_use_is_named_and_ends_the_opening(at: Vector, force: Vector) -> None:
-    port = Following().port
+    following = Following()
+    port = following.port
     assert port.force.complaint(RobotReading(0.0, ZERO, ZERO)) is None
     assert "reports" in (port.force.complaint(RobotReading(0.0, at, force)) or "")
-    port.robot.at, port.robot.force = at, force  # type: ignore[attr-defined]
+    following.robot.at, following.robot.force = at, force
     with pytest.raises(RobotFault, match="tip reports"):
         port.open(0.0)
-    assert not port.robot.is_open  # type: ignore[attr-defined]
+    assert not following.robot.is_open
 
 
 def test_it_is_a_port_and_its_record_says_what_it_did() -> None:
@@ -369,7 +313,7 @@ def test_the_tool_turns_no_faster_than_it_may(turns: list[Vector]) -> None:
         applied = following.robot.turns[-1]
         assert angle_between(last, applied) <= (TURN if there else TURN_APPROACH) * TICK * (1 + 1e-6) + 1e-9
         assert following.tool.clipped == (there and applied != quaternion(turn))
-        last, there = applied, following.tool.following
+        last, there = applied, following.tool.arrived
 
 
 # --- the sample of the force

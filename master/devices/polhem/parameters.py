@@ -31,10 +31,8 @@ class MechanismParameters:
         name: of the set.
         mechanism: with the first of `wirings`.
         wirings: the published signs, by board.
-        source: where all this was read.
         force_n: largest force [N].
         stiffness_n_m: stiffest spring that it shows stably [N/m].
-        damping_n_s_m: strongest damper [N s/m].
         radius_m: of the workspace about its middle [m].
         warnings: what a user should know about the set.
         gimbal_reversed_over_hid: whether the gimbal's counters come last to first on the boards that speak HID.
@@ -43,10 +41,8 @@ class MechanismParameters:
     name: str
     mechanism: Mechanism
     wirings: Mapping[Board, Wiring]
-    source: str
     force_n: float
     stiffness_n_m: float
-    damping_n_s_m: float
     radius_m: float
     warnings: tuple[str, ...] = ()
     gimbal_reversed_over_hid: bool = False
@@ -85,7 +81,7 @@ def _wiring(
 
 
 def _parameters(name: str, row: dict[str, Any]) -> MechanismParameters:
-    row = {key: tuple(value) if isinstance(value, list) else value for key, value in row.items()}
+    row = {key: tuple(value) if isinstance(value, list) else value for key, value in row.items() if key != "source"}
     wirings = {board: _wiring(*columns) for board, columns in row.pop("wirings").items()}
     kind = next(kind for kind in LINKAGES if kind in row)
     links = row.pop(kind)

@@ -1,1 +1,1 @@
-"""Arms that are led and followed joint by joint: the contract of both ends, and what their drivers share."""
+"""Arms that are led and followed joint by joint: the contract of both ends."""

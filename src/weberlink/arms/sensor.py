@@ -3,7 +3,7 @@
 from math import inf
 from typing import Literal
 
-from weberlink.arms.contract import ArmReading
+from weberlink.arms.contract import ArmReading, ArmSpec
 from weberlink.geometry.joints import Joints, is_finite
 from weberlink.geometry.vector import ZERO, Vector
 
@@ -40,7 +40,7 @@ class AxesSensor:
         return None
 
     def take(self, reading: ArmReading) -> None:
-        self.value = (reading.angles if self._takes_angles else reading.torques)[self._first : self._last]
+        self.value = self.part(reading.angles if self._takes_angles else reading.torques)
 
     def keep(self, values: Joints) -> None:
         """Send these values, of all axes, from now on."""
@@ -54,7 +54,8 @@ class AxesSensor:
         return self.sent, ZERO, self.most
 
 
-def sensors(quantity: Literal["angles", "torques"], joints: int, axes: int) -> list[AxesSensor]:
-    """The sensor of the joints and, where there is one more axis, that of the gripper."""
+def sensors_of(spec: ArmSpec, quantity: Literal["angles", "torques"]) -> list[AxesSensor]:
+    """The sensor of the joints and, where there is one, that of the gripper."""
+    joints, axes = len(spec.joints), spec.axes
     made = [AxesSensor(quantity, 0, joints, axes)]
-    return made if axes == joints else [*made, AxesSensor(quantity, joints, axes, axes)]
+    return [*made, AxesSensor(quantity, joints, axes, axes)] if spec.gripper else made

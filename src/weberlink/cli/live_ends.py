@@ -17,7 +17,7 @@ from weberlink.config import MASTER, SLAVE
 from weberlink.figures.session import Records
 from weberlink.geometry.joints import Joints
 from weberlink.master.devices.remote_leader import limits
-from weberlink.master.devices.target_link import TargetWriter
+from weberlink.master.devices.target_link import LeaderSender
 from weberlink.session.description import read as read_description
 from weberlink.telemetry.reader import DTYPE, RingReader
 from weberlink.telemetry.record import AXES, JOINTS
@@ -33,39 +33,25 @@ class NoSessionError(RuntimeError):
     """There is no such end of a live session, or more than one; the message says what to do."""
 
 
-class Quantities(NamedTuple):
-    """Fields of a record: where the axes are, what they were commanded to, and the force or torque on them."""
-
-    position: str
-    command: str
-    effort: str
-
-
 OF_ARM = {
-    MASTER: Quantities("joint_position", "joint_raw", "joint_output"),
-    SLAVE: Quantities("joint_position", "joint_output", "joint_raw"),
+    MASTER: ("joint_position", "joint_raw", "joint_output"),
+    SLAVE: ("joint_position", "joint_output", "joint_raw"),
 }
-"""Of a session in joint space [rad, N m]."""
-OF_HANDLE = {MASTER: Quantities("position", "raw", "output"), SLAVE: Quantities("output", "output", "raw")}
-"""Of a Cartesian session [m, N]; a slave's record has its commanded position only."""
+OF_HANDLE = {MASTER: ("position", "raw", "output"), SLAVE: ("output", "output", "raw")}
+"""Fields of a record: where the axes are, what they were commanded to, and the force or torque on them.
+
+Of a session in joint space [rad, N m], and of a Cartesian one [m, N]; there a slave has its commanded position only.
+"""
 
 
 class Sample(NamedTuple):
-    """The newest record, by axis.
+    """The newest record, by axis."""
 
-    Args:
-        at: on the monotonic clock of this host [s].
-        position: measured [rad, or m].
-        command: commanded [rad, or m].
-        effort: torque [N m] or force [N]: displayed to the operator (master), of the environment (slave).
-        efforts: that of so many newest records, the oldest first: shape (ticks, axes).
-    """
-
-    at: float
-    position: NDArray[np.float64]
-    command: NDArray[np.float64]
-    effort: NDArray[np.float64]
-    efforts: NDArray[np.float64]
+    at: float  # on the monotonic clock of this host [s]
+    position: NDArray[np.float64]  # measured [rad, or m]
+    command: NDArray[np.float64]  # [rad, or m]
+    effort: NDArray[np.float64]  # torque [N m] or force [N]: on the operator (master), of the environment (slave)
+    efforts: NDArray[np.float64]  # that of so many newest records, the oldest first: shape (ticks, axes)
 
 
 class LiveEnd:
@@ -140,17 +126,10 @@ class LiveEnd:
         if not age < STALE_S:
             word = "stands still" if self._reader.alive else "has ended"
             raise NoSessionError(f"the {self.side} of session {self.session} {word}: no record for {age:.1f} s")
-        efforts = self._of(self._fields.effort, self._recent)
-        return Sample(
-            float(last["at"]),
-            self._of(self._fields.position, last),
-            self._of(self._fields.command, last),
-            efforts[-1],
-            np.concatenate([np.repeat(efforts[:1], self._ticks - len(efforts), axis=0), efforts]),
-        )
-
-    def _of(self, field: str, records: Any) -> NDArray[np.float64]:
-        return np.asarray(records[field], np.float64)[..., self._columns]
+        position, command = (np.asarray(last[name], np.float64)[self._columns] for name in self._fields[:2])
+        efforts = np.asarray(self._recent[self._fields[2]], np.float64)[:, self._columns]
+        missing = np.repeat(efforts[:1], self._ticks - len(efforts), axis=0)
+        return Sample(float(last["at"]), position, command, efforts[-1], np.concatenate([missing, efforts]))
 
     def close(self) -> None:
         self._reader.close()
@@ -221,7 +200,7 @@ class RemoteLead:
                     "a remote_leader is led in the follower's angles; leave out master.joint_mapping"
                 )
             self._lower, self._upper = map(np.array, limits(device))
-            self._writer = TargetWriter(self._end.pid)
+            self._sender = LeaderSender(self._end.pid)
         except FileNotFoundError:
             self._end.close()
             raise NoSessionError(f"the master of session {self._end.session} has ended") from None
@@ -243,12 +222,12 @@ class RemoteLead:
         if len(angles) != len(self._lower):
             raise ValueError(f"expected {len(self._lower)} angles, not {len(angles)}")
         sent = np.clip(angles, self._lower, self._upper)
-        self._writer.write(tuple(sent.tolist()))
+        self._sender.send(tuple(sent.tolist()))
         return sent
 
     def close(self) -> None:
         """Let go; may be repeated."""
-        self._writer.close()
+        self._sender.close()
         self._end.close()
 
 

@@ -18,7 +18,7 @@ from weberlink.session.targets import STANDARD_OUTPUT
 
 if TYPE_CHECKING:
     from weberlink.figures.tree import Figures
-    from weberlink.session.advice import Parts
+    from weberlink.session.advice import DryRun
 
 PeerLabel = Annotated[str | None, typer.Option("--peer", metavar="NAME", help="Meet this known peer only.")]
 
@@ -211,7 +211,7 @@ def _live(
     finish(figures, f"weberlink {name}", json_out, quiet=log == STANDARD_OUTPUT)
 
 
-def say_advice(parts: "Parts") -> Callable[[float], str | None]:
+def say_advice(parts: "DryRun") -> Callable[[float], str | None]:
     """Say the advice on a file; returns what gives that on a measured round trip [s]."""
     from weberlink.session.advice import advise, on_measured_delay  # noqa: PLC0415
 

@@ -126,18 +126,14 @@ def _fork(order: WatchOrder, processor: int) -> int:
         try:
             signal(SIGTERM, SIG_DFL)
             die_with_parent(SIGKILL, own)
-            _watch(order, processor)
+            os.sched_setaffinity(0, {processor})
+            for wake_up in wake_ups(order.first, order.interval):
+                if wake_up.late >= order.least:
+                    with suppress(BlockingIOError):  # a launcher that does not read loses lines, and delays nothing
+                        _write(f"{processor} {wake_up.ran:.6f} {wake_up.due:.6f} {wake_up.woken:.6f}")
         finally:
             os._exit(1)
     return watcher
-
-
-def _watch(order: WatchOrder, processor: int) -> None:
-    os.sched_setaffinity(0, {processor})
-    for wake_up in wake_ups(order.first, order.interval):
-        if wake_up.late >= order.least:
-            with suppress(BlockingIOError):  # a launcher that does not read loses lines, and delays nothing
-                _write(f"{processor} {wake_up.ran:.6f} {wake_up.due:.6f} {wake_up.woken:.6f}")
 
 
 def _write(line: str) -> None:

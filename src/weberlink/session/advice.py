@@ -62,7 +62,7 @@ TICK_SHARE = 1 / 3
 """Share of a period that the work of a tick may take; the rest is for a late start, and for all else that runs."""
 
 
-class Parts(NamedTuple):
+class DryRun(NamedTuple):
     """A file and what was built of it; None for a part of the other side, and of another kind of session.
 
     Args:
@@ -88,7 +88,7 @@ class Parts(NamedTuple):
         return self.system.codec.joints is not None
 
 
-def dry_run(configuration: Configuration) -> Parts:
+def dry_run(configuration: Configuration) -> DryRun:
     """Build what a run would build, so that every error of the file shows before a process is started.
 
     Raises:
@@ -115,19 +115,19 @@ def dry_run(configuration: Configuration) -> Parts:
     return parts
 
 
-def _build(configuration: Configuration) -> Parts:
+def _build(configuration: Configuration) -> DryRun:
     has_device, has_robot = configuration.device is not None, configuration.robot is not None
     if configuration.system.codec.joints is not None:
         from weberlink.session.composition.following import build_follower  # noqa: PLC0415 - for arms alone
         from weberlink.session.composition.leading import build_leader  # noqa: PLC0415 - likewise
 
         leader = build_leader(configuration).spec if has_device else None
-        return Parts(configuration, None, None, leader, build_follower(configuration).spec if has_robot else None)
+        return DryRun(configuration, None, None, leader, build_follower(configuration).spec if has_robot else None)
     device = build_device(configuration) if has_device else None
     robot = build_robot(configuration) if has_robot else None
     if robot is not None:
         workspace_of(configuration, robot)
-    return Parts(configuration, device, robot)
+    return DryRun(configuration, device, robot)
 
 
 @with_file_name
@@ -137,10 +137,10 @@ def _check_scheme(configuration: Configuration) -> None:
         build_driver("control.scheme", ends_of, configuration.system.control.scheme)
 
 
-Rule = Callable[[Parts], Iterator[str]]
+Rule = Callable[[DryRun], Iterator[str]]
 
 
-def advise(parts: Parts) -> list[str]:
+def advise(parts: DryRun) -> list[str]:
     """What to say of a file before a run, one line each."""
     return [line for rule in RULES for line in rule(parts)]
 
@@ -148,7 +148,7 @@ def advise(parts: Parts) -> list[str]:
 # --- what device and robot cannot do
 
 
-def _device(parts: Parts) -> Iterator[str]:
+def _device(parts: DryRun) -> Iterator[str]:
     if parts.device is None:
         return
     spec, turns = parts.device.spec, parts.system.codec.rotation is not None
@@ -166,7 +166,7 @@ def _device(parts: Parts) -> Iterator[str]:
             yield f"master.device: {what}"
 
 
-def _robot(parts: Parts) -> Iterator[str]:
+def _robot(parts: DryRun) -> Iterator[str]:
     if parts.robot is None:
         return
     spec = parts.robot.spec
@@ -179,7 +179,7 @@ def _robot(parts: Parts) -> Iterator[str]:
             yield f"slave.robot: {what}"
 
 
-def _arms(parts: Parts) -> Iterator[str]:
+def _arms(parts: DryRun) -> Iterator[str]:
     for where, spec, cannot in (
         ("master.device", parts.leader, "displays no torque"),
         ("slave.robot", parts.follower, "measures no torque"),
@@ -197,7 +197,7 @@ def _arms(parts: Parts) -> Iterator[str]:
 # --- what device, robot and rate cannot display
 
 
-def _limits(parts: Parts) -> Iterator[str]:
+def _limits(parts: DryRun) -> Iterator[str]:
     """Limits of the file above those of the parts, which therefore protect nobody; and walls that are too stiff."""
     limits, mapping, trip = parts.system.master.limits, parts.system.master.mapping, parts.system.slave.limits.trip_n
     if parts.device is not None:
@@ -224,7 +224,7 @@ def _limits(parts: Parts) -> Iterator[str]:
         yield f"slave.limits.trip_n {trip:g}: {name} measures at most {most:g} N and never trips"
 
 
-def _contact(parts: Parts) -> Iterator[str]:
+def _contact(parts: DryRun) -> Iterator[str]:
     """A robot or a scene that is stiffer or more damped than what the device displays at the file's rate."""
     configuration, system, device, robot = parts.configuration, parts.system, parts.device, parts.robot
     if device is None or robot is None or isinf(robot.spec.stiffness_n_m):
@@ -281,7 +281,7 @@ def _wall_damping(system: System, stiffness: float) -> float:
 # --- what the coding of positions and forces costs
 
 
-def _positions(parts: Parts) -> Iterator[str]:
+def _positions(parts: DryRun) -> Iterator[str]:
     """Errors of position that the robot turns into more force than may stay unsent."""
     robot, codec = parts.robot, parts.system.codec
     if robot is None or isinf(robot.spec.stiffness_n_m):
@@ -302,7 +302,7 @@ def _positions(parts: Parts) -> Iterator[str]:
         )
 
 
-def _angles(parts: Parts) -> Iterator[str]:
+def _angles(parts: DryRun) -> Iterator[str]:
     """The coupling in the file, beside that of the follower."""
     spec = parts.follower
     if spec is None:
@@ -329,7 +329,7 @@ def _angles(parts: Parts) -> Iterator[str]:
             yield f"{field} {most:g}: {spec.name} is stiffer, {max(own):.3g} N m/rad; give that"
 
 
-def _coding(parts: Parts) -> Iterator[str]:
+def _coding(parts: DryRun) -> Iterator[str]:
     if parts.is_of_arms:
         return
     force, position, device = parts.system.codec.force, parts.system.codec.position, parts.device
@@ -358,7 +358,7 @@ def _coding(parts: Parts) -> Iterator[str]:
 # --- delay
 
 
-def _delay(parts: Parts) -> Iterator[str]:
+def _delay(parts: DryRun) -> Iterator[str]:
     """Limits that the emulated link or the tick exceeds; delays under the scheme that bounds no energy of a contact."""
     system = parts.system
     round_trip_ms = _emulated_ms(system) + 2e3 * system.tick_period
@@ -389,7 +389,7 @@ def _delay(parts: Parts) -> Iterator[str]:
             )
 
 
-def uncontrolled_delay(parts: Parts, round_trip: float) -> str | None:
+def uncontrolled_delay(parts: DryRun, round_trip: float) -> str | None:
     """What to say of a round trip [s] under `control.scheme: none`; None if that bears it, or another scheme is set."""
     system, borne = parts.system, borne_round_trip(parts)
     if system.control.scheme != "none" or round_trip <= borne * ROUNDING:
@@ -400,14 +400,14 @@ def uncontrolled_delay(parts: Parts, round_trip: float) -> str | None:
     )
 
 
-def on_measured_delay(parts: Parts) -> Callable[[float], str | None]:
+def on_measured_delay(parts: DryRun) -> Callable[[float], str | None]:
     """What is to be said of a measured round trip [s]: nothing, if that was said of the emulated one."""
     if uncontrolled_delay(parts, 1e-3 * _emulated_ms(parts.system)) is not None:
         return lambda _: None
     return partial(uncontrolled_delay, parts)
 
 
-def borne_round_trip(parts: Parts) -> float:
+def borne_round_trip(parts: DryRun) -> float:
     """The longest round trip at which a contact gains no energy without control [s].
 
     With damping b of device and hand, and stiffness K and damping B of the stiffest contact as it is felt, that is
@@ -429,7 +429,7 @@ def _emulated_ms(system: System) -> float:
 # --- addresses
 
 
-def placeholders(parts: Parts) -> Iterator[str]:
+def placeholders(parts: DryRun) -> Iterator[str]:
     """Addresses that stand for one's own: of the slave, which the operator's side calls, or of a device or robot."""
     configuration, link = parts.configuration, parts.system.link
     found = {} if configuration.finds_path or configuration.device is None else {"link.slave": link.slave}
@@ -453,7 +453,7 @@ def _host_in(text: str) -> str:
 # --- the machine
 
 
-def tick_rate(parts: Parts, tick_s: Callable[[Configuration], float | None] | None = None) -> Iterator[str]:
+def tick_rate(parts: DryRun, tick_s: Callable[[Configuration], float | None] | None = None) -> Iterator[str]:
     """A tick rate that this machine can hardly hold; a usual one is not looked at.
 
     Args:
@@ -503,7 +503,7 @@ def measured_tick_s(configuration: Configuration) -> float | None:
     return None
 
 
-def _polling(parts: Parts) -> Iterator[str]:
+def _polling(parts: DryRun) -> Iterator[str]:
     system = parts.system
     sides, cpus = 2 if is_loopback(system.link.slave) else 1, len(os.sched_getaffinity(0))
     if system.realtime.busy_poll and cpus <= sides:

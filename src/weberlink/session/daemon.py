@@ -166,11 +166,11 @@ def _build(order: DaemonOrder, configuration: Configuration, epoch: float, finde
     }
     # Each side imports its own parts only.
     if order.side == MASTER:
-        from weberlink.session.composition.master import build_master  # noqa: PLC0415
+        from weberlink.session.composition.sides import build_master  # noqa: PLC0415
 
         peer = peer_address(expects) if configuration.finds_path else split_address(link.slave)
         return build_master(configuration, peer=peer, **common)
-    from weberlink.session.composition.slave import build_slave  # noqa: PLC0415
+    from weberlink.session.composition.sides import build_slave  # noqa: PLC0415
 
     return build_slave(configuration, live=True, **common)
 

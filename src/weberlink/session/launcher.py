@@ -125,8 +125,7 @@ class Daemon:
             self._ring,
             description.path_beside(self._ring),
             control_socket.path_beside(self._ring),
-            target_link.link_path(self.pid, target_link.POINTER),
-            target_link.link_path(self.pid, target_link.LEADER),
+            *(target_link.link_path(self.pid, kind) for kind in target_link.KINDS),
         ):
             left.unlink(missing_ok=True)
 

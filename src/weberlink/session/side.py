@@ -6,7 +6,7 @@ from math import ceil, inf, isfinite, nan
 from typing import Any, NamedTuple
 
 from weberlink.control.contract import CREDIT_STEP
-from weberlink.control.tuning import LEAD_TICKS, Tuning, lead
+from weberlink.control.tuning import MARGIN_TICKS, Tuning, change_margin
 from weberlink.geometry.vector import ZERO
 from weberlink.order import EMERGENCY
 from weberlink.protocol.endpoint import Endpoint
@@ -122,7 +122,7 @@ class Side:
         self._last_reading_at = nan
         self._peer_tick = 0.0
         self._playout = playout
-        self._waiting: deque[UpdateReceived] = deque()
+        self._waiting: deque[tuple[float, UpdateReceived]] = deque()
         """Updates that are not to be used yet."""
         self._row = Row()
         self._rows = Rows(outgoing, incoming, leads=port.leads)
@@ -178,8 +178,12 @@ class Side:
             if peer_time is not None:  # a session that is over leaves its last force, which fades
                 self._peer_tick = peer_time / self._tick_period
         # What took less than the least delay and the play-out has waited until its tick has come.
-        while self._waiting and self._waiting[0].update.tick <= self._peer_tick - self._playout:
-            self._apply(self._waiting.popleft())
+        while self._waiting and self._waiting[0][1].update.tick <= self._peer_tick - self._playout:
+            left_at, event = self._waiting.popleft()
+            if endpoint.liveness.is_fresh(now - left_at, endpoint.liveness.generation):
+                self._apply(event)
+            else:  # this process stood still meanwhile: nothing is used that is older than the limit
+                endpoint.request_full_state()
         if self._leads:
             self._sense(now)
             self._engage(now)
@@ -200,9 +204,9 @@ class Side:
             return complaint
         if self.endpoint.state is not State.ENGAGED or self.endpoint.sessions != self._session:
             return "no session: the other side is not there"
-        body = self.tuning.ask(change)
-        ahead = lead(self.endpoint.clock.rtt, self.endpoint.clock.jitter)
-        tick = self.index + LEAD_TICKS + ceil(ahead / self._tick_period)
+        body = self.tuning.propose(change)
+        ahead = change_margin(self.endpoint.clock.rtt, self.endpoint.clock.jitter)
+        tick = self.index + MARGIN_TICKS + ceil(ahead / self._tick_period)
         if not self.endpoint.propose_change(now, tick, body):
             raise AssertionError("the tuning allows one change at a time")
         return None
@@ -301,7 +305,7 @@ class Side:
             if not isinstance(event, UpdateReceived):
                 self._on_event(event, now)
             elif self._playout:
-                self._waiting.append(event)
+                self._waiting.append((now - event.age, event))
             else:
                 self._apply(event)
 
@@ -328,7 +332,7 @@ class Side:
             case ChangeProposed():
                 self._guarded(self._answer, event, now)
             case ChangeAnswered(tick, body, refusal):
-                self._guarded(self.tuning.settle, tick, body, refusal)
+                self._guarded(self.tuning.on_answer, tick, body, refusal)
             case _:
                 self._on_farewell(event, now)
 
@@ -370,8 +374,8 @@ class Side:
         clock = self.endpoint.clock
         peer_time, rtt, answered_at = clock.peer_time(now), clock.rtt, inf
         if peer_time is not None and rtt is not None:
-            answered_at = (peer_time + 0.5 * rtt + clock.jitter) / self._tick_period + 0.5 * LEAD_TICKS
-        refusal = self.tuning.hear(proposal.tick, proposal.body, answered_at)
+            answered_at = (peer_time + 0.5 * rtt + clock.jitter) / self._tick_period + 0.5 * MARGIN_TICKS
+        refusal = self.tuning.on_proposal(proposal.tick, proposal.body, answered_at)
         self.endpoint.answer_change(proposal, refusal)
 
     def _begin(self) -> None:

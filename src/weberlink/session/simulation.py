@@ -24,8 +24,7 @@ from weberlink.protocol.states import State
 from weberlink.registry import fault_of, is_hardware
 from weberlink.session.composition.channels import lookahead_ms
 from weberlink.session.composition.link import build_security
-from weberlink.session.composition.master import build_master
-from weberlink.session.composition.slave import build_slave
+from weberlink.session.composition.sides import build_master, build_slave
 from weberlink.session.interruption import Interruption
 from weberlink.session.side import Side
 from weberlink.telemetry.record import DESCRIPTION, RECORD, Record

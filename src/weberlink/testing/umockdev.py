@@ -9,16 +9,16 @@ import json
 import os
 import shutil
 import struct
-import subprocess
 import termios
 import tty
 from collections.abc import Callable, Iterable
-from contextlib import suppress
 from fcntl import ioctl
 from pathlib import Path
+from subprocess import PIPE, STDOUT
 from types import TracebackType
 from typing import Any, Self
 
+from weberlink.child_process import Child
 from weberlink.hardware.emulator import EV_ABS, EV_KEY, EV_SYN, Emulator, HidIdentity, InputIdentity
 from weberlink.hardware.fault import HardwareFault
 from weberlink.testing.serving import PtyDevice, serve
@@ -29,7 +29,7 @@ SYSTEM_PYTHON = "/usr/bin/python3"
 """Not the one of a virtual environment: the bindings come with the distribution."""
 PRELOAD = "libumockdev-preload.so.0"
 ADVICE = "to emulate devices of the kernel, install umockdev: apt-get install umockdev gir1.2-umockdev-1.0 python3-gi"
-END_S = 5.0
+END_S, PAUSE_S = 5.0, 0.1
 
 QUEUE = 64
 """Reports that the kernel keeps for a reader; later ones are lost."""
@@ -170,7 +170,7 @@ class Testbed:
 
     def __init__(self, priority: int = 0) -> None:
         self._priority = priority
-        self._process: subprocess.Popen[str] | None = None
+        self._child: Child | None = None
         self._instances = 0
         self._plugged: dict[int, Pluggable] = {}
         self._described: dict[int, Identity] = {}
@@ -187,14 +187,8 @@ class Testbed:
         if shutil.which(WRAPPER) is None or not Path(SYSTEM_PYTHON).exists():
             raise HardwareFault(ADVICE)
         service = str(Path(__file__).with_name("umockdev_service.py"))
-        self._process = subprocess.Popen(  # noqa: S603
-            [WRAPPER, SYSTEM_PYTHON, "-I", service, str(self._priority)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            start_new_session=True,  # Ctrl-C is for us; it ends with its input
-            text=True,
-        )
+        command = [WRAPPER, SYSTEM_PYTHON, "-I", service, str(self._priority)]
+        self._child = Child(command, stdin=PIPE, stdout=PIPE, stderr=STDOUT)  # it ends with its input
         try:
             answer = self._answer()
             if "root" not in answer:
@@ -229,43 +223,34 @@ class Testbed:
             self._ask({"remove": [f"/sys{path}" for path in reversed(self._plugged.pop(number).paths)]})
 
     def _ask(self, request: dict[str, Any]) -> None:
-        assert self._process is not None
-        assert self._process.stdin is not None
-        with suppress(BrokenPipeError):  # the answer will be missing then
-            self._process.stdin.write(json.dumps(request) + "\n")
-            self._process.stdin.flush()
+        assert self._child is not None
+        self._child.write_line(json.dumps(request))  # of one that has ended, the answer will be missing
         answer = self._answer()
         if answer:
             raise HardwareFault(f"umockdev: {answer.get('error', answer)}")
 
     def _answer(self) -> dict[str, Any]:
-        assert self._process is not None
-        assert self._process.stdout is not None
-        assert self._process.stderr is not None
-        line = self._process.stdout.readline()
-        if not line.startswith("{"):
-            complaint = (line + self._process.stderr.read()).strip().splitlines()
-            raise HardwareFault(f"umockdev: {complaint[-1] if complaint else 'ended without a message'}")
-        answer: dict[str, Any] = json.loads(line)
-        return answer
+        """The next line of JSON; others are complaints, of which the last one before the end counts."""
+        assert self._child is not None
+        said = "ended without a message"
+        while True:
+            is_over = not self._child.running
+            for line in self._child.lines(0.0 if is_over else PAUSE_S):
+                if line.startswith(b"{"):
+                    answer: dict[str, Any] = json.loads(line)
+                    return answer
+                said = line.decode(errors="replace").strip() or said
+            if is_over:
+                raise HardwareFault(f"umockdev: {said}")
 
     def _end(self) -> None:
-        process, self._process = self._process, None
-        if process is None:
-            return
-        for stream in (process.stdin, process.stdout, process.stderr):
-            assert stream is not None
-            with suppress(BrokenPipeError):
-                stream.close()
-        try:
-            process.wait(END_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-        if self.root != Path() and self.root.name.startswith("umockdev."):
-            shutil.rmtree(self.root, ignore_errors=True)  # a killed process leaves it
-        self._plugged.clear()
-        self._described.clear()
+        child, self._child = self._child, None
+        if child is not None:
+            child.end(END_S)
+            if self.root != Path() and self.root.name.startswith("umockdev."):
+                shutil.rmtree(self.root, ignore_errors=True)  # a killed process leaves it
+            self._plugged.clear()
+            self._described.clear()
 
 
 class TestbedNode(PtyDevice):

@@ -10,14 +10,10 @@ from pydantic import BaseModel, ConfigDict
 
 from tests.cli.device_test.people import Clock, sitting
 from weberlink.cli.device_test import (
-    FRAME,
     GIVES_WAY_M,
-    LEAST_M,
     PUSH_N,
     DeviceTestError,
-    ObservedMotion,
     StoppedByUser,
-    classify_motion,
     try_master,
 )
 from weberlink.geometry.vector import ZERO, Vector, add, norm, scale
@@ -236,17 +232,6 @@ def test_unclear_motion_is_asked_for_again_twice(unclear: Vector) -> None:
     assert outcome_of(*OPEN, *((CENTRE, moved(*unclear)) * 2), *SIGNS, *PUSHES)[1] is None
     _, error = outcome_of(*OPEN, *((CENTRE, moved(*unclear)) * 3))
     assert "along x" in str(error)
-
-
-@pytest.mark.parametrize(("axis", "way"), [(0, 0.05), (0, -0.05), (1, 0.05), (2, -0.05)])
-def test_motion_is_classified_by_its_largest_component(axis: int, way: float) -> None:
-    components = [0.2 * way] * 3
-    components[axis] = way
-    found = classify_motion("x", (components[0], components[1], components[2]), FRAME)
-    assert found == ObservedMotion("x", "xyz"[axis], way)
-    assert found.right == (axis == 0 and way > 0.0)
-    for share, kind in ((0.99, str), (1.01, ObservedMotion)):
-        assert isinstance(classify_motion("z", (0.0, 0.0, LEAST_M * share), FRAME), kind)
 
 
 @pytest.mark.parametrize("lines", range(1, len(ALL)))

@@ -27,7 +27,7 @@ class Program:
     def newest(self) -> LeaderTarget | None:
         self._tick += 1
         is_due = self._tick % 33 == 1 and self._begins <= self._tick * TICK < self.ends
-        return LeaderTarget(self.target, True) if is_due else None
+        return LeaderTarget(self.target, True, self._tick) if is_due else None
 
     def close(self) -> None: ...
 

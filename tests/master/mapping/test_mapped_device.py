@@ -1,4 +1,4 @@
-"""A mapped device: what is sent of position and orientation, what is felt, indexing and walls."""
+"""A mapped device: the map between frames, what is sent and felt, indexing and walls."""
 
 from itertools import pairwise
 
@@ -6,8 +6,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, inverse, product, quaternion, vector
-from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale
+from tests.examples import examples
+from weberlink.geometry.rotation import (
+    IDENTITY,
+    Quaternion,
+    angle_between,
+    inverse,
+    product,
+    quaternion,
+    turned,
+    vector,
+)
+from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
 from weberlink.master.devices.contract import DeviceReading, DeviceSpec, TorqueDevice
 from weberlink.master.mapping.mapped_device import Clutch, FrameMap, MappedDevice, Walls
 
@@ -16,6 +26,49 @@ EDGE = 0.06
 CORNER = (EDGE, EDGE, EDGE)
 BOX = ((-0.05, -0.05, -0.05), (0.05, 0.05, 0.05))
 SAME = FrameMap((0.0, 0.0, 0.0), 1.0, 1.0, ZERO)
+
+triples = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
+axes = triples.filter(lambda axis: norm(axis) > 0.1).map(unit)
+scales = st.floats(0.1, 10.0)
+
+
+# --- the map alone
+
+
+@examples(60)
+@given(st.tuples(*[st.floats(-360.0, 360.0)] * 3), scales, scales, triples, triples, axes)
+def test_laws_of_the_map(turn: Vector, s: float, f: float, a: Vector, b: Vector, axis: Vector) -> None:
+    """Power scales by one constant, which is why a passive scene stays passive through the map."""
+    frame, handle = FrameMap(turn, s, f, (0.1, -0.2, 0.3)), quaternion(scale(axis, 0.7))
+    moved = subtract(frame.position(add(a, b)), frame.position(a))
+    assert norm(moved) == pytest.approx(s * norm(b), abs=1e-12)
+    assert frame.way(moved) == pytest.approx(b, abs=1e-12)
+    assert dot(frame.force(a), b) == pytest.approx(f / s * dot(a, moved), abs=1e-9)
+    # A turn w of the hand is one of the tool by R w, and torque . w is kept but for the scale of the force.
+    tool = frame.orientation(handle)
+    way = subtract(frame.position(turned(handle, b)), frame.position(ZERO))
+    assert turned(tool, subtract(frame.position(b), frame.position(ZERO))) == pytest.approx(way, abs=1e-9)
+    assert dot(frame.force(a), scale(axis, 0.7)) == pytest.approx(f * dot(a, vector(tool)), abs=1e-9)
+    low, high = frame.box(((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)))
+    assert all(c - 1e-9 <= p <= d + 1e-9 for c, p, d in zip(low, frame.position(a), high, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("turn", "moved"),
+    [
+        ((0, 0, 90), (-2.0, 1.0, 3.0)),
+        ((0, 0, 180), (-1.0, -2.0, 3.0)),
+        ((0, 0, -90), (2.0, -1.0, 3.0)),
+        ((90, 0, 0), (1.0, -3.0, 2.0)),
+        ((0, 90, 0), (3.0, 2.0, -1.0)),
+        ((90, 0, 90), (3.0, 1.0, 2.0)),  # x first, then z
+    ],
+)
+def test_right_angles_are_exact(turn: Vector, moved: Vector) -> None:
+    assert FrameMap(turn, 1, 1, ZERO).position((1.0, 2.0, 3.0)) == moved
+
+
+# --- the device
 
 
 class Handle:
@@ -113,8 +166,9 @@ def test_held_clutch_keeps_position_and_orientation_until_a_new_session() -> Non
     assert on.position == pytest.approx((0.03, 0.0, 0.0))
     assert on.orientation is not None
     assert before.orientation is not None
-    turned = product(on.orientation, inverse(before.orientation))
-    assert vector(turned) == pytest.approx((0.0, 0.0, 0.1)), "about z, as the hand turned"
+    assert vector(product(on.orientation, inverse(before.orientation))) == pytest.approx((0.0, 0.0, 0.1)), (
+        "about z, as the hand turned"
+    )
     hands.device.close()
     assert not hands.handle.is_open
     hands.device.open(hands.now)
@@ -161,14 +215,11 @@ def test_wall_fades_in_after(stalls: bool) -> None:
     assert max(b - a for a, b in pairwise(felt)) <= full * TICK / 0.05 * (1 + 1e-9)
 
 
-triples = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
-
-
 @given(st.lists(st.tuples(st.booleans(), triples), min_size=1, max_size=60))
 def test_indexing_never_jumps_nor_leaves_the_walls(script: list[tuple[bool, Vector]]) -> None:
     """What is sent moves and turns no further than the hand does, whatever is pressed."""
     hands = Hands(walls=500.0)
-    before, hand, turned = hands.read(), ZERO, ZERO
+    before, hand, last = hands.read(), ZERO, ZERO
     for pressed, turn in script:
         place = scale(turn, EDGE)
         sent = hands.read(place, turn, pressed=pressed)
@@ -176,6 +227,6 @@ def test_indexing_never_jumps_nor_leaves_the_walls(script: list[tuple[bool, Vect
         assert all(a <= p <= b for a, p, b in zip(BOX[0], sent.position, BOX[1], strict=True))
         assert before.orientation is not None
         assert sent.orientation is not None
-        way = angle_between(quaternion(turned), quaternion(turn))
+        way = angle_between(quaternion(last), quaternion(turn))
         assert angle_between(before.orientation, sent.orientation) <= way + 1e-7
-        before, hand, turned = sent, place, turn
+        before, hand, last = sent, place, turn

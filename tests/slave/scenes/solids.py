@@ -25,7 +25,7 @@ SHAPES: dict[str, Shape] = {
     "sphere cavity": SphereShape((0.0, 0.01, 0.0), 0.04, inside=True),
     "box": BoxShape((0.0, 0.0, -0.01), (0.06, 0.04, 0.02)),
     "box cavity": BoxCavity((0.0, 0.0, 0.01), (0.06, 0.04, 0.05)),
-    "turned box": TurnedShape(BoxShape((0.0, 0.0, -0.01), (0.06, 0.04, 0.02)), (0.0, 0.0, -0.01), (0.3, -0.2, 0.7)),
+    "turned box": TurnedShape(BoxShape((0.0, 0.0, -0.01), (0.06, 0.04, 0.02)), (0.0, 0.0, -0.01), (17.0, -11.0, 40.0)),
     "bowl": CarvedShape(GROUND, [SphereShape((0.0, 0.0, 0.02), 0.03, inside=True)]),
     "pocket": CarvedShape(GROUND, [BoxCavity((0.0, 0.0, 0.0), (0.04, 0.03, 0.02))]),
     "height field": field(),

@@ -3,12 +3,12 @@
 from typing import Any
 
 from plugins.arms.tests import benches
-from weberlink.arms.interpolation import Interpolation
 from weberlink.geometry.vector import Vector, distance
 from weberlink_arms.cartesian.exchange import ArmExchange, ArmSample
 from weberlink_arms.cartesian.options import DynamixelOptions
 from weberlink_arms.dynamixel import registers
 from weberlink_arms.emulators.open_manipulator import DynamixelEmulator, DynamixelEmulatorOptions
+from weberlink_arms.interpolation import Interpolation
 
 
 class Bench(benches.Bench):

@@ -1,18 +1,16 @@
 """Where the tip is to go: towards fresh commands at a limited speed, and nowhere without."""
 
-from typing import Final
+from typing import Any, Final
 
+from weberlink.control.gate import Approach
 from weberlink.geometry import rotation
 from weberlink.geometry.rotation import Quaternion, product
 from weberlink.geometry.vector import Vector
-from weberlink.slave.safety import Follower, toward
 from weberlink_franka.messages import ArmCommand
 from weberlink_franka.options import FrankaOptions
 
 LONGEST_STEP_S: Final = 0.005
 """By which the goal moves on in one cycle, however late it is."""
-RAMP_S: Final = 1.0
-"""Of the followers, whose share of the force is not used here."""
 REST_RAD_S: Final = 0.02
 """The arm is at rest when no joint is faster."""
 TURN_RAD_S: Final = 3.0
@@ -46,10 +44,8 @@ class Goal:
     def _place_at(self, tip: Vector, turned: Quaternion) -> None:
         options = self._options
         self.position, self.turned = tip, turned
-        self._place = Follower(tip, toward, speed=options.speed_m_s, approach_speed=options.approach_m_s, ramp=RAMP_S)
-        self._turn = Follower(
-            turned, rotation.toward, speed=TURN_RAD_S, approach_speed=options.approach_rad_s, ramp=RAMP_S
-        )
+        self._place = Approach(tip, [3], [options.speed_m_s], [options.approach_m_s])
+        self._turn = Approach(turned, [4], [TURN_RAD_S], [options.approach_rad_s], step_toward=rotation.toward)
 
     def take(self, command: ArmCommand) -> None:
         """Follow this command from now on, while it is fresh."""
@@ -79,8 +75,9 @@ class Goal:
         if self._command is None or self._brakes:
             return
         elapsed = min(elapsed, LONGEST_STEP_S)
-        self.position = self._place.pursue(self._inside(self._command.position), elapsed)
-        self.turned = self._turn.pursue(product(self._command.orientation, self._home), elapsed)
+        place: Any = self._place.advance(self._inside(self._command.position), elapsed)
+        turned_to: Any = self._turn.advance(product(self._command.orientation, self._home), elapsed)
+        self.position, self.turned = place, turned_to
 
     def _inside(self, position: Vector) -> Vector:
         (a, b, c), (d, e, f) = self._options.workspace_m

@@ -22,7 +22,7 @@ from weberlink.protocol.negotiation import LONGEST, in_ms, rounded_up
 from weberlink.protocol.probing import Heard
 from weberlink.protocol.session import LONGEST_SILENCE
 from weberlink.protocol.timing import LONGEST_RTT
-from weberlink.session.advice import Parts, uncontrolled_delay
+from weberlink.session.advice import DryRun, uncontrolled_delay
 
 SILENCE_STEP_MS = 10
 ELSEWHERE = "use another network"
@@ -246,7 +246,7 @@ def recommend(figures: LinkFigures, configuration: Configuration) -> Iterator[Fi
         yield problem(found, f"--set link.longest_round_trip_ms={needed_ms}", check)
 
     yield _silence(figures, system)
-    said = uncontrolled_delay(Parts(configuration), round_trip)
+    said = uncontrolled_delay(DryRun(configuration), round_trip)
     if said is None:
         yield ok(f"control scheme {scheme}: round trip {1e3 * round_trip:.1f} ms", "control scheme")
     else:

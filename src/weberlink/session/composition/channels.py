@@ -181,10 +181,11 @@ def _torques(settings: JointTorqueCodecSettings, count: int, system: System, web
     )
 
 
-def torque_deadbands(system: System, weber: float) -> list[Deadband]:
-    """Of the parts of an arm's torques, at a Weber factor that a session may have changed."""
+def felt_deadbands(system: System, weber: float) -> list[Deadband]:
+    """Of the force, or of the parts of an arm's torques, at a Weber factor that a session may have changed."""
     joints = system.codec.joints
-    assert joints is not None
+    if joints is None:
+        return [force_deadband(system, weber)]
     channel = _torques(joints.torque, len(joints.names), system, weber)
     return [part.deadband for part in (channel, *channel.more)]
 

@@ -1,16 +1,12 @@
 """Builds the teleoperator's side of a session of arms, from a configuration."""
 
 from weberlink.arms.contract import ArmSpec, FollowerArm
+from weberlink.arms.sensor import sensors_of
 from weberlink.codec import Decoder, Encoder
 from weberlink.codec.sample import INT16_MAX
 from weberlink.config import Configuration, ConfigurationError, System
 from weberlink.config.joints import FollowerLimits
-from weberlink.control.tuning import LiveSettings
 from weberlink.geometry.joints import Joints
-from weberlink.protocol import Role
-from weberlink.protocol.liveness import HORIZON_SHARE
-from weberlink.protocol.security import Security
-from weberlink.realtime.stall import Watchdog
 from weberlink.session.channels import IncomingChannel, OutgoingChannel
 from weberlink.session.composition.arms import (
     check_angles,
@@ -18,78 +14,56 @@ from weberlink.session.composition.arms import (
     each_axis,
     within,
 )
-from weberlink.session.composition.channels import playout_ticks, streams, torque_deadbands
+from weberlink.session.composition.channels import streams
 from weberlink.session.composition.link import (
-    ANONYMOUS,
-    Entropy,
-    Identity,
-    Stopwatch,
+    Parts,
     build_driver,
-    build_endpoint,
-    tuning_of,
+    build_tuning,
     with_file_name,
 )
-from weberlink.session.side import Side
-from weberlink.slave.follower_port import FollowerPort
+from weberlink.slave.follower_port import TRIP_RETREAT, FollowerPort, axis_press_limit
+from weberlink.slave.guard import Guard
 
 
-def build_following(
-    configuration: Configuration,
-    *,
-    security: Security,
-    entropy: Entropy,
-    epoch: float,
-    stopwatch: Stopwatch,
-    identity: Identity = ANONYMOUS,
-) -> Side:
-    """The teleoperator's side, not yet open.
-
-    Raises:
-        ConfigurationError: if the follower cannot be made as the file asks.
-    """
+def build_following(configuration: Configuration) -> Parts:
+    """The port of a follower arm, its channels out and in, and the settings that may change."""
     system, follower = configuration.system, build_follower(configuration)
     forward, backward = streams(system)
     spec, limits = follower.spec, system.slave.limits
     own = limits.joints or FollowerLimits()
     lower, upper = angle_limits(system, spec)
-    endpoint = build_endpoint(system, Role.RESPONDER, security, entropy, epoch, backward, forward, None, identity)
+    presses = within("slave.limits.joints.press_nm", own.press_nm, spec.torque_nm)
+    sensors = sensors_of(spec, "torques")
     port = FollowerPort(
-        arm=follower,
-        lower=lower,
-        upper=upper,
-        speed=own.speed_rad_s,
-        approach_speed=own.approach_rad_s,
-        ramp=limits.ramp_ms * 1e-3,
-        press=within("slave.limits.joints.press_nm", own.press_nm, spec.torque_nm),
-        trip=within("slave.limits.joints.trip_nm", own.trip_nm, spec.torque_nm),
+        follower,
+        guard=Guard(
+            [1] * spec.axes,
+            presses=[
+                axis_press_limit(most, stiffness, spec.torque_error_nm)
+                for most, stiffness in zip(presses, spec.stiffness_nm_rad, strict=True)
+            ],
+            lower=lower,
+            upper=upper,
+            trips=within("slave.limits.joints.trip_nm", own.trip_nm, spec.torque_nm),
+            speed=own.speed_rad_s,
+            approach_speed=own.approach_rad_s,
+            ramp=limits.ramp_ms * 1e-3,
+            trip_retract=TRIP_RETREAT,
+        ),
+        angle_range=(lower, upper),
+        sensors=sensors,
         by_button=system.master.engage is not None,
     )
     outgoing = [
-        OutgoingChannel(name, stream, Encoder(channel), sensor)
-        for stream, (name, channel, sensor) in enumerate(
-            zip(("joint_torque", "gripper_torque"), backward, filter(None, (port.joints, port.gripper)), strict=False)
-        )
+        OutgoingChannel(name, stream, Encoder(backward[stream]), sensor)
+        for stream, (name, sensor) in enumerate(zip(("joint_torque", "gripper_torque"), sensors, strict=False))
+    ]
+    incoming = [
+        IncomingChannel(name, stream, Decoder(channel))
+        for stream, (name, channel) in enumerate(zip(("joint_angle", "gripper_angle"), forward, strict=False))
     ]
 
-    def retune(settings: LiveSettings, peer_tick: float) -> None:  # noqa: ARG001 - the encoder decides from now on
-        first, *more = torque_deadbands(system, settings.weber)
-        outgoing[0].encoder.retune(first, [0], more)
-
-    return Side(
-        port=port,
-        outgoing=outgoing,
-        incoming=[
-            IncomingChannel(name, stream, Decoder(channel))
-            for stream, (name, channel) in enumerate(zip(("joint_angle", "gripper_angle"), forward, strict=False))
-        ],
-        tuning=tuning_of(system, retune, leads=False),
-        endpoint=endpoint,
-        tick_period=system.tick_period,
-        horizon=HORIZON_SHARE * system.link.silence_ms * 1e-3,
-        watchdog=Watchdog(limits.robot_ms * 1e-3),
-        stopwatch=stopwatch,
-        playout=playout_ticks(system),
-    )
+    return port, outgoing, incoming, build_tuning(system, outgoing[0].encoder)
 
 
 @with_file_name

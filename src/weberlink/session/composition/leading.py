@@ -3,20 +3,16 @@
 from collections.abc import Callable
 
 from weberlink.arms.contract import ArmSpec, LeaderArm
-from weberlink.arms.sensor import sensors
+from weberlink.arms.sensor import sensors_of
 from weberlink.codec import Decoder, Encoder
 from weberlink.config import Configuration, System
 from weberlink.config.joints import AngleCodecSettings, LeaderLimits, per_axis
 from weberlink.control.axes import LEVER, build_axes
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
 from weberlink.geometry.joints import Joints
-from weberlink.master.gate import Bound, ContactLimiter, ContactWatch, OutputGate
+from weberlink.master.gate import Bound, ContactLimiter, ContactWatch
 from weberlink.master.leader_port import LeaderPort, PressedAxes
-from weberlink.protocol import Role
-from weberlink.protocol.events import Address
-from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
-from weberlink.protocol.security import Security
-from weberlink.realtime.stall import Watchdog
+from weberlink.protocol.endpoint import Endpoint
 from weberlink.session.channels import IncomingChannel, OutgoingChannel
 from weberlink.session.composition.arms import (
     check_angles,
@@ -26,85 +22,52 @@ from weberlink.session.composition.arms import (
     joint_names,
     within,
 )
-from weberlink.session.composition.channels import account, longest_round_trip, playout_ticks, signal_delay, streams
+from weberlink.session.composition.channels import account, longest_round_trip, signal_delay, streams
 from weberlink.session.composition.link import (
-    ANONYMOUS,
-    Entropy,
-    Identity,
-    Stopwatch,
+    Parts,
     build_driver,
-    build_endpoint,
-    tuning_of,
+    build_tuning,
     with_file_name,
 )
-from weberlink.session.composition.master import check_button, check_force_ends
-from weberlink.session.side import Side
+from weberlink.session.composition.master import build_gate, check_button, check_force_ends
 
 SLEW_S = 0.05
 """Time in which the torque of a leader may rise to its largest, where the file does not say otherwise [s]."""
 
 
-def build_leading(
-    configuration: Configuration,
-    *,
-    security: Security,
-    entropy: Entropy,
-    epoch: float,
-    stopwatch: Stopwatch,
-    peer: Address,
-    identity: Identity = ANONYMOUS,
-) -> Side:
-    """The operator's side, not yet open.
-
-    Raises:
-        ConfigurationError: if the leader cannot do what the file asks.
-    """
+def build_leading(configuration: Configuration, endpoint: Endpoint) -> Parts:
+    """The port of a leader arm, its channels out and in, and the settings that may change."""
     system, leader = configuration.system, build_leader(configuration)
     forward, backward = streams(system)
-    limits = system.master.limits
+    decoders = [Decoder(channel) for channel in backward]
     most, slew = torque_limits(system, leader.spec)
-    control = build_axes(system.control.scheme, LEVER, account(system.control, system.master.mapping))
-    endpoint = build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity)
-    silence, engage = system.link.silence_ms * 1e-3, system.master.engage
-    axes_of = sensors("angles", len(leader.spec.joints), leader.spec.axes)
-    least, delay, ramp = _least(system), signal_delay(system), limits.ramp_ms * 1e-3
-    bounds = []
-    for sensor in axes_of:
+    least, delay, ramp = _least(system), signal_delay(system), system.master.limits.ramp_ms * 1e-3
+    sensors, bounds = sensors_of(leader.spec, "angles"), []
+    for sensor in sensors:
         limiter = ContactLimiter(max(sensor.part(most)), FREE_FORCE * LEVER, longest_round_trip(system) + delay)
         contact = ContactWatch(limiter, endpoint, sensor.part(least), delay)
         bounds.append(Bound(sensor.part(most), sensor.part(slew), ramp, width=1, contact=contact))
+    tuning = build_tuning(system, decoders[0])
+    engage = system.master.engage
     port = LeaderPort(
         leader,
-        control=control,
+        control=build_axes(system.control.scheme, LEVER, account(system.control, system.master.mapping)),
         endpoint=endpoint,
-        gate=OutputGate(bounds, ramp=ramp, silence=silence, fade_share=FADE_SHARE),
-        sensors=axes_of,
+        gate=build_gate(system, bounds),
+        sensors=sensors,
         button=None if engage is None else engage.button,
         pressed=_pressed(system, lambda: tuning.settings.weber),
         displays_torque=any(limit > 0.0 for limit in most),
     )
-
-    tuning = tuning_of(system, lambda settings, tick: None, leads=True)  # noqa: ARG005 - decoders of joints need not know
-    return Side(
-        port=port,
-        outgoing=[
-            OutgoingChannel(name, stream, Encoder(channel), sensor)
-            for stream, (name, channel, sensor) in enumerate(
-                zip(("joint_angle", "gripper_angle"), forward, axes_of, strict=False)
-            )
-        ],
-        incoming=[
-            IncomingChannel(name, stream, Decoder(channel))
-            for stream, (name, channel) in enumerate(zip(("joint_torque", "gripper_torque"), backward, strict=False))
-        ],
-        tuning=tuning,
-        endpoint=endpoint,
-        tick_period=system.tick_period,
-        horizon=HORIZON_SHARE * silence,
-        watchdog=Watchdog(limits.device_ms * 1e-3),
-        stopwatch=stopwatch,
-        playout=playout_ticks(system),
-    )
+    outgoing = [
+        OutgoingChannel(name, stream, Encoder(forward[stream]), sensor)
+        for stream, (name, sensor) in enumerate(zip(("joint_angle", "gripper_angle"), sensors, strict=False))
+    ]
+    incoming = [
+        IncomingChannel(name, stream, decoder)
+        for stream, (name, decoder) in enumerate(zip(("joint_torque", "gripper_torque"), decoders, strict=False))
+    ]
+    return port, outgoing, incoming, tuning
 
 
 def _least(system: System) -> Joints:

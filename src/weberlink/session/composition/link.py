@@ -1,9 +1,9 @@
-"""What both sides build alike from a configuration: agreement, security, endpoint, control, tuning, emulated faults."""
+"""What both sides build alike from a configuration: agreement, security, endpoint, control, tuning."""
 
 from collections.abc import Callable, Sequence
 from functools import wraps
 from secrets import token_bytes
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.predictors import BANKS
@@ -17,13 +17,14 @@ from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
 from weberlink.protocol.security import Security
 from weberlink.registry import check_contract, fault_of
-from weberlink.session.composition.channels import account, force_deadband, longest_round_trip, signal_delay
-
-if TYPE_CHECKING:
-    pass
+from weberlink.session.channels import IncomingChannel, OutgoingChannel
+from weberlink.session.composition.channels import account, felt_deadbands, longest_round_trip, signal_delay
+from weberlink.session.port import Port
 
 Entropy = Callable[[int], bytes]
 Stopwatch = Callable[[], float]
+Parts = tuple[Port, list[OutgoingChannel], list[IncomingChannel], Tuning]
+"""Of a side: its port, its channels out and in, and the settings that may change."""
 
 
 class Identity(NamedTuple):
@@ -218,24 +219,21 @@ def check_axes(where: str, axes: str, system: System) -> None:
 
 
 def build_tuning(system: System, coder: Encoder | Decoder) -> Tuning:
-    """The tuning of a side, which encodes or decodes the force."""
-    force = system.codec.force
+    """The tuning of a side, which encodes or decodes the force, or the torques of joints."""
+    force, joints = system.codec.force, system.codec.joints
+    bank = force.bank if joints is None and force.predictor in BANKS else ()
 
     def retune(settings: LiveSettings, peer_tick: float) -> None:
-        deadband = force_deadband(system, settings.weber)
+        deadband, *more = felt_deadbands(system, settings.weber)
         if isinstance(coder, Decoder):
             coder.retune(deadband, peer_tick)
         else:
-            chosen = range(len(force.bank)) if settings.predictor in BANKS else [force.bank.index(settings.predictor)]
-            coder.retune(deadband, chosen if force.predictor in BANKS else [0])
+            selectors = [bank.index(settings.predictor)] if settings.predictor in bank else range(len(bank) or 1)
+            coder.retune(deadband, selectors, more)
 
-    return tuning_of(system, retune, leads=isinstance(coder, Decoder))
-
-
-def tuning_of(system: System, retune: Callable[[LiveSettings, float], None], *, leads: bool) -> Tuning:
-    """The tuning of a side: `retune` takes settings into the codec from a tick of the peer on."""
-    felt = system.codec.force if system.codec.joints is None else system.codec.joints.torque
-    return Tuning(LiveSettings(felt.weber, felt.predictor), live_choices(system), retune, leads=leads)
+    felt = force if joints is None else joints.torque
+    settings = LiveSettings(felt.weber, felt.predictor)
+    return Tuning(settings, live_choices(system), retune, is_master=isinstance(coder, Decoder))
 
 
 def live_choices(system: System) -> dict[str, tuple[str, ...]]:

@@ -1,5 +1,6 @@
-"""Builds the operator's side from a configuration."""
+"""Builds the operator's end with a haptic device, from a configuration."""
 
+from collections.abc import Sequence
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -12,11 +13,8 @@ from weberlink.geometry.vector import Vector
 from weberlink.master.devices.contract import Device, DeviceSpec, TorqueDevice
 from weberlink.master.gate import Bound, ContactLimiter, HandContact, OutputGate
 from weberlink.master.operator_port import Display, HandPort, HandPosition
-from weberlink.protocol import Role
-from weberlink.protocol.events import Address
-from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
-from weberlink.protocol.security import Security
-from weberlink.realtime.stall import Watchdog
+from weberlink.protocol.endpoint import Endpoint
+from weberlink.protocol.liveness import FADE_SHARE
 from weberlink.session.channels import IncomingChannel, OutgoingChannel
 from weberlink.session.composition.channels import (
     account,
@@ -28,19 +26,14 @@ from weberlink.session.composition.channels import (
 )
 from weberlink.session.composition.coupling import coupling
 from weberlink.session.composition.link import (
-    ANONYMOUS,
-    Entropy,
-    Identity,
-    Stopwatch,
+    Parts,
     build_control,
     build_driver,
-    build_endpoint,
     build_tuning,
     check_axes,
     free_force,
     with_file_name,
 )
-from weberlink.session.side import Side
 
 if TYPE_CHECKING:
     from weberlink.arms.contract import ArmSpec, LeaderArm
@@ -49,33 +42,13 @@ FASTEST_TOUCH = 1.0
 """Speed of a hand that meets a wall [m/s], from which the default slew limit follows."""
 
 
-def build_master(
-    configuration: Configuration,
-    *,
-    security: Security,
-    entropy: Entropy,
-    epoch: float,
-    stopwatch: Stopwatch,
-    peer: Address,
-    identity: Identity = ANONYMOUS,
-) -> Side:
-    """The operator's side, not yet open.
+def build_gate(system: System, bounds: Sequence[Bound]) -> OutputGate:
+    silence, ramp = system.link.silence_ms * 1e-3, system.master.limits.ramp_ms * 1e-3
+    return OutputGate(bounds, ramp=ramp, silence=silence, fade_share=FADE_SHARE)
 
-    Raises:
-        ConfigurationError: if the device cannot do what the file asks.
-    """
-    if configuration.system.codec.joints is not None:
-        from weberlink.session.composition.leading import build_leading  # noqa: PLC0415 - for arms alone
 
-        return build_leading(
-            configuration,
-            security=security,
-            entropy=entropy,
-            epoch=epoch,
-            stopwatch=stopwatch,
-            peer=peer,
-            identity=identity,
-        )
+def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
+    """The port of a haptic device, its channels out and in, and the settings that may change."""
     system, device = configuration.system, build_device(configuration)
     forward, backward = streams(system)
     force_limit = _force_limit(system, device)
@@ -86,7 +59,6 @@ def build_master(
     def force_bound(force: float) -> float:
         return max(tuning.settings.weber * force, system.codec.force.floor_n)
 
-    endpoint = build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity)
     free, longest = free_force(system), longest_round_trip(system) + signal_delay(system)
     contact = HandContact(
         ContactLimiter(force_limit, free, longest),
@@ -97,7 +69,7 @@ def build_master(
         delay=signal_delay(system),
         playout=playout_ticks(system),
     )
-    limits, silence, engage = system.master.limits, system.link.silence_ms * 1e-3, system.master.engage
+    limits, engage = system.master.limits, system.master.engage
     ramp = limits.ramp_ms * 1e-3
     bounds = [Bound((force_limit,), (_force_slew(system, device),), ramp, contact=contact)]
     displays = [Display(control, [3], device.command)]
@@ -127,22 +99,11 @@ def build_master(
         control=control,
         endpoint=endpoint,
         hand=hand,
-        gate=OutputGate(bounds, ramp=ramp, silence=silence, fade_share=FADE_SHARE),
+        gate=build_gate(system, bounds),
         button=None if engage is None else engage.button,
         turning=turning,
     )
-    return Side(
-        port=port,
-        outgoing=outgoing,
-        incoming=incoming,
-        tuning=tuning,
-        endpoint=endpoint,
-        tick_period=system.tick_period,
-        horizon=HORIZON_SHARE * silence,
-        watchdog=Watchdog(limits.device_ms * 1e-3),
-        stopwatch=stopwatch,
-        playout=playout_ticks(system),
-    )
+    return port, outgoing, incoming, tuning
 
 
 @with_file_name

@@ -1,91 +1,76 @@
-"""Builds the teleoperator's side, with robot and scene, from a configuration."""
+"""Builds the teleoperator's end with robot and scene, from a configuration."""
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 from weberlink.codec import Decoder, Encoder
 from weberlink.codec.sample import INT16_MAX
 from weberlink.config import Configuration, ConfigurationError, System
+from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.table import build_slave_control
-from weberlink.protocol import Role
-from weberlink.protocol.liveness import HORIZON_SHARE
-from weberlink.protocol.security import Security
-from weberlink.realtime.stall import Watchdog
+from weberlink.protocol.endpoint import Endpoint
 from weberlink.session.channels import IncomingChannel, OutgoingChannel, Unreached
-from weberlink.session.composition.channels import least_contact, playout_ticks, streams
+from weberlink.session.composition.channels import least_contact, streams
 from weberlink.session.composition.coupling import STATED, coupling, press_limit
 from weberlink.session.composition.link import (
-    ANONYMOUS,
-    Entropy,
-    Identity,
+    Parts,
     Stopwatch,
     build_control,
     build_driver,
-    build_endpoint,
     build_tuning,
     check_axes,
     with_file_name,
 )
-from weberlink.session.side import Side
+from weberlink.slave.guard import Guard, PressLimit, Workspace
 from weberlink.slave.robot_port import RobotPort
 from weberlink.slave.robots.contract import OrientedRobot, Robot
-from weberlink.slave.safety import CommandGuard, PressLimit, Workspace
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.settings import build
 
-if TYPE_CHECKING:
-    from weberlink.slave.rotation import ToolOrientation
+DAMPING_MOST = 100.0
+"""Largest damping of a surface that the press limit provides for [N s/m]. Chosen."""
 
 
-def build_slave(
-    configuration: Configuration,
-    *,
-    security: Security,
-    entropy: Entropy,
-    epoch: float,
-    stopwatch: Stopwatch,
-    identity: Identity = ANONYMOUS,
-    live: bool = False,
-) -> Side:
-    """The teleoperator's side, not yet open.
+def build_led(configuration: Configuration, endpoint: Endpoint, live: Stopwatch | None) -> Parts:
+    """The port of a robot that a hand leads, its channels out and in, and the settings that may change.
 
     Args:
-        live: whether a simulated robot publishes its pose and measures its steps; not in virtual time.
-
-    Raises:
-        ConfigurationError: if the robot or the scene cannot be made as the file asks.
+        configuration: of both sides.
+        endpoint: of this one.
+        live: with it, a simulated robot measures its steps, and publishes its pose; None for neither.
     """
-    if configuration.system.codec.joints is not None:
-        from weberlink.session.composition.following import build_following  # noqa: PLC0415 - for arms alone
-
-        return build_following(
-            configuration, security=security, entropy=entropy, epoch=epoch, stopwatch=stopwatch, identity=identity
-        )
     system, robot = configuration.system, build_robot(configuration)
-    if live and hasattr(robot, "publish_pose"):
+    if live is not None and hasattr(robot, "publish_pose"):
         robot.publish_pose()
-    if live and hasattr(robot, "measure_steps"):
-        robot.measure_steps(stopwatch)  # not in virtual time, whose results must not depend on the machine
+    if live is not None and hasattr(robot, "measure_steps"):
+        robot.measure_steps(live)
     forward, backward = streams(system)
-    limits = system.slave.limits
+    limits, spec, rotation = system.slave.limits, robot.spec, system.codec.rotation
+    ramp = limits.ramp_ms * 1e-3
     force_encoder = Encoder(backward[0])
-    control = build_control(configuration, build_slave_control, robot.spec.stiffness_n_m)
-    endpoint = build_endpoint(system, Role.RESPONDER, security, entropy, epoch, backward, forward, None, identity)
-    orientation = None if system.codec.rotation is None else _tool_orientation(system, robot)
+    tool: Any = None
+    if rotation is not None:
+        from weberlink.slave.rotation import ToolOrientation, ToolTorque  # noqa: PLC0415 - for six degrees of freedom
+
+        tool = ToolOrientation(speed=limits.turn_rad_s, approach_speed=limits.approach_turn_rad_s, ramp=ramp)
+    lower, upper = workspace_of(configuration, robot)
+    press = PressLimit(press_limit(system, robot), spec.stiffness_n_m, damping=DAMPING_MOST, contact=LEAST_CONTACT)
     port = RobotPort(
-        robot=robot,
-        guard=CommandGuard(
-            workspace=workspace_of(configuration, robot),
+        robot,
+        guard=Guard(
+            [3],
+            presses=[press],
+            lower=lower,
+            upper=upper,
+            trips=(spec.force_n if limits.trip_n is None else limits.trip_n,),
             speed=limits.speed_m_s,
             approach_speed=limits.approach_speed_m_s,
-            ramp=limits.ramp_ms * 1e-3,
-            retract=limits.retract_m if limits.on_silence == "retract" else 0.0,
+            ramp=ramp,
             trip_retract=limits.retract_m,
+            retract=limits.retract_m if limits.on_silence == "retract" else 0.0,
         ),
-        followers=[] if orientation is None else [orientation],
-        control=control,
+        control=build_control(configuration, build_slave_control, spec.stiffness_n_m),
         endpoint=endpoint,
-        press_limit=PressLimit(press_limit(system, robot), robot.spec.stiffness_n_m),
-        trip_force=robot.spec.force_n if limits.trip_n is None else limits.trip_n,
+        tool=tool,
         by_button=system.master.engage is not None,
     )
 
@@ -95,39 +80,12 @@ def build_slave(
     unreached = Unreached(force_encoder.mirror, lambda: port.led(0), follows, least_contact(system), system.tick_period)
     outgoing = [OutgoingChannel("force", 0, force_encoder, port.force, unreached)]
     incoming = [IncomingChannel("position", 0, Decoder(forward[0]))]
-    if orientation is not None:
-        from weberlink.slave.rotation import ToolTorque  # noqa: PLC0415 - for six degrees of freedom alone
-
-        assert system.codec.rotation is not None
-        torque_encoder, least = Encoder(backward[1]), system.codec.rotation.torque.floor_nm
+    if rotation is not None:
+        torque_encoder, least = Encoder(backward[1]), rotation.torque.floor_nm
         unturned = Unreached(torque_encoder.mirror, lambda: port.led(1), follows, least, system.tick_period)
-        outgoing.append(OutgoingChannel("torque", 1, torque_encoder, ToolTorque(port, orientation), unturned))
+        outgoing.append(OutgoingChannel("torque", 1, torque_encoder, ToolTorque(port.shown, tool), unturned))
         incoming.append(IncomingChannel("orientation", 1, Decoder(forward[1])))
-    return Side(
-        port=port,
-        outgoing=outgoing,
-        incoming=incoming,
-        tuning=build_tuning(system, force_encoder),
-        endpoint=endpoint,
-        tick_period=system.tick_period,
-        horizon=HORIZON_SHARE * system.link.silence_ms * 1e-3,
-        watchdog=Watchdog(limits.robot_ms * 1e-3),
-        stopwatch=stopwatch,
-        playout=playout_ticks(system),
-    )
-
-
-def _tool_orientation(system: System, robot: Robot) -> "ToolOrientation":
-    from weberlink.slave.rotation import ToolOrientation  # noqa: PLC0415 - for six degrees of freedom alone
-
-    assert isinstance(robot, OrientedRobot), "build_robot sees to it"
-    limits = system.slave.limits
-    return ToolOrientation(
-        robot,
-        speed=limits.turn_rad_s,
-        approach_speed=limits.approach_turn_rad_s,
-        ramp=limits.ramp_ms * 1e-3,
-    )
+    return port, outgoing, incoming, build_tuning(system, force_encoder)
 
 
 @with_file_name

@@ -17,7 +17,6 @@ every_set = pytest.mark.parametrize("parameters", PARAMETERS.values(), ids=PARAM
 
 @every_set
 def test_limits_are_plausible_and_every_board_has_the_same_home_pose(parameters: MechanismParameters) -> None:
-    assert parameters.source
     assert parameters.force_n <= 5.0
     assert 500.0 <= parameters.stiffness_n_m <= 2000.0
     assert 0.1 <= parameters.radius_m <= 0.15

@@ -3,7 +3,6 @@
 from time import monotonic, sleep
 from typing import ClassVar, Final
 
-from weberlink.arms.interpolation import Interpolation
 from weberlink.geometry.vector import Vector, add, distance, is_finite, scale, subtract, within
 from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_ports
 from weberlink.hardware.fault import HardwareFault
@@ -17,6 +16,7 @@ from weberlink_arms.cartesian.options import DynamixelOptions, OnClose, worst_fo
 from weberlink_arms.dynamixel import registers
 from weberlink_arms.dynamixel.bus import USB, latency_advice
 from weberlink_arms.dynamixel.motors import watchdog_units
+from weberlink_arms.interpolation import Interpolation
 from weberlink_arms.servo.filter import LowPass
 
 NAME: Final = "dynamixel"

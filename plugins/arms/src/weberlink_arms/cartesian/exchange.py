@@ -5,7 +5,6 @@ from contextlib import suppress
 from time import monotonic, sleep
 from typing import Final, NamedTuple
 
-from weberlink.arms.interpolation import Interpolation, TimedValues
 from weberlink.geometry.joints import Joints as Axes
 from weberlink.geometry.vector import Vector
 from weberlink.hardware.fault import HardwareFault
@@ -18,6 +17,7 @@ from weberlink_arms.dynamixel.bus import MotorBus, MotorReading
 from weberlink_arms.dynamixel.exchange import MotorExchange
 from weberlink_arms.dynamixel.motor_models import XM430_W350
 from weberlink_arms.dynamixel.motors import Motors
+from weberlink_arms.interpolation import Interpolation, TimedValues
 from weberlink_arms.servo.bus import ServoPort
 from weberlink_arms.servo.filter import LowPass
 from weberlink_arms.servo.options import CENTRE, AngleScale

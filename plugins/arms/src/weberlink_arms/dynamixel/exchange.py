@@ -5,7 +5,6 @@ from collections.abc import Callable
 from time import monotonic, sleep
 from typing import Final, TypeVar
 
-from weberlink.arms.threaded_arm import ArmSample
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import BadReply
 from weberlink_arms.dynamixel import registers
@@ -17,6 +16,7 @@ from weberlink_arms.servo.bus import ServoPort
 from weberlink_arms.servo.exchange import WATCH_EVERY, Command, PositionControl, Sample, ServoExchange
 from weberlink_arms.servo.gravity import Gravity, no_gravity
 from weberlink_arms.servo.options import AngleScale
+from weberlink_arms.servo.threaded_arm import ArmSample
 
 GRAVITY_RAMP_S: Final = 0.5
 """Time in which a leader begins to carry its own weight [s]."""

@@ -17,7 +17,6 @@ from typing import Annotated, Final
 from pydantic import Field
 
 from weberlink.arms.contract import ArmSpec
-from weberlink.arms.threaded_arm import ArmSample
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import BadReply
 from weberlink.hardware.guardian import HoldingGuardian
@@ -41,6 +40,7 @@ from weberlink_arms.servo.bus import ServoPort
 from weberlink_arms.servo.exchange import WATCH_EVERY, PositionControl
 from weberlink_arms.servo.gravity import Gravity, gravity_of
 from weberlink_arms.servo.on_close import OnClose
+from weberlink_arms.servo.threaded_arm import ArmSample
 
 STALL_NM: Final = 1.91
 """Of the C001 (1/345) at 7.4 V, by the vendor: 19.5 kg cm; the C018 has 2.94 N m (30 kg cm) at 12 V."""

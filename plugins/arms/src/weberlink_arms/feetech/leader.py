@@ -17,7 +17,6 @@ from typing import Final
 from pydantic import Field
 
 from weberlink.arms.contract import ArmSpec
-from weberlink.arms.threaded_arm import ArmSample
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.guardian import Guardian
 from weberlink_arms.feetech import registers
@@ -36,6 +35,7 @@ from weberlink_arms.feetech.registers import (
 from weberlink_arms.feetech.servos import FeetechServos, torque_off
 from weberlink_arms.servo.arm import ServoLeader, spec_of
 from weberlink_arms.servo.bus import ServoPort
+from weberlink_arms.servo.threaded_arm import ArmSample
 
 STALL_NM: Final[Six] = (2.16, 1.91, 2.16, 1.37, 1.37, 1.37)
 """At 7.4 V, by the vendor: C044 (1/191, 22 kg cm), C001 (1/345, 19.5 kg cm), C044, and three C046 (1/147, 14 kg cm)."""

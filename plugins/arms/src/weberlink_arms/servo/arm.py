@@ -4,7 +4,6 @@ from collections.abc import Callable
 from typing import Any, ClassVar, Final, TypeVar
 
 from weberlink.arms.contract import ArmSpec
-from weberlink.arms.threaded_arm import ArmSample, ThreadedArm
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_ports
 from weberlink.hardware.guardian import Guardian
@@ -12,6 +11,7 @@ from weberlink.hardware.serial_port import SerialPort
 from weberlink.hardware.worker import Exchange
 from weberlink.registry import Tier
 from weberlink_arms.servo.options import ServoOptions
+from weberlink_arms.servo.threaded_arm import ArmSample, ThreadedArm
 
 LEADER_STALE_S: Final = 0.02
 FOLLOWER_STALE_S: Final = 0.1

@@ -6,7 +6,7 @@ from typing import Annotated, Self
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from weberlink.geometry.vector import Vector
-from weberlink.slave.safety import Workspace
+from weberlink.slave.guard import Workspace
 
 CONTACTS = "contacts"
 """Value of `force` for the contacts of the end effector instead of a sensor of the file."""

@@ -7,18 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from weberlink.config import ConfigurationError
-from weberlink.master.trace import (
-    FORCE_UNITS,
-    LENGTH_UNITS,
-    SI,
-    TIME_UNITS,
-    Trace,
-    TraceError,
-    Units,
-    read_trace,
-    unlikely_units,
-)
+from weberlink.master.trace import Trace, TraceError, read_trace
 from weberlink_studies import recordings
+from weberlink_studies.evaluate.units import FORCE_UNITS, LENGTH_UNITS, SI, TIME_UNITS, Units, unlikely_units
 
 SHIPPED = Path(str(files("weberlink.configs") / "traces" / "operator.npz"))
 """The recording that is part of the configurations."""
@@ -96,7 +87,7 @@ def read_traces(given: Sequence[Path], units: Units | None = None) -> list[Named
 
 
 def _read(path: Path, units: Units | None) -> Trace:
-    trace = read_trace(path, units or SI)
+    trace = read_trace(path, (units or SI).factors)
     doubt = None if units is not None else unlikely_units(trace)
     if doubt is not None:
         seen, others = doubt

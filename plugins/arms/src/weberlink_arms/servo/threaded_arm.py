@@ -4,10 +4,10 @@ from collections.abc import Callable
 from typing import Generic, NamedTuple
 
 from weberlink.arms.contract import ArmFault, ArmReading, ArmSpec
-from weberlink.arms.interpolation import Interpolation, TimedValues
 from weberlink.geometry.joints import Joints, is_finite
 from weberlink.hardware.threaded import ThreadedDriver
 from weberlink.hardware.worker import Command, Exchange, Worker
+from weberlink_arms.interpolation import Interpolation, TimedValues
 
 
 class ArmSample(NamedTuple):

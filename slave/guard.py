@@ -1,0 +1,428 @@
+"""The gate of the teleoperator's end: every command to a robot or an arm leaves through it.
+
+It engages without a jump, bounds speed, place and contact, and stops the robot where a contact is too strong.
+"""
+
+from collections.abc import Callable, Sequence
+from math import hypot, inf
+from typing import Any
+
+from weberlink.compiled import mypyc_attr
+from weberlink.control.gate import Approach, toward
+from weberlink.geometry.joints import Joints, is_finite
+from weberlink.geometry.vector import Vector
+
+Workspace = tuple[Vector, Vector]
+
+TRIP_PAUSE = 0.5
+"""The robot follows no sooner than this after a trip [s]."""
+
+
+REBOUND = 0.1
+"""Time for which a robot that has lost contact may be bouncing [s]."""
+NOISE_SHARE = 1.0 / 32.0
+"""A press that changes by less of its limit tells nothing: it may be noise of the sensors. Chosen."""
+SPRING = 0.5
+"""What counts as the answer of a press to the command until it is measured; that of a spring alone is 1 at most."""
+DAMPED = 2.0
+"""The answer above which it is not that of a spring; measured in motion, that of a robot with inertia is near 1."""
+LEAST_STEP = 1e-3
+"""Share of the largest press that a command may go in within a tick from rest. Chosen."""
+
+
+@mypyc_attr(allow_interpreted_subclasses=True)
+class Follower(Approach):
+    """Follows commands without a jump, and says how much of what is felt there may be shown.
+
+    After an engagement it approaches the command at a limited speed, and follows it without delay once it is there.
+    Until then the measured force does not belong to what the operator does, so none of it is shown; afterwards it fades
+    in. When it is released it holds, and the force fades out.
+
+    Args:
+        start: what to hold until it is told otherwise.
+        widths: how many axes each part has.
+        speed: largest speed of a part while following [m/s, or rad/s], > 0.
+        approach_speed: speed of the approach [m/s, or rad/s], > 0.
+        ramp: time in which what is felt fades in [s], > 0.
+        step_toward: as of `Approach`.
+
+    Attributes:
+        share: of what is felt that may be shown now, 0..1.
+        clipped: whether the last command was bounded while following.
+    """
+
+    __slots__ = ("_ramp", "clipped", "share")
+
+    def __init__(
+        self,
+        start: Joints,
+        widths: Sequence[int],
+        *,
+        speed: float,
+        approach_speed: float,
+        ramp: float,
+        step_toward: Callable[[Any, Any, float], Any] = toward,
+    ) -> None:
+        count = len(widths)
+        super().__init__(start, widths, (speed,) * count, (approach_speed,) * count, step_toward=step_toward)
+        self._ramp = ramp
+        self.share = 0.0
+        self.clipped = False
+
+    @property
+    def ramping(self) -> bool:
+        """Whether less than all of what is felt is shown."""
+        return self.share < 1.0
+
+    def reset(self) -> None:
+        """Start afresh: hold, and show no force."""
+        self.arrived = False
+        self.share = 0.0
+
+    def release(self) -> None:
+        """Nobody leads any more: hold."""
+        self.arrived = False
+
+    def hold(self, step: float) -> Joints:
+        """The command of a tick in which nobody leads: the last one."""
+        self.arrived = self.clipped = False
+        self.share = max(0.0, self.share - step / self._ramp)
+        return self.held
+
+    def pursue(self, commanded: Joints, step: float) -> Joints:
+        """The command of a tick in session: the one given, bounded by the speed."""
+        held = self.advance(commanded, step)
+        share = step / self._ramp
+        self.share = min(1.0, self.share + share) if self.arrived else max(0.0, self.share - share)
+        self.clipped = self.arrived and held != commanded
+        return held
+
+
+class PressStep:
+    """How far a command may go into a contact in a tick, so that the robot's spring presses with at most its limit.
+
+    The press is the depth of the command below the tip: the force of the spring, divided by its stiffness Kc. What it
+    lacks to the limit is the room. A step of the command by all of the room keeps the limit, if the press follows the
+    command as it does in a spring, by no more than the step.
+
+    A robot without inertia passes on the damping of what it touches. At stiffness K <= Kc, damping B and tick T its
+    press is p[k] = (K d[k] + B (d[k] - d[k-1]) / T) / Kc, with the depth d of the command below the surface. Steps of
+    a times the room give z^2 - (1 - a h) z - a b = 0 with h = (K + B / T) / Kc and b = B / (T Kc). At a = 1 that is
+    unstable for b > 1: the command is thrown out of the contact and back into it. At a = 1 / max(1, 2 h), both roots
+    are within the unit circle and at least -1/2 for every K, B and T. Therefore:
+
+    - At an excess that was not there a tick ago the command stops. What damping adds to the press ends with that.
+    - By how much the press follows a change of the command's speed gives h; it is kept while the limit acts.
+    - The command goes 1 / max(1, 2 h) of the room, inwards and outwards. After an excess it goes in at twice its last
+      speed at most: it must not meet a damping that it does not know yet with all of the room.
+
+    A robot that is pushed out at v presses with at most about 2 B v more, with the largest B that is provided for.
+
+    Args:
+        most: press at the limit, > 0.
+        damping: largest damping that is provided for, divided by the robot's stiffness [s].
+    """
+
+    __slots__ = ("_acts", "_answer", "_damping", "_most", "_noise", "_went")
+
+    def __init__(self, most: float, damping: float) -> None:
+        self._most = most
+        self._noise = NOISE_SHARE * most
+        self._damping = damping
+        self._acts = False
+        self._answer = 0.0
+        """h, as far as it is known."""
+        self._went = 0.0
+
+    @property
+    def catches_up(self) -> bool:
+        """Whether the command is behind what it follows, at a speed that suits what it has touched."""
+        return self._acts and self._answer > DAMPED
+
+    def rest(self) -> None:
+        """There is no contact."""
+        self._acts = False
+
+    def allowed(
+        self, wanted: float, press: float, before: float, went: float, elapsed: float, *, retreats: bool = True
+    ) -> float:
+        """How far the command may go in, negative for out: `wanted`, or less.
+
+        Args:
+            wanted: how far it is to go in.
+            press: depth of the command below the tip.
+            before: that of the last tick.
+            went: how far the command went in from the last tick to this one.
+            elapsed: time since the last tick [s].
+            retreats: whether it may have to go out; otherwise it stops where the press is too large.
+        """
+        quickening, change, fastest = went - self._went, press - before, max(abs(went), abs(self._went))
+        self._went = went
+        if not self._acts:
+            self._answer = 0.0
+        elif abs(change) > self._noise and change * quickening > 0.0 and 2.0 * abs(quickening) >= fastest:
+            damping = self._damping / elapsed if elapsed > 0.0 else 0.0
+            self._answer = max(self._answer, min(change / quickening, 1.0 + damping))
+        room = self._most - press
+        if room < 0.0:
+            self._answer = max(self._answer, SPRING)
+            room = max(room, min(0.0, self._most - before)) if retreats else 0.0
+        if self._answer > 0.0:
+            room = min(room / max(1.0, 2.0 * self._answer), 2.0 * fastest + LEAST_STEP * self._most)
+        self._acts = wanted > room
+        return room if self._acts else wanted
+
+
+class PressLimit:
+    """Bounds the force with which a part of a robot presses on what it touches: its tip, or an axis of an arm.
+
+    Along the contact force, the command may lie at most `most / stiffness` deeper than the robot, so that the robot's
+    spring presses with at most `most`, however stiff the contact is; `PressStep` says how it gets there. This holds for
+    `REBOUND` after the contact too, unless the operator pulls out: a heavy robot that bounces off a hard wall would
+    otherwise be pulled into the next impact. After a damped contact it holds until the command has caught up. Motion
+    along the surface and away from it is not bounded.
+
+    Most arms sag under their own weight, which their position control holds by a distance to the command that is no
+    contact. So their command goes back only from a force on; below it, it only goes no deeper. Otherwise an arm that
+    takes up a light object would sink.
+
+    Args:
+        most: largest contact force [N, or N m], >= 0; 0 for a part that measures none, which is not bounded.
+        stiffness: of the robot towards its command [N/m, or N m/rad], > 0; an infinite one is not bounded.
+        damping: largest damping of what is touched that is provided for [N s/m, or N m s/rad].
+        contact: smallest force that is a contact; less is noise and friction.
+        retreats_from: force from which on the command goes back, and does not only stop.
+
+    Attributes:
+        reach: how far the command may lie beyond the robot.
+    """
+
+    __slots__ = ("_contact", "_held", "_left", "_out", "_retreats_from", "_step", "_where", "reach")
+
+    def __init__(
+        self, most: float, stiffness: float, *, damping: float, contact: float, retreats_from: float = 0.0
+    ) -> None:
+        if not most >= 0.0:
+            raise ValueError(f"press limits must not be negative: {most}")
+        self.reach = inf if stiffness == inf else most / stiffness
+        self._step = PressStep(self.reach, damping / stiffness)
+        self._contact, self._retreats_from = contact if most > 0.0 else inf, retreats_from
+        self._out: Joints = ()
+        self._left = 0.0
+        self._where: Joints = ()
+        self._held: Joints = ()
+
+    def forget(self) -> None:
+        """The robot holds: what comes next does not follow from what was before."""
+        self._where = ()
+        self._step.rest()
+
+    def bounded(self, target: Joints, held: Joints, where: Joints, force: Joints, elapsed: float) -> Joints:
+        """The target, moved back along the contact force if it lies too deep; itself if it does not.
+
+        Args:
+            target: what the robot is to be commanded.
+            held: the last command.
+            where: where the robot is.
+            force: of the environment on the robot.
+            elapsed: time since the last call [s].
+        """
+        former, left = (self._held, self._where) if self._where else (held, where)
+        self._held, self._where = held, where
+        length = hypot(*force)
+        touches = length >= self._contact
+        if touches:
+            self._out, self._left = tuple([value / length for value in force]), REBOUND
+        elif self._left <= 0.0 and not self._step.catches_up:
+            self._step.rest()
+            return target
+        out = self._out
+        depth = _along(target, where, out)
+        if depth <= 0.0 and not touches:
+            self._left = 0.0
+            self._step.rest()
+            return target
+        self._left -= elapsed
+        press, before, went = _along(held, where, out), _along(former, left, out), _along(held, former, out)
+        wanted = depth - press
+        retreats = length >= self._retreats_from
+        excess = wanted - self._step.allowed(wanted, press, before, went, elapsed, retreats=retreats)
+        if excess <= 0.0:
+            return target
+        return tuple([value + excess * way for value, way in zip(target, out, strict=True)])
+
+
+def _along(start: Joints, end: Joints, direction: Joints) -> float:
+    """How far the way from one place to another goes in a direction."""
+    way = 0.0
+    for here, there, share in zip(start, end, direction, strict=True):
+        way += (there - here) * share
+    return way
+
+
+class Guard(Follower):
+    """Bounds the commands to a robot, part by part: the tip of a hand's robot, or the axes of an arm.
+
+    When it is released the robot holds, or backs off along the last contact force. A force above its limit trips it:
+    the robot stops following, and each part with such a force backs off along it, from both where it is and what it was
+    commanded, for an arm that sags lies below a command that is no deeper. It follows again once `TRIP_PAUSE` has
+    passed and the command has left the contact: as far along the force as the robot has backed off.
+
+    Args: as of `Follower`, and these.
+        presses: limits the press of each part.
+        lower: least that may be commanded on each axis [m, or rad].
+        upper: largest.
+        trips: force of the environment on each part above which it trips [N, or N m].
+        retract: how far to back off a contact when it is released [m]; 0 to hold.
+        trip_retract: how far to back off a contact that trips it [m, or rad], > 0.
+
+    Attributes:
+        lower, upper: as given.
+        contact_ticks: in which the press limit held the robot back.
+    """
+
+    __slots__ = (
+        "_pause", "_presses", "_retract", "_retreat_to", "_spans", "_trip_retract", "_trips", "_way_out",
+        "contact_ticks", "lower", "upper",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        widths: Sequence[int],
+        *,
+        presses: Sequence[PressLimit],
+        lower: Joints,
+        upper: Joints,
+        trips: Joints,
+        speed: float,
+        approach_speed: float,
+        ramp: float,
+        trip_retract: float,
+        retract: float = 0.0,
+    ) -> None:
+        start: Joints = (0.0,) * len(lower)
+        super().__init__(start, widths, speed=speed, approach_speed=approach_speed, ramp=ramp)
+        if not all(low <= high for low, high in zip(lower, upper, strict=True)):
+            raise ValueError(f"no range from {lower} to {upper}")
+        self.lower, self.upper, self._presses = lower, upper, presses
+        self._spans = [(first, last) for first, last, _, _ in self.parts]
+        if not len(presses) == len(trips) == len(widths):
+            raise ValueError(f"{len(widths)} parts, but {len(presses)} press limits and {len(trips)} of a trip")
+        # A reading that saturates at the limit is not above it.
+        self._trips = [force * (1.0 + 1e-9) for force in trips]
+        self._retract, self._trip_retract = retract, trip_retract
+        self._retreat_to: Joints | None = None
+        self._way_out: tuple[Joints, Joints] | None = None
+        """End of the retreat, and the direction out of the contact; nothing for a part that has none."""
+        self._pause = 0.0
+        self.contact_ticks = 0
+
+    @property
+    def tripped(self) -> bool:
+        """Whether a trip keeps the robot from following."""
+        return self._way_out is not None
+
+    def place(self, where: Joints) -> None:
+        """Start afresh at a place: where the robot is. A trip stays."""
+        self.reset()
+        self.held = where
+        self._retreat_to = None
+
+    def near(self, where: Joints) -> Joints:
+        """The last command, each part moved towards the robot until it presses with no more than its limit."""
+        moved: Joints = ()
+        for (first, last), press in zip(self._spans, self._presses, strict=True):
+            moved += toward(where[first:last], self.held[first:last], press.reach)
+        return moved
+
+    def is_overloaded(self, force: Joints) -> bool:
+        """Whether a force of the environment is above its limit."""
+        for (first, last), most in zip(self._spans, self._trips):  # noqa: B905, SIM110 - strict and any() cost as much as the loop
+            if hypot(*force[first:last]) > most:
+                return True
+        return False
+
+    def trip(self, force: Joints, where: Joints) -> None:
+        """Stop following and back off: a contact is too strong.
+
+        Args:
+            force: of the environment on the robot, at least one above its limit [N, or N m].
+            where: the robot is.
+        """
+        self.release()
+        outward = self._back_off(force, where, self._trip_retract, self._trips)
+        assert self._retreat_to is not None
+        self._way_out = self._retreat_to, outward
+        self._pause = TRIP_PAUSE
+
+    def retreat(self, force: Joints, where: Joints) -> None:
+        """Nobody leads any more: hold, or back off a contact if that was asked for. Arguments as of `trip`."""
+        self.release()
+        if self._retract > 0.0 and any(force):
+            self._back_off(force, where, self._retract, [0.0] * len(self._spans))
+
+    def _back_off(self, force: Joints, where: Joints, way: float, least: Sequence[float]) -> Joints:
+        """Have each part whose force is above this go back along it; returns these directions, nothing for others."""
+        goal: Joints = ()
+        outward: Joints = ()
+        for (first, last), limit in zip(self._spans, least, strict=True):
+            here, held, length = where[first:last], self.held[first:last], hypot(*force[first:last])
+            out: Joints = (0.0,) * (last - first)
+            if length > limit:
+                out = tuple([value / length for value in force[first:last]])
+                far = way + max(0.0, _along(here, held, out))
+                held = tuple([value + far * share for value, share in zip(here, out, strict=True)])
+            goal += held
+            outward += out
+        self._retreat_to = self._inside(goal)
+        return outward
+
+    def hold(self, step: float) -> Joints:
+        """The command of a tick in which nobody leads: the last one, or a step of the retreat."""
+        for press in self._presses:
+            press.forget()
+        return self._wait(step)
+
+    def _wait(self, step: float) -> Joints:
+        self._pause -= step
+        if self._retreat_to is not None:
+            self.arrived = False
+            self.advance(self._retreat_to, step)
+        return super().hold(step)
+
+    def follow(self, commanded: Joints, where: Joints, force: Joints, step: float) -> Joints:
+        """The command of a tick in session: the one given within all limits, or `hold` after a trip.
+
+        Args:
+            commanded: by the operator; what is not finite is not followed.
+            where: the robot is.
+            force: of the environment on the robot.
+            step: time since the last tick [s].
+        """
+        if not is_finite(commanded):
+            return self.hold(step)
+        bounded: Joints = ()
+        held = self.held
+        for (first, last), press in zip(self._spans, self._presses):  # noqa: B905 - strict costs as much as the loop
+            bounded += press.bounded(
+                commanded[first:last], held[first:last], where[first:last], force[first:last], step
+            )
+        self.contact_ticks += bounded != commanded
+        goal = self._inside(bounded)
+        if self._way_out is not None:
+            place, outward = self._way_out
+            for first, last in self._spans:
+                if self._pause > 0.0 or _along(place[first:last], goal[first:last], outward[first:last]) < 0.0:
+                    return self._wait(step)
+            self._way_out = None
+        self._retreat_to = None
+        held = self.pursue(goal, step)
+        self.clipped = self.arrived and held != bounded
+        return held
+
+    def _inside(self, place: Joints) -> Joints:
+        inside = [
+            low if value < low else high if value > high else value
+            for value, low, high in zip(place, self.lower, self.upper)  # noqa: B905 - strict costs as much as the loop
+        ]
+        return tuple(inside)
