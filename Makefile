@@ -96,10 +96,11 @@ format: $(DEV)
 fuzz: $(DEV)  ## a minute of mutated datagrams against both ends
 	$(BIN)/python -m trials.fuzz --seconds 60
 
-safety: $(DEV)  ## in virtual time: links that fail in one direction, held datagrams, force without a contact: build/safety.md
+safety: $(DEV)  ## in virtual time: links that fail in one direction, held datagrams, force without a contact, hostile peers: build/safety.md
 	mkdir -p build
 	$(BIN)/python -m trials.safety --out build/safety
 	$(BIN)/python -m trials.safety.unfounded
+	$(BIN)/python -m trials.safety.gate
 
 model: $(DEV)  ## every state of the models of the protocol: the present one holds, the former one fails, each seeded fault is found
 	$(BIN)/python -m trials.model

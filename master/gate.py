@@ -213,12 +213,13 @@ class Bound:
         contact: ends what no contact founds; None for what is displayed as it is decoded.
 
     Attributes:
+        most, slew, width: as given.
         asked: largest length of what is wanted, within its limit, before fade and slew limit.
         output: what left last.
         clipped: whether a part was longer than its limit.
     """
 
-    __slots__ = ("_approach", "_most", "_nothing", "_width", "asked", "clipped", "contact", "output")
+    __slots__ = ("_approach", "_nothing", "asked", "clipped", "contact", "most", "output", "slew", "width")
 
     def __init__(
         self, most: Joints, slew: Joints, ramp: float, *, width: int = 3, contact: ContactWatch | None = None
@@ -227,7 +228,7 @@ class Bound:
             raise ValueError(f"{len(most)} limits but {len(slew)} slew limits")
         if not all(limit >= 0.0 for limit in most):
             raise ValueError(f"limits must not be negative: {most}")
-        self._most, self._width, self.contact = most, width, contact
+        self.most, self.slew, self.width, self.contact = most, slew, width, contact
         self._nothing: Joints = (0.0,) * (width * len(most))
         growth = [max(limit, 1e-300) * ROUNDING / ramp for limit in most]
         self._approach = Approach(self._nothing, [width] * len(most), slew, growth, grows=True)
@@ -283,9 +284,9 @@ class Bound:
     def _limited(self, wanted: Joints) -> Joints:
         """The parts, shortened to their limits."""
         limited: Joints = ()
-        width, first = self._width, 0
+        width, first = self.width, 0
         self.asked, self.clipped = 0.0, False
-        for most in self._most:
+        for most in self.most:
             part = wanted[first : first + width]
             length = hypot(*part)
             if length - length != 0.0:
@@ -302,7 +303,7 @@ class Bound:
 
     def _within(self, values: Joints, most: float) -> Joints:
         """All parts as much shorter as the largest needs it."""
-        width = self._width
+        width = self.width
         largest = max([hypot(*values[first : first + width]) for first in range(0, len(values), width)])
         return values if largest <= most else tuple([value * (most / largest) for value in values])
 
@@ -325,12 +326,12 @@ class OutputGate:
         ramping: whether the beginning or the end of a session reduces the force; False for silence.
     """
 
-    __slots__ = ("_fade_from", "_kept", "_ramp", "_silence", "_was_open", "bounds", "gain", "ramping")
+    __slots__ = ("_fade_from", "_kept", "_was_open", "bounds", "gain", "ramp", "ramping", "silence")
 
     def __init__(self, bounds: Sequence[Bound], *, ramp: float, silence: float, fade_share: float) -> None:
         self.bounds = bounds
-        self._ramp = ramp
-        self._silence = silence
+        self.ramp = ramp
+        self.silence = silence
         self._fade_from = fade_share * silence
         self.gain, self._kept = 0.0, 1.0
         self._was_open = False
@@ -355,8 +356,8 @@ class OutputGate:
         if engaged and before == 1.0 and age <= self._fade_from:
             self.ramping = False
             return
-        share = step / self._ramp
-        heard = (self._silence - age) / (self._silence - self._fade_from)
+        share = step / self.ramp
+        heard = (self.silence - age) / (self.silence - self._fade_from)
         self.gain = max(0.0, min(min(1.0, before + share) if engaged else before - share, heard))
         if self.gain < before:
             self._kept = self.gain / before

@@ -277,12 +277,13 @@ class Guard(Follower):
         trip_retract: how far to back off a contact that trips it [m, or rad], > 0.
 
     Attributes:
+        lower, upper: as given.
         contact_ticks: in which the press limit held the robot back.
     """
 
     __slots__ = (
-        "_lower", "_pause", "_presses", "_retract", "_retreat_to", "_spans", "_trip_retract", "_trips", "_upper",
-        "_way_out", "contact_ticks",
+        "_pause", "_presses", "_retract", "_retreat_to", "_spans", "_trip_retract", "_trips", "_way_out",
+        "contact_ticks", "lower", "upper",
     )  # fmt: skip
 
     def __init__(
@@ -303,8 +304,8 @@ class Guard(Follower):
         super().__init__(start, widths, speed=speed, approach_speed=approach_speed, ramp=ramp)
         if not all(low <= high for low, high in zip(lower, upper, strict=True)):
             raise ValueError(f"no range from {lower} to {upper}")
-        self._lower, self._upper, self._presses = lower, upper, presses
-        self._spans = [(first, last) for first, last, _, _ in self._parts]
+        self.lower, self.upper, self._presses = lower, upper, presses
+        self._spans = [(first, last) for first, last, _, _ in self.parts]
         if not len(presses) == len(trips) == len(widths):
             raise ValueError(f"{len(widths)} parts, but {len(presses)} press limits and {len(trips)} of a trip")
         # A reading that saturates at the limit is not above it.
@@ -422,6 +423,6 @@ class Guard(Follower):
     def _inside(self, place: Joints) -> Joints:
         inside = [
             low if value < low else high if value > high else value
-            for value, low, high in zip(place, self._lower, self._upper)  # noqa: B905 - strict costs as much as the loop
+            for value, low, high in zip(place, self.lower, self.upper)  # noqa: B905 - strict costs as much as the loop
         ]
         return tuple(inside)

@@ -35,12 +35,13 @@ class Approach:
         step_toward: the point on the way to the second value that is so far from the first.
 
     Attributes:
+        parts: of each the first axis, the one after the last, its rate, and that of its approach.
         held: what left last.
         arrived: whether the approach is over.
         held_back: whether the rate held back a value that is not in the approach.
     """
 
-    __slots__ = ("_grows", "_parts", "_rest", "_step_toward", "arrived", "held", "held_back")
+    __slots__ = ("_grows", "_rest", "_step_toward", "arrived", "held", "held_back", "parts")
 
     def __init__(
         self,
@@ -52,12 +53,12 @@ class Approach:
         grows: bool = False,
         step_toward: Callable[[Any, Any, float], Any] = toward,
     ) -> None:
-        self._parts: list[tuple[int, int, float, float]] = []
+        self.parts: list[tuple[int, int, float, float]] = []
         first = 0
         for width, rate, approach in zip(widths, rates, approaches, strict=True):
             if not (rate > 0.0 and approach > 0.0):
                 raise ValueError(f"rates must be positive, not {rate!r} and {approach!r}")
-            self._parts.append((first, first + width, rate, approach))
+            self.parts.append((first, first + width, rate, approach))
             first += width
         if first != len(start):
             raise ValueError(f"{len(start)} axes, but parts of {first}")
@@ -73,7 +74,7 @@ class Approach:
             self.arrived = True
             return held
         moved: Joints = ()
-        for first, last, rate, approach in self._parts:
+        for first, last, rate, approach in self.parts:
             here, there = held[first:last], goal[first:last]
             way = rate * step
             if not arrived:

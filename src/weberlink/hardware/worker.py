@@ -156,16 +156,9 @@ class Worker(Generic[Command, Sample]):
         self.stop()
         if self._hangs():
             raise HardwareFault("it has not reacted since the last session; unplug it and plug it in again")
-        self.fault = self.trouble = self._error = None
-        self.bad_count = 0
-        self._command = (self._rest, -inf, self._gaps_met)
-        self._share = 0.0
-        self._called_at = inf
         wake = -1
         try:
-            self._newest = (self._exchange.open(), self._clock())
-            self.connected_at = self._newest[1]
-            self._stopping.clear()
+            self._begin()
             wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
             thread = Thread(target=self._run, args=(wake,), name="weberlink-device", daemon=True)
             thread.start()
@@ -176,6 +169,15 @@ class Worker(Generic[Command, Sample]):
             raise
         self._thread, self._wake = thread, wake
         atexit.register(self.stop)
+
+    def _begin(self) -> None:
+        """Connect, with nothing left of the last session."""
+        self.fault = self.trouble = self._error = None
+        self.bad_count, self._share = 0, 0.0
+        self._command, self._called_at = (self._rest, -inf, self._gaps_met), inf
+        self._newest = (self._exchange.open(), self._clock())
+        self.connected_at = self._newest[1]
+        self._stopping.clear()
 
     def command(self, command: Command, now: float) -> None:
         """Set the command for the next exchange; never blocks. No effect when stopped."""

@@ -122,7 +122,7 @@ class Side:
         self._last_reading_at = nan
         self._peer_tick = 0.0
         self._playout = playout
-        self._waiting: deque[UpdateReceived] = deque()
+        self._waiting: deque[tuple[float, UpdateReceived]] = deque()
         """Updates that are not to be used yet."""
         self._row = Row()
         self._rows = Rows(outgoing, incoming, leads=port.leads)
@@ -178,8 +178,12 @@ class Side:
             if peer_time is not None:  # a session that is over leaves its last force, which fades
                 self._peer_tick = peer_time / self._tick_period
         # What took less than the least delay and the play-out has waited until its tick has come.
-        while self._waiting and self._waiting[0].update.tick <= self._peer_tick - self._playout:
-            self._apply(self._waiting.popleft())
+        while self._waiting and self._waiting[0][1].update.tick <= self._peer_tick - self._playout:
+            left_at, event = self._waiting.popleft()
+            if endpoint.liveness.is_fresh(now - left_at, endpoint.liveness.generation):
+                self._apply(event)
+            else:  # this process stood still meanwhile: nothing is used that is older than the limit
+                endpoint.request_full_state()
         if self._leads:
             self._sense(now)
             self._engage(now)
@@ -301,7 +305,7 @@ class Side:
             if not isinstance(event, UpdateReceived):
                 self._on_event(event, now)
             elif self._playout:
-                self._waiting.append(event)
+                self._waiting.append((now - event.age, event))
             else:
                 self._apply(event)
 

@@ -1,7 +1,6 @@
 """Drivers with a thread of their own in virtual time: a test steps their worker, which starts no thread."""
 
 from collections.abc import Callable
-from math import inf
 from typing import Any
 
 from weberlink.hardware.fault import HardwareFault
@@ -29,13 +28,8 @@ class SteppedWorker(Worker[Any, Any]):
 
     def start(self) -> None:
         self.stop()
-        self.fault = self.trouble = self._error = None
-        self.bad_count, self._share = 0, 0.0
-        self._command = (self._rest, -inf, self._gaps_met)
-        self._called_at = inf
-        self._newest = (self._exchange.open(), self._clock())
+        self._begin()
         self._due = self._clock()
-        self._stopping.clear()
         self._runs = True
 
     def step(self) -> None:

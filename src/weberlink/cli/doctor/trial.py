@@ -1,13 +1,12 @@
 """Trials in child processes: what the kernel grants a daemon of this user, and what the host of a machine takes.
 
-The first child imports the same modules and makes the same calls as a daemon, then waits for a timer for half a second.
-The second wakes up on each processor, with processors kept awake and not, in turns. Run as a program, this file is such
-a child: the name of a trial and its arguments as JSON on the command line, a JSON result on standard output.
+The first child imports the same modules and makes the same calls as a daemon, then wakes up at its rate for half a
+second. The second wakes up on each processor, with processors kept awake and not, in turns. Run as a program, this file
+is such a child: the name of a trial and its arguments as JSON on the command line, a JSON result on standard output.
 """
 
 import json
 import os
-import select
 import subprocess
 import sys
 import threading
@@ -15,11 +14,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from math import ceil
 from pathlib import Path
-from time import monotonic, monotonic_ns
+from time import monotonic
 from typing import Any, TypeVar
 
 from weberlink.child_process import python
-from weberlink.realtime import timerfd
 from weberlink.realtime.host import Steal, WakeUp, wake_ups
 from weberlink.realtime.process import LATENCY_REQUEST, prepare
 
@@ -91,29 +89,23 @@ def run_child(module: str, answer: Callable[..., T], name: str, request: Any, li
 def rights_trial(
     priority: int, *, lock_memory: bool, wakeful: bool, cpu: int | None, rate_hz: float, encrypted: bool = False
 ) -> RightsTrial:
-    """Take the rights that a configuration asks for, and measure wake-ups from a timer."""
+    """Take the rights that a configuration asks for, and measure wake-ups."""
     for name in (*IMPORTS, *(["weberlink.protocol.psk"] if encrypted else [])):
         __import__(name)
     grants = prepare(priority, lock_memory, cpu, wakeful=wakeful).as_dict()
-    lateness, missed, index = list[float](), 0, -1
-    period_ns = round(1e9 / rate_hz)
-    start_ns = monotonic_ns() + period_ns
-    fd = timerfd.create()
-    try:
-        timerfd.arm(fd, start_ns, period_ns)
-        while index < max(2, int(MEASURE_S * rate_hz)) - 1:
-            select.select([fd], [], [])
-            now = monotonic_ns()
-            passed = timerfd.expirations(fd)
-            index += passed
-            missed += max(0, passed - 1)
-            lateness.append((now - start_ns - index * period_ns) * 1e-3)
-    finally:
-        os.close(fd)
+    period = 1.0 / rate_hz
+    first = monotonic() + period
+    seen = list(wake_ups(first, period, first + max(MEASURE_S, 2.0 * period)))
+    lateness = [1e6 * wake_up.late for wake_up in seen]
     lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
     memory = next((1024 * int(line.split()[1]) for line in lines if line.startswith("VmSize:")), 0)
     late = {"p50": nearest_rank(lateness, 0.5), "p99": nearest_rank(lateness, 0.99), "max": max(lateness)}
-    return RightsTrial(grants, memory, late, missed)
+    return RightsTrial(grants, memory, late, missed_by(seen, period))
+
+
+def missed_by(seen: Sequence[WakeUp], period: float) -> int:
+    """Deadlines without a wake-up of their own."""
+    return sum(int(wake_up.late / period) for wake_up in seen)
 
 
 def nearest_rank(values: Sequence[float], share: float) -> float:
@@ -161,7 +153,7 @@ def stretch(processors: Sequence[int], period: float) -> Stretch:
     for watcher in watchers:
         watcher.join()
     after = Steal.read(processors)
-    missed = sum(int(wake_up.late / period) for wake_up in seen)
+    missed = missed_by(seen, period)
     return {
         "p99_us": 1e6 * nearest_rank([wake_up.late for wake_up in seen], 0.99),
         "missed": missed / (missed + len(seen)),

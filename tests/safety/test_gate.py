@@ -1,0 +1,57 @@
+"""What leaves at either end, against a peer that holds the keys: one of many runs of `trials.safety.gate`."""
+
+import pytest
+
+from tests.compiled import replaces_methods
+from tests.session.hostile import Content, Duel
+from tests.session.systems import configuration
+from trials.safety.gate import OVERRIDES, cases, exceeded, run
+from weberlink.protocol.events import UpdateReceived
+from weberlink.session.side import Side
+
+pytestmark = replaces_methods
+UPDATES = 800
+
+
+@pytest.mark.parametrize(("kind", "end"), cases())
+def test_in_random_sessions_every_tick_is_within_every_limit(kind: str, end: str) -> None:
+    largest = run(kind, end, 1, UPDATES)
+    assert exceeded(largest) == []
+    nearest = [value / limit for limit, value in largest.values() if limit > 0.0]
+    assert max(nearest) == pytest.approx(1.0), "the peer reaches a limit"
+
+
+class Noting(Duel):
+    """Notes the age of each update as it is used [ticks]."""
+
+    def begin(self) -> None:
+        side, self.ages = self.side, list[int]()
+
+        def applied(event: UpdateReceived) -> None:
+            self.ages.append(self.index - event.update.tick)
+            Side._apply(side, event)
+
+        side._apply = applied  # type: ignore[method-assign]
+
+
+@pytest.mark.parametrize("end", ["master", "slave"])
+@pytest.mark.parametrize("stall_ms", [15, 60, 70, 90])
+def test_the_play_out_uses_nothing_beyond_the_age_limit(end: str, stall_ms: int) -> None:
+    """A process that stands still finds updates that have waited meanwhile."""
+    playout_ms, predictors = 50, ("codec.force.predictor=zoh", "codec.position.predictor=zoh")
+    duel = Noting(configuration(*OVERRIDES, *predictors, f"link.playout_ms={playout_ms}"), end)
+    duel.peer.report_encoding(0.0, is_encoding=True)
+    duel.engage()
+    duel.begin()
+    for tick in range(200):
+        duel.update(Content(0, 0, 0, (tick,), None))
+        duel.tick()
+    assert set(duel.ages) == {playout_ms}
+    duel.index += stall_ms
+    for tick in range(100):
+        duel.update(Content(0, 0, 0, (tick,), None))
+        duel.tick()
+    limit = 1e3 * duel.side.endpoint.liveness.limit
+    assert max(duel.ages) <= limit
+    assert max(duel.ages) >= min(limit, playout_ms + stall_ms) - 1, "what is in time is used"
+    assert duel.ages[-1] == playout_ms
