@@ -13,8 +13,8 @@ from weberlink.realtime import timerfd
 NANOSECONDS = 1_000_000_000
 SHORTEST_PERIOD_S = 1e-5
 LARGEST_ADVANCE_S, LARGEST_ADVANCE_SHARE = 1e-4, 0.2
-"""Bounds of the timer's advance: a time [s] and a share of the period. So busy waiting is short; on a machine that takes
-longer to wake up, ticks are late."""
+"""Bounds of the timer's advance: a time [s] and a share of the period. So busy waiting is short; on a machine that
+takes longer to wake up, ticks are late."""
 _FIRST_REVISION, _REVISED_EVERY_S = 50, 1.0
 """Wake-ups until the advance is first set, and the time between two revisions [s]."""
 POLL_REST_SHARE = 0.1
