@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from weberlink.codec.adaptive import AdaptiveChoice
 
 
+Quantized = tuple[tuple[int, ...], Sample]
+"""Levels on the wire, and the sample that they stand for."""
+
+
 class PendingSample(NamedTuple):
     """A measured sample that waits for its decision; `bound` is its deadband if it were displayed and sent."""
 
@@ -33,9 +37,17 @@ class PendingSample(NamedTuple):
 
 
 class Part:
-    """Up to three axes of a stream at its sending end: their grid, their deadband, and what was sent of them."""
+    """Up to three axes of a stream at its sending end.
 
-    __slots__ = ("deadband", "error", "grid", "levels", "mirror", "newest", "previous", "quantizer")
+    Attributes:
+        grid, quantizer, deadband, error: of the channel; `error` measures as `deadband`.
+        mirror: the decoder of this part.
+        newest, previous, levels: the newest sample sent and its levels on the wire, and the one before.
+        actual: of the sample to code, within the range of the wire; `shown` is what the mirror displays instead, None
+            for nothing.
+    """
+
+    __slots__ = ("actual", "deadband", "error", "grid", "levels", "mirror", "newest", "previous", "quantizer", "shown")
 
     def __init__(self, channel: Channel, mirror: Decoder) -> None:
         self.grid = channel.grid
@@ -45,6 +57,8 @@ class Part:
         self.newest: Sample | None = None
         self.previous: Sample | None = None
         self.levels: tuple[int, ...] = ()
+        self.actual: Vector = ZERO
+        self.shown: Vector | None = None
 
     def retune(self, deadband: Deadband) -> None:
         self.deadband = deadband
@@ -187,21 +201,23 @@ class Encoder:
             if not is_finite(value):
                 self.rejected += 1
                 return None
-            confined = [part.quantizer.confine(each) for part, each in zip(self._parts, parts(value), strict=True)]
-            return self._code(tick, tick, value, confined, ZERO, most, NOTHING)
+            for part, each in zip(self._parts, parts(value), strict=True):
+                part.actual = part.quantizer.confine(each)
+            return self._code(tick, tick, value, ZERO, most, NOTHING)
         x, y, z = value
         vector = (x, y, z)
         u, v, w = position
         if not (x - x == y - y == z - z == u - u == v - v == w - w == 0.0):  # not finite
             self.rejected += 1
             return self.decide(tick)
-        actual = self._parts[0].quantizer.confine(vector)
+        first = self._parts[0]
+        first.actual = actual = first.quantizer.confine(vector)
         if self._lookahead == 0:
-            return self._code(tick, tick, value, [actual], position, most, NOTHING)
+            return self._code(tick, tick, value, position, most, NOTHING)
         pending = self._pending
         if pending and tick <= pending[-1].tick:  # the sender's ticks began anew
             pending.clear()
-        deadband, moved = self._parts[0].deadband, 0.0
+        deadband, moved = first.deadband, 0.0
         if deadband.reads_motion:
             place = actual if self._reads_value else position
             moved, self._arrived = distance(place, self._arrived if self._arrived is not None else place), place
@@ -221,7 +237,7 @@ class Encoder:
             pending.popleft()
         if not pending or pending[0].tick != due:
             return None
-        coded, value, actual, position, most, _ = pending.popleft()
+        coded, value, self._parts[0].actual, position, most, _ = pending.popleft()
         # What is known follows the sample without a gap.
         following = [each for step, each in enumerate(pending, 1) if each.tick == coded + step]
         ahead = Ahead(
@@ -229,134 +245,110 @@ class Encoder:
             tuple([self._channel.place(each.position) for each in following]),
             tuple([each.bound for each in following]),
         )
-        return self._code(tick, coded, value, [actual], position, most, ahead)
+        return self._code(tick, coded, value, position, most, ahead)
 
     def idle(self, tick: int, value: Joints, position: Vector) -> None:
         """A tick in which nothing is encoded; `value` is the newest measurement."""
         self.coded = value
         self.held = self.mirror.joints(tick) if self._joints else self.mirror.value(tick, position)
 
-    def _code(
-        self, now: int, tick: int, value: Joints, confined: list[Vector], position: Vector, most: float, ahead: Ahead
-    ) -> Update | None:
-        """Code the sample of `tick`, which has one vector for each part."""
+    def _code(self, now: int, tick: int, value: Joints, position: Vector, most: float, ahead: Ahead) -> Update | None:
+        """Code the sample of `tick`, which the parts hold."""
         self.coded = value
-        displayed: list[Vector] = []
+        first = self._parts[0]
         error = inf if self._forced else 0.0
-        for part, actual in zip(self._parts, confined, strict=True):
-            shown = part.mirror.predict(now - self._lookahead, position)
-            if shown is None:
-                self.predicted = self.held = None
-                error = inf
-                break
-            displayed.append(shown)
-            error = max(part.error(shown, actual), error)
+        for part in self._parts:
+            part.shown = shown = part.mirror.predict(now - self._lookahead, position)
+            apart = inf if shown is None else part.error(shown, part.actual)
+            if not apart <= error:
+                error = apart
+        if self._joints and first.shown is not None:
+            self.predicted = self.held = joined([part.shown or ZERO for part in self._parts], self._joints)
         else:
-            self.predicted = self.held = joined(displayed, self._joints) if self._joints else displayed[0]
-        actual = confined[0]
-        bound = self._bound(tick, actual, displayed[0] if displayed else actual, position, most)
+            self.predicted = self.held = first.shown
+        bound = self._bound(tick, first, position, most)
         if self._choice is not None:
-            self._choice.follow(tick, actual, self._channel.place(position), bound, ahead)
+            self._choice.follow(tick, first.actual, self._channel.place(position), bound, ahead)
         if error <= bound:
             return None
-        quantized, least = [], 0.0
-        for part, each in zip(self._parts, confined, strict=True):
-            levels, sample = part.grid.quantize(tick, each, position)
-            quantized.append((levels, sample))
-            least = max(part.error(sample.value, each), least)
+        quantized: list[Quantized] = []
+        least = 0.0
+        for part in self._parts:
+            quantized.append(part.grid.quantize(tick, part.actual, position))
+            least = max(part.error(quantized[-1][1].value, part.actual), least)
         if error <= least:
             return None
-        if self._bucket is not None and not self._bucket.take(forced=self._forced or not displayed):
+        if self._bucket is not None and not self._bucket.take(forced=self._forced or first.shown is None):
             self.bound = error
             return None
         self._forced = False
-        if self._joints:
-            return self._send_joints(tick, quantized)
-        levels, sample = quantized[0]
-        return self._send(sample, levels, actual, position, ahead, max(bound, least))
+        return self._send(quantized, position, ahead, max(bound, least))
 
-    def _bound(self, tick: int, actual: Vector, displayed: Vector, position: Vector, most: float) -> float:
-        """The deadband in force, widened by the rate limit."""
-        part, moved = self._parts[0], 0.0
+    def _bound(self, tick: int, part: Part, position: Vector, most: float) -> float:
+        """The deadband in force, widened by the rate limit; it is that of the first part for all."""
+        actual, moved = part.actual, 0.0
         if part.deadband.reads_motion:
             place = actual if self._reads_value else position
             moved, self._last = distance(place, self._last if self._last is not None else place), place
+        displayed = part.shown if part.shown is not None else actual
         sent = displayed if part.newest is None else part.newest.value
-        self.bound = bound = min(part.deadband.bound(actual, displayed, sent, moved), most)
+        bound = part.deadband.bound(actual, displayed, sent, moved)
+        self.bound = bound = bound if bound < most else most
         self.widened = False
         if self._bucket is not None:
             self.bound = self._bucket.widened(tick, bound)
             self.widened = self.bound > bound
         return self.bound
 
-    def _send(
-        self, sample: Sample, levels: tuple[int, ...], actual: Vector, position: Vector, ahead: Ahead, most: float
-    ) -> Update:
+    def _send(self, quantized: list[Quantized], position: Vector, ahead: Ahead, most: float) -> Update:
         """Make the update of a sample that was decided on, and apply it to the mirror.
 
-        Args:
-            sample: as the other end will hold it; `levels` are its levels on the wire.
-            actual: the measured value within the range of the wire; `position` where it was measured [m].
-            ahead: the samples that follow.
-            most: largest error with which a model may begin; otherwise the sample is held.
+        A model that would not begin within `most` of the measured value is not sent: the sample is held.
         """
-        part = self._parts[0]
-        earlier, earlier_levels = part.newest, part.levels
+        first, (_, sample) = self._parts[0], quantized[0]
+        earlier = first.newest
         if earlier is not None and not 0 < sample.tick - earlier.tick <= MAX_GAP:
             earlier = None
         model: Model | None = None
         if self._choice is None:
-            selector = self._choose(sample, actual, position, earlier, ahead)
+            selector = self._choose(sample, position, earlier, ahead)
         else:
             selector, model = self._choice.choose(self._selectors, sample, earlier, self.bound, ahead)
+        predictor, size, reads = self._predictors[selector], self._sizes[selector], self._reads[selector]
+        levels: tuple[int, ...] = ()
+        former: tuple[int, ...] = ()
+        fitted = predictor if isinstance(predictor, FittedPredictor) else None
+        reads_previous = False  # where one part reads it, it travels for all
+        for part, (own, each) in zip(self._parts, quantized, strict=True):
+            levels += own
+            former += part.levels
+            part.previous = part.newest if earlier is not None else None
+            if fitted is not None and part.previous is not None and fitted.needs_previous(each, part.previous):
+                reads_previous = True
+            part.newest, part.levels = each, own
         payload: Payload = None
-        # The mirror is given the two samples as the update says them: without a position where it carries none.
-        known, before, size = sample, earlier, self._sizes[selector]
-        if len(levels) > size:
-            known = Sample(sample.tick, sample.value, UNKNOWN)
-        predictor = self._predictors[selector]
-        if isinstance(predictor, EstimatedPredictor):
-            if model is not None:
-                payload = predictor.packed(model, sample, part.grid)
-        elif (
-            earlier is not None and isinstance(predictor, FittedPredictor) and predictor.needs_previous(sample, earlier)
-        ):
-            reads = self._reads[selector]
-            payload = PreviousSample(sample.tick - earlier.tick, earlier_levels[:reads])
-            if len(earlier_levels) > reads:
-                before = Sample(earlier.tick, earlier.value, UNKNOWN)
+        if reads_previous and earlier is not None:
+            payload = PreviousSample(sample.tick - earlier.tick, former[:reads])
+        elif model is not None and isinstance(predictor, EstimatedPredictor):
+            payload = predictor.packed(model, sample, first.grid)
         update = Update(sample.tick, selector, levels[:size], payload)
-        part.newest, part.previous, part.levels = sample, earlier, levels
-        decoded = self.mirror.read(update, known, before)
-        if part.error(decoded.first, actual) > most:
+        if self._joints:
+            self.mirror.apply(update)
+            self.held = joined([part.mirror.first for part in self._parts], self._joints)
+            return update
+        # The mirror is given the two samples as the update says them: without a position where it carries none.
+        known = sample if size == len(levels) else Sample(sample.tick, sample.value, UNKNOWN)
+        if earlier is not None and reads < len(former):
+            earlier = Sample(earlier.tick, earlier.value, UNKNOWN)
+        decoded = self.mirror.read(update, known, earlier)
+        if first.error(decoded.first, first.actual) > most:
             update = update._replace(payload=None)
             decoded = self.mirror.read(update, known)
         self.mirror.take(update, decoded)
         self.held = decoded.first
         return update
 
-    def _send_joints(self, tick: int, quantized: list[tuple[tuple[int, ...], Sample]]) -> Update:
-        """Make the update of all joints, and apply it to the mirror."""
-        predictor, payload = self._fitted[0], None
-        levels: tuple[int, ...] = ()
-        earlier_levels: tuple[int, ...] = ()
-        gap = reads = 0
-        for part, (own, sample) in zip(self._parts, quantized, strict=True):
-            earlier = part.newest
-            if earlier is not None and 0 < tick - earlier.tick <= MAX_GAP:
-                gap = tick - earlier.tick
-                reads += predictor.needs_previous(sample, earlier)
-            levels += own
-            earlier_levels += part.levels
-            part.newest, part.previous, part.levels = sample, earlier, own
-        if reads:  # where one part reads it, it travels for all
-            payload = PreviousSample(gap, earlier_levels)
-        update = Update(tick, 0, levels, payload)
-        self.mirror.apply(update)
-        self.held = joined([part.mirror.first for part in self._parts], self._joints)
-        return update
-
-    def _choose(self, sample: Sample, actual: Vector, position: Vector, earlier: Sample | None, ahead: Ahead) -> int:
+    def _choose(self, sample: Sample, position: Vector, earlier: Sample | None, ahead: Ahead) -> int:
         """The paper's choice: the smallest w_i = |f_pred,i - f| / |f|. The common divisor |f| is left out.
 
         With look-ahead it is made among the predictors whose new models last longest in the known signal.
@@ -377,7 +369,7 @@ class Encoder:
             model = mirror.model if selector == mirror.selected else None
             if model is None:
                 model = predictors[selector].fit(newest, part.previous, limits) or Hold(newest.value)
-            error = distance(channel.displayable(model.at(sample.tick, place), newest), actual)
+            error = distance(channel.displayable(model.at(sample.tick, place), newest), part.actual)
             if error < smallest:
                 best, smallest = selector, error
         return best

@@ -205,13 +205,8 @@ class Endpoint:
     def send_update(self, now: float, update: Update, stream: int = 0) -> bool:
         """Send a new state of a stream to the peer, and repeat it until it arrives; its tick is counted from the epoch.
 
-        A silent peer is sent the update too; it is repeated once the peer is back.
-
-        Returns:
-            False if there is no session, and nothing was sent.
-
-        Raises:
-            ValueError: naming what cannot be sent.
+        A silent peer is sent the update too; it is repeated once the peer is back. False if there is no session, and
+        nothing was sent; ValueError names what cannot be sent.
         """
         if self._session is None:
             return False
@@ -232,10 +227,7 @@ class Endpoint:
 
     def grant(self, count: int) -> None:
         """Tell the peer a cumulative count, in every datagram; it is 0 when a session begins, and stays 0 without one.
-
-        Raises:
-            ValueError: it would fall.
-        """
+        ValueError if it would fall."""
         session = self._session
         if session is not None and session.credit.granted != count:
             session.credit.grant(count)
@@ -250,15 +242,9 @@ class Endpoint:
     def propose_change(self, now: float, tick: int, body: bytes) -> bool:
         """Propose that both ends change something at the same tick; `ChangeAnswered` follows.
 
-        Args:
-            tick: of ours, at which the change is to be made; far enough ahead for the answer to come back.
-            body: what is to change, 1 to `LONGEST_CHANGE` bytes.
-
-        Returns:
-            False, and nothing is proposed, without an engaged peer or while an earlier proposal waits for its answer.
-
-        Raises:
-            ValueError: the body is empty or too long.
+        The tick is ours, far enough ahead for the answer to come back; the body is what is to change, 1 to
+        `LONGEST_CHANGE` bytes, else ValueError. False, and nothing is proposed, without an engaged peer or while an
+        earlier proposal waits for its answer.
         """
         if not 1 <= len(body) <= wire.LONGEST_CHANGE:
             raise ValueError(f"a change takes 1 to {wire.LONGEST_CHANGE} bytes, not {len(body)}")
@@ -280,22 +266,14 @@ class Endpoint:
     # --- its life
 
     def connect(self, now: float) -> None:
-        """Begin: an initiator calls, a responder listens.
-
-        Raises:
-            StateError: if begun before.
-        """
+        """Begin: an initiator calls, a responder listens; StateError if begun before."""
         self._due = None
         self.state = moved(self.state, State.CONNECTING if self._calls else State.LISTENING)
         if self._calls:
             self._call(now)
 
     def close(self, now: float, reason: str) -> None:
-        """Leave for good, and tell the peer why; the farewell is among the datagrams to send.
-
-        Raises:
-            StateError: if closed already.
-        """
+        """Leave for good, and tell the peer why; the farewell is among the datagrams to send. StateError if closed."""
         self._due = None
         self.state = moved(self.state, State.CLOSED)
         if self._session is not None:

@@ -60,13 +60,8 @@ class Connected(NamedTuple):
 
 
 class UpdateReceived(NamedTuple):
-    """The newest update of a stream of the peer.
-
-    Args:
-        update: its tick is on the peer's tick clock.
-        age: time since the datagram left the peer, by the mapped clock [s].
-        stream: which it belongs to, from 0.
-    """
+    """The newest update of a stream of the peer, whose tick is on the peer's tick clock; `age` is the time since the
+    datagram left the peer, by the mapped clock [s]; streams count from 0."""
 
     update: Update
     age: float
@@ -83,10 +78,8 @@ class UpdateLost(NamedTuple):
 class PeerSilent(NamedTuple):
     """One of the limits of `Liveness` was passed: the two ends do not hear each other.
 
-    Args:
-        is_heard: whether the peer is still heard, so that it is the peer that does not hear this end. A second event
-            with false follows if the peer falls silent as well.
-    """
+    If `is_heard`, it is the peer that does not hear this end; a second event with false follows if the peer falls
+    silent as well."""
 
     is_heard: bool
 
@@ -112,10 +105,8 @@ class TakenOver(NamedTuple):
 
 
 class Refused(NamedTuple):
-    """The two ends do not agree; `message` names each key and both values.
-
-    Final for an initiator. A responder reports it only while it has no session, and goes on listening.
-    """
+    """The two ends do not agree; `message` names each key and both values. Final for an initiator; a responder reports
+    it only while it has no session, and goes on listening."""
 
     message: str
 
@@ -129,25 +120,14 @@ class PathProbe(NamedTuple):
 
 
 class ChangeProposed(NamedTuple):
-    """The peer proposes a change; the owner must call `Endpoint.answer_change` with this very event.
-
-    Args:
-        tick: of the peer, at which both are to make it.
-        body: what is to change, not interpreted here.
-    """
+    """The peer proposes a change at a tick of its own; the owner must call `Endpoint.answer_change` with this event."""
 
     tick: int
     body: bytes
 
 
 class ChangeAnswered(NamedTuple):
-    """The peer has answered our proposal.
-
-    Args:
-        tick: of ours, as proposed.
-        body: as proposed.
-        refusal: None if the peer makes the change, else why it does not.
-    """
+    """The peer has answered our proposal; `refusal` is None if it makes the change, else why it does not."""
 
     tick: int
     body: bytes

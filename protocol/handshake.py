@@ -44,7 +44,6 @@ import msgpack
 
 from weberlink.protocol.events import Address, DropReason
 from weberlink.protocol.negotiation import in_ms, rounded_up
-from weberlink.protocol.security import Protection
 from weberlink.protocol.session import LocalEnd, Session
 from weberlink.protocol.states import Role
 from weberlink.protocol.wire import LONGEST_DATAGRAM, Kind
@@ -398,71 +397,56 @@ class Listener:
         self, data: bytes, address: Address, now: float, *, serving: Hello | None = None, is_engaged: bool = False
     ) -> tuple[bytes, str | None] | DropReason:
         """Take a HELLO: the answer to send, never longer than the HELLO, and its text if it refuses; or the reason to
-        drop it.
-
-        `serving` is the master of the present session, `is_engaged` whether it is heard."""
+        drop it. `serving` is the master of the present session, `is_engaged` whether it is heard."""
         if len(data) < PADDED_HELLO:
             return DropReason.TRUNCATED
         _, version, identity, stamp = HELLO_HEADER.unpack_from(data)
-        end, master = self._end, self._masters.get(identity)
+        end, security, master = self._end, self._end.security, self._masters.get(identity)
         newest = self._floor if master is None else master.stamp
         is_stale = stamp <= newest
         if is_stale:
             if stamp == newest or now < self._answered_stale_at + STALE_PACE:
                 return DropReason.REPLAYED
             self._answered_stale_at = now
-        heard = end.security.hear(data[: HELLO_HEADER.size], data[HELLO_HEADER.size :])
+        heard = security.hear(data[: HELLO_HEADER.size], data[HELLO_HEADER.size :])
         if heard is None:
             return DropReason.UNPROVEN
         payload, state = heard
-        header = WELCOME_HEADER.pack(Kind.WELCOME, version, stamp)
-        if is_stale:
-            answered = self._answer(state, pack_map({"newest": newest}))
-            return DropReason.MALFORMED if answered is None else (header + answered[0], None)
-        master = self._remember(identity, stamp)
-        if now < master.exchanged_at + (EXCHANGE_PACE_ENGAGED if is_engaged else EXCHANGE_PACE):
-            return DropReason.OVERLOADED
-        body = read_map(payload)
-        if body is None:
-            return DropReason.MALFORMED
         hello: Hello | None = None
-        if version != end.version:
-            refusal = difference("protocol version", Role.INITIATOR, version, end.version)
+        refusal: str | None = None
+        if is_stale:
+            reply = pack_map({"newest": newest})
         else:
-            fields = read_fields(body, HELLO_FIELDS)
-            hello = None if fields is None else Hello(*fields)
-            agreement = None if hello is None else read_map(hello.agreement)
-            if hello is None or agreement is None or identity != identity_of(hello.name):
-                return DropReason.MALFORMED
-            if serving is not None and serving.name == hello.name and not is_engaged:
-                serving = None  # a restarted master calls in the silence of its former run
-            refusal = self._objection(hello, agreement, serving, master.served)
-        if refusal or hello is None:
-            if now < self._refused_at + REFUSAL_PACE:
+            master = self._remember(identity, stamp)
+            if now < master.exchanged_at + (EXCHANGE_PACE_ENGAGED if is_engaged else EXCHANGE_PACE):
                 return DropReason.OVERLOADED
-            self._refused_at = now
-            room = len(data) - WELCOME_HEADER.size - end.security.overhead
-            answered = self._answer(state, pack_refusal(refusal, room))
-            return DropReason.MALFORMED if answered is None else (header + answered[0], refusal)
-        master.exchanged_at = now
-        clock, departure = now - end.epoch, hello.clock_us * 1e-6
-        welcome = {
-            "clock_us": round(clock * 1e6),
-            "delta_us": round((clock - departure) * 1e6),
-            "name": end.name,
-            "longest_round_trip_us": round(end.longest_round_trip * 1e6),
-        }
-        answered = self._answer(state, pack_map(welcome))
+            judged = self._judge(payload, version, identity, serving, is_engaged=is_engaged)
+            if isinstance(judged, DropReason):
+                return judged
+            if isinstance(judged, Hello):
+                hello, master.exchanged_at = judged, now
+                clock = now - end.epoch
+                welcome = {
+                    "clock_us": round(clock * 1e6),
+                    "delta_us": round((clock - hello.clock_us * 1e-6) * 1e6),
+                    "name": end.name,
+                    "longest_round_trip_us": round(end.longest_round_trip * 1e6),
+                }
+                reply = pack_map(welcome)
+            else:
+                if now < self._refused_at + REFUSAL_PACE:
+                    return DropReason.OVERLOADED
+                self._refused_at, refusal = now, judged
+                reply = pack_refusal(refusal, len(data) - WELCOME_HEADER.size - security.overhead)
+        answered = security.answer(state, end.entropy(security.private_size), reply)
         if answered is None:
             return DropReason.MALFORMED
         message, protection = answered
-        longest = min(end.longest_round_trip, hello.longest_round_trip_us * 1e-6)
-        session = Session(end, protection, departure, now, longest_round_trip=longest)
-        master.pending.append(Pending(session, hello, address))
-        return header + message, None
-
-    def _answer(self, state: Any, payload: bytes) -> tuple[bytes, Protection] | None:
-        return self._end.security.answer(state, self._end.entropy(self._end.security.private_size), payload)
+        if hello is not None and master is not None:
+            longest = min(end.longest_round_trip, hello.longest_round_trip_us * 1e-6)
+            session = Session(end, protection, hello.clock_us * 1e-6, now, longest_round_trip=longest)
+            master.pending.append(Pending(session, hello, address))
+        return WELCOME_HEADER.pack(Kind.WELCOME, version, stamp) + message, refusal
 
     def _remember(self, identity: bytes, stamp: int) -> _Master:
         """Record a stamp as proven. Of too many masters the one with the oldest stamp is forgotten; unknown masters
@@ -476,9 +460,18 @@ class Listener:
         master.stamp = stamp
         return master
 
-    def _objection(self, hello: Hello, agreement: dict[str, object], serving: Hello | None, served: bytes) -> str:
-        """Message to the user: why this master gets no session; "" if it does."""
-        end = self._end
+    def _judge(  # noqa: PLR0911 - each reason to refuse
+        self, payload: bytes, version: int, identity: bytes, serving: Hello | None, *, is_engaged: bool
+    ) -> Hello | str | DropReason:
+        """The content of a HELLO; why its master gets no session, for the user; or the reason to drop it."""
+        end, body = self._end, read_map(payload)
+        if body is not None and version != end.version:
+            return difference("protocol version", Role.INITIATOR, version, end.version)
+        fields = None if body is None else read_fields(body, HELLO_FIELDS)
+        hello = None if fields is None else Hello(*fields)
+        agreement = None if hello is None else read_map(hello.agreement)
+        if hello is None or agreement is None or identity != identity_of(hello.name):
+            return DropReason.MALFORMED
         if hello.expects and hello.expects != end.name:
             return _unexpected_slave(hello.expects, end.name)
         if end.expects and hello.name != end.expects:
@@ -489,8 +482,9 @@ class Listener:
         if hello.round_trip_us * 1e-6 > longest:
             measured = f"{hello.round_trip_us * 1e-3:.0f}"
             return f"the round trip is {measured} ms, link.longest_round_trip_ms allows {longest * 1e3:g}"
-        was_served = hello.instance == served
-        if serving is None or hello.instance == serving.instance or (hello.takes_over and not was_served):
-            return ""
+        if serving is None or hello.instance == serving.instance or (serving.name == hello.name and not is_engaged):
+            return hello  # the last: a restarted master calls in the silence of its former run
+        if hello.takes_over and hello.instance != self._masters[identity].served:
+            return hello
         another = "another run of " if hello.name == serving.name else ""
         return f"slave {end.name!r} serves {another}master {serving.name!r}; to take it over, use --take-over"

@@ -3,6 +3,7 @@
 import errno
 import os
 import secrets
+import shlex
 import stat
 from pathlib import Path
 
@@ -33,7 +34,7 @@ def generate(path: Path) -> None:
 
 def load(path: Path) -> bytes:
     """Read the key, of `KEY_BYTES`; KeyFileError as of `read_private`, or if it is not a key file."""
-    content = read_private(path, f"`weberlink keygen {path}` makes a key")
+    content = read_private(path, f"`weberlink keygen {shlex.quote(str(path))}` makes a key")
     words = content.decode("ascii", errors="replace").split()
     try:
         label, digits = words
@@ -53,6 +54,7 @@ def read_private(path: Path, advice: str, longest: int = _LONGEST_FILE) -> bytes
     Raises KeyFileError if the file is missing, a symbolic link, of another user than this one or root, or open to
     other users.
     """
+    quoted = shlex.quote(str(path))
     try:
         # O_NONBLOCK: nothing waits for a pipe by that name.
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
@@ -68,10 +70,10 @@ def read_private(path: Path, advice: str, longest: int = _LONGEST_FILE) -> bytes
             raise KeyFileError(f"{path} is not a file")
         owner, user = status.st_uid, os.geteuid()
         if owner not in (0, user):  # the owner could replace the key at any time
-            raise KeyFileError(f"{path} belongs to user id {owner}, this is {user}; run: sudo chown {user} {path}")
+            raise KeyFileError(f"{path} belongs to user id {owner}, this is {user}; run: sudo chown {user} {quoted}")
         if status.st_mode & 0o077:
             mode = stat.S_IMODE(status.st_mode)
-            raise KeyFileError(f"{path} is open to other users (mode {mode:04o}); run: chmod 600 {path}")
+            raise KeyFileError(f"{path} is open to other users (mode {mode:04o}); run: chmod 600 {quoted}")
         return os.read(descriptor, longest)
     finally:
         os.close(descriptor)

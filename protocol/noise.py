@@ -40,43 +40,11 @@ class Secrets(NamedTuple):
     """Hash of both messages (section 11.2)."""
 
 
-class Symmetric(NamedTuple):
-    """The SymmetricState of section 5.2, with the key of its CipherState; each step makes a new one."""
-
-    chaining_key: bytes
-    hash: bytes
-    key: bytes
-
-    def mix_hash(self, data: bytes) -> "Symmetric":
-        return Symmetric(self.chaining_key, sha256(self.hash + data).digest(), self.key)
-
-    def mix_key(self, material: bytes) -> "Symmetric":
-        chaining_key, key = hkdf(self.chaining_key, material, 2)
-        return Symmetric(chaining_key, self.hash, key)
-
-    def mix_ephemeral(self, public: bytes) -> "Symmetric":
-        """The token `e` of a pattern with a pre-shared key (section 9.2)."""
-        return self.mix_hash(public).mix_key(public)
-
-    def seal(self, clear: bytes) -> bytes:
-        """EncryptAndHash, but for the hash."""
-        return AESGCM(self.key).encrypt(_NONCE, clear, self.hash)
-
-    def open(self, sealed: bytes) -> bytes | None:
-        """DecryptAndHash, but for the hash; None if it is not authentic."""
-        try:
-            return AESGCM(self.key).decrypt(_NONCE, sealed, self.hash)
-        except InvalidTag:
-            return None
-
-    def split(self) -> Secrets:
-        forward, backward = hkdf(self.chaining_key, b"", 2)
-        return Secrets(forward, backward, self.hash)
-
-
-Waiting = tuple[Symmetric, X25519PrivateKey]
+State = tuple[bytes, bytes]
+"""The SymmetricState of section 5.2 between two messages: chaining key and hash."""
+Waiting = tuple[State, X25519PrivateKey]
 """What the initiator holds until the answer comes."""
-Heard = tuple[Symmetric, bytes]
+Heard = tuple[State, bytes]
 """What the responder holds until it answers: with the public key of the initiator."""
 
 
@@ -96,9 +64,28 @@ def shared_key(psk: bytes) -> tuple[bytes, bytes]:
     return chaining_key, mixed
 
 
-def _begin(shared: tuple[bytes, bytes], prologue: bytes) -> Symmetric:
+def _begin(shared: tuple[bytes, bytes], prologue: bytes) -> State:
     chaining_key, mixed = shared
-    return Symmetric(chaining_key, sha256(_FIRST + prologue).digest(), b"").mix_hash(mixed)
+    return chaining_key, _mix_hash(sha256(_FIRST + prologue).digest(), mixed)
+
+
+def _mix_hash(former: bytes, data: bytes) -> bytes:
+    return sha256(former + data).digest()
+
+
+def _mix_keys(state: State, public: bytes, secret: bytes = b"") -> tuple[bytes, bytes, AESGCM]:
+    """The tokens `e` of a pattern with a pre-shared key (section 9.2) and, with a secret, `ee`: chaining key, hash, and
+    cipher of the payload."""
+    chaining_key, mixed = state
+    chaining_key, key = hkdf(chaining_key, public, 2)
+    if secret:
+        chaining_key, key = hkdf(chaining_key, secret, 2)
+    return chaining_key, _mix_hash(mixed, public), AESGCM(key)
+
+
+def _split(chaining_key: bytes, mixed: bytes) -> Secrets:
+    forward, backward = hkdf(chaining_key, b"", 2)
+    return Secrets(forward, backward, mixed)
 
 
 def call(shared: tuple[bytes, bytes], prologue: bytes, private: bytes, payload: bytes) -> tuple[bytes, Waiting]:
@@ -106,42 +93,48 @@ def call(shared: tuple[bytes, bytes], prologue: bytes, private: bytes, payload: 
     `PRIVATE_BYTES` random bytes that serve for this message alone."""
     own = X25519PrivateKey.from_private_bytes(private)
     public = own.public_key().public_bytes_raw()
-    state = _begin(shared, prologue).mix_ephemeral(public)
-    sealed = state.seal(payload)
-    return public + sealed, (state.mix_hash(sealed), own)
+    chaining_key, mixed, cipher = _mix_keys(_begin(shared, prologue), public)
+    sealed = cipher.encrypt(_NONCE, payload, mixed)
+    return public + sealed, ((chaining_key, _mix_hash(mixed, sealed)), own)
 
 
 def hear(shared: tuple[bytes, bytes], prologue: bytes, message: bytes) -> tuple[bytes, Heard] | None:
     """The payload of the message `psk, e`; None if it is not authentic. Needs no X25519."""
     public, sealed = message[:PUBLIC_BYTES], message[PUBLIC_BYTES:]
-    state = _begin(shared, prologue).mix_ephemeral(public)
-    payload = state.open(sealed)
-    return None if payload is None else (payload, (state.mix_hash(sealed), public))
+    chaining_key, mixed, cipher = _mix_keys(_begin(shared, prologue), public)
+    try:
+        payload = cipher.decrypt(_NONCE, sealed, mixed)
+    except InvalidTag:
+        return None
+    return payload, ((chaining_key, _mix_hash(mixed, sealed)), public)
 
 
 def answer(heard: Heard, private: bytes, payload: bytes) -> tuple[bytes, Secrets] | None:
     """The message `e, ee` and the secrets; only once. None if the peer's public key is invalid."""
     state, peer = heard
     own = X25519PrivateKey.from_private_bytes(private)
-    shared = _exchange(own, peer)
-    if shared is None:
+    secret = _exchange(own, peer)
+    if secret is None:
         return None
     public = own.public_key().public_bytes_raw()
-    state = state.mix_ephemeral(public).mix_key(shared)
-    sealed = state.seal(payload)
-    return public + sealed, state.mix_hash(sealed).split()
+    chaining_key, mixed, cipher = _mix_keys(state, public, secret)
+    sealed = cipher.encrypt(_NONCE, payload, mixed)
+    return public + sealed, _split(chaining_key, _mix_hash(mixed, sealed))
 
 
 def open_answer(waiting: Waiting, message: bytes) -> tuple[bytes, Secrets] | None:
     """Payload of the message `e, ee`, and the secrets; None if it is not authentic. May be tried again."""
     state, own = waiting
     public, sealed = message[:PUBLIC_BYTES], message[PUBLIC_BYTES:]
-    shared = _exchange(own, public)
-    if shared is None:
+    secret = _exchange(own, public)
+    if secret is None:
         return None
-    state = state.mix_ephemeral(public).mix_key(shared)
-    payload = state.open(sealed)
-    return None if payload is None else (payload, state.mix_hash(sealed).split())
+    chaining_key, mixed, cipher = _mix_keys(state, public, secret)
+    try:
+        payload = cipher.decrypt(_NONCE, sealed, mixed)
+    except InvalidTag:
+        return None
+    return payload, _split(chaining_key, _mix_hash(mixed, sealed))
 
 
 def _exchange(private: X25519PrivateKey, public: bytes) -> bytes | None:

@@ -11,9 +11,9 @@ from math import ceil, pi, sin
 from random import Random
 from typing import Generic, TypeVar
 
-from tests.control.walls import Wall
-from weberlink.control.contract import CREDIT_STEP, AccountParameters, WallModel
+from weberlink.control.contract import CREDIT_STEP, AccountParameters, SchemeParameters, WallModel
 from weberlink.control.ends import MasterControl, SlaveControl
+from weberlink.geometry.vector import ZERO, Vector
 
 TICK = 1e-3
 FORCE_LIMIT = 10.0
@@ -22,6 +22,36 @@ FORCE_RANGE = 30.0
 """Range of the robot's sensor [N]."""
 ACCOUNT = AccountParameters(allowance=0.02, refill=0.01, damping=1.0, rise=80.0)
 """As in a file without other settings."""
+SETTINGS = SchemeParameters(TICK, 2500.0, ACCOUNT)
+"""With a coupling of 2500 N/m."""
+
+
+@dataclass(frozen=True)
+class Wall:
+    """Solid below a height [m] on z."""
+
+    stiffness: float = 500.0
+    height: float = 0.0
+
+    def at(self, tick: float, position: Vector) -> Vector:
+        return (0.0, 0.0, max(0.0, self.stiffness * (self.height - position[2])))
+
+
+@dataclass(frozen=True)
+class Ball:
+    """Solid within a radius [m] of a centre [m]."""
+
+    stiffness: float = 500.0
+    centre: Vector = (0.0, 0.0, -0.05)
+    radius: float = 0.05
+
+    def at(self, tick: float, position: Vector) -> Vector:
+        x, y, z = (p - c for p, c in zip(position, self.centre, strict=True))
+        length = (x * x + y * y + z * z) ** 0.5
+        if length >= self.radius or length == 0.0:
+            return ZERO
+        share = self.stiffness * (self.radius - length) / length
+        return (share * x, share * y, share * z)
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,10 @@ from random import Random
 
 import pytest
 
-from tests.control.teleoperation import ACCOUNT, TICK, Course, Hand, Link, operate
-from tests.control.walls import Wall
-from weberlink.control.contract import LEAST_CONTACT, SchemeParameters, WallModel
+from tests.control.teleoperation import ACCOUNT, SETTINGS, Course, Hand, Link, Wall, operate
+from weberlink.control.contract import LEAST_CONTACT, WallModel
 from weberlink.control.table import build_master_control, build_slave_control
 
-COUPLING = 2500.0
-"""Stiffness of the robot towards its command [N/m]."""
-SETTINGS = SchemeParameters(TICK, COUPLING, ACCOUNT)
 LINKS = (Link(), Link(jitter=0.05, loss=0.3, seed=3))
 HANDS = {
     "arm": Hand(),
@@ -30,7 +26,7 @@ STIFFNESSES = (1e1, 1e3, 1e4, 1e6)
 def run(name: str, stiffness: float, link: Link, hand: Hand, **more: object) -> Course:
     """With a robot of the stiffness of the coupling."""
     master, slave = build_master_control(name, SETTINGS), build_slave_control(name, SETTINGS)
-    felt = stiffness * COUPLING / (COUPLING + stiffness)
+    felt = stiffness * SETTINGS.coupling / (SETTINGS.coupling + stiffness)
     return operate(master, slave, wall=Wall(felt), link=link, hand=hand, seconds=4.5, **more)  # type: ignore[arg-type]
 
 

@@ -1,164 +1,99 @@
 """The contract of both ends of every scheme of the table, with any input."""
 
-from collections.abc import Callable
 from math import isfinite
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.control.teleoperation import ACCOUNT, TICK
-from tests.control.walls import Ball, Wall
+from tests.control.teleoperation import SETTINGS, TICK, Ball, Wall
 from tests.examples import examples
-from weberlink.control.contract import CREDIT_STEP, SchemeParameters, WallModel
+from weberlink.codec.sample import UNKNOWN
+from weberlink.control.contract import CREDIT_STEP
 from weberlink.control.ends import MasterControl, SlaveControl
 from weberlink.control.table import SCHEMES, build_master_control, build_slave_control
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, scale
 
-SETTINGS = SchemeParameters(TICK, 2500.0, ACCOUNT)
 every = pytest.mark.parametrize("name", SCHEMES)
-trips = st.one_of(st.none(), st.floats(0.0, 2.0))
-surfaces = st.one_of(st.none(), st.builds(Wall, st.floats(1.0, 1e6)), st.builds(Ball, st.floats(1.0, 1e6)))
+every_end = pytest.mark.parametrize("build", [build_master_control, build_slave_control])
 
 
-class MasterTick(NamedTuple):
-    """The inputs of the operator's end in a tick."""
-
-    news: tuple[WallModel | None, Vector, Vector] | None
-    position: Vector
-    elapsed: float
-    peer_credit: int
-    rtt: float | None
-    force: Vector
-    share: float
-    """Share of the rendered force that is displayed."""
-    refuted: bool
-    """Whether what is displayed lasts without a contact."""
+def inputs(most: float, force: float) -> st.SearchStrategy[list[tuple[Any, ...]]]:
+    """Ticks: what is received, positions, the time, credit and round trip, forces, and whether one is refuted."""
+    places, forces = (st.tuples(*[st.floats(-size, size)] * 3) for size in (most, force))
+    surfaces = st.none() | st.builds(Wall, st.floats(1.0, 1e6)) | st.builds(Ball, st.floats(1.0, 1e6))
+    news = st.none() | st.tuples(surfaces, forces, places)
+    link = st.tuples(st.floats(0.0, 0.5), st.integers(0, 10**6), st.none() | st.floats(0.0, 2.0))
+    return st.lists(
+        st.tuples(news, places, link, forces, st.floats(0.0, 1.0), st.booleans(), st.none() | places), max_size=12
+    )
 
 
-class SlaveTick(NamedTuple):
-    """The inputs of the teleoperator's end in a tick."""
-
-    target: Vector
-    elapsed: float
-    peer_credit: int
-    rtt: float | None
-    moved: Vector
-    """Commanded position if its x is not positive; otherwise the robot goes where `follow` allows [m]."""
-    force: Vector
+ORDINARY = inputs(0.1, 30.0)
+WILD = inputs(1e30, 1e30) | inputs(1e-300, 1.0)
 
 
-def vectors(most: float) -> st.SearchStrategy[Vector]:
-    """Components from -most to most."""
-    return st.tuples(*[st.floats(-most, most)] * 3)
-
-
-def inputs(position: st.SearchStrategy[Vector], force: st.SearchStrategy[Vector]) -> dict[str, st.SearchStrategy[Any]]:
-    """Ticks of each end."""
-    elapsed, credit = st.floats(0.0, 0.5), st.integers(0, 10**6)
-    news = st.one_of(st.none(), st.tuples(surfaces, force, position))
-    share, refuted = st.floats(0.0, 1.0), st.booleans()
-    master = st.builds(MasterTick, news, position, elapsed, credit, trips, force, share, refuted)
-    slave = st.builds(SlaveTick, position, elapsed, credit, trips, position, force)
-    return {"master": st.lists(master, max_size=12), "slave": st.lists(slave, max_size=12)}
-
-
-ORDINARY = inputs(vectors(0.1), vectors(30.0))
-WILD = inputs(*[st.one_of(vectors(1e30), vectors(1.0), vectors(1e-300))] * 2)
-
-
-def run_master(control: MasterControl, ticks: list[MasterTick]) -> list[object]:
+def run(control: MasterControl | SlaveControl, ticks: list[tuple[Any, ...]]) -> list[object]:
     """The outputs of an end in these ticks; asserts that they are valid."""
     out: list[object] = []
-    credit = control.credit
-    for tick in ticks:
-        if tick.news is not None:
-            control.learn(*tick.news)
-        control.observe(tick.position, tick.elapsed, 0.0, tick.peer_credit, tick.rtt)
-        assert all(map(isfinite, control.command(tick.position)))
-        assert control.stiffness > 0.0
-        force = control.render(tick.force)
-        assert all(map(isfinite, force))
-        control.displayed((force[0] * tick.share, force[1] * tick.share, force[2] * tick.share))
-        if tick.refuted:
-            control.refute()
-        check(control, credit)
+    credit, here = control.credit, ZERO
+    for news, position, (elapsed, peer_credit, rtt), force, share, refuted, moved in ticks:
+        if isinstance(control, MasterControl):
+            if news is not None:
+                control.learn(*news)
+            control.observe(position, elapsed, 0.0, peer_credit, rtt)
+            assert all(map(isfinite, control.command(position)))
+            assert control.stiffness > 0.0
+            given = control.render(force)
+            control.displayed(scale(given, share))
+            if refuted:
+                control.refute()
+        else:
+            given = control.follow(position, here, elapsed, peer_credit, rtt)
+            here = given if moved is None else moved  # a robot may also be elsewhere than `follow` allows
+            control.observe(here, force)
+        assert all(map(isfinite, (*given, control.energy)))
+        assert control.credit >= credit >= 0
         credit = control.credit
-        out.append((force, control.energy, credit))
+        out.append((given, control.energy, credit))
     return out
-
-
-def run_slave(control: SlaveControl, ticks: list[SlaveTick]) -> list[object]:
-    out: list[object] = []
-    credit, here = control.credit, (0.0, 0.0, 0.0)
-    for tick in ticks:
-        goal = control.follow(tick.target, here, tick.elapsed, tick.peer_credit, tick.rtt)
-        assert all(map(isfinite, goal))
-        here = goal if tick.moved[0] > 0.0 else tick.moved
-        control.observe(here, tick.force)
-        check(control, credit)
-        credit = control.credit
-        out.append((goal, control.energy, credit))
-    return out
-
-
-def check(control: MasterControl | SlaveControl, credit: int) -> None:
-    assert isfinite(control.energy)
-    assert control.credit >= credit >= 0
-
-
-BUILD: dict[str, Callable[[str, SchemeParameters], Any]] = {
-    "master": build_master_control,
-    "slave": build_slave_control,
-}
-RUN: dict[str, Callable[[Any, Any], list[object]]] = {"master": run_master, "slave": run_slave}
-ends = pytest.mark.parametrize("end", BUILD)
 
 
 @every
-@ends
-@given(data=st.data())
+@every_end
+@given(ticks=WILD)
 @examples(15)
-def test_nothing_finite_upsets_a_side(name: str, end: str, data: st.DataObject) -> None:
-    RUN[end](BUILD[end](name, SETTINGS), data.draw(WILD[end]))
+def test_nothing_finite_upsets_a_side(name: str, build: Any, ticks: list[tuple[Any, ...]]) -> None:
+    run(build(name, SETTINGS), ticks)
 
 
 @every
-@ends
-@given(data=st.data())
+@every_end
+@given(before=ORDINARY, after=ORDINARY)
 @examples(10)
-def test_a_reset_side_is_as_a_new_one(name: str, end: str, data: st.DataObject) -> None:
-    before, after = data.draw(ORDINARY[end]), data.draw(ORDINARY[end])
-    control = BUILD[end](name, SETTINGS)
-    RUN[end](control, before)
-    control.reset()
-    assert RUN[end](control, after) == RUN[end](BUILD[end](name, SETTINGS), after)
-
-
-@every
-@ends
-@given(data=st.data())
-@examples(10)
-def test_a_resumed_side_has_no_energy_and_force_from_before(name: str, end: str, data: st.DataObject) -> None:
-    before, after = data.draw(ORDINARY[end]), data.draw(ORDINARY[end])
-    control = BUILD[end](name, SETTINGS)
-    RUN[end](control, before)
+def test_a_reset_side_is_as_a_new_one_and_a_resumed_one_has_nothing_from_before(
+    name: str, build: Any, before: list[tuple[Any, ...]], after: list[tuple[Any, ...]]
+) -> None:
+    control = build(name, SETTINGS)
+    run(control, before)
     credit = control.credit
-    control.resume(before[-1].peer_credit if before else 0)
+    control.resume(before[-1][2][1] if before else 0)
     assert control.energy <= 0.0
     assert control.credit == credit
-    if end == "master":
-        assert control.render((0.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)
-    RUN[end](control, after)
+    if isinstance(control, MasterControl):
+        assert control.render(ZERO) == ZERO
+    run(control, after)
+    control.reset()
+    assert run(control, after) == run(build(name, SETTINGS), after)
 
 
 @every
 def test_the_robots_end_tells_what_the_scene_gave_if_the_scheme_carries_credit(name: str) -> None:
     """A wall that pushes a robot out gives energy; one that takes some first gives the rest only."""
     slave, force = build_slave_control(name, SETTINGS), (0.0, 0.0, 4.0)
-    way, told = [*range(0, -11, -1), *range(-10, 41)], []
-    for step in way:
+    told = []
+    for step in (*range(0, -11, -1), *range(-10, 41)):
         here = (0.0, 0.0, 1e-3 * step)
         slave.follow(here, here, TICK, 0, 0.05)
         slave.observe(here, force)
@@ -174,3 +109,18 @@ def test_credit_from_before_an_interruption_cannot_be_spent_after_it() -> None:
     assert control.energy == 0.0
     control.observe(ZERO, 0.0, 0.0, 5100, 0.1)
     assert control.energy == pytest.approx(100 * CREDIT_STEP)
+
+
+@pytest.mark.parametrize("name", [name for name, scheme in SCHEMES.items() if not scheme.reads_position])
+def test_a_scheme_that_does_not_read_positions_does_the_same_without_them(name: str) -> None:
+    def displayed(position: Vector | None) -> list[Vector]:
+        end, shown = build_master_control(name, SETTINGS), []
+        for tick in range(50):
+            force, hand = (0.0, 0.0, 0.1 * tick), (0.0, 0.0, -1e-4 * tick)
+            end.learn(Wall() if tick % 3 == 1 else None, force, position or hand)
+            end.observe(hand, TICK, tick, 10 * tick, 0.01)
+            shown += [end.command(hand), end.render(force)]
+            end.displayed(shown[-1])
+        return shown
+
+    assert displayed(None) == displayed(UNKNOWN)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.control.walls import Wall
+from tests.control.teleoperation import Wall
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, AccountParameters, SchemeParameters
 from weberlink.control.ends import MasterControl
 from weberlink.geometry.vector import ZERO, Vector, norm

@@ -1,19 +1,85 @@
-"""Nothing that an endpoint is sent by somebody without the key makes it send more than it was sent, in virtual time."""
+"""What somebody without the key sends: it raises nothing, disturbs nothing, and makes no end send more."""
 
 from random import Random
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from tests.protocol.harness import KEY, MASTER, SLAVE, STRANGER, Pair, make_endpoint, sample_update
+from tests.protocol.harness import KEY, MASTER, SLAVE, STRANGER, Pair, both, forms, make_endpoint, sample_update, suites
 from trials.fuzz import mutate
 from trials.soak import ammunition
 from weberlink.protocol import Address, Endpoint, Role, State
-from weberlink.protocol.wire import Kind, kind_of
+from weberlink.protocol.security import Security
+from weberlink.protocol.wire import DirectionLayout, Kind, kind_of
 from weberlink.update import Update
 
 NOW = 1.0
+SIZES = sorted({low for low, _ in DirectionLayout([forms(3), forms(6)], acks=2).lengths(8).values()})
+DATAGRAMS = st.one_of(
+    st.binary(max_size=100),
+    st.builds(
+        lambda first, rest: bytes([first]) + rest,
+        st.integers(0, 255),
+        st.sampled_from(SIZES).flatmap(lambda size: st.binary(min_size=size - 1, max_size=size - 1)),
+    ),
+    st.builds(
+        lambda kind, body: bytes([kind, 1]) + body,
+        st.sampled_from([Kind.HELLO, Kind.WELCOME]),
+        st.binary(max_size=200),
+    ),
+)
+
+
+def engaged(security: Security) -> list[Endpoint]:
+    """A master and a slave in a session, at 0.2 s."""
+    pair = Pair(**both(security=security, outgoing=(forms(3),), incoming=(forms(3),))).engage()
+    return [side.endpoint for side in pair.sides]
+
+
+@pytest.mark.parametrize("security", suites())
+@examples(60)
+@given(st.lists(DATAGRAMS, min_size=1, max_size=20))
+def test_no_bytes_raise_or_disturb_a_session(security: Security, datagrams: list[bytes]) -> None:
+    master, slave = engaged(security)
+    for data in datagrams:
+        master.receive_datagram(data, SLAVE, 0.21)
+        slave.receive_datagram(data, MASTER, 0.21)
+    for sender, receiver, source in ((master, slave, MASTER), (slave, master, SLAVE)):
+        assert receiver.statistics.dropped.total() == len(datagrams)
+        assert sender.state is State.ENGAGED
+        assert sender.send_update(0.22, sample_update(220))
+        for data, _ in sender.datagrams_to_send():
+            receiver.receive_datagram(data, source, 0.22)
+        assert receiver.statistics.updates_received[0] == 1
+
+
+@pytest.mark.parametrize("security", suites())
+def test_every_truncation_and_extension_of_a_datagram_is_dropped(security: Security) -> None:
+    master, slave = engaged(security)
+    master.send_update(0.21, sample_update(210))
+    (data, _) = master.datagrams_to_send()[0]
+    for size in range(len(data)):
+        slave.receive_datagram(data[:size], MASTER, 0.21)
+        slave.receive_datagram(data + bytes(size + 1), MASTER, 0.21)
+    assert slave.statistics.dropped.total() == 2 * len(data)
+    assert slave.statistics.updates_received[0] == 0
+    slave.receive_datagram(data, MASTER, 0.21)
+    assert slave.statistics.updates_received[0] == 1
+
+
+@pytest.mark.parametrize("role", Role)
+@given(data=DATAGRAMS)
+def test_no_bytes_raise_before_a_session(role: Role, data: bytes) -> None:
+    for security in suites():
+        endpoint = make_endpoint(role, security=security)
+        endpoint.receive_datagram(data, SLAVE, 0.0)
+        endpoint.connect(0.0)
+        endpoint.receive_datagram(data, SLAVE, 0.0)
+        endpoint.close(0.0, "")
+        endpoint.receive_datagram(data, SLAVE, 0.0)
+        assert endpoint.statistics.dropped.total() == 3
 
 
 def recorded() -> tuple[Pair, list[bytes]]:
@@ -21,20 +87,19 @@ def recorded() -> tuple[Pair, list[bytes]]:
     pair = Pair(seed=1).engage()
     for _ in range(20):
         pair.run(0.01)
-        for side in pair.sides:
-            update = sample_update(pair.ticks)
-            if side.address != MASTER:
-                update = Update(pair.ticks, update.selector, update.newest * 2)
-            side.endpoint.send_update(side.local(pair.now), update)
+        update = sample_update(pair.ticks)
+        pair.master.endpoint.send_update(pair.now, update)
+        pair.slave.endpoint.send_update(pair.now, Update(pair.ticks, update.selector, update.newest * 2))
     pair.run(0.05)
     return pair, [data for _, _, data in pair.tap]
 
 
 PAIR, SAID = recorded()
 MAGAZINES = {kind: ammunition.load(kind, SAID, Random(2), KEY) for kind in ammunition.KINDS}
-UNPROVEN = ("mutated", "random", "forged", "truncated", "handshake")
 PROVEN = ("said", "replayed", "calls")
-MEANS = st.lists(st.sampled_from(UNPROVEN + PROVEN), min_size=1, max_size=20)
+MEANS = st.lists(
+    st.sampled_from(("mutated", "random", "forged", "truncated", "handshake", *PROVEN)), min_size=1, max_size=20
+)
 
 
 def question(means: str, random: Random) -> bytes:
@@ -42,13 +107,6 @@ def question(means: str, random: Random) -> bytes:
         if (changed := mutate(random.choice(SAID), random)) not in SAID:
             return changed
     return random.choice(SAID if means == "said" else MAGAZINES[means])
-
-
-def answers(endpoint: Endpoint, asked: bytes, source: Address, now: float) -> list[tuple[bytes, Address]]:
-    """What an endpoint sends because of a datagram, at once or at its next look at the time."""
-    endpoint.receive_datagram(asked, source, now)
-    endpoint.handle_timer(now)
-    return endpoint.datagrams_to_send()
 
 
 @examples(60)
@@ -59,22 +117,23 @@ def test_only_a_call_is_answered_once_by_a_responder_and_no_longer(
     random = Random(seed)
     fresh = make_endpoint(Role.RESPONDER)
     fresh.connect(0.0)
-    # Nothing is ever due at the fresh one, and what it answers is limited in time.
-    for endpoint, peer, now, later in (
-        (fresh, MASTER, NOW, 1.0),
+    cases: list[tuple[Endpoint, Address, float, float]] = [
+        (fresh, MASTER, NOW, 1.0),  # nothing is ever due there, and what it answers is limited in time
         (PAIR.slave.endpoint, MASTER, PAIR.now, 0.0),
         (PAIR.master.endpoint, SLAVE, PAIR.now, 0.0),
-    ):
+    ]
+    for endpoint, peer, now, later in cases:
         # An endpoint in a session sends by itself, when something is due: now nothing is, and what comes is an answer.
         endpoint.handle_timer(now)
         endpoint.datagrams_to_send()
         for turn, kind in enumerate(means):
             asked, source = question(kind, random), STRANGER if is_stranger else peer
-            sent = answers(endpoint, asked, source, now + later * turn)
+            endpoint.receive_datagram(asked, source, now + later * turn)
+            endpoint.handle_timer(now + later * turn)
+            sent = endpoint.datagrams_to_send()
             assert len(sent) <= (kind in PROVEN and endpoint is not PAIR.master.endpoint)
             for data, target in sent:
                 assert (kind_of(data), kind_of(asked)) == (Kind.WELCOME, Kind.HELLO)
-                assert len(data) <= len(asked)
-                assert target == source
+                assert len(data) <= len(asked) and target == source
     assert fresh.state is State.LISTENING
     assert PAIR.master.endpoint.state is State.ENGAGED

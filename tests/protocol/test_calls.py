@@ -307,24 +307,6 @@ def test_invalid_updates_raise_and_send_nothing() -> None:
     assert endpoint.statistics.sent == before
 
 
-def test_streams_may_differ_in_size_and_neither_supersedes_the_other() -> None:
-    pair = Pair(
-        master={"outgoing": (forms(3), forms(1)), "incoming": (forms(2), forms(6))},
-        slave={"outgoing": (forms(2), forms(6)), "incoming": (forms(3), forms(1))},
-    ).engage()
-    six = Update(200, 2, (1, 2, 3, 4, 5, 6), PreviousSample(1, (6, 5, 4, 3, 2, 1)))
-    ours = [(0, sample_update(200)), (1, Update(201, 3, (-7,))), (0, sample_update(202))]
-    pair.slave.endpoint.send_update(pair.now, six, stream=1)
-    for stream, update in ours:
-        pair.master.endpoint.send_update(pair.now, update, stream)
-    for data, _ in reversed(pair.master.endpoint.datagrams_to_send()):
-        pair.slave.endpoint.receive_datagram(data, MASTER, pair.now + 0.001)
-    pair.run(0.01)
-    assert [(event.stream, event.update) for event in pair.master.updates()] == [(1, six)]
-    assert [(event.stream, event.update) for event in pair.slave.updates()] == [ours[2], ours[1]]
-    assert pair.slave.faults() == [DropReason.SUPERSEDED]
-
-
 # --- who is served
 
 

@@ -33,7 +33,6 @@ from weberlink.protocol import (
     PeerSilent,
     Role,
     State,
-    UpdateLost,
     UpdateReceived,
 )
 from weberlink.protocol.emulation import Emulation
@@ -41,9 +40,6 @@ from weberlink.protocol.endpoint import QUEUED_DATAGRAMS, QUEUED_EVENTS
 from weberlink.protocol.liveness import ASK_PACE, DENSEST, FADE_SHARE, HeartbeatSchedule
 from weberlink.protocol.retransmission import LEAST_EARLY_PER_S, SHORTEST_PACE
 from weberlink.protocol.wire import MARK, Kind, kind_of
-
-DARK = Emulation(loss=1.0)
-
 
 # --- what counts as heard
 
@@ -118,34 +114,6 @@ def test_one_way_cut_silences_both_and_tells_who_is_heard(deaf: int, delay: floa
     assert len(pair.sides[deaf].of(PeerSilent)) == 1
 
 
-def test_overtaken_datagram_does_not_move_the_peer_back() -> None:
-    pair = Pair().engage()
-    assert dropped(pair.slave.endpoint, bytes(40), STRANGER) and pair.slave.endpoint.peer == MASTER
-    pair.master.send(pair.now, pair.ticks)
-    ((held, _),) = pair.master.endpoint.datagrams_to_send()
-    pair.master.address = STRANGER
-    for step in range(10):
-        pair.master.send(pair.now, pair.ticks + step)
-        pair.run(0.01)
-    assert pair.slave.endpoint.peer == STRANGER
-    pair.slave.endpoint.receive_datagram(held, MASTER, pair.now)
-    assert pair.slave.endpoint.peer == STRANGER and len(pair.slave.of(Connected)) == 1
-
-
-def test_a_peer_that_forgets_asks_for_a_complete_update() -> None:
-    """One end alone forgets the updates, as after a stall that the other did not notice; only acks tell the other."""
-    pair = Pair().engage()
-    pair.master.send(pair.now, pair.ticks)
-    pair.run(0.1)
-    assert not pair.master.of(UpdateLost) and pair.slave.endpoint.is_peer_encoding(pair.now)
-    pair.slave.endpoint.request_full_state()
-    pair.run(SILENCE + 0.05)
-    assert UpdateLost(0) in pair.master.of(UpdateLost) and not pair.slave.endpoint.is_peer_encoding(pair.now)
-    pair.master.send(pair.now, pair.ticks)
-    pair.run(0.05)
-    assert pair.slave.endpoint.is_peer_encoding(pair.now)
-
-
 # --- how soon, and how much is sent
 
 
@@ -179,22 +147,6 @@ def test_newest_updates_arrive_in_time_after_any_pattern_of_losses(
     if not pair.master.silences + pair.slave.silences:  # else their owners are told, and begin anew
         arrived = [[event.update.tick for event in pair.slave.updates() if event.stream == each] for each in (0, 1)]
         assert [ticks[-1:] for ticks in arrived] == newest
-
-
-@pytest.mark.parametrize("missing", [0, 1])
-def test_evidence_of_one_stream_brings_its_repeat_forward(missing: int) -> None:
-    """The update of one stream is lost, that of the other is not: the acknowledgement of the one tells of both."""
-    pair = Pair(**both(outgoing=(forms(3),) * 2, incoming=(forms(3),) * 2)).engage().run(1.0)
-    pair.swallow = lambda side, data: side is pair.master
-    lost = pair.master.send(pair.now, pair.ticks, missing)
-    pair.run(0.004)
-    pair.swallow = lambda side, data: False
-    pair.master.send(pair.now, pair.ticks, 1 - missing)
-    pair.run(0.002)
-    pair.slave.send(pair.now, pair.ticks, 0)
-    pair.run(0.01)
-    assert [event.update.tick for event in pair.slave.updates() if event.stream == missing] == [lost]
-    assert pair.master.endpoint.statistics.repeats == 1
 
 
 def test_heartbeats_keep_their_gap() -> None:

@@ -1,14 +1,33 @@
-"""Loop age from an echo, for any clocks and delays."""
+"""Loop age from an echo, for any clocks and delays; and the schedule of heartbeats by itself."""
 
 from math import floor, inf, nextafter
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
-from weberlink.protocol.liveness import DEAF, UNITS, Liveness
+from weberlink.protocol.liveness import (
+    ASK_PACE,
+    DEAF,
+    DENSEST,
+    FADE_SHARE,
+    HORIZON_SHARE,
+    INTRODUCTION_INTERVAL,
+    INTRODUCTIONS,
+    LATE_TICKS,
+    LEAST_QUESTIONS,
+    LEAST_SHARE,
+    LONGEST_ECHO_AGE,
+    MOST_QUESTIONS,
+    REPORT_INTERVAL,
+    UNITS,
+    HeartbeatSchedule,
+    Liveness,
+    questions_needed,
+)
 
-SILENCE = 0.1
+SILENCE, TICK = 0.1, 0.001
+FADE, HORIZON, LATE = FADE_SHARE * SILENCE, HORIZON_SHARE * SILENCE, LATE_TICKS * TICK
 OFFSETS = st.floats(-1e6, 1e6)
 DELAYS = st.floats(0.0, SILENCE)
 
@@ -85,3 +104,164 @@ def test_age_counts_against_the_smaller_of_the_two_round_trips() -> None:
     end.expect(0.1)
     assert end.is_fresh(0.2, 0) and not end.is_fresh(0.201, 0)
     assert end.is_fresh(0.15, 1) and not end.is_fresh(0.16, 1)
+
+
+# --- heartbeats
+
+
+def introduced(now: float = 0.0, silence: float = SILENCE) -> HeartbeatSchedule:
+    schedule = HeartbeatSchedule(now, silence=silence, tick_period=TICK)
+    for _ in range(INTRODUCTIONS):
+        pulse(schedule, now)
+    return schedule
+
+
+def pulse(schedule: HeartbeatSchedule, now: float, *, heard_at: float = 0.0, is_confirmed: bool = True) -> None:
+    """Send a heartbeat, which reports if it must."""
+    schedule.sent_heartbeat(now, has_reported=schedule.reports(now), is_confirmed=is_confirmed)
+    schedule.sent(now, heard_at)
+
+
+def test_introductions_go_on_until_the_peer_was_heard() -> None:
+    schedule = HeartbeatSchedule(0.0, silence=SILENCE, tick_period=TICK)
+    for _ in range(50):
+        pulse(schedule, 0.0, is_confirmed=False)
+    assert schedule.due(is_engaged=True) == INTRODUCTION_INTERVAL
+    assert schedule.reports(0.0)
+    schedule = introduced()
+    assert schedule.due(is_engaged=True) == schedule.max_gap
+    assert not schedule.reports(0.5 * REPORT_INTERVAL)
+
+
+def test_any_datagram_postpones_heartbeats_except_reports() -> None:
+    schedule = introduced()
+    for step in range(1, 100):
+        schedule.heard(0.01 * step, 0.01 * step)
+        schedule.sent(0.01 * step, 0.01 * step)
+    assert schedule.due(is_engaged=True) == REPORT_INTERVAL
+    assert schedule.due(is_engaged=False) == REPORT_INTERVAL
+    assert schedule.reports(REPORT_INTERVAL)
+
+
+def test_the_next_datagram_is_due_when_what_was_echoed_becomes_too_old() -> None:
+    """That is when the loop age of the peer does; if nothing new has come, only the gap counts."""
+    schedule = introduced()
+    schedule.adapt(0.0, 0.0, 0.001, 0.0, 0.0)
+    schedule.heard(0.519, 0.51)
+    schedule.sent(0.52, 0.519)
+    assert schedule.due(is_engaged=True) == 0.52 + schedule.max_gap
+    schedule.sent(0.52, 0.5)
+    schedule.heard(0.54, 0.52)
+    assert schedule.due(is_engaged=True) == 0.5 + schedule.max_echo_age < 0.52 + schedule.max_gap
+
+
+def test_energy_that_was_granted_is_told_within_the_interval() -> None:
+    schedule = introduced()
+    schedule.want_credit()
+    schedule.heard(0.5, 0.49)
+    schedule.sent(0.5, 0.5)
+    idle = schedule.due(is_engaged=True)
+    schedule.want_credit()
+    assert schedule.due(is_engaged=True) == 0.5 + schedule.credit_interval < idle
+    schedule.sent(0.52, 0.5)
+    assert schedule.due(is_engaged=True) == 0.52 + schedule.max_gap
+
+
+def test_loss_shortens_reach_and_gap_down_to_a_limit() -> None:
+    schedule = introduced()
+    reaches, gaps = [], []
+    for loss in (0.0, 0.01, 0.1, 0.3, 1.0):
+        schedule.adapt(loss, loss, 0.001, 0.0, 0.0)
+        reaches.append(schedule.max_echo_age)
+        gaps.append(schedule.max_gap)
+    assert reaches == sorted(reaches, reverse=True)
+    assert gaps == sorted(gaps, reverse=True)
+    assert (reaches[-1], gaps[-1]) == (DENSEST, DENSEST)
+
+
+@given(st.floats(0.0, 0.99), st.floats(1e-9, 0.5))
+def test_questions_are_as_few_as_possible(unanswered: float, rate: float) -> None:
+    count = questions_needed(unanswered, rate)
+    assert count == MOST_QUESTIONS or unanswered ** (count + 1) <= rate * (1.0 + 1e-9)
+    assert count == 0 or unanswered**count > rate * (1.0 - 1e-9)
+
+
+@given(st.floats(0.0, 0.4), st.floats(0.0, 0.01), st.floats(0.0, 0.3), st.floats(0.0, 0.4))
+@example(0.3, 0.0, 0.0, 0.3)
+@example(0.05, 0.01, 0.02, 0.05)
+def test_reach_and_gap_leave_room_for_the_path_and_for_losses(
+    rtt: float, jitter: float, loss: float, round_trip: float
+) -> None:
+    schedule = introduced()
+    schedule.adapt(loss, loss, rtt, jitter, round_trip)
+    shortest = LEAST_SHARE * SILENCE
+    unanswered = 1.0 - (1.0 - loss) ** 2
+    alone = rtt + jitter + LATE + (SILENCE + round_trip) / UNITS  # the loop age without any wait
+    answered = LEAST_QUESTIONS * (ASK_PACE + TICK) + rtt + jitter
+    for pause, limit, passed, share in (
+        (schedule.max_echo_age, round_trip, alone, unanswered),
+        (schedule.max_gap, 0.0, jitter + LATE, loss),
+    ):
+        least = max(LEAST_QUESTIONS, questions_needed(share, shortest / 3600.0))
+        fits = passed + pause + answered <= SILENCE + limit + 1e-9
+        is_dense = passed + (1 + least) * pause <= SILENCE + limit + 1e-9
+        is_densest = pause <= max(DENSEST if unanswered > 0.0 else 2.0 * shortest, shortest) + 1e-9
+        assert is_densest or (passed + pause <= FADE + limit + 1e-9 and (fits or is_dense))
+    assert (
+        schedule.max_gap == min(shortest, schedule.max_echo_age) or schedule.max_gap + jitter + LATE <= HORIZON + 1e-9
+    )
+    assert schedule.max_gap <= schedule.max_echo_age <= LONGEST_ECHO_AGE
+
+
+@given(st.floats(0.001, 0.3), st.sampled_from([0.1, 0.4, 1.0]))
+def test_a_false_alarm_is_rarer_than_one_an_hour(loss: float, silence: float) -> None:
+    """It needs the loss of a datagram or of what it echoes, and then of all questions that fit, or of their answers."""
+    schedule = introduced(silence=silence)
+    schedule.adapt(loss, loss, 0.001, 0.0, 0.0)
+    unanswered = 1.0 - (1.0 - loss) ** 2
+    room = silence - schedule.max_echo_age - 2 * 0.001 - LATE - silence / UNITS
+    questions = room / (ASK_PACE + TICK)
+    per_hour = 3600.0 * 2.0 / schedule.max_echo_age * unanswered ** (1 + int(questions + 1e-6))
+    # Reaches below twice the shortest gap leave more chances for one.
+    assert schedule.max_echo_age == DENSEST or per_hour <= max(1.0, 2.0 * LEAST_SHARE * silence / schedule.max_echo_age)
+
+
+@pytest.mark.parametrize("rtt", [0.001, 0.02, 0.06, inf])
+def test_asks_only_while_an_answer_can_be_in_time(rtt: float) -> None:
+    schedule = introduced()
+    schedule.heard(0.0, 0.0)
+    schedule.adapt(0.0, 0.0, rtt, 0.0, 0.0)
+    asked = []
+    for tick in range(1, 200):
+        now = tick * TICK
+        asks = schedule.asks(now)
+        if now >= schedule.due(is_engaged=True):
+            pulse(schedule, now)
+            if asks:
+                asked.append(now)
+    assert len(asked) <= SILENCE / ASK_PACE
+    assert all(min(schedule.max_gap, schedule.max_echo_age) < at <= SILENCE - rtt for at in asked)
+    assert bool(asked) is (rtt < inf)
+
+
+def test_confirmed_peer_is_not_asked_and_question_answered_once() -> None:
+    schedule = introduced()
+    schedule.adapt(0.0, 0.0, 0.001, 0.0, 0.0)
+    assert schedule.asks(0.085)
+    schedule.heard(0.05, 0.05)
+    assert not schedule.asks(0.085)
+    schedule.sent(0.05, 0.05)
+    schedule.want_answer()
+    assert schedule.due(is_engaged=True) <= 0.05
+    schedule.sent(0.051, 0.05)
+    assert schedule.due(is_engaged=True) == 0.051 + schedule.max_gap
+
+
+def test_absent_owner_causes_no_storm() -> None:
+    schedule = introduced()
+    schedule.adapt(0.3, 0.3, 0.001, 0.0, 0.0)
+    schedule.heard(0.0, 0.0)
+    for _ in range(2):
+        assert not schedule.asks(0.5)
+        pulse(schedule, 0.5)
+    assert schedule.due(is_engaged=True) > 0.5

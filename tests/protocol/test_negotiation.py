@@ -1,12 +1,26 @@
-"""Changes that both ends make at the same tick, over links that lose proposals and answers."""
+"""Changes that both ends make at the same tick, and the round trip that they agree on."""
 
 from math import inf
 
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
-from tests.protocol.harness import Pair, make_endpoint
-from weberlink.protocol import ChangeAnswered, ChangeProposed, DropReason, Role
-from weberlink.protocol.negotiation import NUMBERS, Negotiation
+from tests.examples import examples
+from tests.protocol.harness import ENGAGED, SILENCE, TICK, Pair, both, make_endpoint, states
+from weberlink.protocol import ChangeAnswered, ChangeProposed, Connected, DropReason, PeerSilent, Refused, Role, State
+from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.liveness import DEAF, Liveness
+from weberlink.protocol.negotiation import (
+    ACCEPTED,
+    FALL_AFTER,
+    NUMBERS,
+    STEP,
+    SWITCH_AHEAD,
+    Negotiation,
+    RoundTripAgreement,
+    rounded_up,
+)
 from weberlink.protocol.wire import LONGEST_CHANGE
 
 BODY = b'{"weber":0.2}'
@@ -107,3 +121,119 @@ def test_change_too_far_ahead_or_back_is_dropped(ahead: int, is_told: bool) -> N
     pair.run(0.05)
     assert bool(pair.slave.of(ChangeProposed)) is is_told
     assert is_told or set(pair.slave.faults()) == {DropReason.IMPLAUSIBLE}
+
+
+# --- the round trip
+
+
+def over(delay: float, **changes: object) -> Pair:
+    link = Emulation(delay_s=delay)
+    return Pair(forward=link, backward=link, **both(**changes))
+
+
+def agreed(pair: Pair) -> list[float]:
+    return [side.endpoint.liveness.round_trip for side in pair.sides]
+
+
+@given(st.floats(0.0, 0.2))
+@example(0.0)
+@example(0.2)
+def test_both_ends_begin_with_the_round_trip_of_the_handshake(delay: float) -> None:
+    pair = over(delay).connect().run(3.2 * delay + 0.01)
+    assert states(pair) == ENGAGED
+    least = rounded_up(2.0 * delay)
+    assert agreed(pair) == pytest.approx([min(least, 0.4)] * 2, abs=STEP)
+    pair.run(5.0)
+    assert not any(side.of(PeerSilent) for side in pair.sides)
+    assert [len(side.of(Connected)) for side in pair.sides] == [1, 1]
+
+
+@pytest.mark.parametrize(("own", "other"), [(0.4, 0.4), (0.3, 2.0), (2.0, 0.3)])
+def test_a_link_beyond_the_smaller_limit_never_engages_and_both_ends_say_why(own: float, other: float) -> None:
+    link = Emulation(delay_s=0.23)
+    pair = Pair(forward=link, backward=link, master={"longest_round_trip": own}, slave={"longest_round_trip": other})
+    pair.connect().run(5.0)
+    said = [side.of(Refused)[0] for side in pair.sides]
+    assert said[0] == said[1]
+    assert "460 ms" in said[0].message and f"{min(own, other) * 1e3:g}" in said[0].message
+    assert not any(side.of(Connected) for side in pair.sides)
+    assert states(pair) == [State.CLOSED, State.LISTENING]
+
+
+def test_a_link_that_was_short_enough_once_is_called_again_for_ever() -> None:
+    pair = over(0.05).engage()
+    pair.forward = pair.backward = pair.link(Emulation(delay_s=0.3))
+    pair.run(20.0)
+    assert pair.master.endpoint.state is State.CONNECTING
+    assert not any(side.of(Refused) for side in pair.sides)
+    pair.forward = pair.backward = pair.link(Emulation(delay_s=0.05))
+    pair.run(1.0)
+    assert states(pair) == ENGAGED
+
+
+def test_it_rises_with_the_link_and_falls_slowly_without_an_interruption() -> None:
+    pair = over(0.01).engage().run(2.0)
+    forward, backward = pair.forward, pair.backward
+    for delay in [0.001 * milliseconds for milliseconds in range(13, 61, 3)]:
+        pair.forward = pair.backward = pair.link(Emulation(delay_s=delay))
+        pair.run(3.0)
+        assert agreed(pair)[0] == agreed(pair)[1]
+        assert 2.0 * delay <= agreed(pair)[0] <= 2.0 * delay + 0.03
+    risen = agreed(pair)[0]
+    pair.forward, pair.backward = forward, backward
+    pair.run(FALL_AFTER - 1.5)  # a report comes once a second
+    assert agreed(pair) == [risen] * 2
+    pair.run(FALL_AFTER)
+    assert agreed(pair)[0] == agreed(pair)[1] >= 0.5 * risen
+    pair.run(6.0 * FALL_AFTER)
+    assert agreed(pair)[0] == agreed(pair)[1] <= 0.06
+    assert not any(side.of(PeerSilent) for side in pair.sides)
+
+
+def test_it_never_exceeds_what_the_user_allows() -> None:
+    """Somebody on the path holds datagrams back for longer and longer."""
+    pair = Pair(**both(longest_round_trip=0.1)).engage()
+    for delay in (0.02, 0.04, 0.06, 0.08, 0.1):
+        pair.forward = pair.backward = pair.link(Emulation(delay_s=delay))
+        pair.run(2.0)
+        assert max(agreed(pair)) <= 0.1
+    assert State.ENGAGED not in states(pair)
+
+
+def test_next_value_waits_until_no_datagram_of_the_one_before_counts() -> None:
+    """The two values in use are told apart by their parity alone."""
+    liveness = Liveness(0.0, SILENCE, 0.0, 0.0)
+    liveness.agree(0.02, 0.0)
+    agreement = RoundTripAgreement(liveness, 0.4, TICK, proposes=True)
+
+    def proposes(needed: float, now: float) -> bool:
+        agreement.on_needed(needed, now, now)
+        return agreement.is_proposing
+
+    assert not proposes(0.05, SILENCE) and not proposes(0.015, 1.0)
+    assert proposes(0.05, 1.0) and agreement.switch_at == inf
+    agreement.take_answer(agreement.take(1.0, 0.0)[0], ACCEPTED, 1.1)
+    assert not agreement.advance(1.149) and agreement.advance(1.0 + 2.0 * 0.05 + SWITCH_AHEAD)
+    assert liveness.round_trip == pytest.approx(0.05)
+    assert not proposes(0.2, 2.0), "the other end has not switched yet"
+    liveness.hear(2.0, DEAF, 1, 2.0)
+    assert not proposes(0.2, 2.0 + SILENCE + 0.049)
+    assert proposes(0.2, 2.0 + SILENCE + 0.051)
+
+
+@given(st.floats(0.0, 0.15), st.integers(1, 3), st.floats(0.0, 3.0), st.integers(0, 2**32))
+@example(0.15, 1, 0.0, 0)
+@examples(40)
+def test_after_a_cut_both_ends_are_silent_within_both_limits(delay: float, cut: int, after: float, seed: int) -> None:
+    """At any time of a session, also while it opens; none drives later."""
+    link = Emulation(delay_s=delay)
+    pair = Pair(forward=link, backward=link, seed=seed).connect().run(3.0 * delay + 0.01 + after)
+    longest = max(agreed(pair))
+    dark = Emulation(loss=1.0)
+    if cut & 1:
+        pair.forward = pair.link(dark)
+    if cut & 2:
+        pair.backward = pair.link(dark)
+    pair.run(SILENCE + longest + TICK)
+    for side in pair.sides:
+        assert not side.endpoint.is_peer_encoding(pair.now)

@@ -1,54 +1,49 @@
-"""The contract of a security suite, on each of them, and what only the keyed one promises."""
+"""The contract of a security suite, on each of them, and what only the keyed ones promise."""
 
 import subprocess
 import sys
+from random import Random
 
 import pytest
 
-from tests.protocol.harness import KEY, exchanged, suites
+from tests.protocol.harness import KEY, Pair, exchanged, suites
+from weberlink.protocol import Connected, DropReason, Refused, State
 from weberlink.protocol.checksum import Checksum
-from weberlink.protocol.psk import PresharedKey
+from weberlink.protocol.psk import Keyring, PresharedKey
 from weberlink.protocol.security import Security
 from weberlink.protocol.wire import CLEAR_BYTES, Kind, pack, sequence_of
 
 CLEAR = b"\x03\x01\x00\x00"[:CLEAR_BYTES]
 DATAGRAM = CLEAR + b"what follows is hidden"
+KEYS = {name: Random(name).randbytes(32) for name in ("ann@desk", "bob@desk")}
+STRANGER = Random("eve@desk").randbytes(32)
+by_suite = pytest.mark.parametrize("security", suites())
 
 
-@pytest.mark.parametrize("security", suites())
-def test_every_flipped_bit_is_found(security: Security) -> None:
-    sealing, opening = exchanged(security)
-    sealed = sealing.seal(9, DATAGRAM)
-    assert sealed[:CLEAR_BYTES] == CLEAR and len(sealed) == len(DATAGRAM) + security.tag_size
-    for bit in range(8 * len(sealed)):
-        damaged = bytearray(sealed)
-        damaged[bit // 8] ^= 1 << bit % 8
-        assert opening.open(9, bytes(damaged)) is None
+def flipped(data: bytes, first: int = 0, last: int | None = None) -> list[bytes]:
+    """The same with each bit of some bytes changed."""
+    bits = range(8 * first, 8 * (len(data) if last is None else last))
+    return [data[: bit // 8] + bytes([data[bit // 8] ^ 1 << bit % 8]) + data[bit // 8 + 1 :] for bit in bits]
 
 
-@pytest.mark.parametrize("security", suites())
+@by_suite
 @pytest.mark.parametrize("number", [0x1234, 0xFFFF, 0x10000])
-def test_a_number_that_was_changed_is_found_under_the_changed_number(security: Security, number: int) -> None:
+def test_every_flipped_bit_and_every_other_number_direction_and_session_is_found(
+    security: Security, number: int
+) -> None:
     sealing, opening = exchanged(security)
+    sealed = sealing.seal(number, DATAGRAM)
+    assert sealed[:CLEAR_BYTES] == CLEAR and len(sealed) == len(DATAGRAM) + security.tag_size
+    assert opening.open(number, sealed) == DATAGRAM[CLEAR_BYTES:]
+    assert all(opening.open(number, damaged) is None for damaged in flipped(sealed))
+    assert opening.open(number + 1, sealed) is opening.open(number + 2**24, sealed) is None
+    assert sealing.open(number, sealed) is exchanged(security, prologue=b"other")[1].open(number, sealed) is None
     sealed = sealing.seal(number, pack((number & 0xFFFF, 0, 1, 2, (None,)), Kind.PATH, bytes(8)))
-    assert opening.open(number, sealed) is not None
-    for bit in range(8, 8 * CLEAR_BYTES):
-        damaged = bytearray(sealed)
-        damaged[bit // 8] ^= 1 << bit % 8
-        assert opening.open(number & ~0xFFFF | sequence_of(bytes(damaged)), bytes(damaged)) is None
+    for damaged in flipped(sealed, 1, CLEAR_BYTES):  # under the number that it then seems to have
+        assert opening.open(number & ~0xFFFF | sequence_of(damaged), damaged) is None
 
 
-@pytest.mark.parametrize("security", suites())
-def test_wrong_number_direction_and_session_are_found(security: Security) -> None:
-    sealing, opening = exchanged(security)
-    sealed = sealing.seal(9, DATAGRAM)
-    assert opening.open(10, sealed) is None
-    assert opening.open(9 + 2**24, sealed) is None
-    assert sealing.open(9, sealed) is None
-    assert exchanged(security, prologue=b"other")[1].open(9, sealed) is None
-
-
-@pytest.mark.parametrize("security", suites())
+@by_suite
 def test_rekeyed_directions_open_under_next_then_previous_keys(security: Security) -> None:
     sealing, opening = exchanged(security)
     before = sealing.seal(1, DATAGRAM)
@@ -61,23 +56,17 @@ def test_rekeyed_directions_open_under_next_then_previous_keys(security: Securit
     assert opening.open(2, after) == opening.open_previous(1, before) == DATAGRAM[CLEAR_BYTES:]
     assert opening.open(1, before) is opening.open_next(2, after) is opening.open_previous(2, after) is None
     assert sealing.open(3, opening.seal(3, DATAGRAM)) == DATAGRAM[CLEAR_BYTES:], "the other direction keeps its keys"
-
-
-@pytest.mark.parametrize("security", suites())
-def test_every_rekeying_gives_new_keys(security: Security) -> None:
-    sealing, opening = exchanged(security)
     sealed = set()
     for phase in range(20):
-        datagram = sealing.seal(7, DATAGRAM)
+        sealed.add(datagram := sealing.seal(7, DATAGRAM))
         assert opening.open(7, datagram) == DATAGRAM[CLEAR_BYTES:], phase
-        sealed.add(datagram)
         sealing.rekey_outgoing()
         opening.rekey_incoming()
     assert len(sealed) == 20
 
 
-@pytest.mark.parametrize("security", suites())
-def test_handshake_message_is_bound_to_prologue_and_call(security: Security) -> None:
+@by_suite
+def test_a_handshake_message_is_bound_to_prologue_and_call(security: Security) -> None:
     private = bytes(range(security.private_size))
     (hello, waiting), (_, other) = (
         security.call(b"head", private[:-2] + bytes((number, 0)), b"payload") for number in (1, 2)
@@ -86,16 +75,11 @@ def test_handshake_message_is_bound_to_prologue_and_call(security: Security) -> 
     heard = security.hear(b"head", hello)
     assert heard is not None and heard[0] == b"payload"
     assert security.hear(b"heat", hello) is None
-    assert all(security.hear(b"head", hello[:size]) is None for size in range(len(hello)))
-    for bit in range(8 * len(hello)):
-        damaged = bytearray(hello)
-        damaged[bit // 8] ^= 1 << bit % 8
-        assert security.hear(b"head", bytes(damaged)) is None
+    for damaged in [*flipped(hello), *(hello[:size] for size in range(len(hello)))]:
+        assert security.hear(b"head", damaged) is None
     answered = security.answer(heard[1], private, b"yes")
-    assert answered is not None
-    assert len(answered[0]) == len(b"yes") + security.overhead
-    assert security.open(other, answered[0]) is None
-    assert security.open(waiting, answered[0][:-1]) is None
+    assert answered is not None and len(answered[0]) == len(b"yes") + security.overhead
+    assert security.open(other, answered[0]) is security.open(waiting, answered[0][:-1]) is None
     assert security.open(waiting, answered[0]) is not None
 
 
@@ -106,12 +90,31 @@ def test_another_key_or_another_ephemeral_one_opens_nothing_and_reads_nothing() 
     assert exchanged(theirs, seed=1)[1].open(1, sealed) is exchanged(ours, seed=2)[1].open(1, sealed) is None
     assert b"hidden" not in sealed
     assert b"hidden" in exchanged(Checksum())[0].seal(1, DATAGRAM)
+    for size in (0, 16, 31, 33):
+        with pytest.raises(ValueError, match="32 bytes"):
+            PresharedKey(bytes(size))
 
 
-@pytest.mark.parametrize("size", [0, 16, 31, 33])
-def test_a_key_has_its_size(size: int) -> None:
-    with pytest.raises(ValueError, match="32 bytes"):
-        PresharedKey(bytes(size))
+@pytest.mark.parametrize(
+    ("name", "key", "is_served"),
+    [
+        *((name, key, True) for name, key in KEYS.items()),
+        ("bob@desk", KEYS["ann@desk"], False),
+        ("ann@desk", STRANGER, False),
+        ("eve@desk", STRANGER, False),
+        ("eve@desk", KEYS["ann@desk"], False),
+    ],
+)
+def test_a_slave_with_a_key_for_each_master_serves_each_under_its_own_name_alone(
+    name: str, key: bytes, is_served: bool
+) -> None:
+    ends = {"name": name, "security": PresharedKey(key)}
+    pair = Pair(master=ends, slave={"name": "robot", "security": Keyring(KEYS)}).connect().run(0.5)
+    if is_served:
+        assert pair.slave.endpoint.state is State.ENGAGED and pair.slave.endpoint.peer_name == name
+    else:
+        assert not (pair.slave.of(Connected) or pair.master.of(Connected) or pair.master.of(Refused))
+        assert set(pair.slave.faults()) == {DropReason.UNPROVEN}
 
 
 def test_no_crypto_library_is_loaded_without_a_key() -> None:

@@ -19,7 +19,7 @@ def test_reader_gets_the_newest_pose(tmp_path: Path) -> None:
     assert pose is not None and pose[0] == 14.0 and pose[1].tolist() == [4.0, 4.0, 4.0]
     assert path.stat().st_mode & 0o777 == 0o600
     writer.close()
-    assert not path.exists() and reader.read() is not None
+    assert not path.exists() and reader.read() is None, "once"
     reader.close()
 
 

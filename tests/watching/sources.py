@@ -19,7 +19,7 @@ from weberlink.protocol.states import State
 from weberlink.session.composition.channels import banks, channels
 from weberlink.session.control_socket import ControlSocket
 from weberlink.telemetry.ring import RingWriter
-from weberlink.watching.rings import RowSource
+from weberlink.watching.rings import joined
 
 RATE = 1000.0
 WALL_OFFSET_S = 1_763_000_000.0
@@ -65,12 +65,29 @@ def description(side: str, file: str | Path = "loopback.yaml") -> dict[str, Any]
     }
 
 
-class HandSource(RowSource):
-    """A source that is given its records by hand."""
+class HandSource:
+    """A source as `RingSource` that is given its records by hand."""
 
     def __init__(self, side: str, *, began: float = 10.0, ring: Path = Path("/nonexistent/ring")) -> None:
-        super().__init__(side, RATE, began, ring, wall_offset_s=WALL_OFFSET_S, description=description(side))
-        self.is_closed = False
+        self.side, self.rate_hz, self.began, self.ring = side, RATE, began, ring
+        self.wall_offset_s, self.description = WALL_OFFSET_S, description(side)
+        self.in_order = self.drained = self.is_closed = self._over = False
+        self.written = self.lost = 0
+        self._waiting: list[Records] = []
+
+    def put(self, made: Records) -> None:
+        """Records for the next `read`."""
+        self._waiting.append(made)
+        self.written += len(made)
+
+    def end(self, *, in_order: bool) -> None:
+        """The writer has ended, and all its records were put."""
+        self._over, self.in_order = True, in_order
+
+    def read(self) -> Records:
+        waiting, self._waiting = self._waiting, []
+        self.drained = self._over
+        return joined(waiting)
 
     def close(self) -> None:
         self.is_closed = True

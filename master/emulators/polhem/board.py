@@ -10,11 +10,10 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from weberlink.geometry.vector import ZERO, Vector, subtract
 from weberlink.hardware.emulator import FaultyDevice
-from weberlink.master.devices.polhem.options import SetName, Signs
-from weberlink.master.devices.polhem.parameters import PARAMETERS
+from weberlink.master.devices.polhem.options import BOARDS, SetName, Signs
+from weberlink.master.devices.polhem.parameters import PARAMETERS, Board
 from weberlink.master.devices.polhem.protocol import Counts6
 from weberlink.master.emulators.handle import Handle, HandleOptions
-from weberlink.master.emulators.polhem.host_wiring import HostWiring
 
 Currents = tuple[float, float, float]
 
@@ -52,16 +51,19 @@ class BoardOptions(BaseModel):
     processing_s: float = Field(default=0.0002, ge=0.0, le=0.1, description="from a message to what it causes")
 
     @property
+    def board(self) -> Board:
+        raise NotImplementedError
+
+    @property
     def set_name(self) -> str:
         return self.parameters or "woodenhaptics_2015"
 
-    def wiring(self) -> HostWiring:
-        """As a published host expects it; raises ValueError where none is published."""
-        raise NotImplementedError
-
     @model_validator(mode="after")
     def _check(self) -> Self:
-        self.wiring()
+        wirings = PARAMETERS[self.set_name].wirings
+        if self.board not in wirings:
+            boards = " and ".join(BOARDS[each] for each in wirings)
+            raise ValueError(f"parameters: {self.set_name} is published for {boards}, not for {BOARDS[self.board]}")
         return self
 
 
@@ -100,7 +102,7 @@ class PolhemBoard(FaultyDevice):
         mechanism, (a, b, c) = self._parameters.mechanism, options.encoder_signs
         if options.weight and not mechanism.linkage.masses:
             raise ValueError("weight: no masses are published for this mechanism")
-        wiring = options.wiring().on(mechanism.drive)
+        wiring = self._parameters.wirings[options.board]
         (d, e, f), (g, h, i) = wiring.encoder, wiring.home_counts
         # The home pose stays where it is: an encoder that counts the other way has its zero on the other side.
         wiring = replace(wiring, encoder=(a * d, b * e, c * f), home_counts=(a * g, b * h, c * i))

@@ -13,6 +13,7 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from weberlink.hardware.emulator import HidIdentity
+from weberlink.master.devices.polhem.parameters import Board
 from weberlink.master.devices.polhem.protocol import (
     HID_WATCHDOG_S,
     LONG,
@@ -24,7 +25,6 @@ from weberlink.master.devices.polhem.protocol import (
     encode_sensors,
 )
 from weberlink.master.emulators.polhem.board import FAULTS, OFF, BoardOptions, PolhemBoard
-from weberlink.master.emulators.polhem.host_wiring import Host, HostWiring, host_wiring
 
 VENDOR, PRODUCT = 0x1234, 0x0006
 FRAME_S = 0.001
@@ -36,17 +36,14 @@ class PolhemHidEmulatorOptions(BoardOptions):
     """Options of the emulated `polhem_hid`. Without `parameters`, it is a WoodenHaptics of 2015."""
 
     report: Literal[14, 8] = Field(default=14, description="bytes of a report: 14 in lock-step, or the older 8")
-    host: Host | None = Field(
-        default=None,
-        description="the published host that drives it right: haptikfabrikenapi, or woody_experimental for 8 bytes",
-    )
     frame_s: float = Field(
         default=FRAME_S, ge=0.0, le=0.1, description="reports leave at multiples of it; 0: at once (of 14 bytes only)"
     )
     serial_number: str = Field(default="0123456789", description="by which two alike can be told apart")
 
-    def wiring(self) -> HostWiring:
-        return host_wiring(self.set_name, "hid14" if self.report == LONG else "hid8", self.host)
+    @property
+    def board(self) -> Board:
+        return "hid14" if self.report == LONG else "hid8"
 
 
 class PolhemHidEmulator(PolhemBoard):

@@ -12,7 +12,7 @@ from typing import ClassVar
 from pydantic import Field
 
 from weberlink.master.devices.polhem.options import Model
-from weberlink.master.devices.polhem.parameters import MODEL_SETS
+from weberlink.master.devices.polhem.parameters import MODEL_SETS, Board
 from weberlink.master.devices.polhem.protocol import (
     CURRENT_LIMIT_MA,
     MODELS,
@@ -22,7 +22,6 @@ from weberlink.master.devices.polhem.protocol import (
     encode_status,
 )
 from weberlink.master.emulators.polhem.board import FAULTS, BoardOptions, Currents, PolhemBoard
-from weberlink.master.emulators.polhem.host_wiring import HostWiring, host_wiring
 
 BUFFER = 127
 FILLING = b"\n\r\0"
@@ -43,8 +42,9 @@ class PolhemSerialEmulatorOptions(BoardOptions):
     def set_name(self) -> str:
         return self.parameters or MODEL_SETS[NUMBERS[self.model]]
 
-    def wiring(self) -> HostWiring:
-        return host_wiring(self.set_name, "serial")
+    @property
+    def board(self) -> Board:
+        return "serial"
 
 
 class PolhemSerialEmulator(PolhemBoard):

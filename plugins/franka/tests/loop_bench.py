@@ -5,7 +5,7 @@ from collections.abc import Callable
 from plugins.franka.tests.library import Arm, Model, RobotMode, RobotState
 from weberlink.geometry.rotation import IDENTITY, Quaternion
 from weberlink.geometry.vector import Vector
-from weberlink.hardware.slot import Slot
+from weberlink.slot import Slot
 from weberlink_franka.control_loop import CYCLE_S, ControlLoop
 from weberlink_franka.messages import (
     COMMAND,

@@ -20,7 +20,7 @@ from tests.session.systems import CONFIGS
 from weberlink.figures.channel import arm_in
 from weberlink.figures.session import Layout
 from weberlink.telemetry.record import JOINTS
-from weberlink.watching.ros_messages import quaternions
+from weberlink.watching.ros import quaternions
 from weberlink_recording.lerobot_frames import NoFramesError, frames_of
 from weberlink_recording.reader import read_recording
 from weberlink_recording.ros_export import RATE_HZ

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from weberlink.telemetry.message import ENCAPSULATION
-from weberlink.watching.ros_messages import SCHEMAS
+from weberlink.watching.ros import SCHEMAS
 from weberlink_ros2.messages import decode, encode_body, type_hash, types
 from weberlink_ros2.names import (
     PUBLISHER,

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from math import cos, pi, sin
 from statistics import median
 from time import perf_counter
-from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, NamedTuple
 
 from weberlink.codec import Channel
 from weberlink.codec.replay import code
@@ -32,13 +32,6 @@ if TYPE_CHECKING:
 UDP_IP_BYTES = 28
 SAMPLES = 2000
 """Ticks of the cost measurement."""
-
-
-@runtime_checkable
-class Described(Protocol):
-    """A part that can describe what it chose."""
-
-    def description(self) -> str: ...
 
 
 class Stream(NamedTuple):
@@ -117,7 +110,9 @@ def _displayed(system: System, device: Device) -> str:
 
 
 def _detail(part: Device | Robot) -> str:
-    return f", {part.description()}" if isinstance(part, Described) else ""
+    """What a part says that it chose."""
+    said = getattr(part, "description", str)()
+    return f", {said}" if said else ""
 
 
 def _mapping(mapping: MappingSettings) -> str:

@@ -28,8 +28,6 @@ class BoundedAxes(AxesMaster):
         account: of the hand.
     """
 
-    __slots__ = ("_account", "_elapsed", "_held", "_lever", "_position")
-
     def __init__(self, lever: float, account: AccountParameters) -> None:
         self._lever = lever
         self._account = Account(account)

@@ -28,31 +28,32 @@ WRONG = 1e-3
 """Distance by which the place of a sample may differ from that of the command, and a wall from what the robot found
 [m]."""
 
+LATE = 0.01
+"""Time beyond one and a half round trips in which the operator has answered a contact [s]."""
+FADING = 0.3
+"""How much slower than it grew an answered contact counts as a new one again, once it is open: the operator knows the
+wall of the last tap."""
+PRESS = 1.35
+"""Largest force of the robot on a contact that the operator cannot have answered, times the root of the time for which
+that is so [N s^0.5]: the longer the hand pushes on without knowing, the softer."""
+LEAVE = 0.03
+"""Speed at which the command leaves the place of the hand, and the robot regains its command [m/s]: on a wall with
+damping a faster one lets the contact chatter."""
+BACK = 0.1
+"""Speed at which the command regains the place of the hand [m/s]: a slower one keeps the robot from a contact that is
+felt."""
+FARTHEST = 0.02
+"""Largest distance of the command from the hand [m]."""
+
 
 class FeltContact:
     """The contact at the hand.
 
-    `stiffness` [N/m] is that of the robot's coupling as long as none is known, and `softest` that of the decoded
-    surface as long as no sample has shown the stiffness, then infinite. `normal` is of the wall; None without one.
+    Attributes:
+        stiffness: that of the robot's coupling as long as none is known [N/m].
+        softest: stiffness of the decoded surface as long as no sample has shown one, then infinite [N/m].
+        normal: of the wall; None without one.
     """
-
-    __slots__ = (
-        "_apart",
-        "_coupling",
-        "_found",
-        "_measured",
-        "_model",
-        "_offset",
-        "_place",
-        "_products",
-        "_sample",
-        "_sampled",
-        "_squares",
-        "_surface",
-        "normal",
-        "softest",
-        "stiffness",
-    )
 
     def __init__(self, settings: SchemeParameters) -> None:
         self._coupling = settings.coupling
@@ -81,10 +82,6 @@ class FeltContact:
         Not in the wall of now: a held force carries that along with a robot that yields.
         """
         return 0.0 if self.normal is None else max(0.0, self._measured - dot(self.normal, position))
-
-    def refute(self) -> None:
-        """Let go of the wall."""
-        self.normal = None
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector, robot: Vector) -> None:
         """Take in an update, as `MasterControl.learn`; `robot` is the command to which the newest news answers [m]."""
@@ -151,24 +148,6 @@ class FeltContact:
         return (share * force[0] + push * n[0], share * force[1] + push * n[1], share * force[2] + push * n[2])
 
 
-LATE = 0.01
-"""Time beyond one and a half round trips in which the operator has answered a contact [s]."""
-FADING = 0.3
-"""How much slower than it grew an answered contact counts as a new one again, once it is open: the operator knows the
-wall of the last tap."""
-PRESS = 1.35
-"""Largest force of the robot on a contact that the operator cannot have answered, times the root of the time for which
-that is so [N s^0.5]: the longer the hand pushes on without knowing, the softer."""
-LEAVE = 0.03
-"""Speed at which the command leaves the place of the hand, and the robot regains its command [m/s]: on a wall with
-damping a faster one lets the contact chatter."""
-BACK = 0.1
-"""Speed at which the command regains the place of the hand [m/s]: a slower one keeps the robot from a contact that is
-felt."""
-FARTHEST = 0.02
-"""Largest distance of the command from the hand [m]."""
-
-
 class BoundedMaster(MasterControl):
     """The operator's end.
 
@@ -176,21 +155,6 @@ class BoundedMaster(MasterControl):
     is felt. Source of the idea: force-matched commands, Mitra, Niemeyer, "Model-mediated telemanipulation", Int. J.
     Robotics Research 27(2), 2008.
     """
-
-    __slots__ = (
-        "_account",
-        "_back",
-        "_contact",
-        "_credit",
-        "_delay",
-        "_elapsed",
-        "_held",
-        "_position",
-        "_rtt",
-        "_sent",
-        "_stated",
-        "_tick",
-    )
 
     def __init__(self, settings: SchemeParameters) -> None:
         self._delay = settings.delay
@@ -229,15 +193,14 @@ class BoundedMaster(MasterControl):
         return self._contact.stiffness
 
     def refute(self) -> None:
-        self._contact.refute()
+        self._contact.normal = None
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
         robot = self._sent.ago(self._rtt) if self._sent else position
         self._contact.learn(surface, force, position, robot)
 
     def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, rtt: float | None) -> None:
-        x, y, z = subtract(position, self._position or position)
-        held = self._held
+        (x, y, z), held = subtract(position, self._position or position), self._held
         supplied = max(0, peer_credit - self._credit) * CREDIT_STEP
         self._account.book(held[0] * x + held[1] * y + held[2] * z, x * x + y * y + z * z, elapsed, supplied)
         self._credit = max(self._credit, peer_credit)
@@ -275,8 +238,6 @@ class BoundedMaster(MasterControl):
 
 class BoundedSlave(SlaveControl):
     """The robot's end."""
-
-    __slots__ = ("_age", "_before", "_delay", "_force", "_given", "_stored", "_target", "_waits")
 
     def __init__(self, settings: SchemeParameters) -> None:
         self._delay = settings.delay
@@ -328,10 +289,8 @@ class BoundedSlave(SlaveControl):
             self._stored = 0.0
             return
         p, f = before
-        work = 0.0
-        for after, at, then, there in zip(force, position, f, p, strict=True):
-            work += (after + then) * (at - there)
-        self._stored -= 0.5 * work
+        x, y, z = subtract(position, p)
+        self._stored -= 0.5 * ((force[0] + f[0]) * x + (force[1] + f[1]) * y + (force[2] + f[2]) * z)
         if self._stored < 0.0:
             self._given -= self._stored
             self._stored = 0.0

@@ -4,9 +4,11 @@ The message definition follows from the table of fields. As the table puts wide 
 body as it stands: it lacks only the encapsulation header.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from math import isfinite
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +24,12 @@ ENCAPSULATION = b"\x00\x01\x00\x00"
 
 Rows = NDArray[np.void]
 
+CODES = {"float64": "<f8", "float32": "<f4", "uint64": "<u8", "uint32": "<u4", "int32": "<i4", "uint8": "u1"}
+"""Numpy's formats of the numbers of ROS."""
+SEPARATOR = "=" * 80
+"""Between a definition and those that it consists of."""
 _VECTOR = "geometry_msgs/Vector3"
-_TYPES = {"<f8": "float64", "<f4": "float32", "<u8": "uint64", "u1": "uint8"}
-_SEPARATOR = "=" * 80
+_TYPES = {code: kind for kind, code in CODES.items()}
 
 
 def _line(field: Field) -> str:
@@ -39,12 +44,38 @@ SCHEMA_TEXT = "\n".join(
     [
         "# One tick of one side of a WeberLink session.",
         *map(_line, FIELDS),
-        _SEPARATOR,
+        SEPARATOR,
         f"MSG: {_VECTOR}",
         *(f"float64 {axis}" for axis in AXES),
         "",
     ]
 )
+
+
+def fields_in(definition: str) -> Iterator[tuple[str, str]]:
+    """Type and name of each field of the first definition in a text; a constant is none.
+
+    Raises:
+        ValueError: a line is no field.
+    """
+    for line in definition.partition("===")[0].splitlines():
+        told = line.partition("#")[0].strip()
+        if told and "=" not in told:
+            kind, _, rest = told.partition(" ")
+            if not rest:
+                raise ValueError(f"{told!r} is no field")
+            yield kind, rest.split()[0]
+
+
+@cache  # live messages are made some hundred times a second, a few at a time
+def aligned(columns: tuple[tuple[str, Any, int], ...]) -> np.dtype[np.void]:
+    """The layout of a message body as CDR has it: each column of a name, a format and a boundary on its boundary."""
+    offsets, end = [], 0
+    for _, code, boundary in columns:
+        offsets.append(-(-end // boundary) * boundary)
+        end = offsets[-1] + np.dtype(code).itemsize
+    names, formats, _ = zip(*columns, strict=True)
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": end})
 
 
 TOPICS = {"master": "/weberlink/master", "slave": "/weberlink/slave"}

@@ -1,25 +1,20 @@
-"""The pose of a simulated robot in a small file in shared memory, for who draws its scene.
-
-A pose lies there with its number and a checksum over both, so that a reader knows one that is only partly written or
-visible, on any processor.
-"""
+"""The pose of a simulated robot in a small file in shared memory, for who draws its scene: a `weberlink.slot`."""
 
 import os
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from struct import Struct
 from tempfile import mkstemp
-from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
+from weberlink.slot import Slot, size_of
 from weberlink.telemetry.runtime_directory import directory, open_file
 
 MAGIC = b"WEBPOSE\x02"
 HEADER = Struct("<8sQ")
 """Magic, and number of values."""
-CHECK = Struct("<I")
 LARGEST_FILE = 65_536
 ATTEMPTS = 5
 
@@ -41,26 +36,22 @@ class PoseWriter:
     """
 
     def __init__(self, path: Path, count: int) -> None:
-        self._body = _body(count)
-        size = _size(count)
+        values = _values(count)
         fd, draft = mkstemp(prefix=f"{path.name}.", dir=path.parent)
         try:
-            os.pwrite(fd, HEADER.pack(MAGIC, count) + bytes(size - HEADER.size), 0)
-            self._map = mmap(fd, size)
+            os.pwrite(fd, HEADER.pack(MAGIC, count) + bytes(size_of(values)), 0)
+            self._map = mmap(fd, HEADER.size + size_of(values))
             Path(draft).replace(path)
         except BaseException:
             Path(draft).unlink(missing_ok=True)
             raise
         finally:
             os.close(fd)
-        self._path = path
-        self._number = 0
+        self._path, self._slot = path, Slot(self._map, HEADER.size, values)
 
     def write(self, at: float, values: NDArray[np.float64]) -> None:
         """Publish the values at a moment [s] on the monotonic clock."""
-        self._number += 1
-        body = self._body.pack(self._number, at, *values.tolist())
-        self._map[HEADER.size : HEADER.size + len(body) + CHECK.size] = body + CHECK.pack(crc32(body))
+        self._slot.write(at, *values.tolist())
 
     def close(self) -> None:
         """Remove the file."""
@@ -82,20 +73,18 @@ class PoseReader:
         try:
             size = os.fstat(fd).st_size
             magic, self.count = HEADER.unpack(os.pread(fd, HEADER.size, 0).ljust(HEADER.size, b"\0"))
-            if magic != MAGIC or size != _size(self.count):
+            if magic != MAGIC or size != HEADER.size + 20 + 8 * self.count:
                 raise ValueError(f"{path}: holds no poses of this release")
-            self._body = _body(self.count)
             self._map = mmap(fd, size, access=ACCESS_READ)
         finally:
             os.close(fd)
+        self._slot = Slot(self._map, HEADER.size, _values(self.count))
 
     def read(self) -> tuple[float, NDArray[np.float64]] | None:
-        """The newest pose: its moment on the monotonic clock [s], and its values; None before the first."""
+        """A pose that was not read before: its moment on the monotonic clock [s], and its values; None without one."""
         for _ in range(ATTEMPTS):
-            data = self._map[HEADER.size :]
-            body = data[: self._body.size]
-            number, at, *values = self._body.unpack(body)
-            if number and CHECK.unpack_from(data, self._body.size)[0] == crc32(body):
+            if (newest := self._slot.newest()) is not None:
+                at, *values = newest
                 return at, np.array(values)
         return None
 
@@ -103,11 +92,6 @@ class PoseReader:
         self._map.close()
 
 
-def _body(count: int) -> Struct:
-    """Number, moment, and so many values."""
-    return Struct(f"<Qd{count}d")
-
-
-def _size(count: int) -> int:
-    """Of a file with so many values [bytes]."""
-    return HEADER.size + 16 + 8 * count + CHECK.size
+def _values(count: int) -> Struct:
+    """Moment, and so many values."""
+    return Struct(f"<d{count}d")

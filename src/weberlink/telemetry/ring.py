@@ -6,7 +6,7 @@ written, so c - capacity and all older ones may be overwritten.
 
 Not every processor makes stores visible in order (x86-64 does, ARM64 does not): a reader may see the counter before all
 of the record. So a slot holds the number of its record, from 1, and a checksum over both (as in
-`weberlink.hardware.slot`), and what is not whole yet is taken at the next look.
+`weberlink.slot`), and what is not whole yet is taken at the next look.
 """
 
 import os

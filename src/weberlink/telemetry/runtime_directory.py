@@ -9,6 +9,7 @@ import os
 import pwd
 import socket
 import stat
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -57,26 +58,24 @@ class Places:
             RuntimeDirectoryError: there is none, and none can be made.
         """
         parent = self.memory()
+        path = self._plain if parent == self.shared else parent / NAME
         try:
-            if parent != self.shared:
-                return _checked(_made(parent / NAME))
-            plain = _made(self._plain)
-            if _owner(plain) == os.geteuid():
-                return _checked(plain)
-            for other in self._suffixed():
-                return other
-            return Path(mkdtemp(prefix=f"{self._plain.name}.", dir=self.shared))
-        except RuntimeDirectoryError:
-            raise
+            with suppress(FileExistsError):
+                path.mkdir(0o700)
+            if parent == self.shared and path.lstat().st_uid != os.geteuid():
+                return next(self._suffixed(), None) or Path(mkdtemp(prefix=f"{path.name}.", dir=self.shared))
         except OSError as error:
             raise RuntimeDirectoryError(
                 f"no directory in memory for telemetry: none can be made in {parent} ({error.strerror}); mount a tmpfs"
                 f" at {self.shared}, or set XDG_RUNTIME_DIR to a directory of yours on a tmpfs"
             ) from None
+        if (trouble := _trouble(path)) is not None:
+            raise RuntimeDirectoryError(trouble)
+        return path
 
     def memory(self) -> Path:
         """The parent directory in memory in which the directory of this user is or would be created."""
-        return next((base for base in self._bases() if _is_private(base) and self._in_memory(base)), self.shared)
+        return next((base for base in self._bases() if self._is_private_memory(base)), self.shared)
 
     def directories(self) -> list[Path]:
         """All existing directories of this user: sessions started in other ways may use another one."""
@@ -94,23 +93,21 @@ class Places:
         return [named, usual] if named.is_absolute() and named != usual else [usual]
 
     def _suffixed(self) -> Iterator[Path]:
-        try:
-            paths = sorted(self.shared.iterdir())
-        except OSError:
-            return
-        for path in paths:
-            if path.name.startswith(f"{self._plain.name}.") and _trouble(path) is None:
-                yield path
+        with suppress(OSError):
+            for path in sorted(self.shared.iterdir()):
+                if path.name.startswith(f"{self._plain.name}.") and _trouble(path) is None:
+                    yield path
 
-    def _in_memory(self, path: Path) -> bool:
-        """Whether no disk backs a directory: writing a page to disk would delay a tick."""
-        device = path.stat().st_dev
-        number = f"{os.major(device)}:{os.minor(device)}"
+    def _is_private_memory(self, base: Path) -> bool:
+        """Whether only this user can make files there, and no disk backs it: writing a page would delay a tick."""
         try:
+            status = base.lstat()
             mounts = [line.split() for line in self.mounts.read_text(encoding="utf-8", errors="replace").splitlines()]
         except OSError:
             return False
-        return any(mount[2] == number and mount[mount.index("-") + 1] in IN_MEMORY for mount in mounts)
+        number = f"{os.major(status.st_dev)}:{os.minor(status.st_dev)}"
+        is_private = stat.S_ISDIR(status.st_mode) and status.st_uid == os.geteuid() and not status.st_mode & 0o022
+        return is_private and any(mount[2] == number and mount[mount.index("-") + 1] in IN_MEMORY for mount in mounts)
 
 
 def directory() -> Path:
@@ -139,16 +136,15 @@ def open_file(path: Path, longest: int) -> int:
     fd = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         status = os.fstat(fd)
-        check(path, status, stat.S_IFREG)
-        _check_size(path, status, longest)
+        check(path, status, stat.S_IFREG, longest)
     except BaseException:
         os.close(fd)
         raise
     return fd
 
 
-def check(path: Path, status: os.stat_result, kind: int) -> None:
-    """Check that a file is of a kind, as of `stat.S_IFMT`, and belongs to this user or to root.
+def check(path: Path, status: os.stat_result, kind: int, longest: int = sys.maxsize) -> None:
+    """Check that a file is of a kind, as of `stat.S_IFMT`, not larger, and belongs to this user or to root.
 
     Raises:
         ForeignFileError: it is not, or does not.
@@ -157,6 +153,8 @@ def check(path: Path, status: os.stat_result, kind: int) -> None:
         raise ForeignFileError(f"{path} is {_kind(status.st_mode)}, not {_kind(kind)}")
     if status.st_uid not in (0, os.geteuid()):
         raise ForeignFileError(f"{path} belongs to {user_name(status.st_uid)}, not to {user_name(os.geteuid())}")
+    if status.st_size > longest:
+        raise ForeignFileError(f"{path} has {status.st_size} bytes, more than {longest}")
 
 
 def user_name(number: int) -> str:
@@ -164,24 +162,6 @@ def user_name(number: int) -> str:
         return pwd.getpwuid(number).pw_name
     except KeyError:
         return f"user {number}"
-
-
-def _check_size(path: Path, status: os.stat_result, longest: int) -> None:
-    if status.st_size > longest:
-        raise ForeignFileError(f"{path} has {status.st_size} bytes, more than {longest}")
-
-
-def _made(path: Path) -> Path:
-    with suppress(FileExistsError):
-        path.mkdir(0o700)
-    return path
-
-
-def _checked(path: Path) -> Path:
-    trouble = _trouble(path)
-    if trouble is not None:
-        raise RuntimeDirectoryError(trouble)
-    return path
 
 
 def _trouble(path: Path) -> str | None:
@@ -198,19 +178,6 @@ def _trouble(path: Path) -> str | None:
     if mode != 0o700:
         return f"{path} is open to other users (mode {mode:04o}); run: chmod 700 {path}"
     return None
-
-
-def _is_private(base: Path) -> bool:
-    """Whether only this user can make files in a directory."""
-    try:
-        status = base.lstat()
-    except OSError:
-        return False
-    return stat.S_ISDIR(status.st_mode) and status.st_uid == os.geteuid() and not status.st_mode & 0o022
-
-
-def _owner(path: Path) -> int:
-    return path.lstat().st_uid
 
 
 def _kind(mode: int) -> str:

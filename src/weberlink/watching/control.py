@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from weberlink.session.control_socket import LiveChangeError, ask, path_beside
-from weberlink.watching.rings import RowSource
+from weberlink.watching.rings import RingSource
 from weberlink.watching.session import WatchedSession
 
 ANSWER_S = 2.0
@@ -36,6 +36,10 @@ class SessionControl:
         sessions: by name.
         link_changed: called with a session when another link is in force.
         tell: called with lines for the user.
+
+    Attributes:
+        links: emulated links in force, by session, as far as they are known.
+        agreed: changes that the daemons accepted, by session; they may hold a little later.
     """
 
     def __init__(
@@ -44,19 +48,12 @@ class SessionControl:
         link_changed: Callable[[WatchedSession], None],
         tell: Callable[[str], None],
     ) -> None:
-        self._sessions = sessions
-        self._link_changed = link_changed
-        self._tell = tell
+        self._sessions, self._link_changed, self._tell = sessions, link_changed, tell
         self.links: dict[str, dict[str, Any]] = {}
-        """Emulated links in force, by session, as far as they are known."""
         self.agreed: dict[str, dict[str, Any]] = {}
-        """Changes that the daemons accepted, by session; they may hold a little later."""
 
     async def change(self, name: str | None, request: dict[str, Any]) -> Answer:
-        """Change settings of both sides of a session, or of the emulated link in both directions.
-
-        Refused if there is no running session of that name.
-        """
+        """Change settings of both sides of a session that runs, or of the emulated link in both directions."""
         if not request:
             return refusal("nothing to change; name weber, predictor, delay_ms, jitter_ms or loss")
         session = self._running(name)
@@ -151,7 +148,7 @@ class SessionControl:
         return None if session is None or session.ended else session
 
 
-def _ask_sides(sessions: list[WatchedSession], request: dict[str, Any], patience_s: float) -> dict[RowSource, Answer]:
+def _ask_sides(sessions: list[WatchedSession], request: dict[str, Any], patience_s: float) -> dict[RingSource, Answer]:
     """The answers of the sides of sessions that run on this host; they are asked at the same time."""
     running = [source for session in sessions for source in session.sources.values() if not source.drained]
     if not running:
@@ -163,7 +160,7 @@ def _ask_sides(sessions: list[WatchedSession], request: dict[str, Any], patience
         return {each: future.result() for each, future in asked.items()} | {last: answer}
 
 
-def _stop(sessions: list[WatchedSession], request: dict[str, Any], patience_s: float) -> dict[RowSource, Answer]:
+def _stop(sessions: list[WatchedSession], request: dict[str, Any], patience_s: float) -> dict[RingSource, Answer]:
     """The answers to a stop; where one side has accepted it, another may have ended before it was asked."""
     answers = _ask_sides(sessions, request, patience_s)
     if not any(answer.get("accepted") for answer in answers.values()):
@@ -171,11 +168,9 @@ def _stop(sessions: list[WatchedSession], request: dict[str, Any], patience_s: f
     return {each: answer if path_beside(each.ring).exists() else {"accepted": True} for each, answer in answers.items()}
 
 
-def _joined(answers: Mapping[RowSource, Answer]) -> Answer:
+def _joined(answers: Mapping[RingSource, Answer]) -> Answer:
     """One answer for several daemons; it is a refusal, which names the side, unless all of them accepted."""
-    joined: Answer = {}
-    for answer in answers.values():
-        joined |= answer
+    joined: Answer = {key: value for answer in answers.values() for key, value in answer.items()}
     refused = {each: answer.get("why") for each, answer in answers.items() if not answer.get("accepted")}
     if refused or not answers:
         reasons = dict.fromkeys(f"{each.side}: {why}" for each, why in refused.items())

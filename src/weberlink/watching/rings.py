@@ -3,6 +3,7 @@
 import re
 import stat
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -41,70 +42,25 @@ def find_rings(where: Path | None) -> dict[str, dict[str, RingFile]]:
         match = _NAME.fullmatch(path.name)
         if match is None:
             continue
-        try:
-            status = path.lstat()
-        except FileNotFoundError:
-            continue
-        if stat.S_ISREG(status.st_mode):
-            session, side = match.groups()
-            sessions.setdefault(session, {})[side] = RingFile(session, side, path, status.st_ino, status.st_ctime)
+        with suppress(FileNotFoundError):
+            status, (session, side) = path.lstat(), match.groups()
+            if stat.S_ISREG(status.st_mode):
+                sessions.setdefault(session, {})[side] = RingFile(session, side, path, status.st_ino, status.st_ctime)
     return dict(sorted(sessions.items(), key=lambda item: min(ring.changed for ring in item[1].values())))
 
 
-class RowSource:
-    """The records of one side, oldest first, until it ends: read from its ring, or handed over by who reads that.
+class RingSource:
+    """The records of one side, oldest first, until it ends, from its ring on this host.
 
-    Args:
+    Attributes:
         side, rate_hz, ring: of the writer; beside the ring is its control socket.
         began: when it began, on the clock of its records [s].
         wall_offset_s: from the clock of the records to the wall clock [s].
         description: see `weberlink.session.description`; None if unknown. Another object when there is news.
-
-    Attributes:
         written: number of records written so far.
         lost: number of records that were overwritten before they were read.
         drained: whether the writer has ended and all its records were read; changed by `read` only.
         in_order: whether its writer ended in order; False while it runs.
-    """
-
-    def __init__(
-        self,
-        side: str,
-        rate_hz: float,
-        began: float,
-        ring: Path,
-        *,
-        wall_offset_s: float = 0.0,
-        description: dict[str, Any] | None = None,
-    ) -> None:
-        self.side, self.rate_hz, self.began, self.ring = side, rate_hz, began, ring
-        self.wall_offset_s = wall_offset_s
-        self.description = description
-        self.in_order = self.drained = self._over = False
-        self.written = self.lost = 0
-        self._waiting: list[Records] = []
-
-    def put(self, records: Records) -> None:
-        """Records for the next `read`."""
-        self._waiting.append(records)
-        self.written += len(records)
-
-    def end(self, *, in_order: bool) -> None:
-        """The writer has ended, and all its records were put."""
-        self._over, self.in_order = True, in_order
-
-    def read(self) -> Records:
-        """The records since the last call."""
-        waiting, self._waiting = self._waiting, []
-        self.drained = self._over
-        return joined(waiting) if waiting else np.empty(0, DTYPE)
-
-    def close(self) -> None:
-        """Release the ring."""
-
-
-class RingSource(RowSource):
-    """Reads a ring of this host.
 
     Raises:
         FileNotFoundError: the ring is gone.
@@ -113,11 +69,14 @@ class RingSource(RowSource):
 
     def __init__(self, path: Path) -> None:
         self._reader = reader = RingReader(path)
-        began = reader.started_monotonic_s
-        super().__init__(reader.side, reader.rate_hz, began, path, wall_offset_s=reader.started_wall_s - began)
+        self.side, self.rate_hz, self.ring = reader.side, reader.rate_hz, path
+        self.began = reader.started_monotonic_s
+        self.wall_offset_s = reader.started_wall_s - self.began
+        self.description: dict[str, Any] | None = None
+        self.in_order = self.drained = False
+        self.written = self.lost = self._read = 0
         self._described_by: tuple[int, int] | None = None
         self._look_at_description()
-        self._read = 0
 
     @property
     def alive(self) -> bool:
@@ -125,6 +84,7 @@ class RingSource(RowSource):
         return self._reader.alive
 
     def read(self) -> Records:
+        """The records since the last call."""
         if self.drained:
             return self._reader.read()[:0]
         alive = self._reader.alive  # before the read, which then takes all of it
@@ -141,16 +101,15 @@ class RingSource(RowSource):
 
     def _look_at_description(self) -> None:
         """Read the description if its file was replaced; once it is gone, the last one stays."""
-        try:
-            status = path_beside(self._reader.path).lstat()
-        except OSError:
-            return
-        replaced = status.st_ino, status.st_mtime_ns
-        if replaced != self._described_by:
-            self._described_by = replaced
-            self.description = read_description(self._reader.path) or self.description
+        with suppress(OSError):
+            status = path_beside(self.ring).lstat()
+            replaced = status.st_ino, status.st_mtime_ns
+            if replaced != self._described_by:
+                self._described_by = replaced
+                self.description = read_description(self.ring) or self.description
 
     def close(self) -> None:
+        """Release the ring."""
         self._reader.close()
 
 

@@ -22,7 +22,7 @@ from weberlink.protocol.states import State
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
 from weberlink.watching.hello import hello
-from weberlink.watching.rings import RowSource, joined
+from weberlink.watching.rings import RingSource, joined
 from weberlink.watching.rows import FeltErrorPairs, Pace, Thinning, felt_message, samples_message
 
 BACKLOG_S = 5.0
@@ -111,7 +111,7 @@ class _Shown(NamedTuple):
 class _WatchedSide:
     """A source, and what is counted of its records."""
 
-    def __init__(self, source: RowSource) -> None:
+    def __init__(self, source: RingSource) -> None:
         self.source = source
         self.thinning = Thinning(source.rate_hz)
         self.pace = Pace()
@@ -158,7 +158,7 @@ class WatchedSession:
         log: its events.
     """
 
-    def __init__(self, name: str, first: RowSource) -> None:
+    def __init__(self, name: str, first: RingSource) -> None:
         self.name = name
         self.rate_hz = first.rate_hz
         self.origin = first.began
@@ -177,7 +177,7 @@ class WatchedSession:
         self._backlog: deque[_Shown] = deque()
         self.admit(first)
 
-    def admit(self, source: RowSource) -> None:
+    def admit(self, source: RingSource) -> None:
         """Add a side."""
         sides = self._sides | {source.side: _WatchedSide(source)}
         self._sides = dict(sorted(sides.items()))
@@ -191,7 +191,7 @@ class WatchedSession:
         return self._score
 
     @property
-    def sources(self) -> dict[str, RowSource]:
+    def sources(self) -> dict[str, RingSource]:
         return {name: side.source for name, side in self._sides.items()}
 
     @property

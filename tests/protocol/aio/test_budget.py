@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 from tests.wait import soon
-from weberlink.protocol.aio.sockets import MOST_S, SLICE_S, Ancillary, ReceiveQueue, WorkBudget
-from weberlink.protocol.events import Address
+from weberlink.protocol.aio.sockets import MOST_S, SLICE_S, ReceiveQueue, WorkBudget
 
 
 def test_spent_time_returns_at_the_rate_of_the_share() -> None:
@@ -27,12 +26,24 @@ def test_spent_time_returns_at_the_rate_of_the_share() -> None:
     assert budget.left(5.0) == -0.002, "nothing returns while the clock stands"
 
 
-def listening(take: Callable[[bytes, Address, Ancillary, float], None], *, share: float) -> ReceiveQueue:
+def plain() -> socket.socket:
     bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     bound.bind(("127.0.0.1", 0))
     bound.setblocking(False)
-    loop = asyncio.get_running_loop()
-    return ReceiveQueue(bound, loop=loop, now=time.monotonic, take=take, on_datagrams=lambda: None, share=share)
+    return bound
+
+
+def listening(
+    take: Callable[[bytes], object], share: float, bound: Any = None, now: Callable[[], float] = time.monotonic
+) -> ReceiveQueue:
+    return ReceiveQueue(
+        bound or plain(),
+        loop=asyncio.get_running_loop(),
+        now=now,
+        take=lambda data, _source, _ancillary, _now: take(data),  # type: ignore[arg-type, return-value]
+        on_datagrams=lambda: None,
+        share=share,
+    )
 
 
 @pytest.mark.parametrize("share", [0.1, 0.3])
@@ -40,27 +51,25 @@ def test_flooded_socket_costs_its_share_only(share: float) -> None:
     """Every datagram costs at least 50 us, so their number is bounded by the share and by what was saved up."""
 
     async def flooded() -> tuple[float, int]:
-        taken = 0
+        taken: list[bytes] = []
 
-        def take(data: bytes, source: Address, ancillary: Ancillary, now: float) -> None:
-            nonlocal taken
+        def take(data: bytes) -> None:
             began = time.monotonic()
             while time.monotonic() - began < 50e-6:
                 pass
-            taken += 1
+            taken.append(data)
 
         began = time.monotonic()
-        queue = listening(take, share=share)
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        queue = listening(take, share)
+        with plain() as sender:
             sender.connect(queue.socket.getsockname())
             while time.monotonic() - began < 0.5:
                 for _ in range(50):
                     sender.send(b"flood")
                 await asyncio.sleep(0)
-        elapsed = time.monotonic() - began
         queue.close()
         queue.close()
-        return elapsed, taken
+        return time.monotonic() - began, len(taken)
 
     elapsed, taken = asyncio.run(flooded())
     assert taken > 10
@@ -70,13 +79,8 @@ def test_flooded_socket_costs_its_share_only(share: float) -> None:
 def test_a_queue_that_has_paused_goes_on() -> None:
     async def scenario() -> None:
         taken: list[bytes] = []
-
-        def take(data: bytes, source: Address, ancillary: Ancillary, now: float) -> None:
-            taken.append(data)
-            time.sleep(0.02)
-
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-            queue = listening(take, share=0.1)
+        with plain() as sender:
+            queue = listening(lambda data: (taken.append(data), time.sleep(0.02)), 0.1)
             for number in range(6):
                 sender.sendto(bytes([number]), queue.socket.getsockname())
         assert queue.read()
@@ -103,21 +107,13 @@ class Endless(socket.socket):
             raise OSError(ENETDOWN, "Network is down")
         return b"x", [], 0, ("127.0.0.1", 1)
 
-    recvfrom = None  # type: ignore[assignment]
-
-    def now(self) -> float:
-        return 50e-6 * self.reads
-
 
 @pytest.mark.parametrize("is_broken", [False, True])
 def test_datagrams_and_errors_without_end_cost_the_budget_and_end_the_slice(is_broken: bool) -> None:
     async def scenario() -> list[int]:
-        bound, loop = Endless(is_broken=is_broken), asyncio.get_running_loop()
-        counts, taken = [], []
-        queue = ReceiveQueue(
-            bound, loop=loop, now=bound.now, take=lambda *each: taken.append(each), on_datagrams=lambda: None, share=0.1
-        )
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        bound, counts, taken = Endless(is_broken=is_broken), [], []
+        queue = listening(taken.append, 0.1, bound, lambda: 50e-6 * bound.reads)
+        with plain() as sender:
             sender.sendto(b"x", bound.getsockname())
         for _ in range(100):
             before = bound.reads
@@ -138,9 +134,8 @@ def test_a_datagram_behind_an_error_is_taken() -> None:
 
     async def scenario() -> list[bytes]:
         taken: list[bytes] = []
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
-            peer.bind(("127.0.0.1", 0))
-            queue = listening(lambda data, _source, _ancillary, _now: taken.append(data), share=0.3)
+        with plain() as peer:
+            queue = listening(taken.append, 0.3)
             queue.socket.connect(("127.0.0.1", 1))  # nobody listens there
             queue.socket.send(b"x")
             queue.socket.connect(peer.getsockname())

@@ -26,7 +26,7 @@ from weberlink.telemetry.message import (
     Origin,
 )
 from weberlink.watching.rings import RingSource
-from weberlink.watching.ros_topics import topics
+from weberlink.watching.ros import topics
 from weberlink.watching.session import SessionEvent, WatchedSession
 from weberlink_foxglove.parameters import LiveParameters, as_parameters
 from weberlink_ros2 import follow

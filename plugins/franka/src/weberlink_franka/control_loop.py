@@ -7,7 +7,7 @@ import numpy as np
 
 from weberlink.geometry.rotation import IDENTITY
 from weberlink.geometry.vector import ZERO, Vector, subtract
-from weberlink.hardware.slot import Slot
+from weberlink.slot import Slot
 from weberlink_franka.goal import REST_RAD_S, Goal
 from weberlink_franka.impedance import (
     JOINTS,

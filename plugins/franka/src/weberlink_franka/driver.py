@@ -11,10 +11,10 @@ from weberlink.child_process import Child, python, shared_memory
 from weberlink.geometry.rotation import IDENTITY, Quaternion, unit_quaternion
 from weberlink.geometry.vector import Vector, is_finite, within
 from weberlink.hardware.discovery import PluggedDevice
-from weberlink.hardware.slot import Slot
 from weberlink.registry import Tier
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 from weberlink.slave.scenes.scene import Scene
+from weberlink.slot import Slot
 from weberlink_franka.messages import (
     MEMORY_SIZE,
     ArmCommand,

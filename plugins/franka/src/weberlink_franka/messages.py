@@ -11,7 +11,7 @@ from typing import NamedTuple, Self
 
 from weberlink.geometry.rotation import IDENTITY, Quaternion
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.hardware.slot import Slot, size_of
+from weberlink.slot import Slot, size_of
 
 COMMAND = Struct("<d3d4dQ")
 STATE = Struct("<Qd3d3d3dddQQd256s")

@@ -72,11 +72,10 @@ def drawn(model_path: str, pose_path: str) -> Iterator[Picture]:
     if reader.count != model.nq:
         raise ValueError(f"{model_path}: is not the model of this session: {model.nq} joint positions, {reader.count}")
     renderer = mujoco.Renderer(model, height, width)
-    shown_at = 0.0
     while Path(pose_path).exists():
         began = monotonic()
         pose = reader.read()
-        if pose is not None and pose[0] != shown_at:
+        if pose is not None:
             shown_at, data.qpos[:] = pose
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)

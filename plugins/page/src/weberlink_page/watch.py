@@ -8,7 +8,7 @@ from time import monotonic
 from typing import Any, Protocol
 
 from weberlink.watching.control import Answer, SessionControl, ask_daemon, refusal
-from weberlink.watching.rings import RingOpener, RowSource, find_rings
+from weberlink.watching.rings import RingOpener, RingSource, find_rings
 from weberlink.watching.session import WatchedSession, events_message
 from weberlink_page import driving
 from weberlink_page.launcher import SessionLauncher
@@ -198,7 +198,7 @@ class SessionWatcher:
         for viewer in self.viewers_of(session.name):
             self._introduce(viewer, session)
 
-    def admit(self, name: str, source: RowSource) -> None:
+    def admit(self, name: str, source: RingSource) -> None:
         """Add a side to its session, or begin a session with it."""
         session = self.sessions.get(name)
         if session is None or source.side in session.sources:

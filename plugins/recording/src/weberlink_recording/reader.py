@@ -28,6 +28,8 @@ from weberlink.telemetry.message import (
     TOPICS,
     Origin,
     Rows,
+    aligned,
+    fields_in,
 )
 from weberlink.telemetry.record import AXES, JOINTS
 from weberlink.telemetry.recorders import COMPLETE
@@ -49,33 +51,17 @@ def dtype_of(schema_text: str) -> np.dtype[np.void]:
     Raises:
         ValueError: the definition has a field of another type, one name twice, or none at all.
     """
-    found: dict[str, tuple[tuple[str, tuple[int, ...]], int]] = {}
-    end = 0
-    for kind, name in _fields(schema_text):
+    columns: dict[str, tuple[str, tuple[str, tuple[int, ...]], int]] = {}
+    for kind, name in fields_in(schema_text):
         if kind not in _LAYOUTS:
             raise ValueError(f"field {name} is of type {kind}, expected one of {', '.join(_LAYOUTS)}")
-        if name in found:
+        if name in columns:
             raise ValueError(f"field {name} is defined twice")
         code, axes = _LAYOUTS[kind]
-        size = np.dtype(code).itemsize
-        offset = -(-end // size) * size
-        found[name] = ((code, () if axes == 1 else (axes,)), offset)
-        end = offset + axes * size
-    if not found:
+        columns[name] = name, (code, () if axes == 1 else (axes,)), np.dtype(code).itemsize
+    if not columns:
         raise ValueError("no field is defined")
-    formats, offsets = zip(*found.values(), strict=True)
-    return np.dtype({"names": [*found], "formats": formats, "offsets": offsets, "itemsize": end})
-
-
-def _fields(schema_text: str) -> Iterator[tuple[str, str]]:
-    """Type and name of each field of the first definition; a constant is none."""
-    for line in schema_text.partition("===")[0].splitlines():
-        definition = line.partition("#")[0].strip()
-        if definition and "=" not in definition:
-            kind, _, rest = definition.partition(" ")
-            if not rest:
-                raise ValueError(f"{definition!r} is no field")
-            yield kind, rest.split()[0]
+    return aligned(tuple(columns.values()))
 
 
 COMPRESSIONS = ("", "lz4", "zstd")

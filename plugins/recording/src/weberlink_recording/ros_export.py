@@ -1,6 +1,6 @@
 """`record export --to ros`: a recording as an MCAP file for Foxglove, RViz and other ROS tools.
 
-Beside every tick it has the topics of `weberlink.watching.ros_topics` at `RATE_HZ`.
+Beside every tick it has the topics of `weberlink.watching.ros` at `RATE_HZ`.
 They are made here and not while recording: the recorder stays cheap, its files lean, and old recordings gain them too.
 """
 
@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from weberlink.telemetry.message import QOS, SCHEMA_NAME, SCHEMA_TEXT, Origin, Rows
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.recorders import COMPLETE
-from weberlink.watching.ros_messages import SCHEMAS
-from weberlink.watching.ros_topics import shown
+from weberlink.watching.ros import SCHEMAS, shown
 from weberlink_recording.container import END, FACTS, McapFile, framed
 from weberlink_recording.session import RecordedSession
 

@@ -9,7 +9,7 @@ import numpy as np
 from weberlink.config import MASTER
 from weberlink.geometry.rotation import IDENTITY, Quaternion, product
 from weberlink.geometry.vector import ZERO, Vector, add, norm, scale
-from weberlink.watching.ros_messages import FIXED_FRAME
+from weberlink.watching.ros import FIXED_FRAME
 from weberlink_ros2.messages import encode_body, types
 
 MARKERS = "visualization_msgs/msg/MarkerArray"

@@ -2,8 +2,7 @@
 
 import pytest
 
-from tests.control.teleoperation import Hand, Link, operate
-from tests.control.walls import Wall
+from tests.control.teleoperation import Hand, Link, Wall, operate
 from weberlink.control.contract import AccountParameters, SchemeParameters
 from weberlink.control.table import build_master_control, build_slave_control
 from weberlink_studies.baselines.tdpa import MOST_DAMPING, TdpaMaster, TdpaSlave

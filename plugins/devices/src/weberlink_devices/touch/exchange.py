@@ -7,7 +7,7 @@ from struct import Struct
 from typing import Any, NamedTuple
 
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.hardware.slot import Slot, size_of
+from weberlink.slot import Slot, size_of
 
 FORCE = Struct("<4dB")
 """When it was commanded [s], the force [N] in the frame of the library, and 1 to end the servo loop."""

@@ -1,5 +1,7 @@
-"""What the two computed robots keep beyond the contract: virtual time, bit for bit, exactly."""
+"""The kernel's robots keep the contract, and are virtual to the last bit; and a tool of several points."""
 
+from collections.abc import Iterator
+from math import cos, inf, nan, radians, sin
 from typing import Any
 
 import pytest
@@ -7,25 +9,34 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from weberlink.geometry.vector import ZERO, Vector
-from weberlink.slave.robots import ROBOTS
-from weberlink.slave.robots.contract import Robot, RobotFault
+from weberlink.geometry.rotation import Quaternion, turned
+from weberlink.geometry.vector import ZERO, Vector, add, scale
+from weberlink.slave.robots import BUILT_IN, ROBOTS
+from weberlink.slave.robots.contract import Robot, RobotFault, RobotReading
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
 from weberlink.slave.scenes.contact import SceneObject
 from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.solids import PlaneShape
+from weberlink.slave.scenes.solids import PlaneShape, SphereShape
+from weberlink.testing.robots import RobotBench, RobotContract
+from weberlink.testing.time import virtual_time
 
 TICK = 0.001
-every_driver = pytest.mark.parametrize("name", ["point", "simulated"])
+every_driver = pytest.mark.parametrize("name", BUILT_IN)
 
 
 def robot_of(name: str, scene: Scene | None = None, **options: Any) -> Robot:
-    driver = ROBOTS.load(name)
+    driver = ROBOTS[name]
     return driver(driver.Options(**options), scene, TICK)
 
 
 def wall(stiffness: float = 500.0) -> Scene:
     return Scene([SceneObject(PlaneShape(ZERO, (0.0, 0.0, 1.0)), stiffness)])
+
+
+class TestComputedRobots(RobotContract):
+    @pytest.fixture(params=BUILT_IN)
+    def bench(self, request: pytest.FixtureRequest) -> Iterator[RobotBench]:
+        yield RobotBench(robot_of(request.param, wall()), virtual_time(), (0.01, -0.01, 0.02), (0.01, -0.01, -0.01))
 
 
 @every_driver
@@ -63,7 +74,7 @@ def test_the_sensor_saturates_at_its_range(name: str) -> None:
 @pytest.mark.parametrize("options", [{"workspace_m": 0.0}, {"home_m": [0, 0, 1]}, {"colour": "red"}, {"force_n": -1}])
 def test_wrong_options_are_refused_by_name(name: str, options: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=next(iter(options))):
-        ROBOTS.load(name).Options(**options)
+        ROBOTS[name].Options(**options)
 
 
 @given(st.floats(10.0, 1e7), st.floats(10.0, 1e6), st.floats(1e-6, 0.05))
@@ -96,3 +107,51 @@ def test_extreme_command_is_a_robot_fault() -> None:
     robot.command((1e308, 0.0, 0.0), 0.0)
     with pytest.raises(RobotFault, match="motion is not finite"):
         robot.latest(TICK)
+
+
+# A tool of several points.
+
+
+def held(made: Any, position: Vector, orientation: Quaternion) -> RobotReading:
+    now = made.latest(0.0).at + TICK
+    made.command(position, now)
+    made.point(orientation, now)
+    reading: RobotReading = made.latest(now)
+    return reading
+
+
+def ball_on_ground() -> Scene:
+    ground = SceneObject(PlaneShape(ZERO, (0.0, 0.0, 1.0)), 500.0)
+    return Scene([ground, SceneObject(SphereShape((0.01, 0.0, -0.02), 0.03), 700.0)])
+
+
+axes = st.sampled_from([(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (0.0, -0.8, 0.6)])
+
+
+@examples(50)
+@given(axes, st.floats(-170.0, 170.0), st.floats(-0.02, 0.03))
+def test_torque_is_that_of_forces_at_points(axis: Vector, angle: float, height: float) -> None:
+    """Against one plain scene per point."""
+    points = [(0.02, 0.01, -0.01), (-0.02, 0.0, 0.0), (0.0, -0.03, 0.01)]
+    made = robot_of("point", ball_on_ground(), tool={"points_m": points}, force_n=1e3)
+    made.open(0.0)
+    orientation = (cos(radians(angle) / 2.0), *scale(axis, sin(radians(angle) / 2.0)))
+    above, tip = (0.0, 0.0, 0.05), (0.005, -0.003, height)
+    force = torque = ZERO
+    held(made, above, orientation)
+    reading = held(made, tip, orientation)
+    for point in points:
+        single, lever = ball_on_ground(), turned(orientation, point)
+        single.force(add(above, lever), TICK)
+        f = single.force(add(tip, lever), TICK)
+        (x, y, z), (a, b, c) = lever, f
+        force, torque = add(force, f), add(torque, (y * c - z * b, z * a - x * c, x * b - y * a))
+    assert reading.force == pytest.approx(force, abs=1e-9)
+    assert reading.torque == pytest.approx(torque, abs=1e-9)
+
+
+@pytest.mark.parametrize("orientation", [(0.0,) * 4, (nan, 0.0, 0.0, 0.0), (inf, 0.0, 0.0, 0.0)])
+def test_invalid_orientation_is_a_value_error(orientation: Quaternion) -> None:
+    made: Any = robot_of("point", wall(), tool={"points_m": [(0.03, 0.0, 0.0), (-0.03, 0.0, 0.0)]})
+    with pytest.raises(ValueError, match="point: commanded an orientation that is none"):
+        made.point(orientation, TICK)

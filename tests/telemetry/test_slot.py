@@ -7,7 +7,7 @@ from struct import Struct, error
 import pytest
 
 from tests.wait import until
-from weberlink.hardware.slot import Slot, size_of
+from weberlink.slot import Slot, size_of
 
 VALUES = Struct("<dQ4s")
 
