@@ -9,8 +9,8 @@ from tests.arms.ends import TICK, Servos
 from tests.compiled import replaces_methods
 from weberlink.arms.contract import ArmFault, ArmReading
 from weberlink.arms.sensor import sensors_of
+from weberlink.control.port import Port
 from weberlink.geometry.joints import Joints
-from weberlink.session.port import Port
 from weberlink.slave.follower_port import TRIP_RETREAT, FollowerPort, axis_press_limit
 from weberlink.slave.guard import TRIP_PAUSE, Guard
 from weberlink.telemetry.record import RELEASED
