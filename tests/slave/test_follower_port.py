@@ -36,9 +36,7 @@ class Following:
             ramp=RAMP, trip_retract=TRIP_RETREAT,
         )  # fmt: skip
         self.joints, self.gripper = self.sensors = sensors_of(self.arm.spec, "torques")
-        self.port = FollowerPort(
-            self.arm, guard=guard, angle_range=(LOWER, UPPER), sensors=self.sensors, by_button=True
-        )
+        self.port = FollowerPort(self.arm, guard=guard, sensors=self.sensors, by_button=True)
         self.now = 0.0
         self.trips = 0
         self.port.open(0.0)
