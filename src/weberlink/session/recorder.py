@@ -1,5 +1,4 @@
-"""The recording of a session: the facts that it states, the check of its target before the start, and its writer in
-virtual time."""
+"""The recording of a session: the facts that it states, the check of its target, and its writer in virtual time."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -36,7 +35,7 @@ def facts(configuration: Configuration, *, virtual: bool = False) -> dict[str, s
     force, torque = banks(system)
     described: dict[str, Any] = {"system": system.model_dump(mode="json"), "bank": force, "torque_bank": torque}
     if system.codec.joints is not None and configuration.robot is not None:
-        from weberlink.session.composition.following import angle_limits, build_follower  # noqa: PLC0415 - for arms
+        from weberlink.session.composition.arms import angle_limits, build_follower  # noqa: PLC0415 - for arms
 
         described |= zip(RANGE, angle_limits(system, build_follower(configuration).spec), strict=True)
     return facts_of(described, virtual=virtual)
