@@ -7,8 +7,8 @@ from weberlink.codec import Decoder, Encoder
 from weberlink.codec.predictors.model import Hold
 from weberlink.control.contract import UNREACHED_S
 from weberlink.control.ends import MasterControl
+from weberlink.control.port import Sensor
 from weberlink.geometry.vector import Vector, norm
-from weberlink.session.port import Sensor
 from weberlink.update import Update
 
 
