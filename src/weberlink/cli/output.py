@@ -30,8 +30,9 @@ class CommandError(Exception):
 
 @contextmanager
 def errors(log: Callable[[Sequence[str]], None] = lambda _: None) -> Iterator[None]:
-    """Report in one line: with status 2 a wrong file or key; with 1 what a command cannot do, a missing runtime directory,
-    or a broken driver.
+    """Report errors in one line.
+
+    With status 2 a wrong file or key; with 1 what a command cannot do, a missing runtime directory, or a broken driver.
 
     Args:
         log: receives the trace of a driver, or of another part by name, that raised an error.
