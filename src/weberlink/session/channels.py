@@ -43,13 +43,7 @@ class Unreached:
         self._ticks = 0
 
     def place(self, tick: int, value: Vector, position: Vector) -> Vector:
-        """The position for which a sample is coded [m].
-
-        Args:
-            tick: present tick.
-            value: what the robot feels, as it is shown [N].
-            position: where it feels that [m].
-        """
+        """The position [m] for which a sample is coded: what the robot feels, as it is shown [N], and where [m]."""
         x, y, z = value
         if type(self._mirror.model) is Hold or x * x + y * y + z * z > self._least_squared:
             self._ticks = 0
