@@ -147,7 +147,7 @@ async def run(end: EchoEnd, order: dict[str, Any]) -> None:
 async def _ask(end: EchoEnd, order: dict[str, Any]) -> None:
     wanted = order["warm_up"] + order["questions"]
     # Without a lead, as the plain echo: busy-waiting would warm the caches.
-    ticker = Ticker(1.0 / order["rate_hz"], end.ask, leads=False)
+    ticker = Ticker(1.0 / order["rate_hz"], end.ask, advance=False)
     ticker.start()
     try:
         until = monotonic() + wanted / order["rate_hz"] + PATIENCE_S

@@ -196,6 +196,7 @@ class HeartbeatSchedule:
         """Begin with one that is due. A heartbeat may be late by a tick period."""
         self._fade = FADE_SHARE * silence
         self._horizon = HORIZON_SHARE * silence
+        self._limits = (self._fade, CHANCE_FADES_PER_S, 0), (silence, FALSE_ALARMS_PER_S, LEAST_QUESTIONS)
         self._silence = silence
         self._tick_period = tick_period
         self._introductions = INTRODUCTIONS
@@ -216,10 +217,7 @@ class HeartbeatSchedule:
         unanswered = 1.0 - (1.0 - outgoing) * (1.0 - incoming)
         shortest = LEAST_SHARE * self._silence
         age = min(LONGEST_ECHO_AGE, self._fade + round_trip - overhead)
-        for limit, rate, least in (
-            (self._fade, CHANCE_FADES_PER_S, 0),
-            (self._silence, FALSE_ALARMS_PER_S, LEAST_QUESTIONS),
-        ):
+        for limit, rate, least in self._limits:
             needed = max(least, questions_needed(unanswered, rate * shortest))
             age = min(age, self._longest_pause(limit + round_trip - overhead, needed, needed, path))
         self.max_echo_age = max(min(DENSEST, 2.0 * shortest) if unanswered > 0.0 else 2.0 * shortest, age)
@@ -242,10 +240,7 @@ class HeartbeatSchedule:
         late = LATE_TICKS * self._tick_period
         stops = min(1.0, CHANCE_STOPS_PER_S * self.credit_interval)
         gap = (self._horizon - jitter - late) / (1 + questions_needed(loss, stops))
-        for limit, rate, least in (
-            (self._fade, CHANCE_FADES_PER_S, 0),
-            (self._silence, FALSE_ALARMS_PER_S, LEAST_QUESTIONS),
-        ):
+        for limit, rate, least in self._limits:
             losses = max(least, questions_needed(loss, rate * shortest))
             questions = max(least, questions_needed(unanswered, rate * shortest))
             gap = min(gap, self._longest_pause(limit - jitter - late, losses, questions, path))

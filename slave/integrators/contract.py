@@ -38,21 +38,13 @@ class Integrator(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class IntegrationScheme:
-    """One line of the table of integrators.
+    """One line of the table of integrators."""
 
-    Args:
-        where: "module:Class", imported only when one is built.
-        order: Global order where the motion is smooth.
-        l_stable: Whether a linear contact stiffer than the step resolves is damped out at once: stable at any step.
-        exact_if_linear: Whether flat contact without friction has no error but rounding, at any step.
-        gains_nothing: Whether no step with its goal held gains energy, in any scene of one stiffness.
-    """
-
-    where: str
-    order: int
-    l_stable: bool
-    exact_if_linear: bool = False
-    gains_nothing: bool = False
+    where: str  # "module:Class", imported only when one is built
+    order: int  # global, where the motion is smooth
+    l_stable: bool  # a linear contact stiffer than the step resolves is damped out at once: stable at any step
+    exact_if_linear: bool = False  # flat contact without friction has no error but rounding, at any step
+    gains_nothing: bool = False  # no step with its goal held gains energy, in any scene of one stiffness
 
     def build(self, body: ControlledMass, scene: Scene | None) -> Integrator:
         """The integrator for `body`; without a scene it moves freely.

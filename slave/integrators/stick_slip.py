@@ -12,13 +12,14 @@ Events are touch, release, slip (the anchor reaches the static cone, or the dyna
 since it last slid) and stop (a sliding anchor turns back). All but the slip are zeros of one oscillating coordinate.
 The slip is one too in each fixed direction; the direction is that of the tangential spring, found by iteration.
 
-Vectors here are (depth, p, q), with p and q along the surface.
+A vector along the surface is a complex number, and the state of the body is its depth and such a vector.
 """
 
-from math import atan, atan2, cos, exp, sin, sqrt, tan
+from cmath import rect
+from math import atan, atan2, exp, sqrt, tan
 from typing import NamedTuple
 
-from weberlink.geometry.vector import ZERO, Vector, add, scale, subtract, unit
+from weberlink.geometry.vector import ZERO, Vector, scale, subtract, unit
 from weberlink.slave.integrators.contract import MassState
 from weberlink.slave.integrators.linear_contact import EVENTS_MOST
 from weberlink.slave.integrators.oscillation import Oscillation
@@ -26,8 +27,8 @@ from weberlink.slave.integrators.problem import MassInContact, Stage, contact_fo
 from weberlink.slave.scenes.contact import RESTICK, FrictionCone, Touch
 from weberlink.slave.scenes.scene import FARTHEST, NOTHING, Facing, SceneState
 
-Flat = tuple[float, float]
-"""Along the surface."""
+Local = tuple[float, complex]
+"""Depth, and the components along the surface."""
 
 ITERATIONS = 8  # for the direction of a slip; each squares its error
 STRAIGHT = 1e-7  # sine of the largest angle between directions that count as one
@@ -45,15 +46,17 @@ class Phase(NamedTuple):
     moment.
     """
 
-    anchor: Flat | None = None
-    toward: Flat | None = None
+    anchor: complex | None = None
+    toward: complex | None = None
     loose: bool = False
     stopped: bool = False
 
 
 FREE = Phase()
-Piece = tuple[Vector, Vector, float, Phase | None]
+Piece = tuple[Local, Local, float, Phase | None]
 """Where a motion leads: position, velocity, its time [s], and the phase that follows; None at the end of the step."""
+Spring = tuple[complex, complex, complex]
+"""The tangential spring from the body to its anchor: value [m], rate [m/s] and resting point [m]."""
 
 
 class StickSlip:
@@ -93,30 +96,23 @@ class StickSlip:
             goal = position  # without stiffness the goal has no effect, but its digits would cancel
         if not max(map(abs, (*position, *velocity, *goal))) < FARTHEST:
             return None
-        x, v, goal_x = self._local(position, gap), self._local(velocity, 0.0), self._local(goal, gap)
+        x, v, aim = self._local(position, gap), self._local(velocity, 0.0), self._local(goal, gap)
         phase, left, straight = FREE, step, True
         _, anchor, sliding = state.contacts[0]
         if anchor is not None:
-            _, p, q = self._local(anchor, gap)
-            phase = Phase((p, q), None, sliding)
+            phase = Phase(self._local(anchor, gap)[1], None, sliding)
         elif x[0] > 0.0:
-            phase = Phase((x[1], x[2]))
+            phase = Phase(x[1])
         for _ in range(EVENTS_MOST):
-            toward = phase.toward
             if phase.anchor is None:
-                x, v, time, following = self._flight(x, v, goal_x, left)
-            elif toward is None:
-                x, v, time, following = self._stuck(x, v, goal_x, left, phase.anchor, phase)
+                x, v, time, following = self._flight(x, v, aim, left)
+            elif phase.toward is None:
+                x, v, time, following = self._stuck(x, v, aim, left, phase.anchor, phase)
+            elif self._turns(x, v, left, phase.toward):
+                x, v, time, following = self._turning(x, v, aim, left, step / PIECES, phase.toward)
+                straight = False
             else:
-                across = abs(toward[0] * v[2] - toward[1] * v[1])
-                if (
-                    across <= STRAIGHT * (abs(v[1]) + abs(v[2]))
-                    or across * left <= STRAIGHT * self._cone.dynamic * x[0]
-                ):
-                    x, v, time, following = self._dragged(x, v, goal_x, left, toward, stops=True)
-                else:
-                    x, v, time, following = self._turning(x, v, goal_x, left, step / PIECES, toward)
-                    straight = False
+                x, v, time, following = self._dragged(x, v, aim, left, phase.toward, stops=True)
             left -= time
             phase = phase if following is None else following
             if following is None or left <= 0.0:
@@ -124,79 +120,79 @@ class StickSlip:
                 return end if straight else self._problem.kept(start, end, goal)
         return None
 
-    def _end(self, x: Vector, v: Vector, phase: Phase) -> Stage:
+    def _turns(self, x: Local, v: Local, left: float, toward: complex) -> bool:
+        """Whether the direction to the anchor turns as it is dragged along."""
+        across, speed = abs(cross(toward, v[1])), abs(v[1].real) + abs(v[1].imag)
+        return across > STRAIGHT * speed and across * left > STRAIGHT * self._cone.dynamic * x[0]
+
+    def _end(self, x: Local, v: Local, phase: Phase) -> Stage:
         position, velocity, scene = self._global(x, self._gap), self._global(v, 0.0), self._problem.scene
         if phase.anchor is None:
             scene.restore(SceneState(position, NOTHING, ((0.0, None, False),), 0.0))
             return Stage(MassState(position, velocity, ZERO), (), 0.0)
         n, k, depth = self._normal, self._stiffness, x[0]
         proxy = (position[0] + depth * n[0], position[1] + depth * n[1], position[2] + depth * n[2])
-        anchor = self._global((0.0, *phase.anchor), self._gap)
+        anchor = self._global((0.0, phase.anchor), self._gap)
         scene.restore(SceneState(proxy, HELD, ((0.0, anchor, phase.loose),), depth))
         drag = scale(subtract(anchor, proxy), k)
         touch = Touch(0, depth, n, k, 0.0, drag, k if phase.toward is None else 0.0)
         return Stage(MassState(position, velocity, contact_force((touch,), velocity)), (touch,), depth)
 
-    def _local(self, vector: Vector, gap: float) -> Vector:
+    def _local(self, vector: Vector, gap: float) -> Local:
         (x, y, z), n, u, w = vector, self._normal, self._side, self._aside
-        return (
-            -(n[0] * x + n[1] * y + n[2] * z + gap),
-            u[0] * x + u[1] * y + u[2] * z,
-            w[0] * x + w[1] * y + w[2] * z,
-        )
+        along = complex(u[0] * x + u[1] * y + u[2] * z, w[0] * x + w[1] * y + w[2] * z)
+        return -(n[0] * x + n[1] * y + n[2] * z + gap), along
 
-    def _global(self, x: Vector, gap: float) -> Vector:
-        (d, p, q), n, u, w = x, self._normal, self._side, self._aside
-        d += gap
+    def _global(self, x: Local, gap: float) -> Vector:
+        d, p, q, n, u, w = x[0] + gap, x[1].real, x[1].imag, self._normal, self._side, self._aside
         return (
             p * u[0] + q * w[0] - d * n[0],
             p * u[1] + q * w[1] - d * n[1],
             p * u[2] + q * w[2] - d * n[2],
         )
 
-    def _flight(self, x: Vector, v: Vector, goal: Vector, left: float) -> Piece:
-        touched = self._free.first_fall(-x[0], -v[0], -goal[0], left)
-        x, v = flown(self._free, x, v, goal, left if touched is None else touched)
-        return (x, v, left, None) if touched is None else (x, v, touched, Phase((x[1], x[2])))
+    def _flight(self, x: Local, v: Local, aim: Local, left: float) -> Piece:
+        touched = self._free.first_fall(-x[0], -v[0], -aim[0], left)
+        x, v = flown(self._free, x, v, aim, left if touched is None else touched)
+        return (x, v, left, None) if touched is None else (x, v, touched, Phase(x[1]))
 
-    def _stuck(self, x: Vector, v: Vector, goal: Vector, left: float, anchor: Flat, phase: Phase) -> Piece:
+    def _stuck(self, x: Local, v: Local, aim: Local, left: float, anchor: complex, phase: Phase) -> Piece:
         held, loose, cone = self._held, phase.loose, self._cone
-        centre = add(goal, scale(subtract((0.0, *anchor), goal), self._share))
-        (depth, p, q), (sinking, u, w), (deepest, centre_p, centre_q) = x, v, centre
-        spring = Spring((anchor[0] - p, anchor[1] - q), (-u, -w), (anchor[0] - centre_p, anchor[1] - centre_q))
-        spared, length = RESTICK * cone.dynamic, spring.length
+        (depth, along), (sinking, speed) = x, v
+        centre = aim[0] - aim[0] * self._share, aim[1] + (anchor - aim[1]) * self._share
+        deepest, spring = centre[0], (anchor - along, -speed, anchor - centre[1])
+        spared, length = RESTICK * cone.dynamic, size(spring[0])
         if loose and length < spared * depth:
             loose = False
         limit = cone.dynamic if loose else cone.static
         # No swing is larger than the energy of the oscillation allows: in calm contact nothing happens.
-        squared = held.squared
+        squared, offset, away = held.squared, size(spring[2]), spring[0] - spring[2]
         swing = sqrt((depth - deepest) ** 2 + sinking * sinking / squared)
-        offset, sway = spring.bounds(squared)
+        sway = sqrt(away.real**2 + away.imag**2 + inner(speed, speed) / squared)
         if offset + sway < limit * (deepest - swing) and (not loose or offset - sway > spared * (deepest + swing)):
             x, v = flown(held, x, v, centre, left)
-            return (x, v, left, Phase(anchor, None, loose))
+            return x, v, left, Phase(anchor, None, loose)
         out = held.first_fall(depth, sinking, deepest, left)
         time = left if out is None else out
         closer = None
         if loose and length > 0.0:
-            value, rate, rest = spring.along(spring.value[0] / length, spring.value[1] / length)
+            value, rate, rest = [inner(spring[0] / length, each) for each in spring]
             closer = held.first_fall(value - spared * depth, rate - spared * sinking, rest - spared * deepest, time)
             time = time if closer is None else closer
         slip = self._slip(limit, (depth, sinking, deepest), spring, time, phase.stopped)
         time = time if slip is None else slip
         x, v = flown(held, x, v, centre, time)
+        away = anchor - x[1]
         if slip is not None:
-            p, q = anchor[0] - x[1], anchor[1] - x[2]
-            if abs(p) + abs(q) <= ROUNDING * (abs(x[1]) + abs(x[2])):  # it slips at the touch, and follows the body
-                p, q = -v[1], -v[2]
-            length = sqrt(p * p + q * q) or 1.0
-            return (x, v, time, Phase(anchor, (p / length, q / length), True))
+            if abs(away.real) + abs(away.imag) <= ROUNDING * (abs(x[1].real) + abs(x[1].imag)):
+                away = -v[1]  # it slips at the touch, and follows the body
+            return x, v, time, Phase(anchor, away / (size(away) or 1.0), True)
         if closer is not None:  # in another direction by then, it is not close enough: the next piece finds out
-            far = sqrt((anchor[0] - x[1]) ** 2 + (anchor[1] - x[2]) ** 2)
-            return (x, v, time, Phase(anchor, None, far > spared * x[0] * (1.0 + STRAIGHT)))
-        return (x, v, time, Phase(anchor, None, loose) if out is None else FREE)
+            far = sqrt(away.real**2 + away.imag**2)
+            return x, v, time, Phase(anchor, None, far > spared * x[0] * (1.0 + STRAIGHT))
+        return x, v, time, Phase(anchor, None, loose) if out is None else FREE
 
-    def _slip(self, limit: float, depth: Vector, spring: "Spring", horizon: float, stopped: bool) -> float | None:
+    def _slip(self, limit: float, depth: Vector, spring: Spring, horizon: float, stopped: bool) -> float | None:
         """When the tangential spring leaves the cone [s], whose slope is `limit`.
 
         limit depth - e . spring is no less than limit depth - |spring|, and equal where e is the direction of the
@@ -204,18 +200,14 @@ class StickSlip:
         such zeros falls to the slip. If `stopped`, the anchor is on the cone and comes closer from here.
         """
         held = self._held
-        a, b, _, _ = held.transition(horizon)
-        e = spring.direction(a, b)
+        e = direction(held, spring, horizon)
         if e is None:
             return None
-        curved = spring.leaves(e)
-        directions: list[Flat] = [e, (-e[0], -e[1])]
-        if curved:
-            directions += [(-e[1], e[0]), (e[1], -e[0])]
+        curved = any(abs(cross(e, each)) > STRAIGHT * (abs(each.real) + abs(each.imag)) for each in spring)
         first: float | None = None
-        for p, q in directions:
+        for e in (e, -e, e * 1j, e * -1j) if curved else (e, -e):  # noqa: B020 - refined from each of them
             for _ in range(ITERATIONS):
-                value, rate, rest = spring.along(p, q)
+                value, rate, rest = [inner(e, each) for each in spring]
                 inside, closing = limit * depth[0] - value, limit * depth[1] - rate
                 if stopped and not curved and value > 0.0:
                     inside, closing = 0.0, abs(closing) or LEAST
@@ -223,122 +215,99 @@ class StickSlip:
                 if fall is None:
                     break
                 first = horizon = fall
-                a, b, _, _ = held.transition(fall)
-                e = spring.direction(a, b) if curved else None
-                if e is None or abs(e[0] - p) + abs(e[1] - q) < STRAIGHT:
+                refined = direction(held, spring, fall) if curved else None
+                if refined is None or abs((refined - e).real) + abs((refined - e).imag) < STRAIGHT:
                     break
-                p, q = e  # noqa: PLW2901 - refined
+                e = refined  # noqa: PLW2901
         return first
 
-    def _turning(self, x: Vector, v: Vector, goal: Vector, left: float, shortest: float, toward: Flat) -> Piece:
+    def _turning(self, x: Local, v: Local, aim: Local, left: float, shortest: float, toward: complex) -> Piece:
         """Sliding on while the direction to the anchor turns."""
         mu = self._cone.dynamic
-        cone, across = mu * max(0.0, x[0]), abs(toward[0] * v[2] - toward[1] * v[1])
+        cone, across = mu * max(0.0, x[0]), abs(cross(toward, v[1]))
         time = left if across * left <= TURN * cone else min(left, max(shortest, TURN * cone / across))
-        piece = self._dragged(x, v, goal, time, toward, stops=False)
+        piece = self._dragged(x, v, aim, time, toward, stops=False)
         turned = trailing(toward, x, piece[0], mu)
-        p, q = toward[0] + turned[0], toward[1] + turned[1]
-        length = sqrt(p * p + q * q)
+        length = size(toward + turned)
         if length > STRAIGHT:
-            piece = self._dragged(x, v, goal, time, (p / length, q / length), stops=False)
+            piece = self._dragged(x, v, aim, time, (toward + turned) / length, stops=False)
             turned = trailing(toward, x, piece[0], mu)
         x, v, time, phase = piece
         if phase is None or phase.anchor is None:
             return piece
-        cone, (p, q) = mu * max(0.0, x[0]), turned
-        closer = p * v[1] + q * v[2] + mu * v[0] >= 0.0
-        return (x, v, time, Phase((x[1] + cone * p, x[2] + cone * q), None if closer else turned, True))
+        closer = inner(turned, v[1]) + mu * v[0] >= 0.0
+        return x, v, time, Phase(x[1] + mu * max(0.0, x[0]) * turned, None if closer else turned, True)
 
-    def _dragged(self, x: Vector, v: Vector, goal: Vector, left: float, toward: Flat, *, stops: bool) -> Piece:
+    def _dragged(self, x: Local, v: Local, aim: Local, left: float, toward: complex, *, stops: bool) -> Piece:
         """Sliding with the anchor in one direction; `stops` to end it where the anchor turns back."""
-        mu, free, held, (e, f) = self._cone.dynamic, self._free, self._held, toward
-        (depth, p, q), (sinking, u, w), (aim, goal_p, goal_q) = x, v, goal
-        rest = aim * (1.0 - self._share)
-        out = held.first_fall(depth, sinking, rest, left)
+        mu, free, held, (deep, along), (sinking, speed), (below, goal) = (
+            self._cone.dynamic,
+            self._free,
+            self._held,
+            x,
+            v,
+            aim,
+        )
+        rest = below * (1.0 - self._share)
+        out = held.first_fall(deep, sinking, rest, left)
         time, stop = left if out is None else out, False
         if stops:
-            rate = e * u + f * w + mu * sinking
-            turn = free.turn(e * (p - goal_p) + f * (q - goal_q) + mu * (depth - aim), rate) if rate < 0.0 else 0.0
+            rate = inner(toward, speed) + mu * sinking
+            turn = free.turn(inner(toward, along - goal) + mu * (deep - below), rate) if rate < 0.0 else 0.0
             stop, time = turn < time, min(time, turn)
         a, b, c, d = held.transition(time)
-        depth, sinking, deep, speed = (
-            rest + a * (depth - rest) + b * sinking,
-            c * (depth - rest) + d * sinking,
-            depth,
-            sinking,
-        )
+        depth, sunk = rest + a * (deep - rest) + b * sinking, c * (deep - rest) + d * sinking
         a, b, c, d = free.transition(time)
         # The anchor's motion, and from there back to the body by the new depth.
-        away_p, away_q = p + mu * deep * e - goal_p - mu * aim * e, q + mu * deep * f - goal_q - mu * aim * f
-        rate_p, rate_q = u + mu * speed * e, w + mu * speed * f
-        at = goal_p + mu * aim * e + a * away_p + b * rate_p, goal_q + mu * aim * f + a * away_q + b * rate_q
-        x = (depth, at[0] - mu * depth * e, at[1] - mu * depth * f)
-        v = (sinking, c * away_p + d * rate_p - mu * sinking * e, c * away_q + d * rate_q - mu * sinking * f)
-        if out is not None and not stop:
-            return x, v, time, FREE
-        return (x, v, time, Phase(at, None if stop else toward, True, stop))
+        away, rate_away = along + mu * deep * toward - goal - mu * below * toward, speed + mu * sinking * toward
+        at = goal + mu * below * toward + a * away + b * rate_away
+        x, v = (depth, at - mu * depth * toward), (sunk, c * away + d * rate_away - mu * sunk * toward)
+        return x, v, time, FREE if out is not None and not stop else Phase(at, None if stop else toward, True, stop)
 
 
-class Spring(NamedTuple):
-    """The tangential spring from the body to its anchor: value [m], rate [m/s] and resting point [m]."""
-
-    value: Flat
-    rate: Flat
-    rest: Flat
-
-    @property
-    def length(self) -> float:
-        return sqrt(self.value[0] * self.value[0] + self.value[1] * self.value[1])
-
-    def bounds(self, squared: float) -> Flat:
-        """Length of the resting point, and how far an oscillation of this k/m can take the spring from it."""
-        (x, y), (u, v), (p, q) = self
-        return sqrt(p * p + q * q), sqrt((x - p) ** 2 + (y - q) ** 2 + (u * u + v * v) / squared)
-
-    def along(self, p: float, q: float) -> Vector:
-        """The three along one direction."""
-        value, rate, rest = self
-        return p * value[0] + q * value[1], p * rate[0] + q * rate[1], p * rest[0] + q * rest[1]
-
-    def direction(self, a: float, b: float) -> Flat | None:
-        """The direction after the transition with `a` and `b`; None without any length."""
-        value, rate, rest = self
-        p = rest[0] + a * (value[0] - rest[0]) + b * rate[0]
-        q = rest[1] + a * (value[1] - rest[1]) + b * rate[1]
-        length = sqrt(p * p + q * q)
-        return (p / length, q / length) if length > 0.0 else None
-
-    def leaves(self, direction: Flat) -> bool:
-        """Whether it moves out of the line along `direction`."""
-        p, q = direction
-        return any(abs(p * y - q * x) > STRAIGHT * (abs(x) + abs(y)) for x, y in self)
+def inner(a: complex, b: complex) -> float:
+    return a.real * b.real + a.imag * b.imag
 
 
-def trailing(toward: Flat, start: Vector, end: Vector, mu: float) -> Flat:
+def cross(a: complex, b: complex) -> float:
+    return a.real * b.imag - a.imag * b.real
+
+
+def size(a: complex) -> float:
+    return sqrt(a.real * a.real + a.imag * a.imag)
+
+
+def direction(oscillation: Oscillation, spring: Spring, time: float) -> complex | None:
+    """The direction of the spring after `time` [s]; None without any length."""
+    a, b, _, _ = oscillation.transition(time)
+    value, rate, rest = spring
+    there = rest + a * (value - rest) + b * rate
+    length = size(there)
+    return there / length if length > 0.0 else None
+
+
+def trailing(toward: complex, start: Local, end: Local, mu: float) -> complex:
     """The direction from a body to the anchor that it has dragged along a straight way, at first in `toward`.
 
     The anchor follows a tractrix: the angle between that direction and the way back falls as tan(angle / 2) ~ exp(-way
     / distance).
     """
-    p, q, far = start[1] - end[1], start[2] - end[2], 0.5 * mu * (start[0] + end[0])
-    way = sqrt(p * p + q * q)
+    back, far = start[1] - end[1], 0.5 * mu * (start[0] + end[0])
+    way = size(back)
     if way == 0.0:
         return toward
-    p, q = p / way, q / way
-    angle = atan2(toward[0] * q - toward[1] * p, toward[0] * p + toward[1] * q)
+    back /= way
+    angle = atan2(cross(toward, back), inner(toward, back))
     angle = 2.0 * atan(tan(0.5 * angle) * exp(-way / far)) if far > 0.0 else 0.0
-    c, s = cos(angle), sin(angle)
-    return p * c + q * s, q * c - p * s
+    return back * rect(1.0, -angle)
 
 
-def flown(
-    oscillation: Oscillation, position: Vector, velocity: Vector, centre: Vector, time: float
-) -> tuple[Vector, Vector]:
+def flown(oscillation: Oscillation, x: Local, v: Local, centre: Local, time: float) -> tuple[Local, Local]:
     """Position and velocity of an isotropic oscillation about `centre` after `time` [s]."""
     a, b, c, d = oscillation.transition(time)
-    (gx, gy, gz), (u, v, w) = centre, velocity
-    x, y, z = position[0] - gx, position[1] - gy, position[2] - gz
-    return (
-        (gx + a * x + b * u, gy + a * y + b * v, gz + a * z + b * w),
-        (c * x + d * u, c * y + d * v, c * z + d * w),
+    (deepest, middle), (sinking, speed) = centre, v
+    deep, along = x[0] - deepest, x[1] - middle
+    return (deepest + a * deep + b * sinking, middle + a * along + b * speed), (
+        c * deep + d * sinking,
+        c * along + d * speed,
     )

@@ -19,36 +19,20 @@ class RobotFault(RuntimeError):  # noqa: N818 - a fault of a device, not an erro
 
 @dataclass(frozen=True, slots=True)
 class RobotSpec:
-    """Properties of a robot, readable before it is opened.
+    """Properties of a robot, readable before it is opened."""
 
-    Args:
-        name: Name of the driver.
-        axes: The axes that move, for example "xyz" or "z"; the others stay at 0.
-        force_n: Largest force that it measures or withstands [N].
-        stiffness_n_m: Stiffness of its position control, infinite for an ideal one [N/m].
-        workspace_m: Lower and upper corner for commands [m].
-        rate_hz: Rate at which it takes commands [Hz].
-        force_sensing: Whether `RobotReading.force` is measured; otherwise it is zero.
-        lag_s: Nominal age of a reading, for a robot that runs at its own rate [s].
-        force_error: Uncertainty of the force: newtons, and a share of the force; (0, 0) for an exact one.
-        torque_n_m: Largest torque that it measures or withstands [N m]; 0 if its tool cannot be turned.
-        watchdog_s: Time after which the robot itself stops when its host does [s]; None for never, and for a computed
-            robot.
-        note: What a person should know before a run; empty if nothing.
-    """
-
-    name: str
-    axes: str
-    force_n: float
-    stiffness_n_m: float
-    workspace_m: tuple[Vector, Vector]
-    rate_hz: float
-    force_sensing: bool
-    lag_s: float = 0.0
-    force_error: tuple[float, float] = (0.0, 0.0)
-    torque_n_m: float = 0.0
-    watchdog_s: float | None = None
-    note: str = ""
+    name: str  # of the driver
+    axes: str  # that move, for example "xyz" or "z"; the others stay at 0
+    force_n: float  # largest force that it measures or withstands
+    stiffness_n_m: float  # of its position control, infinite for an ideal one
+    workspace_m: tuple[Vector, Vector]  # lower and upper corner for commands
+    rate_hz: float  # at which it takes commands
+    force_sensing: bool  # whether `RobotReading.force` is measured; otherwise it is zero
+    lag_s: float = 0.0  # nominal age of a reading, for a robot that runs at its own rate
+    force_error: tuple[float, float] = (0.0, 0.0)  # newtons, and a share of the force; (0, 0) for an exact one
+    torque_n_m: float = 0.0  # largest that it measures or withstands; 0 if its tool cannot be turned
+    watchdog_s: float | None = None  # after which it stops itself when its host does; None for never, or if computed
+    note: str = ""  # what a person should know before a run
 
 
 class RobotReading(NamedTuple):

@@ -84,25 +84,15 @@ class SceneObject:
 
 
 class Touch(NamedTuple):
-    """Contact with one object at the position of the probe, for a body that has a velocity.
+    """Contact with one object at the position of the probe, for a body that has a velocity."""
 
-    Args:
-        owner: Index of the object in the scene.
-        depth: How far the object pushes the probe out along `normal` [m], more than 0.
-        normal: Unit vector out of the object.
-        stiffness: k of the spring along the normal [N/m].
-        damping: b along the normal [N s/m]; 0 where the object has none.
-        drag: Friction force on the probe [N], along the surface.
-        grip: Stiffness of `drag` against motion along the surface [N/m]; 0 while sliding or without friction.
-    """
-
-    owner: int
-    depth: float
-    normal: Vector
-    stiffness: float
-    damping: float
-    drag: Vector
-    grip: float
+    owner: int  # index of the object in the scene
+    depth: float  # how far the object pushes the probe out along the normal [m], more than 0
+    normal: Vector  # unit vector out of the object
+    stiffness: float  # of the spring along the normal [N/m]
+    damping: float  # along the normal [N s/m]; 0 where the object has none
+    drag: Vector  # friction force on the probe [N], along the surface
+    grip: float  # stiffness of the drag against motion along the surface [N/m]; 0 while sliding or without friction
 
 
 ContactState = tuple[float, Vector | None, bool]

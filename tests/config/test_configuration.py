@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import replace
 from math import radians
 from pathlib import Path
@@ -12,7 +13,7 @@ import yaml
 
 from tests.session.packages import install
 from tests.session.systems import ARMS, CONFIGS, HAS_ARMS, configuration
-from weberlink.codec.deadband import Deadband, ForceDeadband
+from weberlink.codec.deadband import ForceDeadband
 from weberlink.codec.deadband.cone import ConeDeadband
 from weberlink.codec.deadband.level_crossing import LevelCrossingDeadband
 from weberlink.codec.deadband.velocity import VelocityDeadband
@@ -115,21 +116,14 @@ class WithButtons(OperatorDevice):
 
 
 @pytest.mark.parametrize(
-    ("overrides", "is_refused"),
-    [
-        (("master.engage={button: 1}",), False),
-        (("master.engage={button: 2}",), True),
-        (("master.engage={button: 1}", "master.mapping={clutch: {button: 0}, walls: {}}"), False),
-        (("master.engage={button: 1}", "master.mapping={clutch: {button: 1}, walls: {}}"), True),
-        (("master.mapping={clutch: {button: 2}, walls: {}}",), True),
-    ],
+    ("engage", "clutch", "is_refused"),
+    [(1, "null", False), (2, "null", True), (1, 0, False), (1, 1, True), (0, 2, True)],
 )
-def test_a_button_is_there_and_has_one_use(overrides: tuple[str, ...], is_refused: bool) -> None:
-    loaded = configuration(*overrides, "codec.position.step_m=1e-5", device=WithButtons)
-    if not is_refused:
-        build_simulation(loaded)
-        return
-    with pytest.raises(ConfigurationError, match=r"button"):
+def test_a_button_is_there_and_has_one_use(engage: int, clutch: object, is_refused: bool) -> None:
+    mapping = "null" if clutch == "null" else f"{{clutch: {{button: {clutch}}}, walls: {{}}}}"
+    overrides = (f"master.engage={{button: {engage}}}", f"master.mapping={mapping}", "codec.position.step_m=1e-5")
+    loaded = configuration(*overrides, device=WithButtons)
+    with pytest.raises(ConfigurationError, match="button") if is_refused else nullcontext():
         build_simulation(loaded)
 
 
@@ -189,24 +183,22 @@ def test_a_shipped_file_comes_back_from_its_own_document(file: str) -> None:
     assert System.model_validate(yaml.safe_load(text)).model_dump() == system.model_dump()
 
 
-@pytest.mark.parametrize(
-    ("force", "expected"),
-    [
-        ("{deadband: {shape: isotropic}, reference: sent}", ForceDeadband(0.1, 0.02, "sent")),
-        ("{deadband: {shape: cone}}", ConeDeadband(0.1, 0.02, radians(18.4))),
-        (
-            "{deadband: {shape: level_crossing, hysteresis: 0.5}, weber: 0.2}",
-            LevelCrossingDeadband(0.2, 0.02, radians(18.4), 0.5),
-        ),
-        (
-            "{deadband: {shape: velocity_adaptive, slope_s_m: 2, most_weber: 0.3}, reference: displayed}",
-            VelocityDeadband(0.1, 0.02, "displayed", 2.0, 0.3, 2e-3),
-        ),
-    ],
-)
-def test_a_file_says_the_shape_of_the_deadband(tmp_path: Path, force: str, expected: Deadband) -> None:
+DEADBANDS = {
+    "{deadband: {shape: isotropic}, reference: sent}": ForceDeadband(0.1, 0.02, "sent"),
+    "{deadband: {shape: cone}}": ConeDeadband(0.1, 0.02, radians(18.4)),
+    "{deadband: {shape: level_crossing, hysteresis: 0.5}, weber: 0.2}": LevelCrossingDeadband(
+        0.2, 0.02, radians(18.4), 0.5
+    ),
+    "{deadband: {shape: velocity_adaptive, slope_s_m: 2, most_weber: 0.3}, reference: displayed}": VelocityDeadband(
+        0.1, 0.02, "displayed", 2.0, 0.3, 2e-3
+    ),
+}
+
+
+@pytest.mark.parametrize("force", DEADBANDS)
+def test_a_file_says_the_shape_of_the_deadband(tmp_path: Path, force: str) -> None:
     loaded = load(write(tmp_path, MINIMAL), [f"codec.force={force}", "rate_hz=500"])
-    assert channels(loaded.system)[1].deadband == expected
+    assert channels(loaded.system)[1].deadband == DEADBANDS[force]
 
 
 def test_paths_are_relative_to_the_file_and_in_overrides_to_the_working_directory(tmp_path: Path) -> None:

@@ -138,19 +138,11 @@ def test_no_torques_give_more_than_the_bound(seed: int) -> None:
     assert out > ACCOUNT.allowance
 
 
-def test_what_the_hand_presses_in_is_displayed_as_decoded() -> None:
-    axes, torque = BoundedAxes(LEVER, ACCOUNT), 0.0
-    for step in range(1, 100):
-        axes.observe((-1e-3 * step,), TICK)
-        torque = 2.0 * step * 1e-3
-        assert axes.render((torque,)) == (torque,)
-        axes.displayed((torque,))
-
-
 @pytest.mark.parametrize("lever", [LEVER, HANDLE])
 def test_torques_come_to_the_account_by_their_lever(lever: float) -> None:
     """A work of 5 mJ on both axes, less what a light damper at the lever gives back."""
-    axes = BoundedAxes(lever, ACCOUNT)
+    assert build_axes("none", lever, ACCOUNT).render((3.0, -2.0)) == (3.0, -2.0)
+    axes = build_axes("bounded", lever, ACCOUNT)
     axes.observe((0.0, 0.0), TICK)
     axes.displayed((1.0, -2.0))
     axes.observe((0.003, -0.001), TICK)
@@ -163,8 +155,3 @@ def test_torques_come_to_the_account_by_their_lever(lever: float) -> None:
     axes.observe((9.0, 9.0), TICK)
     rises = ACCOUNT.rise * TICK * lever / 5.0
     assert axes.render((3.0, 4.0)) == pytest.approx((3.0 * rises, 4.0 * rises))
-
-
-def test_none_displays_what_is_decoded() -> None:
-    assert build_axes("none", LEVER, ACCOUNT).render((3.0, -2.0)) == (3.0, -2.0)
-    assert isinstance(build_axes("bounded", LEVER, ACCOUNT), BoundedAxes)

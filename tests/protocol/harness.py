@@ -6,6 +6,7 @@ owners, an arrival, a timer) happens at its own instant, in order.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import product
 from math import ceil, floor, inf
 from random import Random
 
@@ -188,20 +189,13 @@ class Pair:
         self.ticks = 0
         self._on_tick = on_tick
         self._every = every
-        self.master = Side(
-            make_endpoint(Role.INITIATOR, seed=seed, **{"epoch": offsets[0], **(master or {})}),
-            MASTER,
-            offsets[0],
-            drifts[0],
+        self.master, self.slave = (
+            Side(make_endpoint(role, seed=seed, **{"epoch": offset, **(changes or {})}), address, offset, drift)
+            for role, changes, address, offset, drift in zip(
+                Role, (master, slave), (MASTER, SLAVE), offsets, drifts, strict=True
+            )
         )
-        self.slave = Side(
-            make_endpoint(Role.RESPONDER, seed=seed, **{"epoch": offsets[1], **(slave or {})}),
-            SLAVE,
-            offsets[1],
-            drifts[1],
-        )
-        self.forward = self.link(forward)
-        self.backward = self.link(backward)
+        self.forward, self.backward = self.link(forward), self.link(backward)
         self.guests: list[Side] = []
         """Further masters, over the same links."""
         self.tap: list[tuple[float, Side, bytes]] = []
@@ -231,8 +225,7 @@ class Pair:
     def engage(self) -> "Pair":
         """Connect, and let both ends measure the link."""
         self.connect().run(0.2)
-        assert self.master.of(Connected), f"seed {self.seed}"
-        assert self.slave.of(Connected), f"seed {self.seed}"
+        assert self.master.of(Connected) and self.slave.of(Connected), f"seed {self.seed}"
         return self
 
     def run(self, duration: float) -> "Pair":
@@ -244,17 +237,22 @@ class Pair:
         is_idle = False
         while self.now < end - 1e-9:
             self.now = min(self._next(is_idle=is_idle), end)
-            self._deliver()
+            arrived = [each for link in (self.forward, self.backward) for each in link.receive(self.now)]
+            for (data, (source, target)), to in product(arrived, self.everyone):
+                if target == to.address:
+                    self.deliver(to, data, source)
             for side in self.everyone:
-                local = side.local(self.now)
-                due = side.endpoint.next_timer()
+                local, due = side.local(self.now), side.endpoint.next_timer()
                 if due is not None and due <= local + 1e-9:
                     side.endpoint.handle_timer(max(local, due))
             if self.now >= self.ticks * TICK - 1e-9:
                 if is_idle:
                     self.ticks = floor(self.now / TICK + 1e-6)
                 self._tick()
-            self._transmit()
+            for side in self.everyone:
+                self.flush(side)
+            for side in self.everyone:
+                side.collect(self.now)
             is_idle = self._on_tick is None or self._every > 1
         return self
 
@@ -267,34 +265,16 @@ class Pair:
         self.ticks += 1
 
     def _next(self, *, is_idle: bool) -> float:
-        times = [self._next_tick(is_idle=is_idle)]
-        times += [due for link in (self.forward, self.backward) if (due := link.next_due()) is not None]
-        for side in self.everyone:
-            if (due := side.endpoint.next_timer()) is not None:
-                times.append(side.world(due))
-        return max(self.now, min(times))
-
-    def _next_tick(self, *, is_idle: bool) -> float:
-        if not is_idle:
-            return self.ticks * TICK
-        return inf if self._on_tick is None else ceil(self.ticks / self._every) * self._every * TICK
-
-    def _deliver(self) -> None:
-        for link in (self.forward, self.backward):
-            for data, (source, target) in link.receive(self.now):
-                for to in self.everyone:
-                    if target == to.address:
-                        self.deliver(to, data, source)
+        tick = self.ticks * TICK
+        if is_idle:
+            tick = inf if self._on_tick is None else ceil(self.ticks / self._every) * self._every * TICK
+        times = [due for link in (self.forward, self.backward) if (due := link.next_due()) is not None]
+        times += [side.world(due) for side in self.everyone if (due := side.endpoint.next_timer()) is not None]
+        return max(self.now, min([tick, *times]))
 
     def deliver(self, to: Side, data: bytes, source: Address) -> None:
         """Let a datagram arrive now."""
         to.endpoint.receive_datagram(data, source, to.local(self.now))
-
-    def _transmit(self) -> None:
-        for side in self.everyone:
-            self.flush(side)
-        for side in self.everyone:
-            side.collect(self.now)
 
     def flush(self, side: Side) -> None:
         """Send what an end has ready."""

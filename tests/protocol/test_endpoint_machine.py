@@ -224,7 +224,8 @@ class World(Pair):
         for stream in range(self.streams):
             old = [at for at, _ in self.updates[peer, stream] if at < self.now - SILENCE - limit]
             current.append(self.held.get((own, stream), -1) >= len(old) - 1)
-        assert any(current), "an update that was held back counts as missing"  # each of two streams tells of itself
+        # An update of one of two streams stands for both (Endpoint.is_peer_encoding).
+        assert any(current), "an update that was held back counts as missing"
 
     def go(self, duration: float) -> None:
         """Advance, and compare every few ticks."""

@@ -22,6 +22,7 @@ from weberlink.protocol.negotiation import (
     rounded_up,
 )
 from weberlink.protocol.wire import LONGEST_CHANGE
+from weberlink.update import Update
 
 BODY = b'{"weber":0.2}'
 
@@ -146,6 +147,24 @@ def test_both_ends_begin_with_the_round_trip_of_the_handshake(delay: float) -> N
     pair.run(5.0)
     assert not any(side.of(PeerSilent) for side in pair.sides)
     assert [len(side.of(Connected)) for side in pair.sides] == [1, 1]
+
+
+def test_an_opening_session_drives_nothing_until_something_was_confirmed() -> None:
+    """On a long path; updates arrive before the first confirmation can."""
+    seen = [0, 0]
+
+    def on_tick(pair: Pair, now: float, tick: int) -> None:
+        for place, side in enumerate(pair.sides):
+            liveness, is_driven = side.endpoint.liveness, side.endpoint.is_peer_encoding(now)
+            assert not (liveness.is_opening and is_driven)
+            seen[0] += liveness.is_opening and now <= liveness.encodes_until
+            seen[1] += is_driven
+            if side.endpoint.state is State.ENGAGED and tick % 10 == 0:
+                side.endpoint.send_update(now, Update(tick, 0, (tick % 100,) * (3, 6)[place]))
+
+    link = Emulation(delay_s=0.15)
+    Pair(forward=link, backward=link, on_tick=on_tick).connect().run(2.0)
+    assert min(seen) > 0
 
 
 @pytest.mark.parametrize(("own", "other"), [(0.4, 0.4), (0.3, 2.0), (2.0, 0.3)])

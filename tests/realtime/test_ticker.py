@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import uvloop
 
-from weberlink.realtime.ticker import LARGEST_LEAD_SHARE, POLL_REST_SHARE, Ticker
+from weberlink.realtime.ticker import LARGEST_ADVANCE_SHARE, POLL_REST_SHARE, Ticker
 
 PERIOD = 0.001
 
@@ -83,7 +83,7 @@ def test_a_tick_that_blocks_costs_its_deadlines_and_no_burst_follows(loop_run, p
 
 def test_the_timer_is_set_ahead_once_wake_ups_are_known_and_no_tick_is_early(loop_run):
     calls, ticker = collect(loop_run, 200, period=0.0005)
-    assert 0.0 < ticker.lead_s <= LARGEST_LEAD_SHARE * 0.0005
+    assert 0.0 < ticker.timer_advance_s <= LARGEST_ADVANCE_SHARE * 0.0005
     assert all(now >= deadline for _, deadline, now in calls)
 
 

@@ -1,4 +1,4 @@
-"""Every predictor with every control scheme, deadband shape and number of degrees of freedom: each runs.
+"""Every predictor with every control scheme, deadband shape and number of degrees of freedom: each keeps its laws.
 
 The suite takes combinations in which every pair of choices occurs; a hunt takes them all.
 """
@@ -8,10 +8,11 @@ from math import isfinite
 
 import pytest
 
-from tests.session.systems import configuration, output, raw, steps
+from tests.session.systems import configuration, decoded, output, raw, steps
 from weberlink.codec.predictors import BANKS, PREDICTORS
-from weberlink.geometry.vector import norm
+from weberlink.geometry.vector import distance, norm
 from weberlink.protocol.states import State
+from weberlink.session.composition.channels import force_deadband
 from weberlink.session.simulation import build_simulation
 
 pytestmark = pytest.mark.hypothesis  # so that `make hunt` runs it
@@ -65,20 +66,22 @@ def overridden(combination: Combination) -> tuple[str, ...]:
     )
 
 
-def file_of(combination: Combination) -> str:
-    return FILES[combination[-1]]
-
-
-def test_run_is_finite_and_limited(combination: Combination) -> None:
-    settings = configuration(*overridden(combination), file=file_of(combination))
-    limit = settings.system.master.limits.force_n
+def test_run_is_finite_and_limited_and_within_the_deadband(combination: Combination) -> None:
+    settings = configuration(*overridden(combination), file=FILES[combination[-1]])
+    limit, force = settings.system.master.limits.force_n, settings.system.codec.force
+    error = force_deadband(settings.system, force.weber).error
     simulation = build_simulation(settings)
-    felt = 0.0
+    felt, unsent = 0.0, 0
     for step in steps(simulation, SECONDS, RATE):
         values = (*output(step.master), *output(step.slave), *raw(step.slave))
         assert all(map(isfinite, values)), step
         assert norm(output(step.master)) <= limit * (1.0 + 1e-9)
         felt = max(felt, norm(output(step.master)))
+        slave = step.slave
+        if slave.state == State.ENGAGED.value and not (slave.ramping or slave.sent):
+            apart = error(decoded(slave), raw(slave))
+            assert apart <= slave.bound or distance(decoded(slave), raw(slave)) <= force.step_n, step
+            unsent += norm(raw(slave)) > 0.0
     assert simulation.master.failure is None
     assert simulation.master.endpoint.state is State.ENGAGED
-    assert felt > 0.05, "the hand never felt the surface"
+    assert felt > 0.05 and unsent > 20, "the hand hardly felt the surface"

@@ -78,7 +78,7 @@ def test_the_network_stays_quiet(round_trip: float, fewer: float) -> None:
         "codec.force.weber=0.10",
     )
     score = SessionScore(Layout(1000.0, BANK))
-    build_simulation(loaded).run(3.5 + 2.0 * round_trip, [score])
+    build_simulation(loaded).run(3.5 + 2.0 * round_trip, [score.add])
     summary = score.figures().to_json()
     assert summary["force"]["packets"] > 5
     assert summary["force"]["reduction"] >= fewer

@@ -35,7 +35,7 @@ def cut(for_s: float) -> Figures:
     """The link carries nothing in one direction from 2 s on; a run of 6 s, which the master ends in order."""
     loaded = configuration()
     score = score_of(loaded.system)
-    observed(loaded, ObservedLink(Emulation(blackouts=((2.0, for_s),))), ObservedLink()).run(6.0, [score])
+    observed(loaded, ObservedLink(Emulation(blackouts=((2.0, for_s),))), ObservedLink()).run(6.0, [score.add])
     return replace(score.figures(), outcome="completed")
 
 

@@ -1,4 +1,4 @@
-"""A robot, an integrator and a shape of another distribution, found by entry points and used in virtual time."""
+"""A robot, an integrator, a shape and a control scheme of another distribution, found by entry points."""
 
 import json
 import os
@@ -14,6 +14,8 @@ from typing import Literal
 
 from pydantic import BaseModel
 
+from weberlink.control.ends import MasterControl
+from weberlink.control.table import Scheme
 from weberlink.slave.integrators import IntegrationScheme, MassState
 from weberlink.slave.integrators.problem import contact_force
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
@@ -79,6 +81,19 @@ class ToyRobot:
 
     def close(self):
         self.at = None
+
+
+class HalfMaster(MasterControl):
+    def render(self, force):
+        return tuple(0.5 * value for value in force)
+
+
+class Loose:
+    def __init__(self, settings): ...
+
+
+LOOSE = Scheme("toy:Loose", "weberlink.control.ends:SlaveControl", carries_credit=False, does="nothing")
+HALF = Scheme("toy:HalfMaster", "weberlink.control.ends:SlaveControl", carries_credit=False, does="half force")
 """
 ENTRY_POINTS = """
 [weberlink.robots]
@@ -87,33 +102,51 @@ toy = toy:ToyRobot
 toy_euler = toy:EULER
 [weberlink.shapes]
 toy_slab = toy:SlabSettings
+[weberlink.control_schemes]
+half = toy:HALF
+none = toy:HALF
+broken = toy:MISSING
+loose = toy:LOOSE
 """
 SESSION = """
 import json
 import sys
 from pathlib import Path
-from weberlink.config import load
-from weberlink.session.simulation import simulate
+from weberlink.config import ConfigurationError, load
+from weberlink.session.advice import dry_run
+from weberlink.session.simulation import build_simulation
 
 SLAB = "{shape: toy_slab, height_m: 0.0, stiffness_n_m: 500}"
-felt = []
+felt, ratios, errors = [], set(), {}
 for robot in ("{driver: toy}", "{driver: simulated, integrator: toy_euler, substeps: 20}"):
-    overrides = [f"slave.robot={robot}", f"slave.scene=[{SLAB}]", "link.security=session"]
-    _, recorder = simulate(load(Path(sys.argv[1]), overrides), 2.0)
-    felt.append(float(recorder.trace.force_n[:, 2].max()))
-print(json.dumps(felt))
+    overrides = [f"slave.robot={robot}", f"slave.scene=[{SLAB}]", "link.security=session", "control.scheme=half"]
+    simulation = build_simulation(load(Path(sys.argv[1]), overrides))
+    records = [simulation.step()[0] for _ in range(2000)]
+    felt.append(max(record.decoded_z for record in records))
+    told = [each for each in records if each.ramping == 0 and 0.5 < abs(each.decoded_z) < 5.0]
+    ratios |= {round(each.output_z / each.decoded_z, 3) for each in told}
+for name in ("broken", "loose"):
+    try:
+        dry_run(load(Path(sys.argv[1]), [f"control.scheme={name}"]))
+    except ConfigurationError as fault:
+        errors[name] = str(fault)
+json.dump({"felt": felt, "ratios": sorted(ratios), "errors": errors}, sys.stdout)
 """
 
 
-def test_another_distribution_adds_robot_integrator_and_shape(tmp_path: Path) -> None:
-    install(tmp_path, "toy", {"toy": TOY}, ENTRY_POINTS)
+def test_another_distribution_adds_robot_integrator_shape_and_scheme(tmp_path: Path) -> None:
+    folder, file = install(tmp_path, "toy", {"toy": TOY}, ENTRY_POINTS), CONFIGS / "loopback.yaml"
     ended = subprocess.run(
-        [sys.executable, "-c", SESSION, str(CONFIGS / "loopback.yaml")],
-        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        [sys.executable, "-c", SESSION, str(file)],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), *sys.path])},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=120,
         check=False,
     )
     assert ended.returncode == 0, ended.stderr
-    assert all(force > 0.5 for force in json.loads(ended.stdout))
+    found = json.loads(ended.stdout)
+    assert all(force > 0.5 for force in found["felt"])
+    assert found["ratios"] == [0.5]
+    assert found["errors"]["broken"].startswith(f"{file}: control.scheme: control scheme broken of toy")
+    assert "control scheme loose of toy: toy:Loose does not inherit from weberlink.control" in found["errors"]["loose"]

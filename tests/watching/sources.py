@@ -14,12 +14,12 @@ from tests.records import ticks as made_ticks
 from tests.session.systems import CONFIGS
 from weberlink.config import load
 from weberlink.control.tuning import LiveSettings, Tuning
-from weberlink.figures.session import Records
+from weberlink.figures.session import Records, joined
 from weberlink.protocol.states import State
 from weberlink.session.composition.channels import banks, channels
 from weberlink.session.control_socket import ControlSocket
+from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.ring import RingWriter
-from weberlink.watching.rings import joined
 
 RATE = 1000.0
 WALL_OFFSET_S = 1_763_000_000.0
@@ -87,7 +87,7 @@ class HandSource:
     def read(self) -> Records:
         waiting, self._waiting = self._waiting, []
         self.drained = self._over
-        return joined(waiting)
+        return joined([np.empty(0, DTYPE), *waiting])
 
     def close(self) -> None:
         self.is_closed = True

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.examples import examples
 from tests.session.systems import CONFIGS
 from tests.watching.sources import BANK, RATE, description, pieces, records
-from weberlink.figures.session import Layout, SessionScore
+from weberlink.figures.session import Layout, SessionScore, TickPairs
 from weberlink.figures.tree import to_json
 from weberlink.protocol.states import State
 from weberlink.telemetry.fault import Fault
@@ -20,7 +20,6 @@ from weberlink.watching.hello import hello
 from weberlink.watching.rows import (
     COLUMNS,
     ROTATION,
-    FeltErrorPairs,
     Pace,
     Thinning,
     felt_message,
@@ -91,11 +90,12 @@ def test_felt_error_equals_the_figures(cuts: list[int], others: list[int], phase
     master, slave = records(900, phase=phase, seed=1), records(900, seed=2)
     slave["state"][200:300] = State.SILENT.value
     master["ramping"][400:450] = 1
-    score, felt = SessionScore(HAND), FeltErrorPairs(RATE)
+    score, felt = SessionScore(HAND), TickPairs(RATE)
     errors: list[float] = []
     for one, other in zip(pieces(master, cuts), pieces(slave, others), strict=True):
         score.add(one, other)
-        told = felt_message(*felt.add(one, other), 10.0, HAND)
+        matched, now, counts = felt.add(one, other)
+        told = felt_message(matched[counts], now[counts], 10.0, HAND)
         errors += told["error_n"]
         assert told["t"] == sorted(told["t"])
         assert told["deadbands"] == pytest.approx([error / 1.5 for error in told["error_n"]], abs=1e-4)

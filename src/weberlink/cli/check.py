@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from math import cos, pi, sin
 from statistics import median
 from time import perf_counter
-from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, NamedTuple
 
 from weberlink.codec import Channel
 from weberlink.codec.replay import code
@@ -23,7 +23,7 @@ from weberlink.session.advice import advise, dry_run
 from weberlink.session.composition.channels import streams
 from weberlink.session.composition.link import build_security
 from weberlink.session.composition.slave import build_scene
-from weberlink.slave.robots.contract import Robot, RobotSpec
+from weberlink.slave.robots.contract import Robot
 from weberlink.slave.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -32,13 +32,6 @@ if TYPE_CHECKING:
 UDP_IP_BYTES = 28
 SAMPLES = 2000
 """Ticks of the cost measurement."""
-
-
-@runtime_checkable
-class Described(Protocol):
-    """A part that can describe what it chose."""
-
-    def description(self) -> str: ...
 
 
 class Stream(NamedTuple):
@@ -99,7 +92,11 @@ def _hand_and_tool(system: System, device: Device | None, robot: Robot | None) -
             robot.measure_steps(perf_counter)  # as the daemon does
         silence = system.slave.limits.on_silence
         yield f"slave     robot {system.slave.robot.driver}{_detail(robot)}; on silence {silence}"
-        yield from _measured(robot.spec)
+        absolute, relative = robot.spec.force_error
+        if robot.spec.lag_s > 0.0:
+            yield f"          readings lag by {1e3 * robot.spec.lag_s:.1f} ms, at {robot.spec.rate_hz:g} Hz"
+        if absolute > 0.0 or relative > 0.0:
+            yield f"          force known to +-({absolute:.2g} N + {100 * relative:.0f} %)"
     for thing in system.slave.scene:
         extras = [name for name in ("friction", "damping_n_s_m", "motion") if getattr(thing, name) is not None]
         with_extras = f" with {', '.join(extras)}" if extras else ""
@@ -117,7 +114,9 @@ def _displayed(system: System, device: Device) -> str:
 
 
 def _detail(part: Device | Robot) -> str:
-    return f", {part.description()}" if isinstance(part, Described) else ""
+    """What a part says that it chose."""
+    said = getattr(part, "description", str)()
+    return f", {said}" if said else ""
 
 
 def _mapping(mapping: MappingSettings) -> str:
@@ -125,15 +124,6 @@ def _mapping(mapping: MappingSettings) -> str:
     if mapping.walls is not None:
         parts.append(f"walls of {mapping.walls.stiffness_n_m:g} N/m")
     return ", ".join(parts) or "one to one"
-
-
-def _measured(spec: RobotSpec) -> Iterator[str]:
-    """Lag and accuracy of a robot's readings, unless ideal."""
-    absolute, relative = spec.force_error
-    if spec.lag_s > 0.0:
-        yield f"          readings lag by {1e3 * spec.lag_s:.1f} ms, at {spec.rate_hz:g} Hz"
-    if absolute > 0.0 or relative > 0.0:
-        yield f"          force known to +-({absolute:.2g} N + {100 * relative:.0f} %)"
 
 
 def _arms(system: System, leader: "ArmSpec | None", follower: "ArmSpec | None") -> Iterator[str]:

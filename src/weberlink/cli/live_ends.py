@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.config import MASTER, SLAVE
-from weberlink.figures.session import Records
+from weberlink.figures.session import Records, joined
 from weberlink.geometry.joints import Joints
 from weberlink.master.devices.remote_leader import limits
 from weberlink.master.devices.target_link import LeaderSender
@@ -22,7 +22,7 @@ from weberlink.session.description import read as read_description
 from weberlink.telemetry.reader import DTYPE, RingReader
 from weberlink.telemetry.record import AXES, JOINTS
 from weberlink.telemetry.ring import RingFormatError
-from weberlink.watching.rings import RingFile, find_rings, joined
+from weberlink.watching.rings import RingFile, find_rings
 
 STALE_S = 0.5
 """Age of the newest record from which its daemon stands still [s]."""

@@ -435,15 +435,8 @@ class MasterLimits(Settings):
     """Of a leader arm, `{}` or nothing for its own limits; with `codec.joints`."""
 
 
-class ClutchSettings(Settings):
-    """While a button is held, the hand moves and the robot stays."""
-
-    button: int = Field(default=0, ge=0, le=31)
-    """Which one, from 0."""
-
-
-class EngageSettings(Settings):
-    """Dead-man button: only while it is held, the robot follows and force is displayed."""
+class ButtonSettings(Settings):
+    """A button of the device."""
 
     button: int = Field(default=0, ge=0, le=31)
     """Which one, from 0."""
@@ -469,8 +462,8 @@ class MappingSettings(Settings):
     """Newtons on the hand for a newton on the robot."""
     offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Where the device's origin is in the robot's frame."""
-    clutch: ClutchSettings | None = None
-    """Indexing by a button; leave out for none. Needs walls."""
+    clutch: ButtonSettings | None = None
+    """Indexing by a button: while it is held, the hand moves and the robot stays; leave out for none. Needs walls."""
     walls: WallSettings | None = None
     """Virtual walls; `{}` for those of slave.limits.workspace_m, leave out for none."""
 
@@ -487,8 +480,9 @@ class MasterSettings(Settings):
     """Leave out where the two frames are one."""
     joint_mapping: LeaderMappingSettings | None = None
     """From the axes of a leader arm to those of the follower; leave out where they are the same."""
-    engage: EngageSettings | None = None
-    """Leave out where the robot is to follow without a button held."""
+    engage: ButtonSettings | None = None
+    """Dead-man button: only while it is held, the robot follows and force is displayed. Leave out where the robot is to
+    follow without a button held."""
     limits: MasterLimits = MasterLimits()
     accept_no_watchdog: str | None = None
     """Driver whose force stays on when this host stops, and may do so; its name, or leave out."""

@@ -43,7 +43,11 @@ def schema() -> dict[str, Any]:
     )
     for owner, field, tables in parts:
         drivers = {name: table.load(name) for table in tables for name in (*table.built_in, *guests(table.group))}
-        choices = [_driver(name, driver.Options, definitions) for name, driver in drivers.items()]
+        choices = []
+        for name, driver in drivers.items():
+            options: dict[str, Any] = driver.Options.model_json_schema()
+            definitions.update(options.pop("$defs", {}))
+            choices.append(options | {"properties": {"driver": {"const": name}} | options["properties"]})
         # A driver of another package may take any options.
         other = {"properties": {"driver": {"not": {"enum": list(drivers)}, "type": "string"}}}
         made = {"type": "object", "required": ["driver"], "oneOf": [*choices, other]}
@@ -73,14 +77,6 @@ def _explain(section: dict[str, Any], owner: type) -> None:
                 if name in section["properties"]:
                     described = section["properties"][name] | {"description": cleandoc(explanation)}
                     section["properties"][name] = dict(sorted(described.items()))
-
-
-def _driver(name: str, options: Any, definitions: dict[str, Any]) -> dict[str, Any]:
-    """One driver's options with its name; moves the definitions they use to the document's."""
-    made: dict[str, Any] = options.model_json_schema()
-    definitions.update(made.pop("$defs", {}))
-    made["properties"] = {"driver": {"const": name}} | made["properties"]
-    return made
 
 
 def as_text(document: dict[str, Any]) -> str:

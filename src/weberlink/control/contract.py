@@ -33,35 +33,20 @@ class WallModel(Protocol):
 
 @dataclass(frozen=True)
 class AccountParameters:
-    """What bounds the energy out of the hand (`weberlink.control.account`), in the frame of what is displayed.
+    """What bounds the energy out of the hand (`weberlink.control.account`), in the frame of what is displayed."""
 
-    Args:
-        allowance: energy that the hand may get beyond what it gave [J].
-        refill: power with which the allowance returns [W].
-        damping: that every hand has at least [N s/m].
-        rise: of the force that the hand has not pressed in itself [N/s].
-    """
-
-    allowance: float
-    refill: float
-    damping: float
-    rise: float
+    allowance: float  # energy that the hand may get beyond what it gave [J]
+    refill: float  # power with which the allowance returns [W]
+    damping: float  # that every hand has at least [N s/m]
+    rise: float  # of the force that the hand has not pressed in itself [N/s]
 
 
 @dataclass(frozen=True)
 class SchemeParameters:
-    """Parameters of both ends of a scheme.
+    """Parameters of both ends of a scheme."""
 
-    Args:
-        tick_period: tick period of both sides [s].
-        coupling: stiffness of the robot towards its command [N/m].
-        account: of the force on the hand.
-        delay: what look-ahead and play-out of both directions add to the round trip [s].
-        longest: longest round trip, with that delay [s].
-    """
-
-    tick_period: float
-    coupling: float
-    account: AccountParameters
-    delay: float = 0.0
-    longest: float = 1.0
+    tick_period: float  # of both sides [s]
+    coupling: float  # stiffness of the robot towards its command [N/m]
+    account: AccountParameters  # of the force on the hand
+    delay: float = 0.0  # what look-ahead and play-out of both directions add to the round trip [s]
+    longest: float = 1.0  # longest round trip, with that delay [s]

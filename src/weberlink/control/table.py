@@ -12,21 +12,13 @@ from weberlink.registry import Registry, import_part
 
 
 class Scheme(NamedTuple):
-    """A control scheme.
+    """A control scheme; its classes are imported on use."""
 
-    Args:
-        master: "module:Class" of the operator's end, a `weberlink.control.ends.MasterControl`; imported on use.
-        slave: likewise of the teleoperator's end, a `SlaveControl`.
-        carries_credit: whether datagrams carry energy credit.
-        does: its description in one line.
-        reads_position: whether the operator's end reads where each force was measured; then every update carries it.
-    """
-
-    master: str
-    slave: str
-    carries_credit: bool
-    does: str
-    reads_position: bool = True
+    master: str  # "module:Class" of the operator's end, a `weberlink.control.ends.MasterControl`
+    slave: str  # likewise of the teleoperator's end, a `SlaveControl`
+    carries_credit: bool  # whether datagrams carry energy credit
+    does: str  # in one line
+    reads_position: bool = True  # the operator's end reads where each force was measured: every update carries it
 
 
 BUILT_IN = {

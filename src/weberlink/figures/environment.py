@@ -3,6 +3,7 @@
 import os
 import platform
 import subprocess
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,10 @@ def environment() -> dict[str, Any]:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
         lines = []
+    packages: dict[str, str | None] = dict.fromkeys(PACKAGES)
+    for name in PACKAGES:
+        with suppress(PackageNotFoundError):
+            packages[name] = version(name)
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return {
         "machine": names[0] if names else platform.machine(),
@@ -25,7 +30,7 @@ def environment() -> dict[str, Any]:
         "system": f"{platform.system()} {platform.release()}",
         "python": platform.python_version(),
         "compiled": is_compiled(),
-        "packages": {name: _version(name) for name in PACKAGES},
+        "packages": packages,
         "commit": _commit(),
     }
 
@@ -44,13 +49,6 @@ def footer(facts: dict[str, Any], seed: int | None = None) -> str:
     if seed is not None:
         parts.append(f"seed {seed}")
     return "; ".join(parts)
-
-
-def _version(package: str) -> str | None:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
 
 
 def _commit() -> str | None:

@@ -48,12 +48,12 @@ class AlignedError:
         self._begin: int | None = None
 
     def add(self, ticks: NDArray[Any], felt: NDArray[Any], robot: NDArray[Any]) -> None:
-        """Take the next moments that count.
+        """Take the next moments that count, of ticks that rise until the side that counts them starts again.
 
         Args:
-            ticks: numbers of the ticks, which rise until the side that counts them starts again, shape (n,).
+            ticks: their numbers, shape (n,).
             felt: what was displayed to the operator, shape (n, axes).
-            robot: what the robot measured at the same moments, shape (n, axes).
+            robot: what the robot measured, shape (n, axes).
         """
         ticks = ticks.astype(np.int64)
         rows = np.vstack([np.ones(len(ticks)), felt.T, robot.T])
@@ -69,8 +69,7 @@ class AlignedError:
     def best(self, round_trip: float) -> tuple[float, float] | None:
         """The least RMS error, and its lag [s]: positive where the robot measured before it was felt.
 
-        Args:
-            round_trip: [s]; lags beyond it by more than a margin are chance.
+        Lags beyond the round trip [s] by more than a margin are chance.
         """
         sums = np.fft.irfft(self._spectrum + self._rest(), self._size)
         reach = min(self._reach, round((round_trip + MARGIN_S) / self._period))
@@ -100,7 +99,7 @@ class AlignedError:
         """What the samples in the window add, if no more follow."""
         return self._inner(self._window) + self._inner(self._moved(self._window))
 
-    def _moved(self, window: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _moved(self, window: Array) -> Array:
         return np.hstack([window[:, self._step :], np.zeros((len(window), self._step))])
 
     def _inner(self, window: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -149,12 +148,8 @@ class Threshold:
         if not (0.0 < self.jnd < np.inf and 0.0 < self.floor_n < np.inf):
             raise ValueError(f"jnd and floor_n must be > 0 and finite, not {self.jnd!r} and {self.floor_n!r}")
 
-    def of(self, force_n: Array) -> Array:
-        """One JND [N], `max(jnd |f|, floor_n)`, shape (n,), at forces [N], shape (n, 3)."""
-        return self.at(np.linalg.norm(force_n, axis=1))
-
     def at(self, magnitude_n: Any) -> Array:
-        """The same at magnitudes of forces [N], shape (n,)."""
+        """One JND [N], `max(jnd |f|, floor_n)`, at magnitudes of forces [N], shape (n,)."""
         return np.maximum(self.jnd * np.asarray(magnitude_n, dtype=np.float64), self.floor_n)
 
     def log_error(self, displayed_n: Array, measured_n: Array) -> Array:
@@ -175,12 +170,7 @@ class Threshold:
 
 
 class QualityStatistics:
-    """Running measures of a displayed force, in bounded memory.
-
-    Args:
-        period_s: of a tick.
-        threshold: one JND.
-    """
+    """Running measures of a displayed force, in bounded memory."""
 
     def __init__(self, period_s: float, threshold: Threshold | None = None) -> None:
         self._period_s = period_s
@@ -214,13 +204,9 @@ class QualityStatistics:
         self._run = self._run + leading if leading == len(noticed) else int(noticed[::-1].argmin())
 
     def add_jumps(self, jump_n: Array, before_n: Array) -> None:
-        """Take jumps: changes of the displayed force from one tick to the next, in a tick with an update.
+        """Take jumps: changes of the displayed force from one tick to the next, in a tick with an update [N].
 
-        A jump is in JNDs of the force displayed before it, which is what a person compares with.
-
-        Args:
-            jump_n: distance of the two forces [N], shape (m,).
-            before_n: magnitude of the force before [N], shape (m,).
+        A jump is in JNDs of the magnitude of the force displayed before it [N], with which a person compares it.
         """
         self._jumps.add(jump_n / self._threshold.at(before_n) * _PER_JND)
 
@@ -254,10 +240,9 @@ class JumpsOfRecords:
         self._last: Records | None = None
 
     def of(self, master: Records) -> tuple[Array, Array]:
-        """Jumps between two ticks in session, one after the other, the second with an update.
+        """Changes of the force commanded to the device [N] and magnitudes of the force before [N], shape (m,) each.
 
-        Returns:
-            Changes of the force commanded to the device [N] and magnitudes of the force before [N], shape (m,) each.
+        Of two ticks in session, one after the other, the second with an update.
         """
         joined = master if self._last is None else np.concatenate([self._last, master])
         if len(master):
@@ -267,18 +252,6 @@ class JumpsOfRecords:
         counts &= np.diff(joined["tick"].astype(np.int64)) == 1
         held, displayed = (records["output"][counts].astype(np.float64) for records in (before, after))
         return distances(displayed, held), np.linalg.norm(held, axis=1)
-
-
-def in_units(error_n: Array, bound_n: Array) -> Array:
-    """Errors in units of bounds, without the ticks whose bound is 0."""
-    known = bound_n > 0.0
-    units: Array = error_n[known] / bound_n[known]
-    return units
-
-
-def rms(values: Array) -> float:
-    """0 of no values."""
-    return float(np.sqrt(np.mean(values * values))) if len(values) else 0.0
 
 
 def longest_run(flags: NDArray[np.bool_]) -> int:

@@ -20,7 +20,7 @@ from weberlink.figures.paths import LinkPath
 from weberlink.figures.tree import Figures, to_json
 from weberlink.figures.wording import words
 from weberlink.protocol.states import State
-from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.fault import Fault, name_of
 from weberlink.telemetry.record import RELEASED
 
 Fields = dict[str, Any]
@@ -136,15 +136,17 @@ class _Side:
 
     def _between(self, before: Any, record: Any) -> Iterator[_Event]:
         if record["state"] != before["state"]:
-            yield _Event(record, "state", _name(State, record["state"]), {"before": _name(State, before["state"])})
+            yield _Event(record, "state", name_of(State, record["state"]), {"before": name_of(State, before["state"])})
         if record["fault"] != before["fault"]:
             at = float(record["at"])
             if int(before["fault"]):
                 lasted = round(at - self._fault_at_s, 6)
-                yield _Event(record, "fault", "recovered", {"fault": _name(Fault, before["fault"]), "lasted_s": lasted})
+                yield _Event(
+                    record, "fault", "recovered", {"fault": name_of(Fault, before["fault"]), "lasted_s": lasted}
+                )
             if int(record["fault"]):
                 self._fault_at_s = at
-                yield _Event(record, "fault", "fault", {"fault": _name(Fault, record["fault"])})
+                yield _Event(record, "fault", "fault", {"fault": name_of(Fault, record["fault"])})
         if record["settings"] != before["settings"]:
             fields = {"generation": int(record["settings"]), "weber": round(float(record["weber"]), 6)}
             yield _Event(record, "settings", "settings", fields)
@@ -209,10 +211,10 @@ class Journal:
         if known is None:
             first = records[0]
             known = self._sides[side] = _Side(first, wall_offset_s)
-            fields = {"state": _name(State, first["state"]), "rate_hz": self._rate_hz}
+            fields = {"state": name_of(State, first["state"]), "rate_hz": self._rate_hz}
             self._write_event(side, known, _Event(first, "started", "started", fields))
             if int(first["fault"]):
-                self._offer(side, known, _Event(first, "fault", "fault", {"fault": _name(Fault, first["fault"])}))
+                self._offer(side, known, _Event(first, "fault", "fault", {"fault": name_of(Fault, first["fault"])}))
         known.count(records)
         for event in known.events(records):
             self._offer(side, known, event)
@@ -317,11 +319,3 @@ class Journal:
         except (OSError, ValueError):
             written = False
         self.lost_lines = 0 if written else self.lost_lines + 1
-
-
-def _name(of: type[State | Fault], number: Any) -> str:
-    """The name of a number, or the number itself where it has none: a log must not stop there."""
-    try:
-        return of(int(number)).name.lower()
-    except ValueError:
-        return str(number)

@@ -12,11 +12,11 @@ from weberlink.realtime import timerfd
 
 NANOSECONDS = 1_000_000_000
 SHORTEST_PERIOD_S = 1e-5
-LARGEST_LEAD_S, LARGEST_LEAD_SHARE = 1e-4, 0.2
-"""Bounds of the lead: a time [s] and a share of the period. So busy waiting is short; on a machine that takes longer to
-wake up, ticks are late."""
+LARGEST_ADVANCE_S, LARGEST_ADVANCE_SHARE = 1e-4, 0.2
+"""Bounds of the timer's advance: a time [s] and a share of the period. So busy waiting is short; on a machine that
+takes longer to wake up, ticks are late."""
 _FIRST_REVISION, _REVISED_EVERY_S = 50, 1.0
-"""Wake-ups until the lead is first set, and the time between two revisions [s]."""
+"""Wake-ups until the advance is first set, and the time between two revisions [s]."""
 POLL_REST_SHARE = 0.1
 """Share of the period in which a polling ticker sleeps after each tick. The kernel leaves real-time tasks 95 % of a
 processor unless told otherwise, and stops one that takes more for the rest of a second."""
@@ -24,7 +24,7 @@ _LAST_POLL_NS = 20_000
 """Time before a deadline from which a polling ticker watches only the clock, longer than the loop takes to come round
 [ns]."""
 _WOKEN_BY = 0.5
-"""Share of wake-ups that come within the lead: with a larger one, more CPU time goes into busy waiting."""
+"""Share of wake-ups that come within the advance: with a larger one, more CPU time goes into busy waiting."""
 
 
 class Ticker:
@@ -35,9 +35,9 @@ class Ticker:
     late ticks would send a device commands that are out of date. Deadlines before the first wake-up do not count:
     opening a device may take as long as a person needs to home it.
 
-    A wake-up takes some time from the timer to the first line of Python. The timer is therefore set ahead by `lead_s`,
-    the median of the last wake-ups, revised once a second and bounded by `LARGEST_LEAD_S` and `LARGEST_LEAD_SHARE`; the
-    rest is busy waiting.
+    A wake-up takes some time from the timer to the first line of Python. The timer is therefore set ahead by
+    `timer_advance_s`, the median of the last wake-ups, revised once a second and bounded by `LARGEST_ADVANCE_S` and
+    `LARGEST_ADVANCE_SHARE`; the rest is busy waiting.
 
     A polling ticker (`polls`) keeps the event loop running instead: but for a short rest after each tick, the loop asks
     its sockets again and again, so neither a datagram nor a deadline waits for the processor to wake up.
@@ -47,16 +47,16 @@ class Ticker:
         on_tick: receives the index, its deadline and the present [s, clock of `time.monotonic`].
         start_at: deadline of index 0 [s, same clock]; one period after `start()` if not given.
         on_error: receives what `on_tick` raised, after the ticker has stopped; None to raise it into the event loop.
-        leads: False to be woken at the deadlines themselves.
+        advance: False to be woken at the deadlines themselves.
         polls: whether to poll, which takes a processor.
     """
 
     __slots__ = (
+        "_advance_ns",
         "_fd",
         "_index",
+        "_is_advanced",
         "_latencies",
-        "_lead_ns",
-        "_leads",
         "_loop",
         "_on_error",
         "_on_tick",
@@ -75,7 +75,7 @@ class Ticker:
         *,
         start_at: float | None = None,
         on_error: Callable[[BaseException], None] | None = None,
-        leads: bool = True,
+        advance: bool = True,
         polls: bool = False,
     ) -> None:
         if not (isfinite(period_s) and period_s >= SHORTEST_PERIOD_S):
@@ -86,9 +86,9 @@ class Ticker:
         self._start_ns = 0 if start_at is None else round(start_at * NANOSECONDS)
         self._on_tick = on_tick
         self._on_error = on_error
-        self._leads = leads and not polls
+        self._is_advanced = advance and not polls
         self._polls = polls
-        self._lead_ns = 0
+        self._advance_ns = 0
         self._latencies: list[int] = []
         self._revised_after = _FIRST_REVISION
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -103,9 +103,9 @@ class Ticker:
         return self._period_ns / NANOSECONDS
 
     @property
-    def lead_s(self) -> float:
+    def timer_advance_s(self) -> float:
         """How much earlier than its deadline a tick is woken for now [s]."""
-        return self._lead_ns / NANOSECONDS
+        return self._advance_ns / NANOSECONDS
 
     @property
     def running(self) -> bool:
@@ -158,9 +158,9 @@ class Ticker:
             self._poll()
             return
         now = monotonic_ns()
-        latency = now - self._deadline(passed) + self._lead_ns
+        latency = now - self._deadline(passed) + self._advance_ns
         self._tick(passed, now)
-        if self._leads and self._loop is not None:
+        if self._is_advanced and self._loop is not None:
             self._learn(latency)
 
     def _poll(self) -> None:
@@ -206,6 +206,6 @@ class Ticker:
         usual = latencies[int(len(latencies) * _WOKEN_BY)]
         latencies.clear()
         self._revised_after = max(_FIRST_REVISION, round(_REVISED_EVERY_S / self.period_s))
-        largest = min(LARGEST_LEAD_S * NANOSECONDS, LARGEST_LEAD_SHARE * self._period_ns)
-        self._lead_ns = int(min(usual, largest))
-        timerfd.arm(self._fd, self._deadline(1) - self._lead_ns, self._period_ns)
+        largest = min(LARGEST_ADVANCE_S * NANOSECONDS, LARGEST_ADVANCE_SHARE * self._period_ns)
+        self._advance_ns = int(min(usual, largest))
+        timerfd.arm(self._fd, self._deadline(1) - self._advance_ns, self._period_ns)

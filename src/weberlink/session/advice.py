@@ -88,6 +88,7 @@ class DryRun(NamedTuple):
         return self.system.codec.joints is not None
 
 
+@with_file_name
 def dry_run(configuration: Configuration) -> DryRun:
     """Build what a run would build, so that every error of the file shows before a process is started.
 
@@ -95,21 +96,18 @@ def dry_run(configuration: Configuration) -> DryRun:
         ConfigurationError: as the builders do; or for a port that nobody could find, or a key that nobody else has,
             where one side runs alone.
     """
+    link, scheme = configuration.system.link, configuration.system.control.scheme
     build_security(configuration)
-    _check_scheme(configuration)
+    if scheme not in SCHEMES.built_in:
+        build_driver("control.scheme", ends_of, scheme)
     parts = _build(configuration)
-    link = configuration.system.link
-    for field, address, other in (
-        ("link.slave", link.slave, configuration.robot),
-        ("link.listen", link.listen, configuration.device),
-    ):
-        if other is None and split_address(address)[1] == 0:
-            raise ConfigurationError(
-                f"{configuration.path}: {field}: port 0 is for loopback; expected the port that both sides know"
-            )
-    if link.security == "session" and (configuration.robot is None or configuration.device is None):
+    absent = [configuration.robot is None, configuration.device is None]
+    for field, address, is_alone in zip(("link.slave", "link.listen"), (link.slave, link.listen), absent, strict=True):
+        if is_alone and split_address(address)[1] == 0:
+            raise ConfigurationError(f"{field}: port 0 is for loopback; expected the port that both sides know")
+    if link.security == "session" and any(absent):
         raise ConfigurationError(
-            f"{configuration.path}: link.security: session is for weberlink loopback, which runs both sides; "
+            "link.security: session is for weberlink loopback, which runs both sides; "
             "for one side write psk, with key_file (weberlink keygen KEYFILE)"
         )
     return parts
@@ -128,13 +126,6 @@ def _build(configuration: Configuration) -> DryRun:
     if robot is not None:
         workspace_of(configuration, robot)
     return DryRun(configuration, device, robot)
-
-
-@with_file_name
-def _check_scheme(configuration: Configuration) -> None:
-    """See that the control scheme can be imported and is one, where another distribution brings it."""
-    if configuration.system.control.scheme not in SCHEMES.built_in:
-        build_driver("control.scheme", ends_of, configuration.system.control.scheme)
 
 
 Rule = Callable[[DryRun], Iterator[str]]

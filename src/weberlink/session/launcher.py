@@ -61,15 +61,11 @@ class Daemon:
 
     def __init__(self, order: DaemonOrder) -> None:
         self.side = order.side
-        self._order = order
         self._reader: RingReader | None = None
         self._ring = Path(order.ring)
         command = python("-m", "weberlink.session.daemon", order.to_json())
         self._process = Child(command, stdout=PIPE, blocked=STOP_SIGNALS)
-
-    @property
-    def pid(self) -> int:
-        return self._process.pid
+        self.pid = self._process.pid
 
     @property
     def running(self) -> bool:
@@ -100,9 +96,9 @@ class Daemon:
         return self._reader.read()
 
     @property
-    def described(self) -> dict[str, Any] | None:
+    def described(self) -> dict[str, Any]:
         """What the side says of itself now, among it of its peer and of its paths."""
-        return description.read(self._ring)
+        return description.read(self._ring) or {}
 
     def stop(self, number: Signals) -> None:
         if self.running:
@@ -296,9 +292,9 @@ class LiveRun:
                 self.journal.add(side, records[side], daemon.wall_offset_s)
         if monotonic() >= self._tell_at:
             self._tell_at = monotonic() + TELL_S
-            described = {side: daemon.described or {} for side, daemon in self.daemons.items()}
+            described = {side: daemon.described for side, daemon in sorted(self.daemons.items())}
             self._peers = {side: each.get("peer") for side, each in described.items()}
-            for side, each in sorted(described.items()):
+            for side, each in described.items():
                 self._add_paths(side, paths_of(each))
             self._tell()
         if self._watch is not None:

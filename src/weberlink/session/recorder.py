@@ -1,5 +1,4 @@
-"""The recording of a session: the facts that it states, the check of its target before the start, and its writer in
-virtual time."""
+"""The recording of a session: the facts that it states, the check of its target, and its writer in virtual time."""
 
 import json
 from collections.abc import Callable, Mapping

@@ -9,7 +9,7 @@ from itertools import islice
 from pathlib import Path
 from random import Random
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -40,13 +40,8 @@ DEFAULT_DURATION = 60.0
 """Of a device that never ends by itself [s]."""
 
 Link = EmulatedLink[tuple[str, int]]
-
-
-class Observer(Protocol):
-    """Reads the records of a run: a score, a recorder."""
-
-    def add(self, master: Records, slave: Records) -> None:
-        """Take the next records of both sides."""
+Observer = Callable[[Records, Records], object]
+"""Takes the next records of master and slave, such as `SessionScore.add`."""
 
 
 class Simulation:
@@ -92,7 +87,7 @@ class Simulation:
         chunks = self._chunks(duration)
         for records in chunks if interruption is None else interruption.pieces(chunks):
             for observer in observers:
-                observer.add(*records)
+                observer(*records)
 
     def _chunks(self, duration: float | None) -> Iterator[tuple[Records, Records]]:
         ticks = self._ticks(duration)
@@ -234,13 +229,20 @@ def simulate(
     score = score_of(system)
     recorder = TraceRecorder()
     length = DEFAULT_DURATION if duration is None else duration
-    observers: list[Observer] = [score, recorder, SimulatedTime(system.tick_period, length, progress)]
+    ticks = 0
+
+    def on_progress(master: Records, _slave: Records) -> None:
+        nonlocal ticks
+        ticks += len(master)
+        progress(round(min(ticks * system.tick_period, length), 1), length, "s")
+
+    observers: list[Observer] = [score.add, recorder.add, on_progress]
     recording = None
     if record is not None:
         from weberlink.session.recorder import VirtualRecording  # noqa: PLC0415 - where a session is recorded
 
         recording = VirtualRecording(configuration, record, tell)
-        observers.append(recording)
+        observers.append(recording.add)
     interruption = Interruption()
     began = perf_counter()
     fault = None
@@ -306,17 +308,3 @@ class TraceRecorder:
         lines = [",".join(COLUMNS), *(",".join(map(repr, row)) for row in rows)]
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
         return len(records)
-
-
-class SimulatedTime:
-    """Reports the simulated time and the length of a run [s], and the unit."""
-
-    def __init__(self, tick_period: float, length: float, progress: Callable[[float, float, str], None]) -> None:
-        self._tick_period = tick_period
-        self._length = length
-        self._progress = progress
-        self._ticks = 0
-
-    def add(self, master: Records, slave: Records) -> None:  # noqa: ARG002 - an observer gets both
-        self._ticks += len(master)
-        self._progress(round(min(self._ticks * self._tick_period, self._length), 1), self._length, "s")

@@ -1,7 +1,8 @@
 """The faults that a telemetry record can name, and the ledger of those that a side has met."""
 
 from collections import Counter
-from enum import IntEnum
+from enum import Enum, IntEnum
+from typing import Any
 
 
 class Fault(IntEnum):
@@ -28,6 +29,14 @@ class Fault(IntEnum):
     """There is no session, and a handshake came whose sender did not prove the key."""
     UNFOUNDED = 10
     """Force was to be displayed that the robot's end states no contact for; it was faded out."""
+
+
+def name_of(kind: type[Enum], number: Any) -> str:
+    """The name of a number of a record, or the number itself where it has none: another release may have written it."""
+    try:
+        return str(kind(int(number)).name).lower()
+    except ValueError:
+        return str(number)
 
 
 _RANKED = (

@@ -35,36 +35,34 @@ class RingReader:
     Args:
         path: of the file. A writer that starts again makes a new file: open a new reader when `alive` turns false.
 
+    Attributes:
+        side, pid, rate_hz, capacity: of the writer.
+        started_wall_s: when it began, on the wall clock [s since 1970].
+        started_monotonic_s: the same moment on the clock of the records [s].
+        overrun: records that were overwritten before they could be read.
+
     Raises:
         FileNotFoundError: there is no such file.
         ForeignFileError: it is no regular file of this user or of root, or it is too large.
         RingFormatError: it is not a ring that this release can read.
     """
 
-    __slots__ = (
-        *("_body_bytes", "_capacity", "_closed", "_counter", "_data", "_header", "_layout", "_map", "_next", "_slot"),
-        *("_slot_bytes", "overrun", "path"),
-    )
-
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         fd = open_file(self.path, LARGEST_FILE)
         try:
-            self._header = read_header(self.path, fd)
-            self._capacity = self._header.capacity
-            self._layout = layout(self._header.parts)
+            self._header = header = read_header(self.path, fd)
+            self._layout = layout(header.parts)
             self._body_bytes, self._slot_bytes = body_of(self._layout).size, slot_bytes(self._layout)
-            self._map = mmap(fd, RECORDS_AT + self._capacity * self._slot_bytes, access=ACCESS_READ)
+            self._map = mmap(fd, RECORDS_AT + header.capacity * self._slot_bytes, access=ACCESS_READ)
         finally:
             os.close(fd)
-        self._slot = np.dtype(
-            {
-                "names": ["number", "record"],
-                "formats": ["<u8", np.dtype(self._layout.description)],
-                "offsets": [0, 8],
-                "itemsize": self._slot_bytes,
-            }
-        )
+        self.side = header.side.rstrip(b"\x00").decode(errors="replace")
+        self.pid, self.rate_hz, self.capacity = header.pid, header.rate_hz, header.capacity
+        self.started_wall_s, self.started_monotonic_s = header.started_wall_s, header.started_monotonic_s
+        formats = ["<u8", np.dtype(self._layout.description)]
+        slot = {"names": ["number", "record"], "formats": formats, "offsets": [0, 8], "itemsize": self._slot_bytes}
+        self._slot: np.dtype[np.void] = np.dtype(slot)  # type: ignore[call-overload]
         whole = memoryview(self._map)
         self._counter = whole[COUNTER_AT : COUNTER_AT + 8].cast("Q")
         self._data = whole[RECORDS_AT:]
@@ -72,32 +70,6 @@ class RingReader:
         self._closed = False
         self._next = self._oldest(self._counter[0])
         self.overrun = 0
-
-    @property
-    def side(self) -> str:
-        return self._header.side.rstrip(b"\x00").decode(errors="replace")
-
-    @property
-    def pid(self) -> int:
-        return self._header.pid
-
-    @property
-    def rate_hz(self) -> float:
-        return self._header.rate_hz
-
-    @property
-    def capacity(self) -> int:
-        return self._capacity
-
-    @property
-    def started_wall_s(self) -> float:
-        """When the writer began, on the wall clock [s since 1970]; `started_monotonic_s` is the same moment."""
-        return self._header.started_wall_s
-
-    @property
-    def started_monotonic_s(self) -> float:
-        """When the writer began, on the clock of the records [s]."""
-        return self._header.started_monotonic_s
 
     @property
     def written(self) -> int:
@@ -129,7 +101,10 @@ class RingReader:
         """
         end = self._counter[0]
         first = max(self._next, self._oldest(end))
-        copied = self._copy(first, end - first)
+        start, size = first % self.capacity, self._slot_bytes
+        until_end = min(end - first, self.capacity - start)
+        copied = bytearray(self._data[start * size : (start + until_end) * size])
+        copied += self._data[: (end - first - until_end) * size]
         intact = min(max(first, self._oldest(self._counter[0])), end)
         end = self._whole(copied, first, intact, end)
         self.overrun += intact - self._next
@@ -161,14 +136,7 @@ class RingReader:
 
     def _oldest(self, complete: int) -> int:
         """The oldest record that the writer cannot be touching when so many are complete."""
-        return max(0, complete - self._capacity + 1)
-
-    def _copy(self, first: int, count: int) -> bytearray:
-        start = first % self._capacity
-        until_end = min(count, self._capacity - start)
-        slots = bytearray(self._data[start * self._slot_bytes : (start + until_end) * self._slot_bytes])
-        slots += self._data[: (count - until_end) * self._slot_bytes]
-        return slots
+        return max(0, complete - self.capacity + 1)
 
     def _whole(self, slots: bytearray, first: int, intact: int, end: int) -> int:
         """The first record from `intact` to `end` that is not whole, or `end`; `first` is that of the first slot."""

@@ -79,12 +79,12 @@ class RecordingFormat(Protocol):
 
     @staticmethod
     def start(facts: Mapping[str, str], rings: Mapping[str, str], out: Path, *, since: float | None = None) -> Recorder:
-        """Record a running session.
+        """Record a running session to a file.
 
         Args:
             facts: about the system, for readers.
             rings: path of each side's ring; they need not exist yet.
-            out: the file to write.
+            out: the file.
             since: moment on the clock of the records from which on to record [s]; None for all that the rings hold.
         """
 

@@ -28,9 +28,11 @@ def hello(session: str, descriptions: Mapping[str, dict[str, Any] | None]) -> di
         session: name of the session.
         descriptions: of the present sides, see `weberlink.session.description`; None if unknown.
     """
-    known = [description for description in descriptions.values() if description is not None]
-    any_: dict[str, Any] = known[0] if known else {}
+    any_: dict[str, Any] = next((each for each in descriptions.values() if each is not None), {})
     system = any_.get("system", {})
+    codec, emulated = system.get("codec", {}), system.get("link", {}).get("emulate")
+    force = (codec.get("joints") or {}).get("torque") or codec.get("force", {})
+    bank, choice = list(any_.get("bank", ())), codec.get("force", {}).get("predictor", HYBRID)
     workspace = _workspace(descriptions.get("master") or {})
     changes = list(any_.get("changes", ()))
     return {
@@ -42,11 +44,12 @@ def hello(session: str, descriptions: Mapping[str, dict[str, Any] | None]) -> di
         "names": names(descriptions),
         "scene": drawn(system.get("slave", {}).get("scene", ())),
         "changes": changes,
-        "predictors": _predictors(any_),
-        "settings": _settings(system),
+        "predictors": [*bank, choice] if len(bank) > 1 else bank,
+        # Settings and link as configured; the daemons know later changes.
+        "settings": {"weber": force.get("weber"), "predictor": force.get("predictor")},
         "scheme": system.get("control", {}).get("scheme"),
         "generation": 0,
-        "link": _link(system),
+        "link": None if emulated is None else {key: emulated.get(key) for key in ("delay_ms", "jitter_ms", "loss")},
         "drivable": workspace is not None,
         "workspace_m": workspace,
         "rate_hz": any_.get("rate_hz"),
@@ -62,8 +65,7 @@ def names(descriptions: Mapping[str, dict[str, Any] | None]) -> dict[str, str | 
         `file`: the configuration; `device` and `robot`: their drivers; `peer`: the address of the slave, or its name
         where a path to it is found; `master` and `slave`: what the two sides call themselves.
     """
-    known = [description for description in descriptions.values() if description is not None]
-    any_: dict[str, Any] = known[0] if known else {}
+    any_: dict[str, Any] = next((each for each in descriptions.values() if each is not None), {})
     system = any_.get("system", {})
     link = system.get("link", {})
 
@@ -83,25 +85,6 @@ def names(descriptions: Mapping[str, dict[str, Any] | None]) -> dict[str, str | 
     }
 
 
-def _predictors(description: Mapping[str, Any]) -> list[str]:
-    names = list(description.get("bank", ()))
-    choice = description.get("system", {}).get("codec", {}).get("force", {}).get("predictor", HYBRID)
-    return [*names, choice] if len(names) > 1 else names
-
-
-def _settings(system: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings as configured; the daemon knows later changes."""
-    codec = system.get("codec", {})
-    force = (codec.get("joints") or {}).get("torque") or codec.get("force", {})
-    return {"weber": force.get("weber"), "predictor": force.get("predictor")}
-
-
-def _link(system: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The emulated link as configured; None if there is none."""
-    emulated = system.get("link", {}).get("emulate")
-    return None if emulated is None else {key: emulated.get(key) for key in ("delay_ms", "jitter_ms", "loss")}
-
-
 def _workspace(master: Mapping[str, Any]) -> float | None:
     """Half the edge of the workspace of a `pointer` device [m]; None for any other device."""
     device = dict(master.get("system", {}).get("master", {}).get("device", {}))
@@ -115,19 +98,17 @@ def _workspace(master: Mapping[str, Any]) -> float | None:
 
 def drawn(objects: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Shapes to draw, from the `scene` of a configuration that has been checked."""
-    return [_object(settings) for settings in objects if settings.get("shape") in _KEYS]
-
-
-def _object(settings: Mapping[str, Any]) -> dict[str, Any]:
-    shape: dict[str, Any] = {"shape": settings["shape"]}
-    shape |= {key: settings.get(key) for key in _KEYS[settings["shape"]]}
-    if "side" in settings:
-        shape["inside"] = settings["side"] == "inside"
-    if settings["shape"] == "height_field":
-        shape |= _heights(settings)
-    shape["stiffness_n_m"] = settings.get("stiffness_n_m")
-    shape["carve"] = drawn(settings.get("carve") or ())
-    return shape
+    shapes = []
+    for settings in objects:
+        if settings.get("shape") in _KEYS:
+            keys = ("shape", *_KEYS[settings["shape"]], "stiffness_n_m")
+            shape: dict[str, Any] = {key: settings.get(key) for key in keys}
+            if "side" in settings:
+                shape["inside"] = settings["side"] == "inside"
+            if settings["shape"] == "height_field":
+                shape |= _heights(settings)
+            shapes.append(shape | {"carve": drawn(settings.get("carve") or ())})
+    return shapes
 
 
 def _heights(settings: Mapping[str, Any]) -> dict[str, Any]:

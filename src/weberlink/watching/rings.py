@@ -2,18 +2,16 @@
 
 import re
 import stat
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from weberlink.config import SIDES
 from weberlink.figures.session import Records
 from weberlink.session.description import path_beside
 from weberlink.session.description import read as read_description
-from weberlink.telemetry.reader import DTYPE, RingReader
+from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.ring import RingFormatError
 from weberlink.telemetry.runtime_directory import directories
 
@@ -140,11 +138,3 @@ class RingOpener:
             return source
         source.close()
         return None
-
-
-def joined(pieces: Iterable[Records]) -> Records:
-    """Concatenate records into one read-only array.
-
-    Via bytes: `np.concatenate` first finds the common type of forty fields, which takes thirty times as long.
-    """
-    return np.frombuffer(b"".join([piece.tobytes() for piece in pieces]), DTYPE)

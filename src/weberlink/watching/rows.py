@@ -7,10 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.config import SLAVE
-from weberlink.figures.channel import Records, engaged, in_session
-from weberlink.figures.session import Layout, nearest_ticks
-from weberlink.telemetry.reader import DTYPE
-from weberlink.watching.rings import joined
+from weberlink.figures.channel import Records, engaged
+from weberlink.figures.session import Layout
 
 ROWS_PER_S = 250.0
 """Rows per second of a side, besides the ticks that sent an update."""
@@ -110,40 +108,6 @@ def listed(values: NDArray[Any], digits: int) -> list[float | None]:
         for place in np.flatnonzero(~finite).tolist():
             numbers[place] = None
     return numbers
-
-
-LONGEST_WAIT = 2500
-"""Most rows of a side that wait for the other; older ones are dropped."""
-
-
-class FeltErrorPairs:
-    """Pairs shown rows of the slave with the master's records nearest in time.
-
-    It selects the same ticks as `weberlink.figures.session`, which keeps no rows.
-
-    Args:
-        rate_hz: rate of both sides [Hz].
-    """
-
-    def __init__(self, rate_hz: float) -> None:
-        self._period = 1.0 / rate_hz
-        self._master: Records = np.empty(0, DTYPE)
-        self._slave: Records = np.empty(0, DTYPE)
-
-    def add(self, master: Records, slave_rows: Records) -> tuple[Records, Records]:
-        """Add all new records of the master and the slave's rows; returns pairs of equal length."""
-        longest = max(LONGEST_WAIT, len(master), len(slave_rows))
-        self._master = joined((self._master, master))[-longest:]
-        self._slave = joined((self._slave, slave_rows))[-longest:]
-        if not (len(self._master) and len(self._slave)):
-            return self._master[:0], self._slave[:0]
-        ready, nearest, close = nearest_ticks(self._master["at"], self._slave["at"], self._period)
-        now, self._slave = self._slave[:ready], self._slave[ready:]
-        matched = self._master[nearest]
-        if ready:
-            self._master = self._master[max(0, int(nearest[-1]) - 1) :]
-        counts = close & in_session(matched) & in_session(now)
-        return matched[counts], now[counts]
 
 
 def felt_message(master: Records, slave: Records, origin: float, layout: Layout) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """A running session: the figures of the launcher's report so far, the rows of its last seconds, and its events."""
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from datetime import datetime
@@ -14,16 +14,16 @@ from weberlink.config import MASTER, SLAVE
 from weberlink.figures.journal import Fields, Journal
 from weberlink.figures.link import ways_now
 from weberlink.figures.paths import LinkPath, finding, paths_of
-from weberlink.figures.session import Layout, Records, SessionScore
+from weberlink.figures.session import Layout, Records, SessionScore, TickPairs, joined
 from weberlink.figures.tree import DEGRADED, FAILURE, Cause
 from weberlink.figures.verdict import verdict
 from weberlink.figures.wording import ALARM, Words, fault_words, words
 from weberlink.protocol.states import State
-from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.fault import Fault, name_of
 from weberlink.telemetry.reader import DTYPE
 from weberlink.watching.hello import hello
-from weberlink.watching.rings import RingSource, joined
-from weberlink.watching.rows import FeltErrorPairs, Pace, Thinning, felt_message, samples_message
+from weberlink.watching.rings import RingSource
+from weberlink.watching.rows import Pace, Thinning, felt_message, samples_message
 
 BACKLOG_S = 5.0
 """How far back `backlog` reaches."""
@@ -116,7 +116,6 @@ class _WatchedSide:
         self.thinning = Thinning(source.rate_hz)
         self.pace = Pace()
         self.gripper_pace = Pace("gripper_updates_sent")
-        self.faults: Counter[int] = Counter()
         self.last: Any = None
         self.end_is_told = False
         self.paths: list[LinkPath] = []
@@ -130,9 +129,6 @@ class _WatchedSide:
             self._described = self.source.description
             self.paths = paths_of(self._described)
         if len(records):
-            fault = records["fault"].astype(np.int64)
-            before = 0 if self.last is None else int(self.last["fault"])
-            self.faults.update(fault[(np.diff(fault, prepend=before) != 0) & (fault > 0)].tolist())
             self.last = records[-1]
             self.pace.add(records)
             self.gripper_pace.add(records)
@@ -141,7 +137,7 @@ class _WatchedSide:
     @property
     def fault(self) -> str | None:
         """The fault that is active now, by name."""
-        return None if self.last is None or not self.last["fault"] else _fault_name(int(self.last["fault"]))
+        return None if self.last is None or not self.last["fault"] else name_of(Fault, self.last["fault"])
 
 
 class WatchedSession:
@@ -172,7 +168,7 @@ class WatchedSession:
         self.settings: dict[str, Any] | None = None
         self.generation: int | None = None
         self._sides: dict[str, _WatchedSide] = {}
-        self._felt = FeltErrorPairs(first.rate_hz)
+        self._pairs = TickPairs(first.rate_hz)
         self.log = EventLog(first.rate_hz, first.began)
         self._backlog: deque[_Shown] = deque()
         self.admit(first)
@@ -186,7 +182,8 @@ class WatchedSession:
     def score(self) -> SessionScore:
         """Score of all records read."""
         if any(self._unscored.values()):
-            self._score.add(*(joined(self._unscored[side]) for side in (MASTER, SLAVE)))
+            none = np.empty(0, DTYPE)
+            self._score.add(*(joined([none, *self._unscored[side]]) for side in (MASTER, SLAVE)))
             self._unscored = {MASTER: [], SLAVE: []}
         return self._score
 
@@ -221,10 +218,7 @@ class WatchedSession:
     @property
     def faults(self) -> dict[str, dict[str, int]]:
         """How often each fault began, by side and name."""
-        return {
-            name: {_fault_name(number): count for number, count in sorted(side.faults.items())}
-            for name, side in self._sides.items()
-        }
+        return {name: {} for name in self._sides} | self.score.faults
 
     @property
     def last(self) -> dict[str, Any]:
@@ -268,8 +262,8 @@ class WatchedSession:
         master, slave = (read.get(name, (empty, empty)) for name in (MASTER, SLAVE))
         shown = [_Shown(name, rows, rows) for name, (_, rows) in read.items() if len(rows)]
         if len(self._sides) == 2:
-            pairs = self._felt.add(master[0], slave[1])
-            shown += [_Shown("felt", *pairs)] if len(pairs[0]) else []
+            matched, now, counts = self._pairs.add(master[0], slave[1])
+            shown += [_Shown("felt", matched[counts], now[counts])] if counts.any() else []
         self._backlog.extend(shown)
         newest = max((float(last["at"]) for last in self.last.values()), default=0.0)
         while self._backlog and float(self._backlog[0].first["at"][-1]) < newest - BACKLOG_S:
@@ -294,7 +288,7 @@ class WatchedSession:
         kinds = sorted({shown.kind for shown in self._backlog}, key=lambda kind: (kind == "felt", kind))
         of_kind = {kind: [shown for shown in self._backlog if shown.kind == kind] for kind in kinds}
         return [
-            self._message(kind, joined(each.first for each in shown), joined(each.second for each in shown))
+            self._message(kind, joined([each.first for each in shown]), joined([each.second for each in shown]))
             for kind, shown in of_kind.items()
         ]
 
@@ -361,11 +355,3 @@ class WatchedSession:
         if kind == "felt":
             return felt_message(first, second, self.origin, self.layout)
         return samples_message(kind, first, self.origin, self.layout)
-
-
-def _fault_name(number: int) -> str:
-    """The name of a fault, or the number of one that another release knows."""
-    try:
-        return Fault(number).name.lower()
-    except ValueError:
-        return str(number)

@@ -13,6 +13,7 @@ from tests.examples import examples
 from weberlink.geometry.rotation import quaternion, vector
 from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale, unit
 from weberlink.master.devices import DEVICES
+from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.devices.hand import modelled_hand
 from weberlink.master.devices.hand_options import HandOptions, WristOptions
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
@@ -23,7 +24,6 @@ from weberlink.testing.time import TICK
 STIFFNESS = WristOptions().stiffness_n_m_rad
 STIFF = HandOptions(mass_kg=0.01, damping_n_s_m=20.0, stiffness_n_m=10_000.0)
 axes = st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda v: norm(v) > 0.1).map(unit)
-A, B, C = (0.0, 0.0, 0.03), (0.02, -0.01, 0.0), (0.025, 0.0, 0.0)
 
 
 def operator(**options: Any) -> OperatorDevice:
@@ -32,24 +32,17 @@ def operator(**options: Any) -> OperatorDevice:
     return device
 
 
-def run(seconds: float, **options: Any) -> list[tuple[Vector, bool]]:
-    """Position and end of each tick."""
-    device = operator(**options)
-    readings = [device.latest(tick * TICK) for tick in range(1, round(seconds / TICK) + 1)]
-    return [(reading.position, reading.ended) for reading in readings]
-
-
-# --- motion
-
-
 def test_a_script_ends_unless_it_is_repeated() -> None:
-    script = [{"motion": "reach", "to_m": [0.03, 0.0, 0.0], "duration_s": 0.5}, {"motion": "rest", "duration_s": 0.5}]
-    steps = run(6.0, script=script)
-    assert not any(ended for _, ended in steps)
-    once = run(1.1, script=script, repeat=False)
-    assert [ended for _, ended in once].index(True) in (999, 1000)
-    assert [distance(steps[i][0], (0.03, 0.0, 0.0)) < 1e-3 for i in (950, 2950, 4950)] == [True] * 3
-    assert distance(steps[2050][0], (0.0, 0.0, 0.03)) < 2e-3, "back home in between"
+    def run(ticks: int, **options: Any) -> list[DeviceReading]:
+        script = [{"motion": "reach", "to_m": [0.03, 0, 0], "duration_s": 0.5}, {"motion": "rest", "duration_s": 0.5}]
+        device = operator(script=script, **options)
+        return [device.latest(tick * TICK) for tick in range(1, ticks + 1)]
+
+    steps = run(6000)
+    assert not any(step.ended for step in steps)
+    assert [step.ended for step in run(1100, repeat=False)].index(True) in (999, 1000)
+    assert [distance(steps[i].position, (0.03, 0.0, 0.0)) < 1e-3 for i in (950, 2950, 4950)] == [True] * 3
+    assert distance(steps[2050].position, (0.0, 0.0, 0.03)) < 2e-3, "back home in between"
 
 
 # --- the wrist alone
@@ -121,27 +114,21 @@ def recording(tmp_path: Path) -> Path:
     return path
 
 
-def replayed(recording: Path, seconds: float, **options: Any) -> list[tuple[Vector, bool]]:
-    given: dict[str, Any] = {"trace": recording, "hand": STIFF, "tremor_m": 0.0, "anchor": "first"}
-    device = ReplayDevice(ReplayOptions(**({**given, "center_m": (0.01, 0.02, 0.0)} | options)), TICK)
-    device.open(7.0)
-    readings = [device.latest(7.0 + tick * TICK) for tick in range(1, round(seconds / TICK) + 1)]
-    return [(reading.position, reading.ended) for reading in readings]
-
-
-def swing(time: float, scale: float = 1.0) -> Vector:
-    """The recording from its first sample moved to (0.01, 0.02, 0)."""
-    i = time / 0.01
-    return (0.01 + scale * 0.01 * sin(0.03 * i), 0.02 + scale * 0.00002 * i, -scale * 0.00003 * i)
-
-
 @pytest.mark.parametrize("scale", [1.0, 2.0])
 def test_after_the_approach_it_follows_the_recording(recording: Path, scale: float) -> None:
-    steps = replayed(recording, 3.5, scale=scale)
+    def swing(time: float) -> Vector:
+        """The recording from its first sample moved to (0.01, 0.02, 0)."""
+        i = time / 0.01
+        return (0.01 + scale * 0.01 * sin(0.03 * i), 0.02 + scale * 0.00002 * i, -scale * 0.00003 * i)
+
+    given: dict[str, Any] = {"trace": recording, "hand": STIFF, "tremor_m": 0.0, "anchor": "first", "scale": scale}
+    device = ReplayDevice(ReplayOptions(**given, center_m=(0.01, 0.02, 0.0)), TICK)
+    device.open(7.0)
+    steps = [device.latest(7.0 + tick * TICK) for tick in range(1, 3501)]
     for tick in range(1200, 2900, 50):
-        assert distance(steps[tick - 1][0], swing((tick - 1000) * TICK, scale)) < 2e-4 * scale
-    assert [ended for _, ended in steps].index(True) in (2999, 3000)
-    assert distance(steps[-1][0], swing(2.0, scale)) < 1e-5
+        assert distance(steps[tick - 1].position, swing((tick - 1000) * TICK)) < 2e-4 * scale
+    assert [reading.ended for reading in steps].index(True) in (2999, 3000)
+    assert distance(steps[-1].position, swing(2.0)) < 1e-5
 
 
 # --- both, in virtual time

@@ -5,7 +5,7 @@ from itertools import pairwise
 import pytest
 
 from tests.master.devices.targets import Path, Targets
-from weberlink.geometry.rotation import vector
+from weberlink.geometry.rotation import IDENTITY, vector
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
@@ -54,7 +54,7 @@ def test_jumping_target_moves_the_handle_at_bounded_speed() -> None:
     assert max(reading.position[0] for reading in seen) == pytest.approx(RIGHT[0], abs=1e-3)
 
 
-def test_release_clears_the_button_and_stops_the_hand() -> None:
+def test_release_clears_the_button_stops_the_hand_and_lets_go_of_its_pull() -> None:
     seen = readings(lambda time: (LEFT, time < 0.105), 1.0)
     released = next(i for i, reading in enumerate(seen) if i > 50 and not reading.buttons)
     assert 0.105 <= released * TICK <= 0.105 + 1 / 60 + TICK
@@ -62,12 +62,9 @@ def test_release_clears_the_button_and_stops_the_hand() -> None:
     assert distance(seen[released].position, seen[-1].position) < 0.02
     assert speeds([reading.position for reading in seen[-100:]])[0] < 1e-4
     assert not any(reading.buttons for reading in seen[released:])
-
-
-def test_hand_lets_go_of_its_pull_on_release() -> None:
-    """A force that held the handle 20 mm from the target moves it on, when nothing pulls any more, by 20 mm."""
-    seen = readings(lambda time: (LEFT, time < 1.0), 2.0, force=(0.0, 0.0, -3.0))
-    assert seen[999].position[2] - seen[-1].position[2] == pytest.approx(0.02, abs=1e-4)
+    # A force that held the handle 20 mm from the target moves it on, when nothing pulls any more, by 20 mm.
+    pressed = readings(lambda time: (LEFT, time < 1.0), 2.0, force=(0.0, 0.0, -3.0))
+    assert pressed[999].position[2] - pressed[-1].position[2] == pytest.approx(0.02, abs=1e-4)
 
 
 @pytest.mark.parametrize("silence_ms", [100.0, 300.0])
@@ -77,25 +74,19 @@ def test_silent_pointer_has_let_go_in_time(silence_ms: float) -> None:
     assert silence_ms * 1e-3 + 0.5 - 1 / 60 <= silent * TICK <= silence_ms * 1e-3 + 0.5 + TICK
 
 
-def turned(*turns: tuple[float, Vector], silent_from: float = 9.0, torque: Vector = ZERO) -> list[Vector]:
-    """Rotation vectors of a hand with a calm wrist, whose target is turned from given times on."""
-    targets = Targets(lambda time: (HOME, True) if time < silent_from else None)
+def test_wrist_follows_turned_targets_at_bounded_speed() -> None:
+    targets = Targets(lambda _: (HOME, True))
     newest = targets.newest
 
     def with_rotation() -> PointerTarget | None:
-        arrived, since = newest(), [rotation for begins, rotation in turns if begins <= targets.time]
-        return None if arrived is None else arrived._replace(rotation=since[-1])
+        arrived, time = newest(), targets.time
+        turn = ZERO if time < 0.5 else (0.0, 0.0, 2.0) if time < 1.5 else (1.0, 0.0, 0.0)
+        return None if arrived is None else arrived._replace(rotation=turn)
 
     targets.newest = with_rotation  # type: ignore[method-assign]
     device = PointerDevice(PointerOptions.model_validate({"wrist": {"tremor_rad": 0.0}}), TICK, targets)
     device.open(10.0)
-    device.turn(torque, 10.0)
-    found = [device.latest(10.0 + (tick + 1) * TICK).orientation for tick in range(3000)]
-    return [vector(orientation) for orientation in found if orientation is not None]
-
-
-def test_wrist_follows_turned_targets_at_bounded_speed() -> None:
-    seen = turned((0.0, ZERO), (0.5, (0.0, 0.0, 2.0)), (1.5, (1.0, 0.0, 0.0)))
+    seen = [vector(device.latest(10.0 + (tick + 1) * TICK).orientation or IDENTITY) for tick in range(3000)]
     assert seen[400] == ZERO
     assert seen[1499] == pytest.approx((0.0, 0.0, 2.0), abs=1e-3)
     assert seen[-1] == pytest.approx((1.0, 0.0, 0.0), abs=1e-3)

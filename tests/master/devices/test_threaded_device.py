@@ -1,6 +1,6 @@
 """What is alike for all devices that block: limits, torque, and the name in front of a fault."""
 
-from collections.abc import Callable, Iterator
+from contextlib import closing
 from time import monotonic
 from typing import Any
 
@@ -42,18 +42,10 @@ def exchange() -> Exchange:
     return Exchange()
 
 
-@pytest.fixture
-def make(exchange: Exchange) -> Iterator[Callable[..., Any]]:
-    made: list[Any] = []
-
-    def of(kind: Any, axes: str, **features: Any) -> Any:
-        spec = DeviceSpec("thing", axes, 3.0, 500.0, BOX, 1.0 / TICK, force_feedback=True, **features)
-        made.append(kind(spec, exchange, TICK))
-        return made[-1]
-
-    yield of
-    for device in made:
-        device.close()
+def made(kind: Any, exchange: Exchange, axes: str, **features: Any) -> Any:
+    """A device, closed at the end of the block."""
+    spec = DeviceSpec("thing", axes, 3.0, 500.0, BOX, 1.0 / TICK, force_feedback=True, **features)
+    return closing(kind(spec, exchange, TICK))
 
 
 @pytest.mark.parametrize(
@@ -64,38 +56,38 @@ def make(exchange: Exchange) -> Iterator[Callable[..., Any]]:
         ((0.3, 100.0, -0.4), (0.3, 0.0, -0.4)),  # what it cannot display takes away nothing
     ],
 )
-def test_limited_force_keeps_direction_within_axes(make: Any, exchange: Exchange, force: Vector, told: Vector) -> None:
-    device = make(ThreadedDevice, "xz")
-    device.open(0.0)
-    drive(device, lambda: exchange.told == pytest.approx(told), force)
-    drive(device, lambda: exchange.told == ZERO, ZERO)
+def test_limited_force_keeps_direction_within_axes(exchange: Exchange, force: Vector, told: Vector) -> None:
+    with made(ThreadedDevice, exchange, "xz") as device:
+        device.open(0.0)
+        drive(device, lambda: exchange.told == pytest.approx(told), force)
+        drive(device, lambda: exchange.told == ZERO, ZERO)
 
 
 @pytest.mark.parametrize("said", ["unplugged", "thing: unplugged"])
 @pytest.mark.parametrize("kind", [HardwareFault, BadReply])
-def test_a_fault_has_the_name_in_front_once(make: Any, exchange: Exchange, kind: Any, said: str) -> None:
-    device = make(ThreadedDevice, "xz")
-    device.open(0.0)
-    exchange.trouble = kind(said)
-    assert fault_of(device) == "thing: unplugged"
-    assert exchange.closed > 0
-    assert refusal(device) == "thing: unplugged"
-    exchange.trouble = None
-    device.open(0.0)
-    assert device.latest(0.0).at <= monotonic()
+def test_a_fault_has_the_name_in_front_once(exchange: Exchange, kind: Any, said: str) -> None:
+    with made(ThreadedDevice, exchange, "xz") as device:
+        device.open(0.0)
+        exchange.trouble = kind(said)
+        assert fault_of(device) == "thing: unplugged"
+        assert exchange.closed > 0
+        assert refusal(device) == "thing: unplugged"
+        exchange.trouble = None
+        device.open(0.0)
+        assert device.latest(0.0).at <= monotonic()
 
 
-def test_torque_goes_with_the_force_within_limit_until_stale(make: Any, exchange: Exchange) -> None:
-    device = make(ThreadedTorqueDevice, "xyz", orientation=True, torque_n_m=0.2)
-    device.turn((0.1, 0.0, 0.0), monotonic())  # of no effect before it is open
-    device.open(monotonic())
-    push = (1.0, 0.0, 0.0)
+def test_torque_goes_with_the_force_within_limit_until_stale(exchange: Exchange) -> None:
+    with made(ThreadedTorqueDevice, exchange, "xyz", orientation=True, torque_n_m=0.2) as device:
+        device.turn((0.1, 0.0, 0.0), monotonic())  # of no effect before it is open
+        device.open(monotonic())
+        push = (1.0, 0.0, 0.0)
 
-    def turns() -> bool:
-        assert exchange.told.torque[0] == 0.0
-        device.turn((0.0, 7.0, 0.0), monotonic())
-        return bool(exchange.told == (push, (0.0, 0.2, 0.0)))
+        def turns() -> bool:
+            assert exchange.told.torque[0] == 0.0
+            device.turn((0.0, 7.0, 0.0), monotonic())
+            return bool(exchange.told == (push, (0.0, 0.2, 0.0)))
 
-    drive(device, lambda: exchange.told is not None)
-    drive(device, turns, push)
-    drive(device, lambda: exchange.told == (push, ZERO), push)
+        drive(device, lambda: exchange.told is not None)
+        drive(device, turns, push)
+        drive(device, lambda: exchange.told == (push, ZERO), push)

@@ -50,14 +50,15 @@ ControlEnd = TypeVar("ControlEnd")
 
 
 def with_file_name(build: F) -> F:
-    """A builder whose errors have the name of the file in front."""
+    """A builder whose errors have the name of the file in front, once."""
 
     @wraps(build)
     def named(configuration: Configuration, *args: Any, **kwargs: Any) -> Any:
         try:
             return build(configuration, *args, **kwargs)
         except ConfigurationError as error:
-            raise ConfigurationError(f"{configuration.path}: {error}") from None
+            where = f"{configuration.path}: "
+            raise ConfigurationError(where + str(error).removeprefix(where)) from None
 
     return cast(F, named)
 

@@ -66,6 +66,20 @@ def serial(board: PtyDevice, closing: list[PolhemDevice]) -> Make:
     return make
 
 
+def press_while_it_opens(device: PolhemDevice, messages: list[Any], press: Callable[[], object]) -> None:
+    """Press the calibration button after ten messages."""
+    before = len(messages)
+
+    def press_later() -> None:
+        until(lambda: len(messages) > before + 10, "messages")
+        press()
+
+    person = Thread(target=press_later)
+    person.start()
+    device.open(monotonic())
+    person.join()
+
+
 @pytest.mark.parametrize(
     ("settings", "model", "says"),
     [
@@ -85,17 +99,8 @@ def test_homed_where_it_is_held_or_by_the_button(serial: Make, teensy: Any) -> N
     held.open(monotonic())
     assert held.latest(monotonic()).position == HOME
     held.close()
-    before = len(teensy.currents)
-
-    def press_later() -> None:
-        until(lambda: len(teensy.currents) > before + 10, "messages")
-        teensy.counts = (0, 0, 0, 0, 0, 0)
-
-    person = Thread(target=press_later)
-    person.start()
     device = serial(homing="button")
-    device.open(monotonic())
-    person.join()
+    press_while_it_opens(device, teensy.currents, lambda: setattr(teensy, "counts", (0,) * 6))
     assert device.latest(monotonic()).position == HOME
     assert set(teensy.currents) == {(0, 0, 0)}
 
@@ -216,6 +221,16 @@ def test_homing_at_open_sets_the_counters_which_may_hold_the_home_counts(hid: Ma
     assert SetCounters((8, 9, 10, 0, 30, 0)) in own.commands
     deaf.sets_counters = False
     assert "does not set its counters" in refusal(hid(deaf, homing="at_open"))
+
+
+def test_a_press_of_some_time_ago_does_not_count_and_the_next_one_homes(hid: Make) -> None:
+    board = ScriptedHidBoard(AWAY)
+    board.calibrate = True
+    device = hid(board, homing="button")
+    press_while_it_opens(device, board.commands, lambda: setattr(board, "calibrate", True))
+    told = [command.counts for command in board.commands if isinstance(command, SetCounters)]
+    assert (told[0], told[-1]) == (AWAY, (0,) * 6)
+    assert device.latest(monotonic()).position == HOME
 
 
 def test_the_older_kind_is_homed_on_the_host_and_has_no_button(hid: Make) -> None:

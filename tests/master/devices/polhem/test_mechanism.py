@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from weberlink.geometry.rotation import Quaternion, turned
-from weberlink.geometry.vector import Vector, distance, dot, norm
+from weberlink.geometry.vector import Vector, distance, dot, norm, scale
 from weberlink.master.devices.polhem.mechanism import GRAVITY_M_S2, Counts
 from weberlink.master.devices.polhem.parameters import PARAMETERS, Board, MechanismParameters
 
@@ -44,10 +44,10 @@ def test_inverse_undoes_position_and_the_jacobian_is_its_derivative(parameters: 
         angles = linkage.inverse(position)
         assert distance(linkage.position(angles), position) < 1e-12
         rows = linkage.jacobian(angles)
-        scale = max(abs(entry) for row in rows for entry in row)
+        largest = max(abs(entry) for row in rows for entry in row)
         for body, axis in product(range(3), range(3)):
             ahead, behind = (linkage.position(stepped(angles, body, way))[axis] for way in (step, -step))
-            assert abs(rows[axis][body] - (ahead - behind) / (2.0 * step)) < 1e-6 * scale
+            assert abs(rows[axis][body] - (ahead - behind) / (2.0 * step)) < 1e-6 * largest
 
 
 @every_set
@@ -129,9 +129,9 @@ def test_straight_gimbal_points_along_the_forearm(name: str) -> None:
     mechanism = PARAMETERS[name].mechanism
     for position in positions(PARAMETERS[name]):
         counts = mechanism.counts_at(position)
-        orientation = mechanism.orientation((*counts, *(-count for count in mechanism.drive.wiring.gimbal_home_counts)))
+        home = mechanism.drive.wiring.gimbal_home_counts
+        orientation = mechanism.orientation((*counts, *(-count for count in home)))
         assert orientation is not None
-        assert hypot(*orientation) == pytest.approx(1.0)
         angles = mechanism.drive.angles(counts)
         lam = mechanism.linkage.forearm(angles)
         ahead = (cos(angles[0]) * cos(lam), sin(angles[0]) * cos(lam), sin(lam))
@@ -160,27 +160,21 @@ def test_each_gimbal_axis_turns_the_handle(
     assert found == pytest.approx(orientation, abs=1e-4)
 
 
-components = st.floats(-1e6, 1e6)
+components = st.tuples(*[st.floats(-1e6, 1e6)] * 3)
 
 
-@examples(40)
-@given(
-    st.sampled_from(sorted(PARAMETERS)),
-    st.tuples(components, components, components),
-    st.tuples(*[st.integers(-40_000, 40_000)] * 3),
-)
+@examples(60)
+@given(st.sampled_from(sorted(PARAMETERS)), components, st.tuples(*[st.integers(-40_000, 40_000)] * 3))
 def test_current_limit_holds_everywhere(name: str, force: Vector, counts: Counts) -> None:
     currents = PARAMETERS[name].mechanism.limited_currents_ma(force, counts, 5.0, 1500.0)
     assert all(isfinite(current) and abs(current) <= 1500 for current in currents)
 
 
-@pytest.mark.parametrize(
-    ("force_n", "current_ma", "felt_n"), [(2.0, 6000.0, 2.0), (100.0, 800.0, 1.43), (6.0, 6000.0, 4.58)]
-)
+@pytest.mark.parametrize(("force_n", "current_ma", "felt_n"), [(2.0, 6e3, 2.0), (100.0, 800.0, 1.43), (6.0, 6e3, 4.58)])
 def test_limited_force_keeps_its_direction(force_n: float, current_ma: float, felt_n: float) -> None:
-    currents = WOODY.limited_currents_ma((1.0, -2.0, 4.0), MIDDLE, force_n, current_ma)
+    asked = (1.0, -2.0, 4.0)
+    currents = WOODY.limited_currents_ma(asked, MIDDLE, force_n, current_ma)
     felt = WOODY.force(currents, MIDDLE)
-    share = norm(felt) / norm((1.0, -2.0, 4.0))
-    assert distance(felt, (1.0 * share, -2.0 * share, 4.0 * share)) < 0.02
+    assert distance(felt, scale(asked, norm(felt) / norm(asked))) < 0.02
     assert norm(felt) == pytest.approx(felt_n, abs=0.02)
     assert max(map(abs, currents)) <= current_ma

@@ -10,7 +10,7 @@ from weberlink.codec import Channel, force_channel, position_channel
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC, DeadbandSetup
 from weberlink.codec.rate import UpdateRate
 from weberlink.config.model import PositionCodecSettings
-from weberlink.figures.felt import WEBER_FRACTION, QualityStatistics, Threshold, in_units, longest_run, rms
+from weberlink.figures.felt import WEBER_FRACTION, QualityStatistics, Threshold, longest_run
 from weberlink_studies.evaluate.replay import Signal, replay, signal_of
 from weberlink_studies.evaluate.traces import FILES, NamedTrace
 from weberlink_studies.frame import Row
@@ -156,7 +156,7 @@ def evaluate(
     run = replay(signal, channel)
     samples, packets, duration = len(run.error_n), len(run.updates), signal.duration_s
     sends = np.bincount(run.selected, minlength=len(channel.bank)).tolist()
-    outside = run.deviation_n > run.bound_n
+    outside, bounded = run.deviation_n > run.bound_n, run.bound_n > 0.0
     unit, measures = "m", {}
     if threshold is not None:
         quality = QualityStatistics(signal.period_s, threshold)
@@ -174,9 +174,9 @@ def evaluate(
         "packets_per_s": packets / duration,
         "reduction": 1.0 - packets / samples,
         "bytes_per_s": run.payload_bytes(channel) / duration,
-        f"error_rms_{unit}": rms(run.error_n),
+        f"error_rms_{unit}": float(np.sqrt(np.mean(np.square(run.error_n)))),
         f"error_max_{unit}": float(run.error_n.max()),
-        "error_max_deadbands": float(in_units(run.deviation_n, run.bound_n).max(initial=0.0)),
+        "error_max_deadbands": float((run.deviation_n[bounded] / run.bound_n[bounded]).max(initial=0.0)),
         "violation_fraction": float(outside.mean()),
         "violation_longest_s": longest_run(outside) * signal.period_s,
         **measures,

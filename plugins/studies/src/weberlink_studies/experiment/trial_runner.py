@@ -152,7 +152,7 @@ class VirtualRunner:
         seeds += [f"link.emulate.seed={seed}"] if configuration.system.link.emulate is not None else []
         configuration = load(self.signals.file, self.signals.with_condition(trial.condition, *seeds))
         simulation, score = build_simulation(configuration), score_of(configuration.system)
-        simulation.run(self.plan.duration_s, [score])
+        simulation.run(self.plan.duration_s, [score.add])
         sides = {"master": simulation.master, "slave": simulation.slave}
         failures = "; ".join(side.failure for side in sides.values() if side.failure is not None)
         outcome = f"failed: {failures}" if failures else "completed"

@@ -126,7 +126,7 @@ def _run(case: PaperCase) -> list[Row]:
 def explore(scene: PaperScene, duration_s: float) -> Trace:
     """Position and force at the robot in a session with every sample sent."""
     recorder = TraceRecorder()
-    build_simulation(_configuration(scene, "zoh", 0.0, 0.0)).run(duration_s, [recorder])
+    build_simulation(_configuration(scene, "zoh", 0.0, 0.0)).run(duration_s, [recorder.add])
     return recorder.trace
 
 
@@ -134,7 +134,7 @@ def _feel(scene: PaperScene, predictor: str, weber: float, duration_s: float) ->
     """Packets and felt error of a coded session."""
     configuration = _configuration(scene, predictor, weber, FLOOR_N)
     score = score_of(configuration.system)
-    build_simulation(configuration).run(duration_s, [score])
+    build_simulation(configuration).run(duration_s, [score.add])
     force = to_json(score.figures().felt)
     return {name: force[name] for name in ("packets_per_s", "error_rms_jnd")}
 

@@ -16,12 +16,8 @@ def recorded(configuration: Configuration, scheme: str, duration_s: float) -> tu
     simulation = build_with(configuration, scheme)
     kept: list[tuple[Records, Records]] = []
 
-    class Keeper:
-        def add(self, master: Records, slave: Records) -> None:
-            kept.append((master.copy(), slave.copy()))
-
     try:
-        simulation.run(duration_s, [Keeper()])
+        simulation.run(duration_s, [lambda master, slave: kept.append((master.copy(), slave.copy()))])
     finally:
         simulation.close()
     failures = [side.failure for side in (simulation.master, simulation.slave) if side.failure is not None]
