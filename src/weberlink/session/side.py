@@ -26,9 +26,8 @@ from weberlink.protocol.events import (
 )
 from weberlink.protocol.states import State
 from weberlink.realtime.stall import StallDetector, Watchdog
-from weberlink.session.channels import IncomingChannel, OutgoingChannel
+from weberlink.session.channels import IncomingChannel, OutgoingChannel, Rows
 from weberlink.session.port import Port
-from weberlink.session.rows import Rows
 from weberlink.telemetry.fault import Fault, FaultLedger
 from weberlink.telemetry.record import ALL, Record
 from weberlink.telemetry.row import Row
