@@ -5,7 +5,7 @@ force last that the robot's end states no contact for.
 """
 
 from collections.abc import Sequence
-from math import copysign, hypot, inf
+from math import copysign, hypot, inf, isfinite
 
 from weberlink.codec.decoder import Decoder
 from weberlink.codec.sample import Sample
@@ -283,13 +283,18 @@ class Bound:
 
     def _limited(self, wanted: Joints) -> Joints:
         """The parts, shortened to their limits."""
+        if len(self.most) == 1:  # of a hand; nothing is to be done in most ticks
+            length = hypot(*wanted)
+            if length <= self.most[0]:
+                self.asked, self.clipped = length, False
+                return wanted
         limited: Joints = ()
         width, first = self.width, 0
         self.asked, self.clipped = 0.0, False
         for most in self.most:
             part = wanted[first : first + width]
             length = hypot(*part)
-            if length - length != 0.0:
+            if not isfinite(length):
                 part, length = self._nothing[:width], 0.0
             elif length > most:
                 self.clipped = self.clipped or most > 0.0

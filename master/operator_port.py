@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from math import hypot, inf
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import Any, ClassVar
 
 from weberlink.compiled import mypyc_attr
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
 from weberlink.control.ends import AxesMaster, Control, MasterControl
+from weberlink.control.port import Port
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.joints import is_finite as all_finite
 from weberlink.geometry.vector import ZERO, Vector, is_finite
@@ -15,9 +16,6 @@ from weberlink.master.gate import HandContact, OutputGate
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
-
-if TYPE_CHECKING:
-    from weberlink.arms.contract import LeaderArm
 
 
 class HandPosition:
@@ -118,8 +116,8 @@ class Display:
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class OperatorPort:
-    """The operator's end; a `weberlink.session.port.Port`. A subclass says what is sensed, booked and recorded.
+class OperatorPort(Port):
+    """The operator's end; a subclass says what is sensed, booked and recorded.
 
     Args:
         source: the device or arm, not yet open.
@@ -131,19 +129,17 @@ class OperatorPort:
 
     Attributes:
         buttons: that are pressed, a bit each.
-        unfounded: whether a force is asked for that the robot's end states no contact for.
         slew_ticks: ticks in which a slew limit held force or torque back.
         clipped: whether a limit shortened what was displayed in this tick.
     """
 
-    kind: Final = "device"
-    leads: Final = True
-    tripped: Final = False
+    kind: ClassVar[str] = "device"
+    leads: ClassVar[bool] = True
     fault: ClassVar[type[Exception]] = DeviceFault
 
     def __init__(
         self,
-        source: "Device | LeaderArm",
+        source: Any,
         *,
         displays: Sequence[Display],
         controls: Sequence[Control],
@@ -151,30 +147,18 @@ class OperatorPort:
         gate: OutputGate,
         button: int | None = None,
     ) -> None:
-        self._source = source
-        self.name: str = source.spec.name
-        self.displays, self.controls, self.gate = displays, controls, gate
-        self.buttons = 0
+        super().__init__(source, controls)
+        self.displays, self.gate = displays, gate
         self.enabled = button is None
-        self.ended = self.unfounded = self.clipped = False
-        self.slew_ticks = 0
+        self.buttons = self.slew_ticks = 0
+        self.clipped = False
         self._endpoint = endpoint
         self._button = button
         self._contacts = [bound.contact for bound in gate.bounds if bound.contact is not None]
 
     @property
-    def trouble(self) -> str | None:
-        return getattr(self._source, "trouble", None)
-
-    @property
     def at_rest(self) -> bool:
         return self.gate.gain == 0.0
-
-    def open(self, now: float) -> None:
-        self._source.open(now)
-
-    def close(self) -> None:
-        self._source.close()
 
     def latest(self, now: float) -> Any:
         reading = self._source.latest(now)
@@ -187,19 +171,12 @@ class OperatorPort:
             self.enabled = bool(buttons >> self._button & 1)
         return False
 
-    def settle(self, now: float) -> None: ...
-
     def reset(self) -> None:
         self.restart()
 
     def restart(self) -> None:
         self.gate.close()
         self.unfounded = False
-
-    def release(self, *, retreat: bool) -> None: ...
-
-    def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:
-        raise NotImplementedError
 
     def actuate(
         self,
@@ -214,13 +191,12 @@ class OperatorPort:
         gate.fade(engaged=engaged, age=now - self._endpoint.liveness.in_touch_at, step=step)
         for display in self.displays:
             display.show(values, gate, now, step)
-        held_back = clipped = False
+        held_back = clipped = unfounded = False
         for bound in gate.bounds:
             held_back = held_back or bound.is_held_back
             clipped = clipped or bound.clipped
         self.slew_ticks += held_back
         self.clipped = clipped
-        unfounded = False
         for contact in self._contacts:
             unfounded = unfounded or contact.limiter.unfounded
         if unfounded and not self.unfounded:  # at fault, the scheme begins anew

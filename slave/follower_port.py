@@ -41,7 +41,6 @@ class FollowerPort(TeleoperatorPort):
 
     Args: as of `TeleoperatorPort`, and these.
         arm: not yet open.
-        angle_range: least and largest angles that may be commanded [rad].
         sensors: of the channels of the joints and of the gripper.
     """
 
@@ -52,12 +51,11 @@ class FollowerPort(TeleoperatorPort):
         arm: FollowerArm,
         *,
         guard: Guard,
-        angle_range: tuple[Joints, Joints],
         sensors: Sequence[AxesSensor],
         by_button: bool = False,
     ) -> None:
         super().__init__(arm, guard=guard, command=arm.follow, controls=(Control(),), by_button=by_button)
-        self.angle_range, self._sensors = angle_range, sensors
+        self.angle_range, self._sensors = (guard.lower, guard.upper), sensors
         self._shown = self.felt
 
     def _complaint(self, reading: ArmReading) -> str | None:

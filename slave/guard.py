@@ -4,12 +4,12 @@ It engages without a jump, bounds speed, place and contact, and stops the robot 
 """
 
 from collections.abc import Callable, Sequence
-from math import hypot, inf
+from math import hypot, inf, isfinite
 from typing import Any
 
 from weberlink.compiled import mypyc_attr
 from weberlink.control.gate import Approach, toward
-from weberlink.geometry.joints import Joints, is_finite
+from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import Vector
 
 Workspace = tuple[Vector, Vector]
@@ -254,10 +254,10 @@ class PressLimit:
 
 def _along(start: Joints, end: Joints, direction: Joints) -> float:
     """How far the way from one place to another goes in a direction."""
-    way = 0.0
-    for here, there, share in zip(start, end, direction, strict=True):
-        way += (there - here) * share
-    return way
+    if len(direction) == 1:
+        return (end[0] - start[0]) * direction[0]
+    a, b, c = direction
+    return (end[0] - start[0]) * a + (end[1] - start[1]) * b + (end[2] - start[2]) * c
 
 
 class Guard(Follower):
@@ -337,6 +337,8 @@ class Guard(Follower):
 
     def is_overloaded(self, force: Joints) -> bool:
         """Whether a force of the environment is above its limit."""
+        if len(self._trips) == 1:
+            return hypot(*force) > self._trips[0]
         for (first, last), most in zip(self._spans, self._trips):  # noqa: B905, SIM110 - strict and any() cost as much as the loop
             if hypot(*force[first:last]) > most:
                 return True
@@ -399,14 +401,17 @@ class Guard(Follower):
             force: of the environment on the robot.
             step: time since the last tick [s].
         """
-        if not is_finite(commanded):
+        if not isfinite(hypot(*commanded)):
             return self.hold(step)
         bounded: Joints = ()
-        held = self.held
-        for (first, last), press in zip(self._spans, self._presses):  # noqa: B905 - strict costs as much as the loop
-            bounded += press.bounded(
-                commanded[first:last], held[first:last], where[first:last], force[first:last], step
-            )
+        held, presses = self.held, self._presses
+        if len(presses) == 1:
+            bounded = presses[0].bounded(commanded, held, where, force, step)
+        else:
+            for (first, last), press in zip(self._spans, presses):  # noqa: B905 - strict costs as much as the loop
+                bounded += press.bounded(
+                    commanded[first:last], held[first:last], where[first:last], force[first:last], step
+                )
         self.contact_ticks += bounded != commanded
         goal = self._inside(bounded)
         if self._way_out is not None:
@@ -421,6 +426,11 @@ class Guard(Follower):
         return held
 
     def _inside(self, place: Joints) -> Joints:
+        for value, low, high in zip(place, self.lower, self.upper):  # noqa: B905 - strict costs as much as the loop
+            if value < low or value > high:
+                break
+        else:
+            return place
         inside = [
             low if value < low else high if value > high else value
             for value, low, high in zip(place, self.lower, self.upper)  # noqa: B905 - strict costs as much as the loop

@@ -3,10 +3,11 @@
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from math import inf
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from weberlink.compiled import mypyc_attr
 from weberlink.control.ends import Control, SlaveControl
+from weberlink.control.port import Port
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.protocol.endpoint import Endpoint
@@ -16,13 +17,12 @@ from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
 
 if TYPE_CHECKING:
-    from weberlink.arms.contract import FollowerArm
     from weberlink.slave.rotation import ToolOrientation
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class TeleoperatorPort:
-    """The robot's end; a `weberlink.session.port.Port`. A subclass says what is wanted, sensed and recorded.
+class TeleoperatorPort(Port):
+    """The robot's end; a subclass says what is wanted, sensed and recorded.
 
     Args:
         robot: or the arm, not yet open.
@@ -38,42 +38,26 @@ class TeleoperatorPort:
         is_overloaded: whether that is above its limit.
     """
 
-    kind: Final = "robot"
-    leads: Final = False
-    enabled: Final = True
-    at_rest: Final = True
-    unfounded: Final = False
-    ended: Final = False
     fault: ClassVar[type[Exception]] = RobotFault
 
     def __init__(
         self,
-        robot: "Robot | FollowerArm",
+        robot: Any,
         *,
         guard: Guard,
         command: Callable[[Any, float], None],
         controls: Sequence[Control],
         by_button: bool = False,
     ) -> None:
-        self._robot, self.guard, self._command, self._by_button = robot, guard, command, by_button
-        self.name: str = robot.spec.name
-        self.controls = controls
+        super().__init__(robot, controls)
+        self.guard, self._command, self._by_button = guard, command, by_button
         self.applied = self.where = self.felt = guard.held
         self.is_overloaded = False
-        self.latest: Callable[[float], Any] = robot.latest  # bound here: it is called in every tick
-
-    @property
-    def trouble(self) -> str | None:
-        return getattr(self._robot, "trouble", None)
-
-    @property
-    def tripped(self) -> bool:
-        return self.guard.tripped
 
     @property
     def follows(self) -> bool:
         """Whether no contact that was too strong keeps the robot from following."""
-        return not (self.is_overloaded or self.guard.tripped)
+        return not (self.is_overloaded or self.tripped)
 
     @property
     def clipped(self) -> bool:
@@ -84,18 +68,15 @@ class TeleoperatorPort:
         return self.guard.ramping
 
     def open(self, now: float) -> None:
-        self._robot.open(now)
+        super().open(now)
         reading = self.latest(now)
         problem = self._complaint(reading)
         if problem is not None:
-            self._robot.close()
+            self.close()
             raise self.fault(f"{self.name} {problem}")
         self._take(reading)
         self.applied = self.where
         self.guard.place(self.where)
-
-    def close(self) -> None:
-        self._robot.close()
 
     def _complaint(self, reading: Any) -> str | None:
         """Why a reading cannot be used; None if it can."""
@@ -111,6 +92,7 @@ class TeleoperatorPort:
         trips = self.is_overloaded and not self.guard.tripped
         if trips:
             self.guard.trip(self.felt, self.where)
+            self.tripped = True
         return trips
 
     def settle(self, now: float) -> None:
@@ -128,16 +110,11 @@ class TeleoperatorPort:
     def reset(self) -> None:
         self.guard.reset()
 
-    def restart(self) -> None: ...
-
     def release(self, *, retreat: bool) -> None:
         if retreat:
             self.guard.retreat(self.felt, self.where)
         else:
             self.guard.release()
-
-    def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:
-        raise NotImplementedError
 
     def _wanted(self, values: Sequence[Any], elapsed: float) -> Joints | None:
         """What the operator commands; None for nothing."""
@@ -149,6 +126,7 @@ class TeleoperatorPort:
             self.applied = self.guard.hold(step)
         else:
             self.applied = self.guard.follow(wanted, self.where, self.felt, step)
+            self.tripped = self.guard.tripped
         self._command(self.applied, now)
 
     def report(self, row: Row, *, is_led: bool) -> None:

@@ -1,7 +1,6 @@
 """The table of haptic device drivers, extended by entry points of the group `weberlink.devices`."""
 
-from weberlink.master.devices.contract import DeviceDriver
-from weberlink.registry import Registry
+from weberlink.registry import Driver, Registry
 
 BUILT_IN = {
     "operator": "weberlink.master.devices.operator:OperatorDevice",
@@ -10,4 +9,4 @@ BUILT_IN = {
     "polhem_serial": "weberlink.master.devices.polhem.serial_device:PolhemSerialDevice",
     "replay": "weberlink.master.devices.replay:ReplayDevice",
 }
-DEVICES: Registry[DeviceDriver] = Registry("device", BUILT_IN, "weberlink.devices")
+DEVICES: Registry[Driver] = Registry("device", BUILT_IN, "weberlink.devices")

@@ -1,13 +1,12 @@
 """The contract of every haptic device driver."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 from weberlink.geometry.vector import Vector, is_finite
 
 if TYPE_CHECKING:  # else a process that only serves a device would take a second to start on a busy host
-    from pydantic import BaseModel
+    pass
 
 Quaternion = tuple[float, float, float, float]
 """(w, x, y, z)."""
@@ -113,13 +112,6 @@ class TorqueDevice(Device, Protocol):
     def turn(self, torque: Vector, now: float) -> None:
         """The torque to display on the operator's hand [N m], axes of the device; holds until the next one."""
         ...
-
-
-class DeviceDriver(Protocol):
-    """A driver class: its options, and a device built from them and `tick_period` [s]."""
-
-    Options: "ClassVar[type[BaseModel]]"
-    __call__: Callable[[Any, float], Device]
 
 
 def check_finite(name: str, what: str, vector: Vector) -> None:

@@ -1,9 +1,8 @@
 """The table of leader arms, extended by entry points of the group `weberlink.leaders`."""
 
-from weberlink.arms.contract import ArmDriver
-from weberlink.registry import Registry
+from weberlink.registry import Driver, Registry
 
 BUILT_IN = {
     "remote_leader": "weberlink.master.devices.remote_leader:RemoteLeader",
 }
-LEADERS: Registry[ArmDriver] = Registry("leader arm", BUILT_IN, "weberlink.leaders")
+LEADERS: Registry[Driver] = Registry("leader arm", BUILT_IN, "weberlink.leaders")

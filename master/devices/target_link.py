@@ -173,7 +173,11 @@ class TargetSocket(Generic[Target]):
             self._socket.close()
             self._socket = None
             self._path.unlink(missing_ok=True)
-            self._path.with_name(f"{self._path.name}.lock").unlink(missing_ok=True)
+            _lock_of(self._path).unlink(missing_ok=True)
+
+
+def _lock_of(path: Path) -> Path:
+    return path.with_name(f"{path.name}.lock")
 
 
 class _Sender:
@@ -188,12 +192,13 @@ class _Sender:
         self._last = max(self._last + 1, monotonic_ns())
         return self._last
 
-    def _connect(self) -> None:
-        """Raises FileNotFoundError, or another OSError, also for a file of another user in its place."""
+    def _connect(self) -> Path:
+        """The path of the socket; raises FileNotFoundError, or another OSError, also for a file of another user."""
         path = link_path(self._pid, self._kind)
         check(path, path.lstat(), stat.S_IFSOCK)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
         self._socket.connect(str(path))
+        return path
 
     def _send(self, data: bytes) -> bool:
         """Whether the daemon has it to read."""
@@ -253,8 +258,7 @@ class LeaderSender(_Sender):
     def __init__(self, pid: int) -> None:
         super().__init__(pid, LEADER)
         try:
-            self._connect()
-            self._lock = self._locked(link_path(pid, LEADER_LOCK))
+            self._lock = self._locked(_lock_of(self._connect()))
         except BaseException as error:
             self._disconnect()
             if isinstance(error, ConnectionRefusedError):  # the daemon was killed

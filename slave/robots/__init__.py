@@ -1,7 +1,6 @@
 """The table of robot drivers, extended by entry points of the group `weberlink.robots`."""
 
-from weberlink.registry import Registry
-from weberlink.slave.robots.contract import RobotDriver
+from weberlink.registry import Driver, Registry
 
 BUILT_IN = {
     "point": "weberlink.slave.robots.point:PointRobot",
@@ -14,4 +13,4 @@ def _check(name: str, entry: object) -> None:
         raise ValueError(f"weberlink.robots: {name} is not a driver class")  # noqa: TRY004 - wrong name
 
 
-ROBOTS: Registry[RobotDriver] = Registry("robot", BUILT_IN, "weberlink.robots", _check)
+ROBOTS: Registry[Driver] = Registry("robot", BUILT_IN, "weberlink.robots", _check)

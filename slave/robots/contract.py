@@ -1,13 +1,9 @@
 """The interface of every robot driver."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
-
-from pydantic import BaseModel
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.slave.scenes.scene import Scene
 
 Quaternion = tuple[float, float, float, float]
 """(w, x, y, z)."""
@@ -97,13 +93,3 @@ class OrientedRobot(Robot, Protocol):
             ValueError: the orientation is not finite or has no length.
         """
         ...
-
-
-class RobotDriver(Protocol):
-    """A driver class: its options, and how a robot is built.
-
-    `scene` is what a simulated robot touches (None for a real one), `tick_period` the time between two ticks [s].
-    """
-
-    Options: ClassVar[type[BaseModel]]
-    __call__: Callable[[Any, Scene | None, float], Robot]

@@ -1,7 +1,6 @@
 """The table of follower arms, extended by entry points of the group `weberlink.followers`."""
 
-from weberlink.arms.contract import ArmDriver
-from weberlink.registry import Registry
+from weberlink.registry import Driver, Registry
 
 BUILT_IN: dict[str, str] = {}
-FOLLOWERS: Registry[ArmDriver] = Registry("follower arm", BUILT_IN, "weberlink.followers")
+FOLLOWERS: Registry[Driver] = Registry("follower arm", BUILT_IN, "weberlink.followers")

@@ -8,13 +8,15 @@ from importlib import import_module
 from itertools import product
 from pathlib import Path
 from traceback import walk_tb
-from typing import TYPE_CHECKING, Any, Generic, Literal, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, NamedTuple, Protocol, TypeVar
 
 from weberlink.installation import absence, guests
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
     from types import FrameType
+
+    from pydantic import BaseModel  # else a process that only serves a device would take a second to start
 
 T = TypeVar("T")
 
@@ -32,6 +34,16 @@ def is_hardware(driver: object) -> bool:
 def is_scripted(driver: object) -> bool:
     """Whether a program moves a device, so that no person feels anything with it; a driver says `SCRIPTED = True`."""
     return getattr(driver, "SCRIPTED", False)
+
+
+class Driver(Protocol):
+    """A driver class: its options, and a device, robot or arm made of them and the tick period [s].
+
+    A robot is made of its options, the scene that a simulated one touches (None for a real one), and the tick period.
+    """
+
+    Options: "ClassVar[type[BaseModel]]"
+    __call__: Callable[..., Any]
 
 
 class PartError(ValueError):

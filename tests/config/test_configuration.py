@@ -63,6 +63,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
         ("link.playout_ms=51", "link.playout_ms"),
         ("link.emulate={loss: 1.5}", "link.emulate.loss"),
         ("link.emulate={loss: 0.9, to_slave: {burst: 5}}", "link.emulate: loss"),
+        ("link.emulate={blackouts_s: [[0, 1, 0]]}", "link.emulate.blackouts_s"),
         ("master.device={driver: operater}", "driver"),
         ("master.engage={button: 0}", "master.engage.button"),
         ("master.mapping={clutch: {button: 0}}", "master.mapping"),

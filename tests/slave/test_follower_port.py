@@ -9,8 +9,8 @@ from tests.arms.ends import TICK, Servos
 from tests.compiled import replaces_methods
 from weberlink.arms.contract import ArmFault, ArmReading
 from weberlink.arms.sensor import sensors_of
+from weberlink.control.port import Port
 from weberlink.geometry.joints import Joints
-from weberlink.session.port import Port
 from weberlink.slave.follower_port import TRIP_RETREAT, FollowerPort, axis_press_limit
 from weberlink.slave.guard import TRIP_PAUSE, Guard
 from weberlink.telemetry.record import RELEASED
@@ -36,9 +36,7 @@ class Following:
             ramp=RAMP, trip_retract=TRIP_RETREAT,
         )  # fmt: skip
         self.joints, self.gripper = self.sensors = sensors_of(self.arm.spec, "torques")
-        self.port = FollowerPort(
-            self.arm, guard=guard, angle_range=(LOWER, UPPER), sensors=self.sensors, by_button=True
-        )
+        self.port = FollowerPort(self.arm, guard=guard, sensors=self.sensors, by_button=True)
         self.now = 0.0
         self.trips = 0
         self.port.open(0.0)

@@ -13,9 +13,9 @@ from tests.compiled import replaces_methods
 from tests.examples import examples
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.ends import SlaveControl
+from weberlink.control.port import Port
 from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, quaternion
 from weberlink.geometry.vector import ZERO, Vector, norm, scale
-from weberlink.session.port import Port
 from weberlink.slave.guard import TRIP_PAUSE, Guard, PressLimit
 from weberlink.slave.robot_port import RobotPort
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec

@@ -166,8 +166,9 @@ def run(kind: str, end: str, seed: int, updates: int) -> Largest:
                 sent += duel.update(
                     Content(draw.randint(0, 1), draw.randint(0, 7), draw.randint(-90, 100), levels, None)
                 )
+            now = duel.now
             duel.tick()
-            watch.look(duel.now)
+            watch.look(now)
             if sent >= updates:
                 break
     return watch.largest

@@ -175,18 +175,18 @@ class PolhemDevice(ThreadedDevice):
     EXCHANGE: ClassVar[type[PolhemExchange]]
     PORT: ClassVar[Any]
     """Opens the port at a path."""
+    KIND: ClassVar[str]
+    """Option of which the signs depend besides those of the mechanism."""
     BUTTONS: ClassVar[int] = 0
     """On the handle."""
     SIGN_OPTIONS: ClassVar[Mapping[str, str]] = {
-        "x": "encoder_directions of B and C, or home_counts",
+        **dict.fromkeys("xz", "encoder_directions of B and C, or home_counts"),
         "y": "the first of encoder_directions",
-        "z": "encoder_directions of B and C, or home_counts",
     }
     """What to change where the position along an axis goes the wrong way."""
     FORCE_OPTIONS: ClassVar[Mapping[str, str]] = {
-        "x": "motor_directions of B and C",
+        **dict.fromkeys("xz", "motor_directions of B and C"),
         "y": "the first of motor_directions",
-        "z": "motor_directions of B and C",
     }
     """What to change where the force along an axis goes the wrong way."""
 
@@ -229,4 +229,4 @@ class PolhemDevice(ThreadedDevice):
         parameters = options.wired()
         wiring = parameters.mechanism.drive.wiring
         signs = f"encoders {wiring.encoder} motors {wiring.motor} {wiring.home_counts}"
-        return fingerprint(f"{cls.EXCHANGE.NAME} {options.kind} {parameters.name} {signs}")
+        return fingerprint(f"{cls.EXCHANGE.NAME} {getattr(options, cls.KIND)} {parameters.name} {signs}")

@@ -155,6 +155,7 @@ class PolhemHidDevice(PolhemDevice):
     Options = PolhemHidOptions
     EXCHANGE = ReportExchange
     PORT = HidPort
+    KIND = "report_bytes"
     BUTTONS = 1
     USB: ClassVar[tuple[UsbId, ...]] = (UsbId(0x1234, 0x0006),)
 

@@ -75,11 +75,6 @@ class PolhemOptions(ForceOptions, PortOptions):
         """Whether the options say which device it is."""
         return True
 
-    @property
-    def kind(self) -> str:
-        """Which signs a check of them holds for, besides those of the mechanism."""
-        raise NotImplementedError
-
     def wired(self) -> MechanismParameters:
         """The mechanism with the signs of these options; raises as `wire`."""
         raise NotImplementedError
@@ -151,10 +146,6 @@ class PolhemSerialOptions(PolhemOptions):
     def is_named(self) -> bool:
         return self.model != "auto"
 
-    @property
-    def kind(self) -> str:
-        return self.model
-
     def wired(self, model: str | None = None) -> MechanismParameters:
         """With `auto`, those of the model that answered, WoodenHaptics before, and without the gimbal: the spec could
         not promise an orientation.
@@ -179,10 +170,6 @@ class PolhemHidOptions(PolhemOptions):
         default=False,
         description="the counters hold the home counts in the home pose, as the makers' software sets them, not zero",
     )
-
-    @property
-    def kind(self) -> str:
-        return str(self.report_bytes)
 
     def wired(self) -> MechanismParameters:
         return self.wire(self.parameters, "hid14" if self.report_bytes == LONG else "hid8")

@@ -128,6 +128,7 @@ class PolhemSerialDevice(PolhemDevice):
     Options = PolhemSerialOptions
     EXCHANGE = BracketExchange
     PORT = SerialPort
+    KIND = "model"
     USB: ClassVar[tuple[UsbId, ...]] = (UsbId(0x16C0, 0x0483),)
 
     @classmethod

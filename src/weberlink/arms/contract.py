@@ -4,11 +4,8 @@ A leader is an arm in the operator's hand, with motors that display torque or wi
 position control of its joints. The axes are the joints in order and, where the arm has one, the gripper last.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Protocol
-
-from pydantic import BaseModel
+from typing import NamedTuple, Protocol
 
 from weberlink.geometry.joints import Joints
 
@@ -135,10 +132,3 @@ class FollowerArm(Arm, Protocol):
             ValueError: an angle is not finite.
         """
         ...
-
-
-class ArmDriver(Protocol):
-    """A driver class: its options, and a leader or a follower built from them and the tick period [s]."""
-
-    Options: ClassVar[type[BaseModel]]
-    __call__: Callable[[Any, float], Any]

@@ -9,7 +9,7 @@ from weberlink.geometry.vector import ZERO, Vector
 
 
 class AxesSensor:
-    """Some axes of an arm, of which the angles or the torques are sent; a `weberlink.session.port.Sensor` of arms.
+    """Some axes of an arm, of which the angles or the torques are sent; a `weberlink.control.port.Sensor` of arms.
 
     Args:
         quantity: which part of a reading it takes.

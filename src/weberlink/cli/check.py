@@ -127,8 +127,7 @@ def _mapping(mapping: MappingSettings) -> str:
 
 
 def _arms(system: System, leader: "ArmSpec | None", follower: "ArmSpec | None") -> Iterator[str]:
-    from weberlink.session.composition.following import angle_limits  # noqa: PLC0415 - for arms alone
-    from weberlink.session.composition.leading import torque_limits  # noqa: PLC0415 - likewise
+    from weberlink.session.composition.arms import angle_limits, torque_limits  # noqa: PLC0415 - for arms alone
 
     joints = system.codec.joints
     assert joints is not None

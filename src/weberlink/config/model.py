@@ -158,10 +158,8 @@ class DirectionFaults(Settings):
         )
 
     def contradictions(self) -> Iterator[str]:
-        try:
-            self.emulation()
-        except ValueError as error:  # such as a loss that these bursts cannot have
-            yield str(error)
+        if self.burst > 1.0 and self.burst / (1.0 + self.burst) < self.loss < 1.0:
+            yield f"loss: at most burst / (1 + burst) for bursts of {self.burst:g}, not {self.loss:g}"
 
 
 class EmulationSettings(DirectionFaults):

@@ -41,7 +41,7 @@ class Approach:
         held_back: whether the rate held back a value that is not in the approach.
     """
 
-    __slots__ = ("_grows", "_rest", "_step_toward", "arrived", "held", "held_back", "parts")
+    __slots__ = ("_grows", "_rate", "_rest", "_step_toward", "arrived", "held", "held_back", "parts")
 
     def __init__(
         self,
@@ -62,6 +62,7 @@ class Approach:
             first += width
         if first != len(start):
             raise ValueError(f"{len(start)} axes, but parts of {first}")
+        self._rate = rates[0] if len(rates) == 1 else None
         self._grows, self._rest, self._step_toward = grows, (0.0,) * first, step_toward
         self.held = start
         self.arrived = self.held_back = False
@@ -73,7 +74,12 @@ class Approach:
         if goal == held:
             self.arrived = True
             return held
-        moved: Joints = ()
+        if arrived and self._rate is not None:  # the one part of a hand follows: most ticks
+            moved: Joints = self._step_toward(held, goal, self._rate * step)
+            self.held_back = moved != goal
+            self.held = moved
+            return moved
+        moved = ()
         for first, last, rate, approach in self.parts:
             here, there = held[first:last], goal[first:last]
             way = rate * step

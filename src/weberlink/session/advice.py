@@ -116,8 +116,7 @@ def dry_run(configuration: Configuration) -> DryRun:
 def _build(configuration: Configuration) -> DryRun:
     has_device, has_robot = configuration.device is not None, configuration.robot is not None
     if configuration.system.codec.joints is not None:
-        from weberlink.session.composition.following import build_follower  # noqa: PLC0415 - for arms alone
-        from weberlink.session.composition.leading import build_leader  # noqa: PLC0415 - likewise
+        from weberlink.session.composition.arms import build_follower, build_leader  # noqa: PLC0415 - for arms alone
 
         leader = build_leader(configuration).spec if has_device else None
         return DryRun(configuration, None, None, leader, build_follower(configuration).spec if has_robot else None)

@@ -8,10 +8,10 @@ from weberlink.codec import Decoder, Encoder
 from weberlink.codec.predictors.model import Hold
 from weberlink.control.contract import UNREACHED_S
 from weberlink.control.ends import MasterControl
+from weberlink.control.port import Sensor
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.protocol.events import Statistics
-from weberlink.session.port import Sensor
 from weberlink.telemetry.record import ARM, HAND, MOST_RECEIVED, ROTATION, UNKNOWN, Layout
 from weberlink.telemetry.row import Row, placed
 from weberlink.update import Update

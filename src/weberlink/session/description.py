@@ -18,10 +18,10 @@ from weberlink.bounded_json import parse
 from weberlink.child_process import Order
 from weberlink.config import SLAVE, Configuration
 from weberlink.config.model import split_address
+from weberlink.control.port import Port
 from weberlink.protocol.handshake import LONGEST_NAME
 from weberlink.session.composition.channels import banks, motion_bank
 from weberlink.session.composition.link import live_choices
-from weberlink.session.port import Port
 from weberlink.telemetry.runtime_directory import open_file
 
 if TYPE_CHECKING:

@@ -35,7 +35,7 @@ def facts(configuration: Configuration, *, virtual: bool = False) -> dict[str, s
     force, torque = banks(system)
     described: dict[str, Any] = {"system": system.model_dump(mode="json"), "bank": force, "torque_bank": torque}
     if system.codec.joints is not None and configuration.robot is not None:
-        from weberlink.session.composition.following import angle_limits, build_follower  # noqa: PLC0415 - for arms
+        from weberlink.session.composition.arms import angle_limits, build_follower  # noqa: PLC0415 - for arms
 
         described |= zip(RANGE, angle_limits(system, build_follower(configuration).spec), strict=True)
     return facts_of(described, virtual=virtual)

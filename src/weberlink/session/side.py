@@ -6,6 +6,7 @@ from math import ceil, inf, isfinite, nan
 from typing import Any, NamedTuple
 
 from weberlink.control.contract import CREDIT_STEP
+from weberlink.control.port import Port
 from weberlink.control.tuning import MARGIN_TICKS, Tuning, change_margin
 from weberlink.geometry.vector import ZERO
 from weberlink.order import EMERGENCY
@@ -27,7 +28,6 @@ from weberlink.protocol.events import (
 from weberlink.protocol.states import State
 from weberlink.realtime.stall import StallDetector, Watchdog
 from weberlink.session.channels import IncomingChannel, OutgoingChannel, Rows
-from weberlink.session.port import Port
 from weberlink.telemetry.fault import Fault, FaultLedger
 from weberlink.telemetry.record import ALL, Record
 from weberlink.telemetry.row import Row

@@ -1,4 +1,4 @@
-"""What is alike for all devices that block: limits, torque, and the name in front of a fault."""
+"""What is alike for all devices that block: limits, and the name in front of a fault."""
 
 from contextlib import closing
 from time import monotonic
@@ -9,7 +9,7 @@ import pytest
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.contract import DeviceReading, DeviceSpec
-from weberlink.master.devices.threaded_device import ThreadedDevice, ThreadedTorqueDevice
+from weberlink.master.devices.threaded_device import ThreadedDevice
 from weberlink.testing.devices import drive, fault_of, refusal
 
 TICK = 0.001
@@ -75,19 +75,3 @@ def test_a_fault_has_the_name_in_front_once(exchange: Exchange, kind: Any, said:
         exchange.trouble = None
         device.open(0.0)
         assert device.latest(0.0).at <= monotonic()
-
-
-def test_torque_goes_with_the_force_within_limit_until_stale(exchange: Exchange) -> None:
-    with made(ThreadedTorqueDevice, exchange, "xyz", orientation=True, torque_n_m=0.2) as device:
-        device.turn((0.1, 0.0, 0.0), monotonic())  # of no effect before it is open
-        device.open(monotonic())
-        push = (1.0, 0.0, 0.0)
-
-        def turns() -> bool:
-            assert exchange.told.torque[0] == 0.0
-            device.turn((0.0, 7.0, 0.0), monotonic())
-            return bool(exchange.told == (push, (0.0, 0.2, 0.0)))
-
-        drive(device, lambda: exchange.told is not None)
-        drive(device, turns, push)
-        drive(device, lambda: exchange.told == (push, ZERO), push)

@@ -74,7 +74,7 @@ def judge(configuration: Configuration, way_out: WayOut, trial: LinkTrial) -> Do
     document = {
         **way_out[0],
         "paths": trial.paths,
-        "link": None if measured is None else measured.document,
+        "link": None if measured is None else asdict(measured),
         **({} if failure is None else {"failure": failure}),
     }
     findings = [replace(each, area=area) for area, group in found.items() for each in group]
@@ -99,8 +99,8 @@ def _describe_paths(paths: Iterable[Mapping[str, Any]], link: LinkSettings) -> I
 class Way:
     """One direction of a link."""
 
-    delay_s: float  # median; the split of the round trip takes the fastest datagrams of both ways as equally fast
-    late_s: float  # by how much 1 % of the datagrams exceed the least delay
+    delay_ms: float  # median; the split of the round trip takes the fastest datagrams of both ways as equally fast
+    late_p99_ms: float  # by how much 1 % of the datagrams exceed the least delay
     loss: float  # share of datagrams, 0..1
     burst: float  # mean number of datagrams lost in a row; 0 without losses
     longest_burst: int
@@ -108,15 +108,25 @@ class Way:
     @classmethod
     def of(cls, delays: Sequence[float], runs: Sequence[int], sent: int) -> "Way":
         """From the delays of those that came [s], and the runs of those lost of so many sent."""
-        median, late = nearest_rank(delays, 0.5), nearest_rank(delays, 0.99) - min(delays)
-        lost = sum(runs)
-        return cls(median, late, lost / sent if sent else 0.0, lost / len(runs) if runs else 0.0, max(runs, default=0))
+        late, lost = nearest_rank(delays, 0.99) - min(delays), sum(runs)
+        loss, burst = lost / sent if sent else 0.0, lost / len(runs) if runs else 0.0
+        return cls(1e3 * nearest_rank(delays, 0.5), 1e3 * late, loss, burst, max(runs, default=0))
 
-    @property
-    def document(self) -> dict[str, float]:
-        """For JSON."""
-        figures = asdict(self)
-        return {"delay_ms": 1e3 * figures.pop("delay_s"), "late_p99_ms": 1e3 * figures.pop("late_s"), **figures}
+
+@dataclass(frozen=True, slots=True)
+class Times:
+    """The least, the median, the 99th percentile and the largest."""
+
+    min: float
+    p50: float
+    p99: float
+    max: float
+
+    @classmethod
+    def of(cls, times: Sequence[float]) -> "Times":
+        """In ms, of times in s."""
+        values = [1e3 * time for time in times]
+        return cls(min(values), nearest_rank(values, 0.5), nearest_rank(values, 0.99), max(values))
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,23 +137,11 @@ class LinkFigures:
     answers: int
     seconds: float  # from the first question to the last
     silences: int  # how often the session fell silent
-    rtt_s: tuple[float, float, float, float]  # least, 50 %, 99 %, largest
-    jitter_s: tuple[float, float]  # as the endpoint measured it: 50 % and 99 % of the time at most this
-    loop_age_s: float  # the largest, which silence limit and round trip bound (`weberlink.protocol.liveness`)
+    rtt_ms: Times
+    jitter_ms: Times  # as the endpoint measured it, over the time
+    loop_age_ms: float  # the largest, which silence limit and round trip bound (`weberlink.protocol.liveness`)
     to_slave: Way
     to_master: Way
-
-    @property
-    def document(self) -> dict[str, Any]:
-        """For JSON, in ms and shares."""
-        return {
-            **{name: getattr(self, name) for name in ("questions", "answers", "seconds", "silences")},
-            "rtt_ms": dict(zip(("min", "p50", "p99", "max"), (1e3 * value for value in self.rtt_s), strict=True)),
-            "jitter_ms": dict(zip(("p50", "p99"), (1e3 * value for value in self.jitter_s), strict=True)),
-            "loop_age_ms": 1e3 * self.loop_age_s,
-            "to_slave": self.to_slave.document,
-            "to_master": self.to_master.document,
-        }
 
 
 def figures(trial: LinkTrial) -> LinkFigures:
@@ -153,7 +151,6 @@ def figures(trial: LinkTrial) -> LinkFigures:
     timed = [(each.at - asked[question], each.delay) for question, each in answered.items() if each.delay is not None]
     if not timed:
         raise ValueError("the slave answered no question")
-    jitters = trial.jitters or [0.0]
     trips, inward = [trip for trip, _ in timed], [delay for _, delay in timed]
     outward = [max(0.0, trip - delay) for trip, delay in timed]
     # The loop age counts from the first answer to the last; questions 5 ms apart add theirs.
@@ -167,9 +164,9 @@ def figures(trial: LinkTrial) -> LinkFigures:
         answers=len(answered),
         seconds=asked[-1] - asked[0],
         silences=trial.silences,
-        rtt_s=(min(trips), nearest_rank(trips, 0.5), nearest_rank(trips, 0.99), max(trips)),
-        jitter_s=(nearest_rank(jitters, 0.5), nearest_rank(jitters, 0.99)),
-        loop_age_s=loop_age,
+        rtt_ms=Times.of(trips),
+        jitter_ms=Times.of(trial.jitters or [0.0]),
+        loop_age_ms=1e3 * loop_age,
         to_slave=Way.of(outward, lost_questions(len(asked), heard), len(asked)),
         to_master=Way.of(inward, *lost_answers(heard)),
     )
@@ -212,9 +209,9 @@ def _numbers(heard: Iterable[Heard]) -> dict[int, set[int]]:
 
 def _describe_link(link: LinkFigures, priority: str) -> Iterator[Finding]:
     """The figures of the link, in words."""
-    least, median, late, most = (1e3 * value for value in link.rtt_s)
+    trip = link.rtt_ms
     yield ok(
-        f"round trip {median:.1f} ms; at least {least:.1f}, 99 % below {late:.1f}, at most {most:.1f} "
+        f"round trip {trip.p50:.1f} ms; at least {trip.min:.1f}, 99 % below {trip.p99:.1f}, at most {trip.max:.1f} "
         f"({link.answers} of {link.questions} questions in {link.seconds:.1f} s were answered; measured {priority})",
         "round trip",
     )
@@ -222,7 +219,7 @@ def _describe_link(link: LinkFigures, priority: str) -> Iterator[Finding]:
         lost = "no loss"
         if way.loss > 0.0:
             lost = f"loss {100 * way.loss:.1f} %, {way.burst:.1f} in a row on average, at most {way.longest_burst}"
-        yield ok(f"{check} {1e3 * way.delay_s:.1f} ms, 1 % more than {1e3 * way.late_s:.1f} ms late; {lost}", check)
+        yield ok(f"{check} {way.delay_ms:.1f} ms, 1 % more than {way.late_p99_ms:.1f} ms late; {lost}", check)
     yield ok("each way is given half of the least round trip; only synchronous clocks could tell more", "clocks")
 
 
@@ -232,11 +229,11 @@ def _describe_link(link: LinkFigures, priority: str) -> Iterator[Finding]:
 def recommend(figures: LinkFigures, configuration: Configuration) -> Iterator[Finding]:
     """Judge the settings of a file by a measurement: its two limits, control scheme, play-out and look-ahead."""
     system = configuration.system
-    link, scheme, round_trip = system.link, system.control.scheme, figures.rtt_s[1]
+    link, scheme, round_trip = system.link, system.control.scheme, 1e-3 * figures.rtt_ms.p50
 
     check, allowed_ms = "longest round trip", link.longest_round_trip_ms
     needed_ms = in_ms(_needed_round_trip(figures, system.tick_period))
-    why = f"99 % of the round trips take at most {1e3 * figures.rtt_s[2]:.1f} ms"
+    why = f"99 % of the round trips take at most {figures.rtt_ms.p99:.1f} ms"
     if needed_ms > 1e3 * LONGEST:
         yield problem(f"no session is possible: {why}", ELSEWHERE, check)
     elif needed_ms <= allowed_ms:
@@ -252,7 +249,7 @@ def recommend(figures: LinkFigures, configuration: Configuration) -> Iterator[Fi
     else:
         yield advice(f"{said}; on both hosts:", "--set control.scheme=bounded", "control scheme")
 
-    late_ms = 1e3 * max(figures.to_slave.late_s, figures.to_master.late_s)
+    late_ms = max(figures.to_slave.late_p99_ms, figures.to_master.late_p99_ms)
     found = f"play-out {link.playout_ms:g} ms: 1 % of the datagrams are more than {late_ms:.1f} ms late"
     if link.playout_ms == 0.0:
         yield ok(found, "play-out")
@@ -299,20 +296,20 @@ def _lookahead(system: System) -> Iterator[Finding]:
 
 def _needed_round_trip(figures: LinkFigures, tick_period: float) -> float:
     """The round trip that a session on this link agrees on [s]."""
-    return rounded_up(figures.rtt_s[2] + 2.0 * tick_period)
+    return rounded_up(1e-3 * figures.rtt_ms.p99 + 2.0 * tick_period)
 
 
 def silence_needs(figures: LinkFigures, tick_period: float) -> tuple[float, float]:
     """Least silence limits [s]: that for which heartbeats can be dense enough that losses hardly ever cause a silence,
     and the largest loop age of the measurement without the round trip."""
     loss, round_trip = (figures.to_slave.loss, figures.to_master.loss), _needed_round_trip(figures, tick_period)
-    longest = max(0.0, figures.loop_age_s - round_trip)
+    longest = max(0.0, 1e-3 * figures.loop_age_ms - round_trip)
     for step in range(1, round(1e3 * LONGEST_SILENCE / SILENCE_STEP_MS) + 1):
         limit = 1e-3 * SILENCE_STEP_MS * step
         schedule = HeartbeatSchedule(0.0, silence=limit, tick_period=tick_period)
         schedule.adapt(*loss, LONGEST_RTT, 0.0, 0.0)
         densest = schedule.max_echo_age
-        schedule.adapt(*loss, figures.rtt_s[1], figures.jitter_s[1], round_trip)
+        schedule.adapt(*loss, 1e-3 * figures.rtt_ms.p50, 1e-3 * figures.jitter_ms.p99, round_trip)
         if schedule.max_echo_age > densest:  # else it would need more heartbeats than it may send
             return limit, longest
     return 2.0 * LONGEST_SILENCE, longest

@@ -1,20 +1,212 @@
-"""What both sides of a session of arms build alike from a configuration."""
+"""Builds both ends of a session of arms, from a configuration."""
 
-from weberlink.arms.contract import ArmSpec
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from weberlink.arms.contract import ArmSpec, FollowerArm, LeaderArm
+from weberlink.arms.sensor import AxesSensor, sensors_of
+from weberlink.codec import Decoder, Encoder
 from weberlink.codec.sample import INT16_MAX
-from weberlink.config import ConfigurationError, System
-from weberlink.config.joints import per_axis
+from weberlink.config import Configuration, ConfigurationError, System
+from weberlink.config.joints import AngleCodecSettings, FollowerLimits, JointCodecSettings, LeaderLimits, per_axis
+from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
 from weberlink.geometry.joints import Joints
-from weberlink.session.composition.channels import streams
+from weberlink.protocol.endpoint import Endpoint
+from weberlink.session.channels import IncomingChannel, OutgoingChannel
+from weberlink.session.composition.channels import account, longest_round_trip, signal_delay, streams
+from weberlink.session.composition.link import Parts, build_driver, build_tuning, with_file_name
+
+if TYPE_CHECKING:
+    from weberlink.master.leader_port import PressedAxes
+
+SLEW_S = 0.05
+"""Time in which the torque of a leader may rise to its largest, where the file does not say otherwise [s]."""
+ANGLES, TORQUES = ("joint_angle", "gripper_angle"), ("joint_torque", "gripper_torque")
 
 
-def joint_names(system: System) -> tuple[str, ...]:
-    assert system.codec.joints is not None
-    return system.codec.joints.names
+def build_leading(configuration: Configuration, endpoint: Endpoint) -> Parts:
+    """The port of a leader arm, its channels out and in, and the settings that may change."""
+    from weberlink.control.axes import LEVER, build_axes  # noqa: PLC0415 - for this end alone
+    from weberlink.master.gate import Bound, ContactLimiter, ContactWatch  # noqa: PLC0415 - likewise
+    from weberlink.master.leader_port import LeaderPort  # noqa: PLC0415 - likewise
+    from weberlink.session.composition.master import build_gate  # noqa: PLC0415 - likewise
+
+    system, leader = configuration.system, build_leader(configuration)
+    joints, gripper, engage = _joints(system), system.codec.gripper, system.master.engage
+    most, slew = torque_limits(system, leader.spec)
+    sensors = sensors_of(leader.spec, "angles")
+    outgoing, incoming = _channels(system, ANGLES, TORQUES, sensors, leads=True)
+    tuning = build_tuning(system, incoming[0].decoder)
+    # Less torque than the deadband states no contact: it may be left over.
+    floors = per_axis(joints.torque.floor_nm, len(joints.names))
+    floors += () if gripper is None else (float(gripper.torque.floor_nm),)
+    least, delay = tuple(max(LEAST_CONTACT * LEVER, floor) for floor in floors), signal_delay(system)
+    bounds = []
+    for sensor in sensors:
+        limiter = ContactLimiter(max(sensor.part(most)), FREE_FORCE * LEVER, longest_round_trip(system) + delay)
+        contact = ContactWatch(limiter, endpoint, sensor.part(least), delay)
+        ramp = system.master.limits.ramp_ms * 1e-3
+        bounds.append(Bound(sensor.part(most), sensor.part(slew), ramp, width=1, contact=contact))
+
+    def torque_bound(axis: int, torque: float) -> float:
+        return max(tuning.settings.weber * torque, floors[axis])
+
+    pressed = [_pressed(joints.angle, len(joints.names), torque_bound)]
+    if gripper is not None:
+        weber = gripper.torque.weber
+        pressed.append(_pressed(gripper.angle, 1, lambda _, torque: max(weber * torque, floors[-1])))
+    port = LeaderPort(
+        leader,
+        control=build_axes(system.control.scheme, LEVER, account(system.control, system.master.mapping)),
+        endpoint=endpoint,
+        gate=build_gate(system, bounds),
+        sensors=sensors,
+        button=None if engage is None else engage.button,
+        pressed=pressed,
+        displays_torque=any(most),
+    )
+    return port, outgoing, incoming, tuning
 
 
-def has_gripper(system: System) -> bool:
-    return system.codec.gripper is not None
+def build_following(configuration: Configuration) -> Parts:
+    """The port of a follower arm, its channels out and in, and the settings that may change."""
+    from weberlink.slave.follower_port import (  # noqa: PLC0415 - for this end alone
+        TRIP_RETREAT,
+        FollowerPort,
+        axis_press_limit,
+    )
+    from weberlink.slave.guard import Guard  # noqa: PLC0415 - likewise
+
+    system, follower = configuration.system, build_follower(configuration)
+    spec, limits = follower.spec, system.slave.limits
+    own = limits.joints or FollowerLimits()
+    lower, upper = angle_limits(system, spec)
+    presses = within("slave.limits.joints.press_nm", own.press_nm, spec.torque_nm)
+    sensors = sensors_of(spec, "torques")
+    guard = Guard(
+        [1] * spec.axes,
+        presses=[
+            axis_press_limit(most, stiffness, spec.torque_error_nm)
+            for most, stiffness in zip(presses, spec.stiffness_nm_rad, strict=True)
+        ],
+        lower=lower,
+        upper=upper,
+        trips=within("slave.limits.joints.trip_nm", own.trip_nm, spec.torque_nm),
+        speed=own.speed_rad_s,
+        approach_speed=own.approach_rad_s,
+        ramp=limits.ramp_ms * 1e-3,
+        trip_retract=TRIP_RETREAT,
+    )
+    port = FollowerPort(follower, guard=guard, sensors=sensors, by_button=system.master.engage is not None)
+    outgoing, incoming = _channels(system, TORQUES, ANGLES, sensors, leads=False)
+    return port, outgoing, incoming, build_tuning(system, outgoing[0].encoder)
+
+
+def _channels(
+    system: System, sent: tuple[str, str], received: tuple[str, str], sensors: list[AxesSensor], *, leads: bool
+) -> tuple[list[OutgoingChannel], list[IncomingChannel]]:
+    """Of the joints and, where there is one, of the gripper."""
+    out, back = streams(system) if leads else streams(system)[::-1]
+    outgoing = [
+        OutgoingChannel(name, stream, Encoder(out[stream]), sensor)
+        for stream, (name, sensor) in enumerate(zip(sent, sensors, strict=False))
+    ]
+    incoming = [
+        IncomingChannel(name, stream, Decoder(channel))
+        for stream, (name, channel) in enumerate(zip(received, back, strict=False))
+    ]
+    return outgoing, incoming
+
+
+def _pressed(
+    angle: AngleCodecSettings, count: int, torque_bound: Callable[[int, float], float]
+) -> "PressedAxes | None":
+    """What may stay unsent of pressed axes; None where the file states no stiffness."""
+    from weberlink.master.leader_port import PressedAxes  # noqa: PLC0415 - for the leader alone
+
+    if angle.coupling_nm_rad is None:
+        return None
+    return PressedAxes(per_axis(angle.bound_rad, count), per_axis(angle.coupling_nm_rad, count), torque_bound)
+
+
+@with_file_name
+def build_leader(configuration: Configuration) -> LeaderArm:
+    """The leader in the frame of the follower, not yet open.
+
+    Raises:
+        ConfigurationError: if it cannot be made of its options, has other joints than the file, or the wire cannot say
+            its angles.
+    """
+    from weberlink.session.composition.master import check_button, check_force_ends  # noqa: PLC0415 - for this end
+
+    system, part = configuration.system, configuration.device
+    assert part is not None
+    leader: LeaderArm = build_driver("master.device", part.driver, part.options, system.tick_period, contract=LeaderArm)
+    check_force_ends(leader, system.master.device.driver, system.master.accept_no_watchdog)
+    mapping = system.master.joint_mapping
+    if mapping is not None:
+        from weberlink.master.mapping.mapped_leader import MappedLeader  # noqa: PLC0415 - where a file asks for it
+
+        gripper = system.codec.gripper is not None
+        leader = build_driver("master.joint_mapping", MappedLeader, leader, mapping, _joints(system).names, gripper)
+    _check("master.device", leader.spec, system)
+    check_button(system, leader.spec)
+    torque_limits(system, leader.spec)
+    return leader
+
+
+@with_file_name
+def build_follower(configuration: Configuration) -> FollowerArm:
+    """The follower, not yet open.
+
+    Raises:
+        ConfigurationError: as `build_leader`.
+    """
+    system, part = configuration.system, configuration.robot
+    assert part is not None
+    follower: FollowerArm = build_driver(
+        "slave.robot", part.driver, part.options, system.tick_period, contract=FollowerArm
+    )
+    _check("slave.robot", follower.spec, system)
+    angle_limits(system, follower.spec)
+    largest, limit = max(follower.spec.torque_nm), streams(system)[1][0].value_quantizer.limit
+    if largest > limit:
+        raise ConfigurationError(
+            f"codec.joints.torque.step_nm: spans {limit:g} N m but slave.robot measures up to {largest:g} N m; use a "
+            f"step of at least {largest / INT16_MAX:.2g}"
+        )
+    return follower
+
+
+def torque_limits(system: System, spec: ArmSpec) -> tuple[Joints, Joints]:
+    """The largest torques [N m] and their fastest changes [N m/s] on the axes of a leader.
+
+    Raises:
+        ConfigurationError: a limit has not one value for each axis.
+    """
+    own = system.master.limits.joints or LeaderLimits()
+    most = within("master.limits.joints.torque_nm", own.torque_nm, spec.torque_nm)
+    if own.slew_nm_s is None:
+        return most, tuple(max(torque, 1e-3) / SLEW_S for torque in most)
+    return most, each_axis("master.limits.joints.slew_nm_s", own.slew_nm_s, spec.axes)
+
+
+def angle_limits(system: System, spec: ArmSpec) -> tuple[Joints, Joints]:
+    """The range of commanded angles of a follower: its own within that of the file [rad].
+
+    Raises:
+        ConfigurationError: nothing of it is left for an axis, or a limit has not one value for each axis.
+    """
+    own = system.slave.limits.joints or FollowerLimits()
+    lower, upper = spec.lower, spec.upper
+    if own.lower_rad is not None:
+        lower = tuple(map(max, lower, each_axis("slave.limits.joints.lower_rad", own.lower_rad, spec.axes)))
+    if own.upper_rad is not None:
+        upper = tuple(map(min, upper, each_axis("slave.limits.joints.upper_rad", own.upper_rad, spec.axes)))
+    for axis, low, high in zip((*spec.joints, "gripper"), lower, upper, strict=False):
+        if not low < high:
+            raise ConfigurationError(f"slave.limits.joints: leaves nothing of the range of {axis}")
+    return lower, upper
 
 
 def within(where: str, setting: float | tuple[float, ...] | None, most: Joints) -> Joints:
@@ -28,22 +220,24 @@ def each_axis(where: str, setting: float | tuple[float, ...], count: int) -> Joi
         raise ConfigurationError(f"{where}: {error}") from None
 
 
-def check_arm_axes(where: str, spec: ArmSpec, system: System) -> None:
-    names = joint_names(system)
+def _joints(system: System) -> JointCodecSettings:
+    assert system.codec.joints is not None
+    return system.codec.joints
+
+
+def _check(where: str, spec: ArmSpec, system: System) -> None:
+    """An arm must have the axes of the file; a wire that cannot say an angle would move the other arm elsewhere."""
+    names, has_gripper = _joints(system).names, system.codec.gripper is not None
     if spec.joints != names:
         raise ConfigurationError(
             f"codec.joints.names: {', '.join(names)}; but {where} {spec.name} has {', '.join(spec.joints)}"
             + ("; map its axes with master.joint_mapping" if where == "master.device" else "; use these names")
         )
-    if spec.gripper is not has_gripper(system):
+    if spec.gripper is not has_gripper:
         raise ConfigurationError(
             f"codec.gripper: {where} {spec.name} has {'a' if spec.gripper else 'no'} gripper; "
             + ("add gripper: {} under codec" if spec.gripper else "leave it out")
         )
-
-
-def check_angles(where: str, spec: ArmSpec, system: System) -> None:
-    """A wire that cannot say an angle would move the arm elsewhere."""
     limit = streams(system)[0][0].value_quantizer.limit
     reach = max(map(abs, (*spec.lower, *spec.upper)))
     if reach > limit:

@@ -10,6 +10,7 @@ from weberlink.codec.predictors import BANKS
 from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError, System
 from weberlink.config.finders import finder_of
 from weberlink.control.contract import FREE_FORCE, SchemeParameters
+from weberlink.control.port import Port
 from weberlink.control.table import SCHEMES
 from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.protocol import Role
@@ -19,7 +20,6 @@ from weberlink.protocol.security import Security
 from weberlink.registry import check_contract, fault_of
 from weberlink.session.channels import IncomingChannel, OutgoingChannel
 from weberlink.session.composition.channels import account, felt_deadbands, longest_round_trip, signal_delay
-from weberlink.session.port import Port
 
 Entropy = Callable[[int], bytes]
 Stopwatch = Callable[[], float]

@@ -33,7 +33,7 @@ def build_master(
     if system.codec.joints is None:
         from weberlink.session.composition.master import build_hand as build  # noqa: PLC0415 - what the file names
     else:
-        from weberlink.session.composition.leading import build_leading as build  # noqa: PLC0415 - likewise
+        from weberlink.session.composition.arms import build_leading as build  # noqa: PLC0415 - likewise
     forward, backward = streams(system)
     endpoint = build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity)
     return _side(system, build(configuration, endpoint), endpoint, stopwatch, system.master.limits.device_ms)
@@ -66,7 +66,7 @@ def build_slave(
         # Not in virtual time, whose results must not depend on the machine.
         parts = build_led(configuration, endpoint, stopwatch if live else None)
     else:
-        from weberlink.session.composition.following import build_following  # noqa: PLC0415 - likewise
+        from weberlink.session.composition.arms import build_following  # noqa: PLC0415 - likewise
 
         parts = build_following(configuration)
     return _side(system, parts, endpoint, stopwatch, system.slave.limits.robot_ms)

@@ -10,11 +10,12 @@ from weberlink.geometry.vector import cube
 from weberlink.hardware.discovery import PluggedDevice, UsbId, usb_devices
 from weberlink.hardware.fault import HardwareFault
 from weberlink.master.devices.force_device import force_spec
-from weberlink.master.devices.threaded_device import ThreadedTorqueDevice, fingerprint
+from weberlink.master.devices.threaded_device import fingerprint
 from weberlink.registry import Tier
 from weberlink_devices.force_dimension.exchange import BAD_REPLIES, USB, DhdExchange
 from weberlink_devices.force_dimension.library import find
 from weberlink_devices.force_dimension.options import ForceDimensionOptions
+from weberlink_devices.threaded_torque import ThreadedTorqueDevice
 
 NAME = "force_dimension"
 NO_OPTION = "no option turns it: see that the base stands as in its manual"

@@ -9,9 +9,9 @@ from weberlink.geometry.rotation import of_matrix
 from weberlink.hardware.discovery import UsbId, usb_devices
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.contract import DeviceReading
-from weberlink.master.devices.threaded_device import NO_WRENCH, Wrench
 from weberlink_devices.force_dimension import library as dhd
 from weberlink_devices.force_dimension.options import MODELS, ForceDimensionOptions
+from weberlink_devices.threaded_torque import NO_WRENCH, Wrench
 
 USB = (UsbId(0x1451), UsbId(0x0403, 0xCB48))
 """Force Dimension, and the Novint Falcon."""

@@ -1,8 +1,9 @@
-"""The interface between the side loop and a port: how one end of the link senses and actuates."""
+"""One end of the link as the side loop sees it: how it senses and actuates."""
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
+from weberlink.compiled import mypyc_attr
 from weberlink.control.ends import Control
 
 
@@ -23,81 +24,69 @@ class Sensor(Protocol):
         that may stay unsent even if the deadband is wider (inf for no such limit)."""
 
 
-class Port(Protocol):
-    """One end of the link: a haptic device under an operator's hand, or a robot.
+@mypyc_attr(allow_interpreted_subclasses=True)
+class Port:
+    """One end of the link: a haptic device or an arm under an operator's hand, or a robot.
 
     The side loop calls `open` once, then the methods of each tick, and `close` at the end. Only `open` and `close` may
-    block.
+    block. In a tick the operator's end senses and sends, then actuates; it leaves a session after its force has faded.
+    The other end actuates, then senses and sends; it leaves at once.
+
+    Args:
+        source: the device, robot or arm, not yet open.
+        controls: this end of the control scheme: of the force and, with six degrees of freedom, of the torque.
+
+    Attributes:
+        kind: "device" or "robot", for messages.
+        leads: whether this is the operator's end.
+        fault: what `open` and `latest` raise if the device or robot cannot continue.
+        enabled: whether the operator enables motion with the button of `master.engage`.
+        ended: whether a script or a recording is over.
+        tripped: whether a contact force above its limit stops the robot from following.
+        unfounded: whether a force is asked for that the other end has stated no contact for: it is faded out.
     """
 
-    @property
-    def kind(self) -> str:
-        """ "device" or "robot", for messages."""
+    kind: ClassVar[str] = "robot"
+    leads: ClassVar[bool] = False
+    fault: ClassVar[type[Exception]] = RuntimeError
 
-    @property
-    def name(self) -> str:
-        """Name of the device or robot, for messages."""
-
-    @property
-    def leads(self) -> bool:
-        """Whether this is the operator's end.
-
-        In a tick it senses and sends, then actuates; it leaves a session after its force has faded. The other end
-        actuates, then senses and sends; it leaves at once.
-        """
-
-    @property
-    def fault(self) -> type[Exception]:
-        """The exception that `latest` raises if the device or robot cannot continue."""
-
-    @property
-    def controls(self) -> Sequence[Control]:
-        """This end of the control scheme: of the force and, with six degrees of freedom, of the torque."""
+    def __init__(self, source: Any, controls: Sequence[Control]) -> None:
+        self._source = source
+        self.name: str = source.spec.name
+        self.controls = controls
+        self.enabled = True
+        self.ended = self.tripped = self.unfounded = False
 
     @property
     def trouble(self) -> str | None:
         """Why there is no new reading; None if the driver knows no reason."""
-
-    @property
-    def enabled(self) -> bool:
-        """Whether the operator enables motion with the button of `master.engage`."""
-
-    @property
-    def ended(self) -> bool:
-        """Whether a script or a recording is over."""
-
-    @property
-    def tripped(self) -> bool:
-        """Whether a contact force above its limit stops the robot from following."""
-
-    @property
-    def unfounded(self) -> bool:
-        """Whether a force is asked for that the other end has stated no contact for: it is faded out."""
+        return getattr(self._source, "trouble", None)
 
     @property
     def at_rest(self) -> bool:
         """Whether the session can be left without a jump of force or motion."""
+        return True
 
     def open(self, now: float) -> None:
-        """Open the device or robot.
+        self._source.open(now)
 
-        Raises:
-            RuntimeError: it cannot be opened.
-        """
-
-    def close(self) -> None: ...
+    def close(self) -> None:
+        self._source.close()
 
     def latest(self, now: float) -> Any:
         """The newest reading; its attribute `at` is the time of measurement [s]. Raises `fault`."""
+        return self._source.latest(now)
 
     def accept(self, reading: Any) -> bool:
         """Keep the rest of a new reading that has no complaint; returns whether its contact force exceeds the limit."""
+        raise NotImplementedError
 
     def settle(self, now: float) -> None:
         """Handle a stall of this process, now or a few ticks ago: hand and robot may have moved meanwhile."""
 
     def reset(self) -> None:
         """Forget all that was received: a new session began, or the peer returned."""
+        raise NotImplementedError
 
     def restart(self) -> None:
         """Fade in from zero: sending or displaying begins again, or the device is lost."""
@@ -106,16 +95,17 @@ class Port(Protocol):
         """Stop following the peer: hold, or retreat from a contact if configured."""
 
     def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:
-        """Book the work of a tick of `elapsed` [s]; returns the energy credit to send to the peer.
+        """Book the work of a tick; returns the energy credit to send to the peer.
 
         Args:
             elapsed: time since the last tick [s].
             tick: present time on the tick clock of the peer.
             encodes: whether the channels are encoded in this tick.
         """
+        raise NotImplementedError
 
     def actuate(self, values: Sequence[Any], now: float, elapsed: float, step: float, *, engaged: bool) -> None:
-        """Command the device or robot.
+        """Command the device or robot, through the gate of this end.
 
         Args:
             values: one per incoming channel, a vector or the joints of an arm; None if nothing was decoded.
@@ -124,6 +114,7 @@ class Port(Protocol):
             step: the same, bounded: the time by which ramps and speed limits advance [s].
             engaged: whether the values may be acted on.
         """
+        raise NotImplementedError
 
     def report(self, row: Any, *, is_led: bool) -> None:
         """Fill in what telemetry records of this end alone.
@@ -132,6 +123,8 @@ class Port(Protocol):
             row: a `weberlink.telemetry.row.Row`.
             is_led: False while a session lives and nothing else keeps the operator from leading: a button is not held.
         """
+        raise NotImplementedError
 
     def halt(self, now: float) -> None:
         """Command zero force, or hold, at once; no tick follows."""
+        raise NotImplementedError
