@@ -204,7 +204,10 @@ DEADBANDS = {
 @pytest.mark.parametrize("force", DEADBANDS)
 def test_a_file_says_the_shape_of_the_deadband(tmp_path: Path, force: str) -> None:
     loaded = load(write(tmp_path, MINIMAL), [f"codec.force={force}", "rate_hz=500"])
-    assert channels(loaded.system)[1].deadband == DEADBANDS[force]
+    made, expected = channels(loaded.system)[1].deadband, DEADBANDS[force]
+    assert type(made) is type(expected)
+    for name in type(expected).__slots__:
+        assert getattr(made, name) == getattr(expected, name)
 
 
 def test_paths_are_relative_to_the_file_and_in_overrides_to_the_working_directory(tmp_path: Path) -> None:
