@@ -264,10 +264,10 @@ class Bound:
             goal = tuple([value * gain for value in goal])
         if most < inf:
             goal, held = self._within(goal, most), self._within(held, most)
-        approach.held = held
         if gain != 1.0 or most < inf:
             approach.arrived = False
-        self.output = approach.advance(goal, step)
+        faded = held if kept != 1.0 or most < inf else None
+        self.output = approach.advance(goal, step, faded)
         if gain != 1.0 or most < inf:
             approach.arrived = False
         return self.output
