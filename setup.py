@@ -27,7 +27,6 @@ COMPILED = (
     "realtime/stall.py",
     "realtime/ticker.py",
     "session/channels.py",
-    "session/rows.py",
     "session/side.py",
     "master/operator_port.py",
     "master/leader_port.py",

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 from weberlink.codec.channel import Channel
 from weberlink.codec.deadband import Deadband
 from weberlink.codec.predictors.contract import Predictor
-from weberlink.codec.predictors.model import UNFITTED, ContactSurface, Model, ModelRecord
+from weberlink.codec.predictors.model import UNFITTED, Model, ModelRecord
 from weberlink.codec.sample import Sample
 from weberlink.geometry.joints import PART, Joints, joined
 from weberlink.geometry.vector import ZERO, Vector, add, subtract
@@ -77,7 +77,7 @@ class Decoder:
         return [(part.selected, part.model, part.newest, part._memory) for part in self.parts]
 
     @property
-    def surface(self) -> ContactSurface | None:
+    def surface(self) -> Any:
         """The contact surface of the model in use; None if the model describes none."""
         return None if self.model is None else self.model.surface()
 

@@ -4,7 +4,15 @@ There are two suites: `weberlink.protocol.psk` (default between hosts) and `webe
 This file imports neither, so that a side without a key never loads a crypto library.
 """
 
-from typing import Any, Protocol
+from math import inf
+from typing import Any, Final, Protocol
+
+from weberlink.protocol.wire import PHASE
+
+REKEY_AFTER_S: Final = 120.0
+REKEY_AFTER: Final = 1 << 20
+"""For how long, and for how many datagrams, one key seals what an end sends; far below the limit of AES-CCM (RFC 9147,
+section 4.5.3)."""
 
 
 class Cipher(Protocol):
@@ -21,40 +29,50 @@ class Cipher(Protocol):
 
 
 class Protection:
-    """The keys of both directions of one session, replaced as in RFC 9001 section 6; sequence numbers go on.
-
-    Attributes:
-        seal: as of the outgoing `Cipher`.
-        open: as of the incoming `Cipher`.
-    """
+    """The keys of both directions of one session, replaced by time and by count as in RFC 9001 section 6: the first
+    byte of a datagram tells the phase of its keys, which flips with each new key. Sequence numbers go on."""
 
     def __init__(self, outgoing: Cipher, incoming: Cipher) -> None:
         self._outgoing, self._incoming = outgoing, incoming
         self._next: Cipher | None = None
         self._previous: Cipher | None = None
-        self.seal, self.open = outgoing.seal, incoming.open
+        self._phase = self._incoming_phase = 0
+        self._rekey_after = self._rekey_from = REKEY_AFTER
+        self._rekey_at = inf
 
-    def rekey_outgoing(self) -> None:
-        self._outgoing = self._outgoing.next()
-        self.seal = self._outgoing.seal
+    def begin(self, now: float, sequence: int, rekey_after: int = REKEY_AFTER) -> None:
+        """Begin with this number; a key seals so many datagrams at most."""
+        self._rekey_after = rekey_after
+        self._rekey_at, self._rekey_from = now + REKEY_AFTER_S, sequence + rekey_after
 
-    def rekey_incoming(self) -> None:
-        """Replace the incoming keys by the next ones; `open_previous` keeps those used until now."""
-        self._previous, self._incoming, self._next = self._incoming, self._following(), None
-        self.open = self._incoming.open
+    def seal(self, sequence: int, clear: bytes, now: float) -> bytes:
+        """The datagram to send. Never twice for one number."""
+        if now >= self._rekey_at or sequence >= self._rekey_from:
+            self._outgoing = self._outgoing.next()
+            self._phase ^= PHASE
+            self.begin(now, sequence, self._rekey_after)
+        if self._phase:
+            clear = bytes((clear[0] | PHASE,)) + clear[1:]
+        return self._outgoing.seal(sequence, clear)
 
-    def open_next(self, sequence: int, datagram: bytes) -> bytes | None:
-        """As `open`, under the next incoming keys; changes nothing."""
-        return self._following().open(sequence, datagram)
+    def open(self, sequence: int, datagram: bytes, newest: int) -> bytes | None:
+        """What follows the first `CLEAR_BYTES`; None if it is not authentic. Changes nothing.
 
-    def open_previous(self, sequence: int, datagram: bytes) -> bytes | None:
-        """As `open`, under the previous incoming keys; None before the first change of keys."""
+        A datagram of the other phase is of the next keys if its number is above the `newest` accepted one, else of the
+        previous keys.
+        """
+        if datagram[0] & PHASE == self._incoming_phase:
+            return self._incoming.open(sequence, datagram)
+        if sequence > newest:
+            self._next = self._next or self._incoming.next()
+            return self._next.open(sequence, datagram)
         return None if self._previous is None else self._previous.open(sequence, datagram)
 
-    def _following(self) -> Cipher:
-        if self._next is None:
-            self._next = self._incoming.next()
-        return self._next
+    def accept(self, first: int) -> None:
+        """Use the keys of the newest datagram that was accepted, by its first byte."""
+        if first & PHASE != self._incoming_phase and self._next is not None:
+            self._previous, self._incoming, self._next = self._incoming, self._next, None
+            self._incoming_phase = first & PHASE
 
 
 class Security(Protocol):

@@ -18,7 +18,7 @@ from weberlink.protocol.events import (
 from weberlink.protocol.liveness import HeartbeatSchedule, Liveness
 from weberlink.protocol.negotiation import NUMBERS, Negotiation, RoundTripAgreement, in_ms
 from weberlink.protocol.retransmission import Allowance, OutgoingStream, copies_needed
-from weberlink.protocol.security import Protection, Security
+from weberlink.protocol.security import REKEY_AFTER, Protection, Security
 from weberlink.protocol.timing import Clock
 from weberlink.protocol.wire import ACKNOWLEDGEMENT_MASK, Content, DirectionLayout, Envelope, Report
 from weberlink.update import Update
@@ -40,10 +40,6 @@ UNMEASURED_RTT: Final = 0.2
 """Assumed round trip until it is measured [s]."""
 LOSS_STEP: Final = 0.02
 """Change of the measured loss that is reported with the next heartbeat."""
-REKEY_AFTER_S: Final = 120.0
-REKEY_AFTER: Final = 1 << 20
-"""For how long, and for how many datagrams, one key seals what an end sends; far below the limit of AES-CCM (RFC 9147,
-section 4.5.3)."""
 _CHANGE_TICK_MASK: Final = (1 << wire.CHANGE_TICK_BITS) - 1
 _TICK_MASK: Final = (1 << wire.TICK_BITS) - 1
 
@@ -116,7 +112,6 @@ class Session:
         self._loss = LossMeter()
         # What the peer sends.
         self._replay = ReplayWindow()
-        self._incoming_phase = 0
         self._newest_report = -1
         self._floor = self._mark = -1
         self._marked_at = now
@@ -131,9 +126,7 @@ class Session:
         self._streams = tuple(OutgoingStream(layout, self._allowance) for layout in end.outgoing.updates)
         self._next_sequence = first_sequence
         _, self._departed = self.clock.stamp(now)
-        self._phase = 0
-        self._rekey_at = now + REKEY_AFTER_S
-        self._rekey_from = first_sequence + end.rekey_after
+        protection.begin(now, first_sequence, end.rekey_after)
         self._reported = (0.0, 0.0, 0.0)
         self._lost = 0
 
@@ -152,12 +145,7 @@ class Session:
         """Open a datagram of the right length; None if it is not of this session. Changes nothing."""
         newest = self._replay.newest
         sequence = expand_counter(wire.sequence_of(data), wire.SEQUENCE_BITS, newest + 1)
-        if data[0] & wire.PHASE == self._incoming_phase:
-            body = self._protection.open(sequence, data)
-        elif sequence > newest:
-            body = self._protection.open_next(sequence, data)
-        else:
-            body = self._protection.open_previous(sequence, data)
+        body = self._protection.open(sequence, data, newest)
         return None if body is None else (sequence, data[0], body)
 
     def accept(self, opened: Opened, now: float) -> Outcome:  # noqa: C901, PLR0911, PLR0912 - each reason to drop
@@ -167,9 +155,8 @@ class Session:
         self.sequence, self.is_fresh, self.is_newest = sequence, False, sequence > newest
         if not self._replay.accept(sequence):
             return DropReason.REPLAYED
-        if self.is_newest and first & wire.PHASE != self._incoming_phase:
-            self._protection.rekey_incoming()
-            self._incoming_phase = first & wire.PHASE
+        if self.is_newest:
+            self._protection.accept(first)
         # Numbers up to one that was accepted at least one silence limit ago are rejected: they left before that. Time
         # stamps and echoes wrap, so a datagram that was held back for minutes may look new; its number does not.
         if now - self._marked_at >= self._silence:
@@ -335,7 +322,9 @@ class Session:
         self._next_sequence = stream.unambiguous(self._next_sequence)
         envelope, sequence = self._envelope(now)
         lag = round(self._departed / self._tick_period) - update.tick
-        return sequence, self._seal(sequence, stream.layout.pack(envelope, lag, update, self.credit.granted), now)
+        return sequence, self._protection.seal(
+            sequence, stream.layout.pack(envelope, lag, update, self.credit.granted), now
+        )
 
     def send_heartbeat(self, now: float, *, is_encoding: bool = False) -> bytes:
         """The datagram of a heartbeat, which may report our measurements and ask for an answer."""
@@ -354,7 +343,7 @@ class Session:
             asks=asks,
             is_encoding=is_encoding,
         )
-        return self._seal(sequence, clear, now)
+        return self._protection.seal(sequence, clear, now)
 
     def _report(self, *, must: bool) -> Report | None:
         """Our measurements; None where the link is as the newest report says, unless one must be sent."""
@@ -379,7 +368,9 @@ class Session:
     ) -> bytes:
         """The datagram of a farewell, of a change, or of a question or an answer (`mark`) about an address."""
         envelope, sequence = self._envelope(now)
-        return self._seal(sequence, wire.pack(envelope, kind, data, mark=mark, selector=selector, tick=tick), now)
+        return self._protection.seal(
+            sequence, wire.pack(envelope, kind, data, mark=mark, selector=selector, tick=tick), now
+        )
 
     def _send_change(self, now: float) -> bytes | None:
         """The message of a negotiation that is due."""
@@ -404,16 +395,6 @@ class Session:
         stamp, self._departed = self.clock.stamp(now)
         self.heartbeats.sent(now, liveness.heard_at)
         return (sequence & wire.SEQUENCE_MASK, liveness.generation, stamp, liveness.echo(now), tuple(acks)), sequence
-
-    def _seal(self, sequence: int, clear: bytes, now: float) -> bytes:
-        """The datagram under the present key, which is replaced by time and by count (RFC 9001, section 6)."""
-        if now >= self._rekey_at or sequence >= self._rekey_from:
-            self._protection.rekey_outgoing()
-            self._phase ^= wire.PHASE
-            self._rekey_at, self._rekey_from = now + REKEY_AFTER_S, sequence + self._end.rekey_after
-        if self._phase:
-            clear = bytes((clear[0] | wire.PHASE,)) + clear[1:]
-        return self._protection.seal(sequence, clear)
 
     # --- time
 

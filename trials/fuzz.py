@@ -58,7 +58,7 @@ class MeddledProtection:
     def __init__(self, owner: Meddler, inner: Protection) -> None:
         self._owner, self._inner = owner, inner
 
-    def seal(self, sequence: int, clear: bytes) -> bytes:
+    def seal(self, sequence: int, clear: bytes, now: float) -> bytes:
         random = self._owner.random
         if random.random() < self._owner.rate:
             changed = bytearray(clear)
@@ -67,7 +67,7 @@ class MeddledProtection:
                     [0, 0x7F, 0x80, 0xFF, random.getrandbits(8)]
                 )
             clear = bytes(changed)
-        return self._inner.seal(sequence, clear)
+        return self._inner.seal(sequence, clear, now)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._inner, name)

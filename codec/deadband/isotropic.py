@@ -34,15 +34,6 @@ class ForceDeadband(Deadband):
         self.floor: Final = floor
         self.reference: Final[Reference] = reference
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, ForceDeadband) and self._settings() == other._settings()
-
-    def __hash__(self) -> int:
-        return hash(self._settings())
-
-    def _settings(self) -> tuple[float, float, str]:
-        return self.weber, self.floor, self.reference
-
     @classmethod
     def configured(cls, setup: DeadbandSetup) -> Self:
         return cls(setup.weber, setup.floor, setup.reference)
@@ -82,12 +73,6 @@ class PositionDeadband(Deadband):
         check_not_negative("bound", least)
         self.weber: Final = weber
         self.least: Final = least
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, PositionDeadband) and (self.weber, self.least) == (other.weber, other.least)
-
-    def __hash__(self) -> int:
-        return hash((self.weber, self.least))
 
     def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:  # noqa: ARG002
         return self.least + self.weber * moved

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from weberlink.codec.predictors.contract import EstimatedPredictor, FittedPredictor, Predictor
-from weberlink.codec.predictors.model import ContactSurface, FitLimits, Model
+from weberlink.codec.predictors.model import FitLimits, Model
 from weberlink.registry import Registry
 
 
@@ -70,7 +70,6 @@ __all__ = [
     "HYBRID",
     "HYBRID_BANK",
     "PREDICTORS",
-    "ContactSurface",
     "EstimatedPredictor",
     "FitLimits",
     "FittedPredictor",

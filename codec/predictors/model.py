@@ -3,7 +3,7 @@
 from abc import ABCMeta, abstractmethod
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from weberlink.codec.sample import Sample
 from weberlink.compiled import mypyc_attr
@@ -45,27 +45,6 @@ UNFITTED = ModelRecord(ModelKind.HELD)
 EXTRAPOLATION = ModelRecord(ModelKind.LINE)
 
 
-class ContactSurface(Protocol):
-    """An elastic surface, which may have friction and may move."""
-
-    @property
-    def stiffness(self) -> float:
-        """Stiffness s [N/m]; at a force f the surface stores f^2 / (2 s) [J]."""
-
-    def at(self, tick: float, position: Vector) -> Vector:
-        """The force without friction [N], at a tick of the sender and a position [m]."""
-
-    @property
-    def memory(self) -> Any:
-        """As that of a `Model`: None without friction."""
-
-    def advance(self, tick: float, position: Vector, memory: Any) -> tuple[Vector, Any]:
-        """The force with friction [N], and the new memory."""
-
-    def record(self) -> ModelRecord:
-        """The surface as telemetry records it."""
-
-
 @mypyc_attr(allow_interpreted_subclasses=True)
 class Model(metaclass=ABCMeta):
     """Predicts a value from tick and position. Never changed; equal to a model with the same parameters.
@@ -100,8 +79,11 @@ class Model(metaclass=ABCMeta):
         """
         return newest.value
 
-    def surface(self) -> ContactSurface | None:
-        """The contact surface, to render, draw or record; None if the model describes none."""
+    def surface(self) -> Any:
+        """The model itself if it is an elastic surface, with its `stiffness` [N/m]; otherwise None.
+
+        At a force f such a surface stores f^2 / (2 stiffness) [J].
+        """
         return None
 
     def record(self) -> ModelRecord:

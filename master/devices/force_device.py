@@ -2,9 +2,10 @@
 
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from weberlink.master.devices.contract import DeviceSpec
+from weberlink.options import Options
 
 Stiffness = Annotated[float, Field(ge=1e-3, le=1e9)]
 """Of the stiffest wall that a device displays [N/m]."""
@@ -12,10 +13,8 @@ Reply = Annotated[float, Field(ge=1.0, le=100.0, description="how long an answer
 """[ms]"""
 
 
-class HardwareOptions(BaseModel):
+class HardwareOptions(Options):
     """Options of a device that is looked for when it is gone."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     reconnect_s: float = Field(default=0.0, ge=0.0, le=60.0, description="how long to look for it when it is gone")
 
@@ -26,10 +25,8 @@ class PortOptions(HardwareOptions):
     port: str | None = Field(default=None, description="path of the device; the only one plugged in if not given")
 
 
-class ForceOptions(BaseModel):
+class ForceOptions(Options):
     """The option of a device with force feedback that its driver's `fingerprint` is compared with."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     signs_checked: Annotated[str, Field(pattern="^[0-9a-f]{8}$")] | None = Field(
         default=None, description="what `weberlink device test` prints once the directions are right; no force without"

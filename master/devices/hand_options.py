@@ -2,9 +2,10 @@
 
 from typing import Literal, NamedTuple, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from weberlink.geometry.vector import ZERO, Vector, check_home
+from weberlink.options import Options
 
 
 class Oscillator(NamedTuple):
@@ -23,7 +24,7 @@ class Oscillator(NamedTuple):
         return complex(self.stiffness - self.inertia * omega * omega, self.damping * omega)
 
 
-class GraspOptions(BaseModel):
+class GraspOptions(Options):
     """Fingers that hold a handle: spring and damper between the mass of the arm and that of the handle.
 
     At the frequencies at which a stiff wall becomes unstable, an arm no longer follows the handle, and only grasp and
@@ -34,8 +35,6 @@ class GraspOptions(BaseModel):
     Cutkosky, "System identification of the human hand grasping a haptic knob", Haptic Symposium (2002), for the rise
     of both with the grip. The values of `GRASPS` are of this order, chosen and not fitted.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     stiffness_n_m: float = Field(ge=1e-3, le=1e9, description="between arm and handle")
     damping_n_s_m: float = Field(ge=0.0, le=1e6, description="between arm and handle")
@@ -56,15 +55,13 @@ GRASPS = {
 with the hand that has none and holds firmly."""
 
 
-class HandOptions(BaseModel):
+class HandOptions(Options):
     """Impedance of hand and handle.
 
     The defaults are those of a firm, posture-keeping arm. The order of magnitude is that of van Beek, Bergmann Tiest,
     Mugge and Kappers, "Haptic perception of force magnitude and its relation to postural arm dynamics in 3D", Sci. Rep.
     5:18004 (2015), where one trial gave 0.55 kg, 6.5 N s/m and 135 N/m.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     mass_kg: float = Field(
         default=0.3, ge=1e-6, le=1e3, description="hand and handle; the hand alone if it has a grasp"
@@ -110,7 +107,7 @@ class HandOptions(BaseModel):
         return abs(self.stiffness_n_m / arm * grasp / (grasp + handle))
 
 
-class WristOptions(BaseModel):
+class WristOptions(Options):
     """Rotational impedance of hand and handle about the tip, the same about every axis, with tremor and wobble.
 
     The defaults are an assumption, not a measurement: natural frequency (5 Hz) and damping ratio (0.42) are those of
@@ -118,8 +115,6 @@ class WristOptions(BaseModel):
     than in others, and relaxed it is softer (Formica, Charles, Zollo, Guglielmelli, Hogan and Krebs, "The passive
     stiffness of the wrist and forearm", J. Neurophysiol. 108, 2012).
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     inertia_kg_m2: float = Field(default=0.002, ge=1e-9, le=1e3, description="hand and handle")
     damping_n_m_s_rad: float = Field(default=0.053, ge=0.0, le=1e6)
@@ -139,10 +134,8 @@ class WristOptions(BaseModel):
         return Oscillator(self.inertia_kg_m2, self.damping_n_m_s_rad, self.stiffness_n_m_rad)
 
 
-class HandDeviceOptions(BaseModel):
+class HandDeviceOptions(Options):
     """Options of the device and of the hand."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     hand: HandOptions = HandOptions()
     wrist: WristOptions | None = Field(

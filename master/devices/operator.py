@@ -5,12 +5,13 @@ from itertools import pairwise
 from math import radians
 from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale
 from weberlink.master.devices.hand_device import HandDevice
 from weberlink.master.devices.hand_options import HandDeviceOptions
 from weberlink.master.devices.motion import CircularLeg, Leg, LegSequence, StraightLeg
+from weberlink.options import Options
 
 Duration = Annotated[float, Field(gt=0.0, le=3600.0)]
 
@@ -30,10 +31,8 @@ Turn = Annotated[
 ]
 
 
-class ScriptStep(BaseModel):
+class ScriptStep(Options):
     """One motion of the script; it begins where the one before left the hand."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     def legs(self, start: Vector) -> list[Leg]:
         raise NotImplementedError

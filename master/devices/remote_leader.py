@@ -4,11 +4,12 @@ from functools import partial
 from math import inf, pi
 from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from weberlink.arms.contract import ArmFault, ArmReading, ArmSpec
 from weberlink.geometry.joints import MOST_JOINTS, Joints, is_finite
 from weberlink.master.devices.target_link import LEADER, LeaderTarget, TargetSocket, TargetSource, unpack_angles
+from weberlink.options import Options
 
 LEADS = 1
 """Bit of the button in a reading."""
@@ -17,10 +18,8 @@ Angle = Annotated[float, Field(ge=-100.0, le=100.0)]
 Angles = Annotated[tuple[Angle, ...], Field(min_length=1, max_length=MOST_JOINTS + 1)]
 
 
-class RemoteLeaderOptions(BaseModel):
+class RemoteLeaderOptions(Options):
     """Options of `remote_leader`. A setting for each axis is one number for all, or a list: the gripper last."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     joints: tuple[str, ...] = Field(
         min_length=1, max_length=MOST_JOINTS, description="names of the joints, without the gripper"

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from weberlink.geometry.vector import ZERO, Vector, within
 from weberlink.slave.robots.computed import ComputedRobot
@@ -12,12 +12,11 @@ from weberlink.slave.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from weberlink.slave.robots.tool import Tool
+from weberlink.options import Options
 
 
-class ToolOptions(BaseModel):
+class ToolOptions(Options):
     """A rigid tool at the tip, as up to 32 points; two points make a stick."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     points_m: tuple[Vector, ...] = Field(
         min_length=1, max_length=32, description="points of contact from the tip, in the initial orientation"

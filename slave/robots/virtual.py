@@ -2,10 +2,11 @@
 
 from typing import Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.geometry.vector import Vector, check_home, cube
+from weberlink.options import Options
 from weberlink.slave.robots.contract import RobotSpec
 
 SOFTEST, STIFFEST = 1e-3, 1e9
@@ -14,10 +15,8 @@ UNSTATED = 2500.0
 """Stiffness of a computed robot that is built without a device [N/m]."""
 
 
-class VirtualOptions(BaseModel):
+class VirtualOptions(Options):
     """Workspace, home, force range and stiffness of a robot that is computed."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     workspace_m: float = Field(default=0.06, ge=1e-3, le=1.0, description="half an edge of the cube about the origin")
     home_m: Vector = Field(default=(0.0, 0.0, 0.03), description="position until the first command")

@@ -3,9 +3,10 @@
 from math import sqrt
 from typing import Annotated, Protocol
 
-from pydantic import AfterValidator, BaseModel, ConfigDict
+from pydantic import AfterValidator
 
 from weberlink.geometry.vector import Vector
+from weberlink.options import Options
 from weberlink.registry import Registry, check_overrides
 
 Tangent = tuple[float, Vector]
@@ -34,10 +35,8 @@ class Shape(Protocol):
         ...
 
 
-class SceneModel(BaseModel):
+class SceneModel(Options):
     """Unknown keys and non-finite numbers are errors."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class SceneShapeSettings(SceneModel):

@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import cache
 from itertools import pairwise
-from math import exp, nan
 from random import Random
 
 import pytest
@@ -12,12 +11,12 @@ import pytest
 from tests.codec.law import FITTED
 from tests.codec.signals import GodObject, Stream, contact, stroke
 from weberlink.codec import Channel, Encoder, force_channel
-from weberlink.codec.adaptive import MEMORY_S, REST_S, AdaptiveChoice, Shadow
+from weberlink.codec.adaptive import REST_S, AdaptiveChoice, Shadow
 from weberlink.codec.deadband import ForceDeadband
-from weberlink.codec.predictors import PREDICTORS, FitLimits, Model
+from weberlink.codec.predictors import PREDICTORS, FitLimits
 from weberlink.codec.predictors.contract import FittedCandidate
-from weberlink.codec.predictors.estimation import KEPT_S, LONGEST_GAP_S, EncodeContext, History, Signal
-from weberlink.codec.predictors.model import Hold, Line
+from weberlink.codec.predictors.estimation import KEPT_S, LONGEST_GAP_S, History, Signal
+from weberlink.codec.predictors.model import Hold
 from weberlink.codec.replay import code
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector
@@ -111,61 +110,11 @@ def test_a_fitted_candidate_sends_at_the_ticks_of_its_encoder(name: str) -> None
     assert len(sent) > 1
 
 
-def test_before_the_first_sample_a_force_rests_and_a_position_is_sent() -> None:
-    assert not zoh_shadow().follow(0, up(0.05), ZERO, 0.1, DEADBAND)
-    assert zoh_shadow().follow(0, up(0.2), ZERO, 0.1, DEADBAND)
-    assert Shadow(0, FittedCandidate(PREDICTORS["zoh"], LIMITS), None).follow(0, ZERO, ZERO, 0.1, DEADBAND)
-
-
-def test_the_error_is_that_of_the_prediction_before_the_send() -> None:
-    shadow = zoh_shadow(3)
-    assert shadow.follow(5, up(2.0), ZERO, 0.2, DEADBAND)
-    assert (shadow.selector, shadow.error) == (3, 2.0)
-    shadow.send(Sample(5, up(2.0), ZERO), 0.2, History(1e-3))
-    assert not shadow.follow(6, up(2.15), ZERO, 0.2, DEADBAND)
-    assert shadow.error == pytest.approx(0.15)
-    shadow.send(Sample(17, up(nan), ZERO), 0.1, History(1e-3))
-    assert shadow.follow(18, ZERO, ZERO, 0.1, DEADBAND)
-
-
-class Noted:
-    """A candidate that records its contexts, and makes a line from the second one on."""
-
-    def __init__(self) -> None:
-        self.contexts: list[EncodeContext] = []
-
-    def model(self, context: EncodeContext) -> Model | None:
-        self.contexts.append(context)
-        return Line(context.newest.value, up(0.1), context.newest.tick) if len(self.contexts) > 1 else None
-
-
-def test_a_candidate_is_told_of_its_own_sends_and_held_without_a_model() -> None:
-    noted = Noted()
-    shadow, history = Shadow(0, noted, ZERO), History(1e-3)
-    one, other, third = (Sample(tick, up(1.0), ZERO) for tick in (2, 10, 10 + 65_536))
-    for sample in (one, other, third):
-        shadow.send(sample, 0.3, history)
-        shadow.follow(sample.tick + 5, up(1.0), ZERO, 9.0, DEADBAND)
-        assert shadow.error == pytest.approx(0.0 if sample is one else 0.5)
-    assert [(told.newest, told.earlier) for told in noted.contexts] == [(one, None), (other, one), (third, None)]
-    assert all((told.bound, told.history) == (0.3, history) for told in noted.contexts)
-
-
 def sent_at(*ticks: int) -> Shadow:
     shadow = zoh_shadow()
     for tick in ticks:
         shadow.send(Sample(tick, ZERO, ZERO), 0.1, History(1e-3))
     return shadow
-
-
-@pytest.mark.parametrize("now", [300, 400, 5000])
-def test_a_record_is_the_sends_slowly_forgotten(now: int) -> None:
-    ticks = (10, 60, 300)
-    shadow = sent_at(*ticks)
-    for asked in range(300, now, 10):  # asking changes nothing
-        shadow.record(asked)
-    assert shadow.record(now) == pytest.approx(sum(exp(1e-3 * (tick - now) / MEMORY_S) for tick in ticks))
-    assert sent_at().record(500) == 0.0 == sent_at(0).record(2**70)
 
 
 def test_a_tick_count_that_restarts_forgets_nothing() -> None:

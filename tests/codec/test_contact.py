@@ -215,18 +215,6 @@ def test_each_hypothesis_recovers_its_own_parameters() -> None:
     assert moving.acceleration == pytest.approx(0.0, abs=0.2 * AMPLITUDE * FREQUENCY**2)
 
 
-@pytest.mark.parametrize("kind", [FrictionlessHypothesis, FrictionalHypothesis])
-def test_a_hardly_curved_surface_is_made_flat(kind: Kind) -> None:
-    """A sphere with a radius of more than 2 m is a plane."""
-    contact_signal = signal()
-    found, context = at_end(stream_for(FrictionalHypothesis)[:3001], contact_signal)
-    for curvature, expected in ((0.49, 0.0), (-0.49, 0.0), (0.51, 0.51), (-0.51, -0.51)):
-        found.curvature.value = found.frictional_curvature.value = curvature
-        model = kind(contact_signal).model(context)
-        assert model is not None
-        assert model.curvature == expected
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_there_is_no_surface_without_a_settled_contact_within_the_limits(kind: Kind) -> None:
     samples = stream_for(kind)[:3001]

@@ -96,27 +96,6 @@ def test_nothing_gets_through_a_blackout_once_or_periodic(blackout: tuple[float,
     assert made.counters.blacked_out == len(gone)
 
 
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [
-        ("delay_s", -1.0),
-        ("jitter_s", float("inf")),
-        ("loss", 1.5),
-        ("loss", float("nan")),
-        ("reorder", -0.1),
-        ("duplicate", 2.0),
-        ("corrupt", -1.0),
-        ("burst", 0.5),
-        ("rate_bit_s", 0.0),
-        ("blackouts", ((0.0, -1.0),)),
-        ("blackouts", ((0.0, 1.0, 0.0),)),
-    ],
-)
-def test_invalid_fault_is_named(field: str, value: object) -> None:
-    with pytest.raises(ValueError, match=field):
-        Emulation(**{field: value})  # type: ignore[arg-type]
-
-
 @examples(60)
 @given(st.lists(st.tuples(st.floats(0.0, 0.2), st.floats(0.0, 0.05)), min_size=1, max_size=20))
 def test_changes_lose_and_reorder_nothing_and_leave_no_loss_behind(delays: list[tuple[float, float]]) -> None:

@@ -32,37 +32,36 @@ def test_every_flipped_bit_and_every_other_number_direction_and_session_is_found
     security: Security, number: int
 ) -> None:
     sealing, opening = exchanged(security)
-    sealed = sealing.seal(number, DATAGRAM)
+    sealed = sealing.seal(number, DATAGRAM, 0.0)
     assert sealed[:CLEAR_BYTES] == CLEAR and len(sealed) == len(DATAGRAM) + security.tag_size
-    assert opening.open(number, sealed) == DATAGRAM[CLEAR_BYTES:]
-    assert all(opening.open(number, damaged) is None for damaged in flipped(sealed))
-    assert opening.open(number + 1, sealed) is opening.open(number + 2**24, sealed) is None
-    assert sealing.open(number, sealed) is exchanged(security, prologue=b"other")[1].open(number, sealed) is None
-    sealed = sealing.seal(number, pack((number & 0xFFFF, 0, 1, 2, (None,)), Kind.PATH, bytes(8)))
+    assert opening.open(number, sealed, 0) == DATAGRAM[CLEAR_BYTES:]
+    assert all(opening.open(number, damaged, 0) is None for damaged in flipped(sealed))
+    assert opening.open(number + 1, sealed, 0) is opening.open(number + 2**24, sealed, 0) is None
+    assert sealing.open(number, sealed, 0) is exchanged(security, prologue=b"other")[1].open(number, sealed, 0) is None
+    sealed = sealing.seal(number, pack((number & 0xFFFF, 0, 1, 2, (None,)), Kind.PATH, bytes(8)), 0.0)
     for damaged in flipped(sealed, 1, CLEAR_BYTES):  # under the number that it then seems to have
-        assert opening.open(number & ~0xFFFF | sequence_of(damaged), damaged) is None
+        assert opening.open(number & ~0xFFFF | sequence_of(damaged), damaged, 0) is None
 
 
 @by_suite
-def test_rekeyed_directions_open_under_next_then_previous_keys(security: Security) -> None:
+def test_a_datagram_opens_under_the_keys_of_its_phase_the_former_ones_for_what_was_overtaken(
+    security: Security,
+) -> None:
+    """One key for each datagram; each arrives before the one that left before it, and once as if it were another."""
     sealing, opening = exchanged(security)
-    before = sealing.seal(1, DATAGRAM)
-    sealing.rekey_outgoing()
-    after = sealing.seal(2, DATAGRAM)
-    for _ in range(2):  # asking changes nothing
-        assert opening.open(1, before) == opening.open_next(2, after) == DATAGRAM[CLEAR_BYTES:]
-        assert opening.open(2, after) is opening.open_next(1, before) is opening.open_previous(1, before) is None
-    opening.rekey_incoming()
-    assert opening.open(2, after) == opening.open_previous(1, before) == DATAGRAM[CLEAR_BYTES:]
-    assert opening.open(1, before) is opening.open_next(2, after) is opening.open_previous(2, after) is None
-    assert sealing.open(3, opening.seal(3, DATAGRAM)) == DATAGRAM[CLEAR_BYTES:], "the other direction keeps its keys"
-    sealed = set()
-    for phase in range(20):
-        sealed.add(datagram := sealing.seal(7, DATAGRAM))
-        assert opening.open(7, datagram) == DATAGRAM[CLEAR_BYTES:], phase
-        sealing.rekey_outgoing()
-        opening.rekey_incoming()
-    assert len(sealed) == 20
+    sealing.begin(0.0, 0, 1)
+    sealed = [sealing.seal(number, DATAGRAM, 0.0) for number in range(20)]
+    assert len(set(sealed)) == 20
+    opening.accept(sealed[0][0])
+    for number in range(1, 20):
+        newest = number - 1
+        for _ in range(2):  # asking changes nothing
+            assert opening.open(number, sealed[number], newest) == DATAGRAM[CLEAR_BYTES:]
+            assert opening.open(newest, sealed[newest], newest) == DATAGRAM[CLEAR_BYTES:]
+            assert opening.open(newest, sealed[number], newest) is opening.open(number, sealed[newest], newest) is None
+        opening.accept(sealed[number][0])
+        assert opening.open(newest, sealed[newest], number) == DATAGRAM[CLEAR_BYTES:]
+    assert sealing.open(3, opening.seal(3, DATAGRAM, 0.0), 0) == DATAGRAM[CLEAR_BYTES:], "the other way keeps its keys"
 
 
 @by_suite
@@ -86,10 +85,10 @@ def test_a_handshake_message_is_bound_to_prologue_and_call(security: Security) -
 def test_another_key_or_another_ephemeral_one_opens_nothing_and_reads_nothing() -> None:
     ours, theirs = PresharedKey(KEY), PresharedKey(bytes(32))
     assert theirs.hear(b"", ours.call(b"", KEY, b"")[0]) is None
-    sealed = exchanged(ours, seed=1)[0].seal(1, DATAGRAM)
-    assert exchanged(theirs, seed=1)[1].open(1, sealed) is exchanged(ours, seed=2)[1].open(1, sealed) is None
+    sealed = exchanged(ours, seed=1)[0].seal(1, DATAGRAM, 0.0)
+    assert exchanged(theirs, seed=1)[1].open(1, sealed, 0) is exchanged(ours, seed=2)[1].open(1, sealed, 0) is None
     assert b"hidden" not in sealed
-    assert b"hidden" in exchanged(Checksum())[0].seal(1, DATAGRAM)
+    assert b"hidden" in exchanged(Checksum())[0].seal(1, DATAGRAM, 0.0)
     for size in (0, 16, 31, 33):
         with pytest.raises(ValueError, match="32 bytes"):
             PresharedKey(bytes(size))

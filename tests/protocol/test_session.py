@@ -10,8 +10,8 @@ from weberlink.protocol import DropReason, Statistics
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.events import PeerClosed, UpdateReceived
 from weberlink.protocol.liveness import INTRODUCTIONS, Liveness
-from weberlink.protocol.security import Security
-from weberlink.protocol.session import REKEY_AFTER_S, Outcome, Session
+from weberlink.protocol.security import REKEY_AFTER_S, Security
+from weberlink.protocol.session import Outcome, Session
 from weberlink.protocol.wire import PHASE, DirectionLayout, Kind
 from weberlink.update import PreviousSample, Update
 
@@ -107,7 +107,7 @@ def test_an_update_beyond_its_end_or_of_another_time_is_dropped(
         envelope = (sequence, 0, receiver.clock.stamp(now)[0], Liveness(0.0, 0.1, now, now).echo(now), (None,))
         update = Update(10, 0, (1, 2, 3), PreviousSample(1, (1, 2, 3)))
         clear = DirectionLayout([forms(3)]).updates[0].pack(envelope, behind, update) + more
-        outcomes.append(deliver(receiver, protection.seal(sequence, clear), now))
+        outcomes.append(deliver(receiver, protection.seal(sequence, clear, now), now))
     assert outcomes[0] is reason if reason else isinstance(outcomes[0], UpdateReceived)
     assert isinstance(outcomes[1], UpdateReceived)
 

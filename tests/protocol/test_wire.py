@@ -140,7 +140,7 @@ def test_a_harmed_update_is_refused_or_says_what_an_update_can_say(
     if found.update is None:
         return
     layout.check(found.update)
-    head = (wire.sequence_of(data), found.generation, found.sent, found.echo, found.acks)
+    head = (wire.sequence_of(bytes(data)), found.generation, found.sent, found.echo, found.acks)
     packed = direction.updates[found.kind == Kind.SECOND_UPDATE].pack(
         head, found.update.tick, found.update, found.credit or 0
     )

@@ -166,7 +166,7 @@ class Duel:
         if session is None:
             return
         envelope, sequence = session._envelope(self.now)
-        self.peer._post(session._seal(sequence, packed(envelope), self.now))
+        self.peer._post(session._protection.seal(sequence, packed(envelope), self.now))
 
     def renew(self, reason: str | None) -> None:
         """End the session, with a farewell or without one, and begin another one before the next tick of the side."""

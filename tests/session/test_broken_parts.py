@@ -32,53 +32,46 @@ MISTAKES = {
     "empty": ("", "AttributeError: module 'empty' has no attribute 'Part'"),
 }
 """By module: its source, and what its import raises."""
-CLUMSY = '''
+CLUMSY = """
 from weberlink.master.devices.operator import OperatorDevice
 from weberlink.slave.robots.point import PointRobot
 
 
-class Clumsy:
-    """Raises in one of the methods, at the 300th call or at once."""
-
-    COMPUTED = True
-
-    def __init__(self, options, *others):
-        self.where, self.calls = options.where, 0
-        self.meet("__init__")
-        super().__init__(options, *others)
-
-    def meet(self, where):
-        if where == self.where:
-            self.calls += 1
-            if self.calls == 300 or where in ("__init__", "open"):
-                stumble({})
-
-    def open(self, now):
-        self.meet("open")
-        super().open(now)
-
-    def latest(self, now):
-        self.meet("latest")
-        return super().latest(now)
-
-    def command(self, value, now):
-        self.meet("command")
-        super().command(value, now)
-
-
-class Hand(Clumsy, OperatorDevice):
-    class Options(OperatorDevice.Options):
-        where: str = ""
-
-
-class Tool(Clumsy, PointRobot):
-    class Options(PointRobot.Options):
-        where: str = ""
-
-
 def stumble(things):
     return things["there"]
-'''
+
+
+def clumsy(base):
+    class Clumsy(base):
+        COMPUTED = True
+
+        class Options(base.Options):
+            where: str = ""
+
+        def __init__(self, options, *others):
+            self.where, self.calls = options.where, 0
+            self.meet("__init__")
+            super().__init__(options, *others)
+
+        def meet(self, where):
+            if where == self.where:
+                self.calls += 1
+                if self.calls == 300 or where in ("__init__", "open"):
+                    stumble({})
+
+    for name in ("open", "latest", "command"):
+
+        def method(self, *arguments, name=name):
+            self.meet(name)
+            return getattr(base, name)(self, *arguments)
+
+        setattr(Clumsy, name, method)
+    return Clumsy
+
+
+Hand, Tool = clumsy(OperatorDevice), clumsy(PointRobot)
+"""
+"""Drivers that raise in one of their methods, at its 300th call or at once."""
 ENTRY_POINTS = {group: "\n".join(f"{name}_{group} = {name}:Part" for name in MISTAKES) for group in GROUPS}
 ENTRY_POINTS["devices"] += "\nhand = clumsy:Hand"
 ENTRY_POINTS["robots"] += "\ntool = clumsy:Tool"

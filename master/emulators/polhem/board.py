@@ -6,7 +6,7 @@ from dataclasses import replace
 from math import sin, tau
 from typing import ClassVar, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from weberlink.geometry.vector import ZERO, Vector, subtract
 from weberlink.hardware.emulator import FaultyDevice
@@ -14,6 +14,7 @@ from weberlink.master.devices.polhem.options import BOARDS, SetName, Signs
 from weberlink.master.devices.polhem.parameters import PARAMETERS, Board
 from weberlink.master.devices.polhem.protocol import Counts6
 from weberlink.master.emulators.handle import Handle, HandleOptions
+from weberlink.options import Options
 
 Currents = tuple[float, float, float]
 
@@ -35,10 +36,8 @@ FAULTS: Mapping[str, str] = {
 }
 
 
-class BoardOptions(BaseModel):
+class BoardOptions(Options):
     """Options that the emulated Polhem devices have in common."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     handle: HandleOptions = Field(default=HandleOptions(), description="who holds it, and what that person does")
     parameters: SetName | None = Field(default=None, description="set of its mechanism")

@@ -10,6 +10,7 @@ from mcap.writer import CompressionType, Writer
 from plugins.recording.tests.records import FACTS, SIDES, frames_of, noise, origin, same, small_file
 from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT, TOPICS
 from weberlink.telemetry.reader import DTYPE
+from weberlink_recording.container import metadata_of
 from weberlink_recording.reader import RecordingError, read_recording
 
 
@@ -41,7 +42,7 @@ def write_elsewhere(
         schema = writer.register_schema(SCHEMA_NAME, changes["encoding"], text.encode())
         channels = {}
         for side in sides:
-            metadata = origin(side).to_metadata() if changes["metadata"] is None else changes["metadata"]
+            metadata = metadata_of(origin(side)) if changes["metadata"] is None else changes["metadata"]
             channels[side] = writer.register_channel(TOPICS[side], changes["message"], schema, metadata)
         for index in range(max(map(len, sides.values()))):
             writer.add_message(strange, index, b"\0" * (index % 40), index)

@@ -18,6 +18,7 @@ from weberlink.config import load
 from weberlink.session.simulation import simulate
 from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT
 from weberlink.telemetry.record import COUNTERS, FIELDS
+from weberlink_recording.container import metadata_of
 from weberlink_recording.export import describe
 from weberlink_recording.reader import Recording, RecordingError, dtype_of, read_recording
 from weberlink_recording.session import ADDED, put_together
@@ -160,7 +161,7 @@ def test_recording_of_an_older_release_still_reads(touch: Recording, tmp_path: P
         schema = writer.register_schema(SCHEMA_NAME, "ros2msg", text.encode())
         for side, records in touch.records.items():
             origin = touch.origins[side]
-            channel = writer.register_channel(origin.topic, "cdr", schema, origin.to_metadata())
+            channel = writer.register_channel(origin.topic, "cdr", schema, metadata_of(origin))
             old = np.zeros(len(records), dtype_of(text))
             for name in old.dtype.names or ():
                 old[name] = records[name]

@@ -2,17 +2,15 @@
 
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
+
+from weberlink.options import Options
 
 Angle = Annotated[float, Field(ge=-100, le=100)]
 Ends = tuple[Angle, Angle]
 
 
-class _Settings(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class JointMappingSettings(_Settings):
+class JointMappingSettings(Options):
     """What drives a joint of the follower: angle = offset + scale * angle of a leader's joint."""
 
     leader: str | None = Field(default=None, min_length=1)
@@ -33,7 +31,7 @@ class JointMappingSettings(_Settings):
         return self
 
 
-class GripperMappingSettings(_Settings):
+class GripperMappingSettings(Options):
     """What drives the gripper of the follower: a range of the leader's angles, mapped to one of the follower's."""
 
     leader_rad: Ends | None = None
@@ -55,7 +53,7 @@ class GripperMappingSettings(_Settings):
         return self
 
 
-class LeaderMappingSettings(_Settings):
+class LeaderMappingSettings(Options):
     """From the axes of a leader arm to those of the follower; all that is sent, recorded and reported is the latter's.
 
     A torque goes back by the transpose of the map of angles, and by `torque_scale`: so the leader's power is that of
@@ -65,7 +63,7 @@ class LeaderMappingSettings(_Settings):
     match: Literal["order", "name"] = "order"
     """Which joint of the leader drives one of the follower that `joints` does not say it of: the one at the same
     place, or the one of the same name."""
-    joints: dict[str, JointMappingSettings] = {}
+    joints: dict[str, JointMappingSettings] = Field(default={})
     """By the name of the follower's joint; one that is not there is driven with a scale of 1 and no offset."""
     gripper: GripperMappingSettings = GripperMappingSettings()
     """The gripper; left out, that of the follower has the angle of the leader's."""

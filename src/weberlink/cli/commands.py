@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 import typer
 
 from weberlink.cli.arguments import CommandGroup, File, Json, Set, file_target
-from weberlink.cli.output import fail, failing, tell, write
+from weberlink.cli.output import fail, tell, write
 from weberlink.order import COMPLETED, FAILED, MASTER, MISCONFIGURED, SIDES
 from weberlink.session.targets import STANDARD_OUTPUT
 
@@ -120,11 +120,10 @@ def device_test(
 
     It shows the readings, checks signs without force and, after a yes, with a gentle force.
     """
-    from weberlink.cli.device_test import DeviceTestError, run  # noqa: PLC0415
+    from weberlink.cli.device_test import run  # noqa: PLC0415
     from weberlink.cli.dialog import Dialog  # noqa: PLC0415
 
-    with failing(DeviceTestError):
-        run(name, Dialog(sys.stdin, sys.stdout, yes=yes), config, set_ or ())
+    run(name, Dialog(sys.stdin, sys.stdout, yes=yes), config, set_ or ())
 
 
 @device.command()
@@ -152,10 +151,9 @@ def emulate(
 @device.command("rules")
 def device_rules() -> None:
     """Install the udev rules, which give access without root."""
-    from weberlink.cli import rules  # noqa: PLC0415
+    from weberlink.cli.rules import install  # noqa: PLC0415
 
-    with failing(rules.RulesError):
-        typer.echo("\n".join(rules.install()))
+    typer.echo("\n".join(install()))
 
 
 def keygen(
@@ -164,10 +162,9 @@ def keygen(
     ],
 ) -> None:
     """Write a new pre-shared key for one master and one slave."""
-    from weberlink.protocol.keys import KeyFileError, generate  # noqa: PLC0415
+    from weberlink.protocol.keys import generate  # noqa: PLC0415
 
-    with failing(KeyFileError, MISCONFIGURED):
-        generate(out)
+    generate(out)
     typer.echo(f"{out}: key written, readable by you alone; copy it to the other host over a channel you trust")
 
 

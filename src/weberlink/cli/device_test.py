@@ -17,6 +17,7 @@ from pydantic import BaseModel
 
 from weberlink.cli.devices import ARMS, SECTIONS, SIDES
 from weberlink.cli.dialog import Dialog, StoppedByUser, View, uninterrupted
+from weberlink.cli.output import CommandError
 from weberlink.config import MASTER, ConfigurationError, load
 from weberlink.config.document import override
 from weberlink.config.errors import require_package, validated
@@ -32,8 +33,8 @@ RATE_HZ = 1000.0
 """Rate of the loop that the driver is built for, if there is no file."""
 
 
-class DeviceTestError(Exception):
-    """The test failed; one line that says what is wrong and, if known, what to do."""
+class DeviceTestError(CommandError):
+    """The test failed."""
 
 
 def run(name: str, dialog: Dialog, file: Path | None = None, overrides: Sequence[str] = ()) -> None:

@@ -24,9 +24,15 @@ PROGRESS_EVERY_S = 10.0
 """Least time between two lines about the progress of a command without a terminal [s]."""
 
 
+class CommandError(Exception):
+    """A command cannot do what it is asked for: one line that says why and, if known, what to do; exit status 1."""
+
+
 @contextmanager
 def errors(log: Callable[[Sequence[str]], None] = lambda _: None) -> Iterator[None]:
-    """Report a wrong file with status 2; a missing runtime directory or a broken driver with status 1; one line each.
+    """Report errors in one line.
+
+    With status 2 a wrong file or key; with 1 what a command cannot do, a missing runtime directory, or a broken driver.
 
     Args:
         log: receives the trace of a driver, or of another part by name, that raised an error.
@@ -37,11 +43,12 @@ def errors(log: Callable[[Sequence[str]], None] = lambda _: None) -> Iterator[No
         if was_interrupted(error) or isinstance(error, typer.Exit) or hasattr(error, "format_message"):  # of typer
             raise
         from weberlink.config.errors import ConfigurationError, trace_of  # noqa: PLC0415 - not for help
+        from weberlink.protocol.keys import KeyFileError  # noqa: PLC0415
         from weberlink.telemetry.runtime_directory import RuntimeDirectoryError  # noqa: PLC0415
 
-        if isinstance(error, RuntimeDirectoryError):
+        if isinstance(error, CommandError | RuntimeDirectoryError):
             fail(str(error), FAILED)
-        is_wrong_file, fault = isinstance(error, ConfigurationError), fault_of(error)
+        is_wrong_file, fault = isinstance(error, ConfigurationError | KeyFileError), fault_of(error)
         if not (is_wrong_file or (fault is not None and fault.is_foreign)):
             raise
         log(trace_of(error))

@@ -18,6 +18,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from weberlink.child_process import python
+from weberlink.cli.output import CommandError
 from weberlink.installation import CONFIGS, config_folders
 
 RULES_DIR = Path("/etc/udev/rules.d")
@@ -29,8 +30,8 @@ SUDO_FOLDERS = ("/usr/local/bin", "/usr/bin", "/bin")
 """Folders that sudo searches for programs."""
 
 
-class RulesError(Exception):
-    """The rules cannot be installed; the message says why and what to do."""
+class RulesError(CommandError):
+    """The rules cannot be installed."""
 
 
 def shipped() -> dict[str, str]:

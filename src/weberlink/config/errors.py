@@ -123,34 +123,34 @@ def _hint(model: type[BaseModel], document: Any, path: Sequence[int | str]) -> s
     except PydanticInvalidForJsonSchema:
         return ""
     definitions = schema.get("$defs", {})
-    nodes = list(_mappings(schema, definitions, document))
+    nodes = list(_forms(schema, definitions, document))
     for part in path[:-1]:
         document = document[part]
-        below = [node["items"] if isinstance(part, int) else node["properties"][part] for node in nodes]
-        nodes = [each for node in below for each in _mappings(node, definitions, document)]
+        below = [node.get("properties", {}).get(part) or node.get("additionalProperties") for node in nodes]
+        below += [node.get("items") for node in nodes]
+        nodes = [each for node in below if isinstance(node, dict) for each in _forms(node, definitions, document)]
     keys = {name: each for node in nodes for name, each in node.get("properties", {}).items()}
     close = get_close_matches(str(path[-1]), keys, n=1, cutoff=0.5)
     hint = f"; did you mean {close[0]}?" if close else f"; known are {', '.join(sorted(keys))}" if keys else ""
     takes_any = [
         name
         for name, each in keys.items()
-        if any(node.get("additionalProperties") is True for node in _mappings(each, definitions, {}))
+        if any(node.get("additionalProperties") is True for node in _forms(each, definitions, {}))
     ]
     if len(takes_any) == 1:
         hint += f"; options of a driver belong into {'.'.join(map(str, (*path[:-1], *takes_any)))}"
     return hint
 
 
-def _mappings(node: dict[str, Any], definitions: dict[str, Any], document: Any) -> Iterator[dict[str, Any]]:
-    """The forms of a JSON Schema that a part of a document may have: mappings that have its tags, and lists."""
+def _forms(node: dict[str, Any], definitions: dict[str, Any], document: Any) -> Iterator[dict[str, Any]]:
+    """The forms of a JSON Schema that a part of a document may have, without those of other tags."""
     if "$ref" in node:
         node = definitions[node["$ref"].rpartition("/")[2]]
     for each in node.get("anyOf", node.get("oneOf", ())):
-        yield from _mappings(each, definitions, document)
+        yield from _forms(each, definitions, document)
     fields = node.get("properties", {}).items()
     tags = {name: field["const"] for name, field in fields if "const" in field}
-    is_tagged = isinstance(document, Mapping) and any(document.get(name, tag) != tag for name, tag in tags.items())
-    if ("items" in node if isinstance(document, list) else "properties" in node) and not is_tagged:
+    if not (isinstance(document, Mapping) and any(document.get(name, tag) != tag for name, tag in tags.items())):
         yield node
 
 

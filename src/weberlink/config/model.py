@@ -158,10 +158,8 @@ class DirectionFaults(Settings):
         )
 
     def contradictions(self) -> Iterator[str]:
-        try:
-            self.emulation()
-        except ValueError as error:  # such as a loss that these bursts cannot have
-            yield str(error)
+        if self.burst > 1.0 and self.burst / (1.0 + self.burst) < self.loss < 1.0:
+            yield f"loss: at most burst / (1 + burst) for bursts of {self.burst:g}, not {self.loss:g}"
 
 
 class EmulationSettings(DirectionFaults):
@@ -486,6 +484,11 @@ class MasterSettings(Settings):
     limits: MasterLimits = MasterLimits()
     accept_no_watchdog: str | None = None
     """Driver whose force stays on when this host stops, and may do so; its name, or leave out."""
+
+    @property
+    def frame_map(self) -> MappingSettings:
+        """The mapping, or the one that changes nothing."""
+        return self.mapping or MappingSettings()
 
 
 class SlaveLimits(Settings):

@@ -8,8 +8,6 @@ from typing import Annotated, Any, ClassVar, Literal, Self, get_type_hints
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
-    ConfigDict,
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
@@ -22,13 +20,12 @@ from pydantic_core.core_schema import CoreSchema, no_info_after_validator_functi
 from weberlink.codec.deadband import DEADBANDS, Deadband
 from weberlink.codec.predictors import ADAPTIVE, HYBRID, PREDICTORS, suits, unfit_for_hybrid
 from weberlink.config.errors import one_of
+from weberlink.options import Options
 from weberlink.slave.scenes.settings import ByShape
 
 
-class Settings(BaseModel):
+class Settings(Options):
     """Keys of a file; unknown ones, and numbers that are not finite, are errors."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     def contradictions(self) -> Iterator[str]:
         """Why settings that are right one by one do not go together."""

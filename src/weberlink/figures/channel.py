@@ -24,23 +24,13 @@ GRIPPER = slice(len(JOINTS) - 1, len(JOINTS))
 
 
 class Thresholds(NamedTuple):
-    """What may stay unsent of an axis a: the larger of `weber` |a| and its floor.
+    """What may stay unsent of an axis a [rad | N m]: the larger of `weber` |a| and its floor.
 
-    Args:
-        floors: of each axis [rad | N m].
-        weber: Weber factor; None for that of each record, which a live change may have set.
-        predictor: of the channel.
+    Without a Weber factor, it is that of each record, which a live change may have set.
     """
 
     floors: Joints
     weber: float | None
-    predictor: str
-
-    def of(self, actual: Series, sender: Records) -> Series:
-        """The deadband of each axis at each tick, shape (n, axes); `actual` is what `sender` measured."""
-        weber = sender["weber"][:, None] if self.weber is None else self.weber
-        deadbands: Series = np.maximum(weber * np.abs(actual.astype(np.float64)), np.asarray(self.floors))
-        return deadbands
 
 
 class Compared(NamedTuple):
@@ -64,7 +54,7 @@ class Stream:
         error: of displayed and actual values, row by row, shape (n, 3) each.
         measures: of the deadband; None if it measures `error`.
         thresholds: deadbands of the axes of an arm, of which the largest error of a tick counts; None for the hand.
-        axes: of an arm: their places in the vectors of a record.
+        axes: their places in the vectors of a record.
         names: of these axes.
     """
 
@@ -86,10 +76,18 @@ class Stream:
             if self.measures is not None:
                 deviations = deviations_of(displayed, sender, self.measures)
             return Compared(errors, np.asarray(sender[f"{self.prefix}bound"], dtype=np.float64), deviations)
-        actual = np.asarray(actual[:, self.axes], dtype=np.float64)
-        by_axis = np.abs(np.asarray(displayed[:, self.axes], dtype=np.float64) - actual)
-        deviations = (by_axis / self.thresholds.of(actual, sender)).max(axis=1)
+        actual, displayed = (each[:, self.axes].astype(np.float64) for each in (actual, displayed))
+        by_axis = np.abs(displayed - actual)
+        deviations = (by_axis / self.deadbands(sender)).max(axis=1)
         return Compared(by_axis.max(axis=1), np.ones(len(by_axis)), deviations, by_axis)
+
+    def deadbands(self, sender: Records) -> Series:
+        """Those of the axes of an arm at each tick, shape (n, axes)."""
+        assert self.thresholds is not None
+        floors, weber = self.thresholds
+        factor = sender["weber"][:, None] if weber is None else weber
+        actual = sender[f"{self.prefix}raw"][:, self.axes].astype(np.float64)
+        return np.asarray(np.maximum(factor * np.abs(actual), np.asarray(floors)))
 
     def felt(self, receiver: Records, sender: Records) -> Compared:
         """Compare records of the same moments."""
@@ -98,50 +96,29 @@ class Stream:
 
 @dataclass(frozen=True)
 class ArmLayout:
-    """The axes of a session in joint space, and their deadbands.
+    """The axes of a session in joint space: the joints and, where there is one, the gripper.
 
     Args:
-        names: of the joints.
-        angle, torque: of the joints.
-        gripper_angle, gripper_torque: of the gripper; None without one.
+        axes: names of all axes, the gripper last.
+        from_slave, from_master: the channels of each direction: the joints, then the gripper.
     """
 
-    names: tuple[str, ...]
-    angle: Thresholds
-    torque: Thresholds
-    gripper_angle: Thresholds | None = None
-    gripper_torque: Thresholds | None = None
+    axes: tuple[str, ...]
+    from_slave: tuple[Stream, ...]
+    from_master: tuple[Stream, ...]
 
     @property
-    def axes(self) -> tuple[str, ...]:
-        """Names of all axes: the joints in order, then the gripper where there is one."""
-        return self.names if self.gripper_angle is None else (*self.names, JOINTS[-1])
+    def has_gripper(self) -> bool:
+        return len(self.from_slave) > 1
 
     @property
     def places(self) -> list[int]:
         """Column of each of these axes in the vectors of a record."""
-        joints = list(range(len(self.names)))
-        return joints if self.gripper_angle is None else [*joints, GRIPPER.start]
+        return [place for stream in self.from_slave for place in range(stream.axes.start, stream.axes.stop)]
 
     def torque_deadbands(self, slave: Records) -> Series:
         """What may stay unsent of the torque of each axis at each tick [N m], shape (n, axes)."""
-        parts = [(self.torque, slice(0, len(self.names)))]
-        parts += [] if self.gripper_torque is None else [(self.gripper_torque, GRIPPER)]
-        return np.hstack([thresholds.of(slave["joint_raw"][:, axes], slave) for thresholds, axes in parts])
-
-    def streams(self) -> tuple[list[Stream], list[Stream]]:
-        """The channels from the slave, and those from the master."""
-        joints, bank = slice(0, len(self.names)), (self.torque.predictor,)
-        from_slave = [Stream("joint_torque", "joint_", "", bank, None, None, self.torque, joints, self.names)]
-        from_master = [Stream("joint_angle", "joint_", thresholds=self.angle, axes=joints, names=self.names)]
-        for name, thresholds, streams in (
-            ("gripper_torque", self.gripper_torque, from_slave),
-            ("gripper_angle", self.gripper_angle, from_master),
-        ):
-            if thresholds is not None:
-                grip = Stream(name, "joint_", "gripper_", thresholds=thresholds, axes=GRIPPER, names=JOINTS[-1:])
-                streams.append(grip)
-        return from_slave, from_master
+        return np.hstack([stream.deadbands(slave) for stream in self.from_slave])
 
 
 def arm_in(dump: Mapping[str, Any]) -> ArmLayout | None:
@@ -151,24 +128,25 @@ def arm_in(dump: Mapping[str, Any]) -> ArmLayout | None:
         ValueError: it says something else of joints than this release does.
     """
 
-    def floors(setting: Any, count: int) -> Joints:
-        return per_axis(tuple(setting) if isinstance(setting, list) else setting, count)
-
-    def thresholds(settings: Mapping[str, Any], count: int, weber: float | None) -> tuple[Thresholds, Thresholds]:
-        angle, torque = settings["angle"], settings["torque"]
-        return (
-            Thresholds(floors(angle["bound_rad"], count), 0.0, angle["predictor"]),
-            Thresholds(floors(torque["floor_nm"], count), weber, torque["predictor"]),
-        )
+    def floors(setting: Any, names: tuple[str, ...]) -> Joints:
+        return per_axis(tuple(setting) if isinstance(setting, list) else setting, len(names))
 
     try:
         codec = dump["codec"]
         joints, gripper = codec.get("joints"), codec.get("gripper")
         if joints is None:
             return None
-        names = tuple(joints["names"])
-        grip = () if gripper is None else thresholds(gripper, 1, gripper["torque"]["weber"])
-        return ArmLayout(names, *thresholds(joints, len(names), None), *grip)
+        names, from_slave, from_master = tuple(joints["names"]), [], []
+        parts = [("joint", "", joints, names, slice(0, len(names)), None)]
+        if gripper is not None:
+            parts.append(("gripper", "gripper_", gripper, JOINTS[-1:], GRIPPER, gripper["torque"]["weber"]))
+        for name, counted, part, of, places, weber in parts:
+            angle = Thresholds(floors(part["angle"]["bound_rad"], of), 0.0)
+            torque = Thresholds(floors(part["torque"]["floor_nm"], of), weber)
+            bank = () if counted else (part["torque"]["predictor"],)
+            from_slave.append(Stream(f"{name}_torque", "joint_", counted, bank, None, None, torque, places, of))
+            from_master.append(Stream(f"{name}_angle", "joint_", counted, (), None, None, angle, places, of))
+        return ArmLayout(names + JOINTS[-1:] * (len(parts) - 1), tuple(from_slave), tuple(from_master))
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"no settings of joints ({error!r})") from None
 
@@ -286,13 +264,7 @@ class UpdatesOnTheirWay:
         self._ticks = self._counted = 0
 
     def add(self, sender: Records, one_way_us: NDArray[Any], counts: NDArray[np.bool_]) -> None:
-        """Take the next ticks of the sender.
-
-        Args:
-            sender: its records, shape (n,).
-            one_way_us: delay to the receiver in these ticks [us], shape (n,); NaN while it is unknown.
-            counts: whether a tick counts for the error, shape (n,).
-        """
+        """Take the next records of the sender, the delay to the receiver (NaN while unknown), and what counts."""
         if not len(sender):
             return
         at = np.asarray(sender["at"], dtype=np.float64)
@@ -305,7 +277,6 @@ class UpdatesOnTheirWay:
 
     @property
     def share(self) -> float | None:
-        """Of the ticks that count; None if there are none."""
         return self._ticks / self._counted if self._counted else None
 
 

@@ -53,14 +53,14 @@ class EnergyBound:
         lost: NDArray[np.bool_],
         given: NDArray[np.float64],
     ) -> None:
-        """Take the next steps.
+        """Take the next n steps of the master.
 
         Args:
-            records: of the master, shape (n + 1,): the first is the last one of the call before.
+            records: shape (n + 1,): the first is the last one of the call before.
             ways: of each account, from each record to the next [m | rad], shape (n, axes).
             works: of the hand over each step, by account [J], shape (accounts, n).
-            lost: whether records are missing between two, shape (n,).
-            given: by the hand up to each record but the first [J], shape (n,).
+            lost: whether records are missing between two.
+            given: by the hand up to each record but the first [J].
         """
         energy, credit = (np.asarray(records[name], dtype=np.float64) for name in ("energy", "credit"))
         linked = np.isin(records["state"], (State.ENGAGED.value, State.SILENT.value))

@@ -5,7 +5,7 @@ histograms take bounded memory, so a session may have any length.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -82,13 +82,10 @@ class Layout:
     ) -> Self:
         """That of the dump of a `System`, as descriptions and recordings hold it.
 
-        Args:
-            dump: the configuration.
-            rate_hz, bank, torque_bank: as of the class.
-            on_unknown: called for each part that is missing or of another release, which is then left out.
+        A part that is missing or of another release is told to `on_unknown`, and left out.
 
         Raises:
-            ValueError: without `on_unknown`, a part is missing or of another release.
+            ValueError: it is so without `on_unknown`.
         """
 
         def known(read: Callable[[Mapping[str, Any]], Known], unknown: Known) -> Known:
@@ -109,10 +106,10 @@ class Layout:
             known(accounts_in, ()),
         )
 
-    def streams(self) -> tuple[list[Stream], list[Stream]]:
+    def streams(self) -> tuple[Sequence[Stream], Sequence[Stream]]:
         """The channels from the slave, that which the operator feels first, and those from the master."""
         if self.arm is not None:
-            return self.arm.streams()
+            return self.arm.from_slave, self.arm.from_master
         from_slave = [Stream("force", bank=self.bank, measures=self.measures)]
         from_master = [Stream("position")]
         if self.torque_bank is not None:
@@ -252,14 +249,9 @@ class SessionScore:
         duration = self._until - self._first + self._period if self._first is not None else 0.0
         heard = master if master.ticks else slave
         sides = {"master": master, "slave": slave}
-        link = Link(
-            heard.rtt.median(),
-            heard.one_way.median(),
-            *(
-                master.counter(name) + slave.counter(name)
-                for name in (*(f"datagrams_{what}" for what in ("sent", "received", "lost", "dropped")), "repeats")
-            ),
-        )
+        counters = ("datagrams_sent", "datagrams_received", "datagrams_lost", "datagrams_dropped", "repeats")
+        counts = (master.counter(name) + slave.counter(name) for name in counters)
+        link = Link(heard.rtt.median(), heard.one_way.median(), *counts)
         energy = Energy(None, None, None, None)
         if master.ticks:
             bound = self._bound
@@ -270,20 +262,17 @@ class SessionScore:
                 bound_share=bound.share if bound else None,
             )
         lag = self._aligned.best((link.rtt_us.p99 or 0.0) * 1e-6) or (None, None)
-        felt = Felt(self._quality.figures(), self._on_its_way.share, *lag)
-        channels = [
-            *((channel, slave, master) for channel in self._from_slave),
-            *((channel, master, slave) for channel in self._from_master),
-        ]
+        channels = {
+            channel.stream.name: self._channel(channel, sender, receiver, duration)
+            for scores, sender, receiver in ((self._from_slave, slave, master), (self._from_master, master, slave))
+            for channel in scores
+        }
+        name = self._felt.stream.name
+        channels[name] = replace(channels[name], felt=Felt(self._quality.figures(), self._on_its_way.share, *lag))
         return Figures(
             duration_s=duration,
             ticks={name: side.figures(self._period) for name, side in sides.items()},
-            channels={
-                channel.stream.name: self._channel(
-                    channel, sender, receiver, duration, felt if channel is self._felt else None
-                )
-                for channel, sender, receiver in channels
-            },
+            channels=channels,
             link=link,
             ways=ways_of(master.ways, slave.ways),
             limited=Limited(
@@ -297,9 +286,7 @@ class SessionScore:
             energy=energy,
         )
 
-    def _channel(
-        self, channel: ChannelScore, sender: _SideScore, receiver: _SideScore, duration: float, felt: Felt | None
-    ) -> Channel:
+    def _channel(self, channel: ChannelScore, sender: _SideScore, receiver: _SideScore, duration: float) -> Channel:
         """Packets are counted by the receiver where the sender's records are on another host."""
         seen, how = (sender, "sent") if sender.ticks else (receiver, "received")
         counted = channel.stream.counted
@@ -315,7 +302,6 @@ class SessionScore:
             widened_max=channel.widest,
             reduction_all=1.0 - datagrams / seen.engaged if is_first and seen.engaged else None,
             bytes_per_s=sender.counter("bytes_sent") / duration if is_first and sender.ticks and duration else None,
-            felt=felt,
             coding=channel.coding.figures(self._period) if channel.stream.bank else None,
             selected=channel.selected,
             axes=channel.axes,
@@ -367,12 +353,7 @@ def joined(pieces: Sequence[Records]) -> Records:
 def nearest_ticks(
     master_at: Series, slave_at: Series, period: float
 ) -> tuple[int, NDArray[np.intp], NDArray[np.bool_]]:
-    """The tick of the master nearest in time to each tick of the slave.
-
-    Args:
-        master_at: times of ticks [s], at least one, in order.
-        slave_at: the same.
-        period: of a tick [s].
+    """The tick of the master nearest in time to each tick of the slave; times [s] of one tick or more, in order.
 
     Returns:
         The number n of slave ticks for which no nearer tick of the master can follow; for each of these the index of

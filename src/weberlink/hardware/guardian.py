@@ -51,13 +51,16 @@ class Guardian:
         self._child: Child | None = None
         self._socket = -1
         self._memory: mmap | None = None
-        self._shared = memoryview(bytearray(MEMORY_SIZE))
-        self._words = self._shared.cast("q")
+        self._use(bytearray(MEMORY_SIZE))
         self._given_at = 0.0
         self._stale = 0.0
         self._writes = 0
         self._beats = (0, 0.0)
         self._looked_at = 0.0
+
+    def _use(self, memory: mmap | bytearray) -> None:
+        self._shared = memoryview(memory)
+        self._words = self._shared.cast("q")
 
     @property
     def pid(self) -> int | None:
@@ -75,8 +78,7 @@ class Guardian:
         ours, theirs = socketpair()
         try:
             with theirs, shared_memory("weberlink-guardian", MEMORY_SIZE) as (self._memory, memory):
-                self._shared = memoryview(self._memory)
-                self._words = self._shared.cast("q")
+                self._use(self._memory)
                 put_message(self._shared, self.zero)
                 inherited = (theirs.fileno(), descriptor, memory)
                 command = isolated_python(guardian_process.__file__, *map(str, inherited))
@@ -140,8 +142,7 @@ class Guardian:
         os.close(self._socket)
         self._words.release()
         self._shared.release()
-        self._shared = memoryview(bytearray(MEMORY_SIZE))
-        self._words = self._shared.cast("q")
+        self._use(bytearray(MEMORY_SIZE))
         assert self._memory is not None
         self._memory.close()
 

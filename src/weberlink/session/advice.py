@@ -192,7 +192,7 @@ def _limits(parts: DryRun) -> Iterator[str]:
     limits, mapping, trip = parts.system.master.limits, parts.system.master.mapping, parts.system.slave.limits.trip_n
     if parts.device is not None:
         spec = parts.device.spec
-        scale = 1.0 if mapping is None else mapping.force_scale
+        scale = parts.system.master.frame_map.force_scale
         for name, unit, limit, most in (
             ("force_n", "N", limits.force_n, spec.force_n * scale),
             ("torque_nm", "N m", limits.torque_nm, spec.torque_n_m * scale),
@@ -252,10 +252,9 @@ def _contact(parts: DryRun) -> Iterator[str]:
 
 def _device_damping(configuration: Configuration) -> float | None:
     """Of device and hand, in the robot's frame [N s/m]; None where it is not known."""
-    part, mapping = configuration.device, configuration.system.master.mapping
+    part, mapping = configuration.device, configuration.system.master.frame_map
     damping = getattr(getattr(part.options, "hand", None), "damping_at_handle", None) if part is not None else None
-    scale = 1.0 if mapping is None else mapping.scale * mapping.force_scale
-    return None if damping is None else damping / scale
+    return None if damping is None else damping / (mapping.scale * mapping.force_scale)
 
 
 def _felt_damping(thing: ObjectSettings, stiffness: float) -> float:

@@ -27,8 +27,7 @@ from weberlink.protocol.events import (
 )
 from weberlink.protocol.states import State
 from weberlink.realtime.stall import StallDetector, Watchdog
-from weberlink.session.channels import IncomingChannel, OutgoingChannel
-from weberlink.session.rows import Rows
+from weberlink.session.channels import IncomingChannel, OutgoingChannel, Rows
 from weberlink.telemetry.fault import Fault, FaultLedger
 from weberlink.telemetry.record import ALL, Record
 from weberlink.telemetry.row import Row
@@ -351,12 +350,7 @@ class Side:
                 self._give_up(Fault.REFUSED, f"refused: {message}", now)
 
     def _guarded(self, take: Callable[..., Any], *contents: Any) -> Any:
-        """Let something take contents of the peer; None if they made it raise.
-
-        This is the one boundary to a peer that holds the keys and does not keep to what it has agreed to. Whatever its
-        contents raise is its fault, is counted, and the loop goes on: this end drops all that it holds of the peer,
-        and asks for a complete state.
-        """
+        """Let something take contents of the peer; None if they made it raise."""
         try:
             return take(*contents)
         except Exception:
@@ -364,6 +358,11 @@ class Side:
             return None
 
     def _on_bad_contents(self) -> None:
+        """The one boundary to a peer that holds the keys and does not keep to what it has agreed to.
+
+        Whatever its contents raise is its fault, is counted, and the loop goes on: this end drops all that it holds of
+        the peer, and asks for a complete state.
+        """
         self._faults.note(Fault.UPDATE)
         self._forget()
         self.endpoint.request_full_state()
@@ -478,6 +477,7 @@ class Side:
         self._encodes, self.engaged = encodes, engaged
         begins = (engaged and not was_engaged) or (self._leads and encodes and not encoded)
         if (pace.stalled and self._leads) or (begins and not self._is_fresh):
+            # After a release or a stall, hand and robot may be elsewhere.
             self._restart(anew=pace.stalled or not self._is_paused)
         # A pause: the operator still leads, but the encoder of the robot is not heard. The robot releases then, so only
         # the operator's end may continue with its contact and energy.
@@ -493,11 +493,7 @@ class Side:
         self._is_fresh = self._is_fresh and not engaged
 
     def _restart(self, *, anew: bool) -> None:
-        """Fade in from zero, and send complete updates.
-
-        Args:
-            anew: reset the control scheme too: after a release or a stall, hand and robot may be elsewhere.
-        """
+        """Fade in from zero, and send complete updates; `anew` resets the control scheme too."""
         for channel in self.outgoing:
             channel.encoder.restart()
         if anew:
@@ -541,9 +537,6 @@ class Side:
         faults, port = self._faults, self.port
         if port.unfounded is not self._is_unfounded:
             self._is_unfounded = port.unfounded
-            if self._is_unfounded:
-                faults.meet(_UNFOUNDED)
-            else:
-                faults.clear(_UNFOUNDED)
+            (faults.meet if self._is_unfounded else faults.clear)(_UNFOUNDED)
         if faults.active is not _NO_FAULT and not port.tripped:
             faults.clear(Fault.TRIPPED)

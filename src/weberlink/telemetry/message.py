@@ -4,10 +4,9 @@ The message definition follows from the table of fields. As the table puts wide 
 body as it stands: it lacks only the encapsulation header.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
-from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -115,25 +114,3 @@ class Origin:
             since_ns = np.nan_to_num((at - self.monotonic_s) * 1e9, nan=0.0)
         since_ns = np.clip(since_ns, -wall_ns, _FARTHEST_NS - wall_ns)
         return (wall_ns + np.rint(since_ns).astype(np.int64)).astype(np.uint64)
-
-    def to_metadata(self) -> dict[str, str]:
-        numbers = {name: repr(float(getattr(self, name))) for name in _NUMBERS}
-        return {"side": self.side} | numbers | QOS
-
-    @classmethod
-    def from_metadata(cls, side: str, metadata: Mapping[str, str]) -> "Origin":
-        """Raises ValueError if a number is missing or none."""
-        numbers = {}
-        for name in _NUMBERS:
-            try:
-                numbers[name] = float(metadata[name])
-            except (KeyError, ValueError):
-                numbers[name] = float("nan")
-            if not isfinite(numbers[name]):
-                raise ValueError(f"its channel says {name} = {metadata.get(name)!r}, expected a number")
-        return cls(side, **numbers)
-
-
-_NUMBERS = ("rate_hz", "wall_s", "monotonic_s")
-# Players of ROS 2 ask for this key; without a profile they use their default.
-QOS = {"offered_qos_profiles": ""}

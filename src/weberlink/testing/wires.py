@@ -46,7 +46,6 @@ def on_a_wire(name: str, wire: ServedDevice, port: Callable[[], str], **options:
         options: of the driver, and `checked` as of `armed`.
     """
     emulator: Any = getattr(wire, "emulator")  # noqa: B009 - every kind of wire has one of its own type
-    wrong: WireFaults = emulator.faults
     with wire:
         device: Any = armed(name, port=port(), **options)
 
@@ -56,20 +55,28 @@ def on_a_wire(name: str, wire: ServedDevice, port: Callable[[], str], **options:
             force: Vector = emulator.force
             return force
 
-        faults: dict[str, Callable[..., object]] = {
+        faults = {
             "unplug": wire.unplug,
             "plug": wire.plug,
-            "flicker": lambda: setattr(wrong, "garble", FLICKER),
-            "silent": lambda: setattr(wrong, "silent", True),
-            "late": lambda late_s=0.2: setattr(wrong, "late_s", late_s),
-            "garbled": lambda: setattr(wrong, "garble", 1_000_000),
-            "restart": lambda: emulator.inject("restart", 1.0),
             "guardian": lambda: os.kill(device._worker._guardian.pid, signal.SIGKILL),
+            **_faults_of(emulator, FLICKER),
         }
         told = {key: value for key, value in options.items() if key != "checked"}
         with closing(device):
             hand = None if not hasattr(emulator, "handle") else lambda: emulator.handle.position
             yield DeviceBench(device, real_time(), felt, faults, hand, {"port": port(), **told})
+
+
+def _faults_of(emulator: Any, flicker: int) -> dict[str, Callable[..., object]]:
+    """Those of the answers of an emulator."""
+    wrong: WireFaults = emulator.faults
+    return {
+        "flicker": lambda: setattr(wrong, "garble", flicker),
+        "silent": lambda: setattr(wrong, "silent", True),
+        "late": lambda late_s=0.2: setattr(wrong, "late_s", late_s),
+        "garbled": lambda: setattr(wrong, "garble", 1_000_000),
+        "restart": lambda: emulator.inject("restart", 1.0),
+    }
 
 
 class HidWire:
@@ -126,14 +133,10 @@ class HidWire:
 
     def bench(self, device: Any) -> DeviceBench:
         """The bench of a driver that was built on this wire."""
-        wrong: WireFaults = self.emulator.faults
-        faults: dict[str, Callable[..., object]] = {
+        faults = {
             "unplug": lambda: setattr(self, "plugged", False),
             "plug": lambda: setattr(self, "plugged", True),
-            "flicker": lambda: setattr(wrong, "garble", 1),  # a lost report costs a driver in lock step a long silence
-            "silent": lambda: setattr(wrong, "silent", True),
-            "late": lambda: setattr(wrong, "late_s", 0.2),
-            "restart": lambda: self.emulator.inject("restart", 1.0),
+            **_faults_of(self.emulator, 1),  # a lost report costs a driver in lock step a long silence
         }
         has_motors = hasattr(self.emulator, "force")
         hand = (lambda: self.emulator.handle.position) if has_motors else None

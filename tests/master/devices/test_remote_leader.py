@@ -1,17 +1,27 @@
 """A leader arm led by a program, in virtual time: motion, limits, and what it does without the program."""
 
+from collections.abc import Iterator
 from itertools import pairwise
 from math import inf
+from typing import Any
 
 import pytest
 
 from weberlink.arms.contract import ArmReading
 from weberlink.geometry.joints import Joints
+from weberlink.master.devices import leaders
 from weberlink.master.devices.remote_leader import RemoteLeader, RemoteLeaderOptions
 from weberlink.master.devices.target_link import LeaderTarget
-from weberlink.testing.time import TICK
+from weberlink.slave.robots import followers
+from weberlink.testing.arms import ArmBench, LeaderContract
+from weberlink.testing.time import TICK, virtual_time
 
-OPTIONS = {"joints": ("pan", "lift"), "gripper": True, "lower_rad": (-1.0, -1.5, 0.0), "upper_rad": (1.0, 1.5, 1.2)}
+OPTIONS: dict[str, Any] = {
+    "joints": ("pan", "lift"),
+    "gripper": True,
+    "lower_rad": (-1.0, -1.5, 0.0),
+    "upper_rad": (1.0, 1.5, 1.2),
+}
 START = 10.0
 
 
@@ -32,12 +42,37 @@ class Program:
     def close(self) -> None: ...
 
 
+class Sweep(Program):
+    """Leads a milliradian a tick, from 0 on in every session."""
+
+    def open(self) -> None:
+        self.target = (0.0, 0.0, 0.0)
+
+    def newest(self) -> LeaderTarget:
+        self.target = (min(0.3, self.target[0] + 1e-3), 0.0, 0.0)
+        return LeaderTarget(self.target, True, 1)
+
+
+def made(program: Program, **options: Any) -> RemoteLeader:
+    return RemoteLeader(RemoteLeaderOptions.model_validate(OPTIONS | options), TICK, program)
+
+
+def test_every_built_in_driver_is_tried() -> None:
+    assert [*leaders.BUILT_IN, *followers.BUILT_IN] == ["remote_leader"]
+
+
+class TestRemoteLeader(LeaderContract):
+    @pytest.fixture
+    def bench(self) -> Iterator[ArmBench]:
+        yield ArmBench(made(Sweep(())), virtual_time())
+
+
 class Led:
     """An arm that is led, tick by tick."""
 
     def __init__(self, program: Program) -> None:
         self.program, self._tick = program, 0
-        self.arm = RemoteLeader(RemoteLeaderOptions.model_validate(OPTIONS), TICK, program)
+        self.arm = made(program)
         self.arm.open(START)
 
     def go(self, ticks: int) -> list[ArmReading]:
@@ -88,8 +123,11 @@ def test_silent_program_has_let_go() -> None:
     assert (again[-1].angles[0], again[-1].buttons) == (pytest.approx(1.0, abs=1e-6), 1)
 
 
-def test_the_spec_is_that_of_the_options_and_the_tick() -> None:
-    spec = Led(Program((0.0, 0.0, 0.0))).arm.spec
+def test_the_spec_is_that_of_the_options_and_the_tick_and_home_is_within_the_range() -> None:
+    spec = made(Sweep(()), home_rad=(0.0, 1.5, 1.2)).spec
     assert (spec.joints, spec.gripper, spec.rate_hz) == (OPTIONS["joints"], True, pytest.approx(1.0 / TICK))
     assert (spec.lower, spec.upper) == (OPTIONS["lower_rad"], OPTIONS["upper_rad"])
-    assert spec.torque_nm == (0.0, 0.0, 0.0)
+    assert (spec.force_feedback, spec.buttons, spec.calibrated) == (False, 1, True)
+    for home in ((0.0, 1.6, 0.0), (0.0, -1.6, 0.0)):
+        with pytest.raises(ValueError, match="home_rad"):
+            made(Sweep(()), home_rad=home)

@@ -9,8 +9,8 @@ import pytest
 from tests.slave.scenes.solids import SHAPES
 from weberlink.geometry.vector import Vector, dot, is_finite, norm, subtract
 from weberlink.slave.integrators import INTEGRATORS, ControlledMass, MassState
-from weberlink.slave.integrators.choice import chosen
 from weberlink.slave.integrators.problem import contact_force
+from weberlink.slave.robots.simulated import chosen
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject, Touch
 from weberlink.slave.scenes.scene import Scene, SceneState
 from weberlink.slave.scenes.shape import Shape

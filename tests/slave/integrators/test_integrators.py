@@ -15,9 +15,8 @@ from tests.examples import examples
 from tests.slave.scenes.solids import UP, scenes
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, unit
 from weberlink.slave.integrators import INTEGRATORS, ControlledMass, MassState
-from weberlink.slave.integrators.choice import BUDGET, SPLITTING_S, chosen
 from weberlink.slave.integrators.problem import contact_force
-from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
+from weberlink.slave.robots.simulated import BUDGET, SPLITTING_S, SimulatedOptions, SimulatedRobot, chosen
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import PlaneShape, SphereShape

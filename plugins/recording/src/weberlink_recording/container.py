@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache
+from math import isfinite
 from pathlib import Path
 from struct import Struct, pack
 from typing import Self
@@ -35,7 +36,7 @@ from mcap.records import (
 )
 from numpy.typing import NDArray
 
-from weberlink.telemetry.message import ENCAPSULATION, MESSAGE_ENCODING, SCHEMA_ENCODING, Rows
+from weberlink.telemetry.message import ENCAPSULATION, MESSAGE_ENCODING, SCHEMA_ENCODING, Origin, Rows
 
 MAGIC = b"\x89MCAP0\r\n"
 """Begins a file and ends a complete one."""
@@ -43,6 +44,27 @@ FRAME = Struct("<BQ")
 MESSAGE = Struct("<HIQQ")
 """What a message begins with: channel, sequence, log time, publish time [ns]."""
 HEAD = FRAME.size + MESSAGE.size + len(ENCAPSULATION)
+QOS = {"offered_qos_profiles": ""}
+"""Players of ROS 2 ask for this key; without a profile they use their default."""
+_NUMBERS = ("rate_hz", "wall_s", "monotonic_s")
+
+
+def metadata_of(origin: Origin) -> dict[str, str]:
+    """What the channel of a side says of its origin."""
+    return {"side": origin.side} | {name: repr(float(getattr(origin, name))) for name in _NUMBERS} | QOS
+
+
+def origin_in(side: str, metadata: Mapping[str, str]) -> Origin:
+    """The origin that a channel tells; raises ValueError if a number is missing or none."""
+    numbers = {}
+    for name in _NUMBERS:
+        try:
+            numbers[name] = float(metadata[name])
+        except (KeyError, ValueError):
+            numbers[name] = float("nan")
+        if not isfinite(numbers[name]):
+            raise ValueError(f"its channel says {name} = {metadata.get(name)!r}, expected a number")
+    return Origin(side, **numbers)
 
 
 @cache

@@ -212,7 +212,7 @@ def _angles(
     """
     scaled = np.degrees(angles)
     names = [f"{name}.pos" for name in arm.axes]
-    if arm.gripper_angle is not None:
+    if arm.has_gripper:
         if gripper_rad is None:
             names[-1], scaled[:, -1] = "gripper.rad", angles[:, -1]
         else:

@@ -33,7 +33,7 @@ from weberlink.telemetry.message import (
 )
 from weberlink.telemetry.record import AXES, JOINTS
 from weberlink.telemetry.recorders import COMPLETE
-from weberlink_recording.container import END, FACTS, FRAME, HEAD, MAGIC, MESSAGE, frames, rows_of, uniform
+from weberlink_recording.container import END, FACTS, FRAME, HEAD, MAGIC, MESSAGE, frames, origin_in, rows_of, uniform
 from weberlink_recording.marks import MARK_SCHEMA, MARK_TOPIC, Mark, read_mark
 
 Parsed = TypeVar("Parsed")
@@ -173,7 +173,7 @@ class Content:
         else:
             try:
                 layout = _layout(channel, schema)
-                self.origins.setdefault(side, Origin.from_metadata(side, channel.metadata))
+                self.origins.setdefault(side, origin_in(side, channel.metadata))
             except ValueError as error:
                 raise ForeignError(f"{channel.topic}: {error}") from None
             if self._layouts.setdefault(side, layout) != layout:

@@ -11,11 +11,11 @@ import numpy as np
 from mcap.records import Metadata
 from numpy.typing import NDArray
 
-from weberlink.telemetry.message import QOS, SCHEMA_NAME, SCHEMA_TEXT, Origin, Rows
+from weberlink.telemetry.message import SCHEMA_NAME, SCHEMA_TEXT, Origin, Rows
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.recorders import COMPLETE
 from weberlink.watching.ros import SCHEMAS, shown
-from weberlink_recording.container import END, FACTS, McapFile, framed
+from weberlink_recording.container import END, FACTS, QOS, McapFile, framed, metadata_of
 from weberlink_recording.session import RecordedSession
 
 RATE_HZ = 100.0
@@ -40,7 +40,7 @@ def write_ros(session: RecordedSession, origins: Mapping[str, Origin], facts: Ma
         for side, records in session.sides.items():
             times = clock.log_times_ns(records["at"])
             origin = Origin(side, session.layout.rate_hz, clock.wall_s, clock.monotonic_s)
-            channel = file.add_channel(origin.topic, numbers[SCHEMA_NAME], origin.to_metadata())
+            channel = file.add_channel(origin.topic, numbers[SCHEMA_NAME], metadata_of(origin))
             own = np.empty(len(records), DTYPE)  # the fields of this release; those of another may have more
             for name in DTYPE.names or ():
                 own[name] = records[name]

@@ -14,10 +14,10 @@ from typing import Self
 import numpy as np
 from mcap.records import Metadata
 
-from weberlink.telemetry.message import QOS, SCHEMA_NAME, SCHEMA_TEXT, Origin, Rows
+from weberlink.telemetry.message import SCHEMA_NAME, SCHEMA_TEXT, Origin, Rows
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.recorders import COMPLETE
-from weberlink_recording.container import END, FACTS, McapFile, framed
+from weberlink_recording.container import END, FACTS, QOS, McapFile, framed, metadata_of
 from weberlink_recording.marks import MARK_DEFINITION, MARK_SCHEMA, MARK_TOPIC, Mark, pack_mark
 
 CHUNK_RECORDS = 4096
@@ -96,7 +96,7 @@ class RecordingWriter:
         with self._writing():
             if self._schema is None:
                 self._schema = self._file.add_schema(SCHEMA_NAME, SCHEMA_TEXT)
-            self._sides[origin.side] = origin, self._file.add_channel(topic, self._schema, origin.to_metadata())
+            self._sides[origin.side] = origin, self._file.add_channel(topic, self._schema, metadata_of(origin))
 
     def write(self, side: str, records: Rows) -> None:
         """Take the next records of a side; they are in the file after `flush`, or when a chunk is full.

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
+from functools import partial
 from itertools import groupby
 from pathlib import Path
 from textwrap import wrap
@@ -115,16 +116,8 @@ def ok(found: str, check: str = "") -> Finding:
     return Finding(Grade.OK, found, None, check)
 
 
-def advice(found: str, fix: str | None = None, check: str = "") -> Finding:
-    return Finding(Grade.ADVICE, found, fix, check)
-
-
-def problem(found: str, fix: str | None = None, check: str = "") -> Finding:
-    return Finding(Grade.PROBLEM, found, fix, check)
-
-
-def unknown(found: str, fix: str | None = None, check: str = "") -> Finding:
-    return Finding(Grade.UNKNOWN, found, fix, check)
+advice, problem, unknown = (partial(Finding, grade) for grade in (Grade.ADVICE, Grade.PROBLEM, Grade.UNKNOWN))
+"""Of what was found, the fix and the check."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -87,8 +87,7 @@ def _common(
 
 def motion_bank(system: System) -> tuple[str, ...]:
     """Names of the predictors of the position channel or, of an arm, of the angles of its joints."""
-    joints = system.codec.joints
-    return channels(system)[0].bank if joints is None else (joints.angle.predictor,)
+    return streams(system)[0][0].bank
 
 
 def _ticks(length_ms: float, system: System) -> int:
@@ -112,10 +111,8 @@ def longest_round_trip(system: System) -> float:
 
 
 def signal_delay(system: System) -> float:
-    """What look-ahead and play-out of both directions add to the round trip of the signals [s]; an arm has no
-    look-ahead."""
-    arm = system.codec.joints is not None
-    ahead = 0 if arm else sum([channel.lookahead for channel in channels(system)])
+    """What look-ahead and play-out of both directions add to the round trip of the signals [s]."""
+    ahead = sum(channels[0].lookahead for channels in streams(system))
     return (ahead + 2 * playout_ticks(system)) * system.tick_period
 
 
@@ -123,9 +120,10 @@ def lookahead_ms(system: System) -> dict[str, float]:
     """How much later than without look-ahead the signals are displayed, by channel, in whole ticks; none of an arm."""
     if system.codec.joints is not None:
         return {}
+    (position, *_), (force, *_) = streams(system)
     return {
-        name: 1e3 * channel.lookahead * system.tick_period
-        for name, channel in zip(("position", "force"), channels(system), strict=True)
+        "position": 1e3 * position.lookahead * system.tick_period,
+        "force": 1e3 * force.lookahead * system.tick_period,
     }
 
 
@@ -191,14 +189,9 @@ def felt_deadbands(system: System, weber: float) -> list[Deadband]:
 
 
 def banks(system: System) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
-    """Names of the predictors of the force channel and of the torque channel; None where there is no rotation.
-
-    Of an arm, those of the torques of its joints, and None.
-    """
-    if system.codec.joints is not None:
-        return (system.codec.joints.torque.predictor,), None
-    _, (force, *rotation) = streams(system)
-    return force.bank, rotation[0].bank if rotation else None
+    """Names of the predictors of force and torque, None without a rotation; of an arm, those of its joints' torques."""
+    _, (first, *second) = streams(system)
+    return first.bank, second[0].bank if system.codec.rotation is not None else None
 
 
 def account(control: ControlSettings, mapping: MappingSettings | None, *, turns: bool = False) -> AccountParameters:
@@ -209,8 +202,8 @@ def account(control: ControlSettings, mapping: MappingSettings | None, *, turns:
         mapping: of the hand's frame to the robot's; None where they are one.
         turns: whether it is that of a torque.
     """
-    force_scale = 1.0 if mapping is None else mapping.force_scale
-    scale = 1.0 if mapping is None or turns else mapping.scale
+    mapping = mapping or MappingSettings()
+    force_scale, scale = mapping.force_scale, 1.0 if turns else mapping.scale
     energy = scale / force_scale
     return AccountParameters(
         allowance=energy * control.allowance_j,
