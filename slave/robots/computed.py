@@ -41,7 +41,8 @@ class ComputedRobot:
         if now <= reading.at:
             return reading
         position, force, torque = self._advance(self._commanded, now - reading.at)
-        force, torque = within(force, self.spec.force_n), within(torque, self.spec.torque_n_m)
+        force = force if force == ZERO else within(force, self.spec.force_n)
+        torque = torque if torque == ZERO else within(torque, self.spec.torque_n_m)
         self._reading = RobotReading(now, position, force, torque)
         return self._reading
 

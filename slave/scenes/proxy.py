@@ -180,7 +180,8 @@ class Proxy:
 
     def _first_hit(self, start: Vector, end: Vector, touching: Sequence[int]) -> tuple[int, Vector] | None:
         """The first shape not yet touched on the straight path, and the point where the path meets it."""
-        free = length = distance(start, end)
+        x, y, z = end[0] - start[0], end[1] - start[1], end[2] - start[2]
+        free = length = sqrt(x * x + y * y + z * z)
         first: int | None = None
         for index, shape in enumerate(self._shapes):
             if index in touching or shape.clearance(start) >= length:

@@ -27,6 +27,10 @@ class RobotBench:
     settle_ticks: int = 600  # in which it does
     faults: Mapping[str, Callable[[], None]] = field(default_factory=dict)  # none for one that is computed
 
+    def opened(self) -> Robot:
+        self.robot.open(self.tick())
+        return self.robot
+
     def hold(self, position: Vector, ticks: int | None = None) -> Iterator[float]:
         """Command a position, tick by tick; gives each time after the command."""
         for _ in range(self.settle_ticks if ticks is None else ticks):
@@ -80,8 +84,7 @@ class RobotContract:
                 robot.latest(bench.tick())
 
     def test_readings_are_monotonic_and_reproducible(self, bench: RobotBench) -> None:
-        robot = bench.robot
-        robot.open(bench.tick())
+        robot = bench.opened()
         lower, upper = robot.spec.workspace_m
         readings = []
         for now in bench.hold(bench.above, 300):
@@ -99,8 +102,7 @@ class RobotContract:
         assert bench.faults or now - readings[-1].at <= robot.spec.lag_s + 1e-9, "in real time, a host may stall"
 
     def test_it_goes_where_it_is_told(self, bench: RobotBench) -> None:
-        robot = bench.robot
-        robot.open(bench.tick())
+        bench.opened()
         approach(bench, bench.above)
         x, y, z = bench.above
         for goal in ((x + 0.015, y, z), (x, y - 0.015, z + 0.015)):
@@ -110,26 +112,25 @@ class RobotContract:
         return distance(approach(bench, goal), goal) <= bench.tolerance_m
 
     def test_the_ground_pushes_back_up(self, bench: RobotBench) -> None:
-        robot = bench.robot
-        robot.open(bench.tick())
+        robot = bench.opened()
         approach(bench, bench.above)
         absolute, _ = robot.spec.force_error
         free = robot.latest(bench.tick()).force
         assert norm(free) <= absolute + 1e-6, "nothing is touched"
-        felt = until(partial(self._pushed, bench), "the ground to push", pause=0.0)
+
+        def pushed() -> Vector | None:
+            """The force in the ground; None where a host that stalls has let go for most of the time."""
+            approach(bench, bench.below)
+            forces = [robot.latest(now).force for now in bench.hold(bench.below, 300)]
+            felt = sorted(forces, key=lambda force: force[2])[len(forces) // 2]
+            return felt if felt[2] > 1.0 else None
+
+        felt = until(pushed, "the ground to push", pause=0.0)
         assert felt is not None
         assert dot(felt, (0.0, 0.0, 1.0)) > 0.8 * norm(felt) - absolute
 
-    def _pushed(self, bench: RobotBench) -> Vector | None:
-        """The force in the ground; None where a host that stalls has let go for most of the time."""
-        approach(bench, bench.below)
-        forces = [bench.robot.latest(now).force for now in bench.hold(bench.below, 300)]
-        felt = sorted(forces, key=lambda force: force[2])[len(forces) // 2]
-        return felt if felt[2] > 1.0 else None
-
     def test_non_finite_command_is_a_value_error(self, bench: RobotBench) -> None:
-        robot = bench.robot
-        robot.open(bench.tick())
+        robot = bench.opened()
         with pytest.raises(ValueError, match="not finite"):
             robot.command((float("nan"), 0.0, 0.0), bench.tick())
         assert is_finite(robot.latest(bench.tick()).position)
@@ -146,8 +147,7 @@ class HardwareRobotContract(RobotContract):
             metafunc.parametrize("fault", self.FAULTS)
 
     def test_fault_stops_robot_with_reason(self, fault: str, bench: RobotBench) -> None:
-        robot = bench.robot
-        robot.open(bench.tick())
+        robot = bench.opened()
         for now in bench.hold(robot.latest(bench.tick()).position, 100):
             robot.latest(now)
         bench.faults[fault]()
