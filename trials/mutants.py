@@ -50,24 +50,15 @@ CALLS = {"min": "max", "max": "min", "abs": "", "any": "all", "all": "any"}
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change of a source.
+    """One change of a source."""
 
-    Args:
-        group: of `SOURCES`.
-        path: of the source, from the root.
-        line: of the change, from 1.
-        begin, end: characters of the source that are replaced.
-        new: what takes their place.
-        was, becomes: the line.
-    """
-
-    group: str
-    path: str
-    line: int
-    begin: int
+    group: str  # of `SOURCES`
+    path: str  # of the source, from the root
+    line: int  # of the change, from 1
+    begin: int  # characters of the source that are replaced
     end: int
-    new: str
-    was: str
+    new: str  # what takes their place
+    was: str  # the line
     becomes: str
 
 

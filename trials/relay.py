@@ -22,11 +22,9 @@ from weberlink.protocol.wire import LONGEST_DATAGRAM, Kind, kind_of
 
 Address = tuple[str, int]
 
-PRIORITY = 40
-"""Of SCHED_FIFO, below the daemons: a wire does not wait for a processor. Needs the right to it."""
+PRIORITY = 40  # of SCHED_FIFO, below the daemons: a wire does not wait for a processor. Needs the right to it.
 LONGEST_WAIT = 0.05
-REMEMBERED = 20_000
-"""Datagrams of each direction kept to be sent again."""
+REMEMBERED = 20_000  # datagrams of each direction kept to be sent again
 _READS = 64
 _KEPT_BACKS = 4
 _KEPT_CALLS = 1024

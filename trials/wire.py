@@ -15,22 +15,15 @@ Address = tuple[str, int]
 
 
 class Books(NamedTuple):
-    """What the relay has done so far.
+    """What the relay has done so far."""
 
-    Args:
-        forward, backward: counts of `trials.relay.Direction`, to the slave and to the master.
-        calls, answers: HELLOs from the master, WELCOMEs from the slave.
-        master, back: address of the master, and the one that the slave sees.
-        late: longest time since the last reading in which the relay itself stood still [s].
-    """
-
-    forward: Counter[str]
+    forward: Counter[str]  # counts of `trials.relay.Direction`, to the slave and to the master
     backward: Counter[str]
-    calls: int
+    calls: int  # HELLOs from the master, WELCOMEs from the slave
     answers: int
-    master: Address | None
+    master: Address | None  # address of the master, and the one that the slave sees
     back: Address
-    late: float
+    late: float  # longest time since the last reading in which the relay itself stood still [s]
 
 
 class Wire:

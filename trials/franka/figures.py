@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from trials.franka.robot import Rows, SimulatedRobot
 
-TOUCHES_N = 0.5
-"""Force in the simulator from which the arm counts as touching."""
+TOUCHES_N = 0.5  # force in the simulator from which the arm counts as touching
 LONGEST_LAG_S = 0.1
 LAG_STEP_S = 0.001
 

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 READY = "Server ready for new client connection"
 READY_S, STOP_S = 60.0, 10.0
-ROWS = 200_000
-"""Steps that the file holds, in a ring: 200 s at 1 kHz."""
+ROWS = 200_000  # steps that the file holds, in a ring: 200 s at 1 kHz
 ROW = np.dtype(
     [
         ("at", "f8"),  # CLOCK_MONOTONIC [s]
@@ -35,8 +34,7 @@ ROW = np.dtype(
         ("lost", "i8"),  # consecutive cycles without a command
     ]
 )
-AT_REST = 0.005
-"""Joint speed below which the simulator itself calls the arm settled [rad/s]."""
+AT_REST = 0.005  # joint speed below which the simulator itself calls the arm settled [rad/s]
 Rows = NDArray[Any]
 
 

@@ -8,25 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 FOLDER = Path(__file__).parent
-DEPTH = 2_000_000
-"""Longest path that the search follows [steps]; a run that reaches it does not count as exhaustive."""
-PATIENCE = 300.0
-"""Longest time that one run may take [s]."""
+DEPTH = 2_000_000  # longest path that the search follows [steps]; a run that reaches it does not count as exhaustive
+PATIENCE = 300.0  # longest time that one run may take [s]
 
 
 @dataclass(frozen=True)
 class Run:
-    """One verification.
+    """One verification."""
 
-    Args:
-        name: shown in the table.
-        model: file without its suffix.
-        defines: switches of the model.
-    """
-
-    name: str
-    model: str
-    defines: tuple[str, ...] = ()
+    name: str  # shown in the table
+    model: str  # file without its suffix
+    defines: tuple[str, ...] = ()  # switches of the model
 
 
 @dataclass(frozen=True)

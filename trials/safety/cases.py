@@ -6,12 +6,10 @@ from itertools import product
 
 from weberlink.codec.predictors import ADAPTIVE, HYBRID, PREDICTORS
 
-CUT = 0.9
-"""When the link fails [s]."""
+CUT = 0.9  # when the link fails [s]
 DARK, LONG_DARK, FLAPPING = 0.6, 4.6, 2.0
 """Length of a cut, of one in which the session expires, and of a time in which the link flaps [s]."""
-AFTER = 1.2
-"""How long the link is good after the fault [s]."""
+AFTER = 1.2  # how long the link is good after the fault [s]
 
 MOTIONS = {
     # At full speed through free space when the link fails.
@@ -39,12 +37,10 @@ MOTIONS = {
 TO_SLAVE, TO_MASTER, BOTH = DIRECTIONS = ("to slave", "to master", "both ways")
 SCHEMES = ("none", "bounded")
 FLAPS_HZ = (1.0, 2.0, 5.0, 10.0, 20.0)
-ALL_HZ = 5.0
-"""With all predictors: each cut is as long as the silence limit."""
+ALL_HZ = 5.0  # with all predictors: each cut is as long as the silence limit
 ROBOT_N_M = 2500.0
 """Stiffness of the robot towards its command [N/m]; a contact pushes its tip back by force / stiffness."""
-DELAYS_S = (0.0, 0.05, 0.15)
-"""One way [s]."""
+DELAYS_S = (0.0, 0.05, 0.15)  # one way [s]
 DEFAULT = (HYBRID, "linear")
 PREDICTION = (
     *((force, "linear") for force in (*PREDICTORS, HYBRID, ADAPTIVE)),
@@ -55,28 +51,17 @@ PREDICTION = (
 
 @dataclass(frozen=True)
 class Case:
-    """One run.
+    """One run."""
 
-    Args:
-        motion: of `MOTIONS`.
-        direction: of `DIRECTIONS`, in which datagrams are lost.
-        scheme: of control.
-        force, position: predictors.
-        flap_hz: 0 for one cut of `dark` seconds; otherwise the link is cut for half of each period.
-        dark: length of the cut [s].
-        retract: whether the robot backs off when the session is lost; it holds otherwise.
-        delay_s: one-way delay of the link to the slave and to the master [s].
-    """
-
-    motion: str
-    direction: str
-    scheme: str = "none"
-    force: str = HYBRID
+    motion: str  # of `MOTIONS`
+    direction: str  # of `DIRECTIONS`, in which datagrams are lost
+    scheme: str = "none"  # of control
+    force: str = HYBRID  # predictors
     position: str = "linear"
-    flap_hz: float = 0.0
-    dark: float = DARK
-    retract: bool = False
-    delay_s: tuple[float, float] = (0.002, 0.002)
+    flap_hz: float = 0.0  # 0 for one cut of `dark` seconds; otherwise the link is cut for half of each period
+    dark: float = DARK  # length of the cut [s]
+    retract: bool = False  # whether the robot backs off when the session is lost; it holds otherwise
+    delay_s: tuple[float, float] = (0.002, 0.002)  # one-way delay of the link to the slave and to the master [s]
 
     @property
     def fault(self) -> str:

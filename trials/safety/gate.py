@@ -27,8 +27,7 @@ OVERRIDES = ("link.security=none", "link.listen=127.0.0.1:0", "link.slave=127.0.
 ENDS = ("master", "slave")
 LARGEST = 2**15 - 1
 LEVELS = (-LARGEST, -1, 0, 1, LARGEST)
-Largest = dict[str, tuple[float, float]]
-"""By limit: the limit, and the largest value that left."""
+Largest = dict[str, tuple[float, float]]  # by limit: the limit, and the largest value that left
 
 
 class Muted(Duel):

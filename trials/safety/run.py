@@ -18,56 +18,40 @@ from weberlink.protocol.emulation import Emulation
 from weberlink.session.simulation import as_array
 from weberlink.telemetry.fault import Fault
 
-STILL = 1e-9
-"""Smaller steps [m] and forces [N] count as none."""
-WALL_M_S = 1.0
-"""The force may change as fast as on the device's stiffest wall, touched at this speed [m/s]."""
+STILL = 1e-9  # smaller steps [m] and forces [N] count as none
+WALL_M_S = 1.0  # the force may change as fast as on the device's stiffest wall, touched at this speed [m/s]
 BACK_S = 0.5
 """In this time after the link is good again, and two round trips, both ends engage, the robot approaches and the force
 fades in [s]."""
-CODING_M = 0.5e-3
-"""What the coding of a position may be off, twice: its deadband at rest and a step of the wire [m]."""
+CODING_M = 0.5e-3  # what the coding of a position may be off, twice: its deadband at rest and a step of the wire [m]
 Ticks = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Figures:
-    """Of one run.
+    """Of one run."""
 
-    Attributes:
-        robot_ms, force_ms: from the cut to the last tick in which the robot was still commanded to move, and with a
-            force on the hand; None where it flaps.
-        robot_age_ms, force_age_ms: largest true age of the loop in such a tick.
-        beyond_mm: how far the robot was from the nearest place where the hand had been by then.
-        allowed_mm: how far the hand moves within the limit at its largest speed before the cut.
-        backed_mm, astray_mm: how far the robot was sent up from where it was without a session, and how far otherwise.
-        hand_n, robot_n: largest force on the hand, and of the robot on what it touches.
-        step_n: largest change of the force on the hand in a tick, from the cut on.
-        early_n: how far the force was above an even rise to its limit, in the ramp after the link is good again.
-        step_mm: largest change of the robot in a tick as it comes back once the link is good, less that of the hand.
-        fault_ms: from the cut to the first named fault of each end; None for none.
-        faults: their names.
-        returned: whether both ends are in a session at the end.
-        round_trip_ms: largest round trip that the ends agreed on until the link was good again; the age and the time
-            after a cut may exceed the silence limit by this.
-    """
-
+    # from the cut to the last tick in which the robot was still commanded to move, and with a force on the hand; None
+    # where it flaps
     robot_ms: float | None
     force_ms: float | None
-    robot_age_ms: float
+    robot_age_ms: float  # largest true age of the loop in such a tick
     force_age_ms: float
-    beyond_mm: float
-    allowed_mm: float
-    backed_mm: float
+    beyond_mm: float  # how far the robot was from the nearest place where the hand had been by then
+    allowed_mm: float  # how far the hand moves within the limit at its largest speed before the cut
+    backed_mm: float  # how far the robot was sent up from where it was without a session, and how far otherwise
     astray_mm: float
-    hand_n: float
+    hand_n: float  # largest force on the hand, and of the robot on what it touches
     robot_n: float
-    step_n: float
-    early_n: float
+    step_n: float  # largest change of the force on the hand in a tick, from the cut on
+    early_n: float  # how far the force was above an even rise to its limit, in the ramp after the link is good again
+    # largest change of the robot in a tick as it comes back once the link is good, less that of the hand
     step_mm: float
-    fault_ms: tuple[float | None, ...]
-    faults: tuple[tuple[str, ...], ...]
-    returned: bool
+    fault_ms: tuple[float | None, ...]  # from the cut to the first named fault of each end; None for none
+    faults: tuple[tuple[str, ...], ...]  # their names
+    returned: bool  # whether both ends are in a session at the end
+    # largest round trip that the ends agreed on until the link was good again; the age and the time after a cut may
+    # exceed the silence limit by this
     round_trip_ms: float
 
 

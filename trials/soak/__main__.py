@@ -25,21 +25,17 @@ from trials.soak.watch import SoakError, Watch
 from weberlink.figures.environment import environment, footer
 from weberlink.protocol.emulation import Emulation
 
-QUIET_S, LONG_QUIET_S = 0.5, 4.0
-"""After a fault, before the session is judged, and for how long."""
+QUIET_S, LONG_QUIET_S = 0.5, 4.0  # after a fault, before the session is judged, and for how long
 SETTLE_S = 0.5
-LAST_HOPE_S = 60.0
-"""After which a session that has not come back is not waited for."""
+LAST_HOPE_S = 60.0  # after which a session that has not come back is not waited for
 RARE_EVERY = 3
 TOGETHER = 0.4
 SHORT_MINUTES = 3.0
 MOST_VIOLATIONS = 50
 STALL_SHARE = 0.5
-ALONE_S = 0.15
-"""Beyond the limit, one side may be in a session alone: how late a shared machine may be [s]."""
+ALONE_S = 0.15  # beyond the limit, one side may be in a session alone: how late a shared machine may be [s]
 STOP_SIGNALS = (SIGHUP, SIGINT, SIGTERM)
-LINE_EVERY_S = 60.0
-"""Between two status lines where there is no terminal."""
+LINE_EVERY_S = 60.0  # between two status lines where there is no terminal
 Tell = Callable[[Report, str, float], None]
 
 

@@ -13,13 +13,10 @@ COUNTERS = (
     *("ticks_missed", "datagrams_sent", "datagrams_received", "datagrams_dropped", "bytes_sent"),
     *("updates_sent", "updates_received", "repeats", "heartbeats"),
 )
-GRID_S = 1e-5
-"""By how much a deadline may be off its grid, of float rounding [s]."""
+GRID_S = 1e-5  # by how much a deadline may be off its grid, of float rounding [s]
 SPARE_DESCRIPTORS = 2
-TICKS_S = 0.02
-"""By which a side's newest record may be behind another's, though both tick [s]."""
-STILL = 1e-9
-"""[N] or [m]."""
+TICKS_S = 0.02  # by which a side's newest record may be behind another's, though both tick [s]
+STILL = 1e-9  # [N] or [m]
 Both = Mapping[str, Records]
 
 

@@ -23,8 +23,7 @@ BATCH = 64
 PRIORITY = 30
 """Of SCHED_FIFO, below the daemons and the relay: a flood from elsewhere does not wait for a processor of this host."""
 _PACE = 0.001
-_LONGEST_DEBT = 0.05
-"""What a stall of this process may make up for at once [s]; the rest of it is not sent."""
+_LONGEST_DEBT = 0.05  # what a stall of this process may make up for at once [s]; the rest of it is not sent
 
 
 class _Vector(ctypes.Structure):

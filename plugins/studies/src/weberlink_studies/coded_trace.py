@@ -11,8 +11,7 @@ from weberlink.codec.replay import code
 from weberlink.master.trace import Trace
 from weberlink_studies.evaluate.replay import signal_of
 
-CONTACT_SHARE = 0.05
-"""Of the largest force of the signal; smaller forces do not count as contact."""
+CONTACT_SHARE = 0.05  # of the largest force of the signal; smaller forces do not count as contact
 CONTACT_TIME = 0.75
 FEWEST_SENDS = 3
 

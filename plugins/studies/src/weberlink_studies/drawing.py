@@ -12,15 +12,11 @@ FORMATS = ("png", "pdf", "svg")
 
 @dataclass(frozen=True)
 class Drawing:
-    """What whoever asks for figures has chosen.
+    """What whoever asks for figures has chosen."""
 
-    Args:
-        footer: whether the environment of the measurement is printed below; it is in the file's metadata in any case.
-        formats: of the files, without a dot; None for the usual ones of each figure.
-    """
-
+    # whether the environment of the measurement is printed below; it is in the file's metadata in any case
     footer: bool = True
-    formats: tuple[str, ...] | None = None
+    formats: tuple[str, ...] | None = None  # of the files, without a dot; None for the usual ones of each figure
 
 
 _CURRENT: ContextVar[Drawing] = ContextVar("drawing", default=Drawing())  # noqa: B039 - it is frozen

@@ -14,8 +14,7 @@ from weberlink.session.interruption import Interruption
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 SAFE_PATH = "PYTHONSAFEPATH"
-Progress = Callable[[int, int], None]
-"""Receives the number of tasks done and of all tasks."""
+Progress = Callable[[int, int], None]  # receives the number of tasks done and of all tasks
 
 
 def parallel_map(

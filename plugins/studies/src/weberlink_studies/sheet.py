@@ -14,11 +14,9 @@ from PIL.PngImagePlugin import PngInfo
 
 from weberlink_studies.drawing import current
 
-WIDTH_IN = 16.0 / 2.54
-"""Figures are printed at this width, so font sizes are those on the page."""
+WIDTH_IN = 16.0 / 2.54  # figures are printed at this width, so font sizes are those on the page
 SMALLEST_PT = 8.0
-LINE = 104
-"""Characters of the smallest font across the page."""
+LINE = 104  # characters of the smallest font across the page
 SENT = "#0072B2"
 """Colour of transmitted samples."""
 MARK_COLOUR = "#B00020"
@@ -30,8 +28,7 @@ class PlotStyle(NamedTuple):
     colour: str
     line: Any
     marker: str
-    size: float
-    """Of the marker [pt]; it shrinks in the order of drawing, so that coincident curves stay visible."""
+    size: float  # of the marker [pt]; it shrinks in the order of drawing, so that coincident curves stay visible
 
 
 STYLES = {

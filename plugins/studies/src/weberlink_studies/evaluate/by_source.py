@@ -15,12 +15,9 @@ if TYPE_CHECKING:
 
 SINGLES = ("zoh", "linear", "plane", "sphere")
 """Predictors of the paper; the best of them on a recording is a reference."""
-MOST = 1.05
-"""Packets over those of the best single predictor above which a recording counts as a loss."""
-MORE_PER_S = 1.0
-"""And so many packets per second more: with few packets, one more is a large share."""
-EVERY = "sources"
-"""Name of the geometric mean over sources."""
+MOST = 1.05  # packets over those of the best single predictor above which a recording counts as a loss
+MORE_PER_S = 1.0  # and so many packets per second more: with few packets, one more is a large share
+EVERY = "sources"  # name of the geometric mean over sources
 KEYS = ["predictor", "weber", "deadband"]
 RATIOS = ["packets_per_s", "bytes_per_s", "over_hybrid", "over_best"]
 

@@ -33,19 +33,12 @@ ALL = "all"
 
 @dataclass(frozen=True)
 class EvaluationOptions:
-    """What is evaluated.
+    """What is evaluated."""
 
-    Args:
-        study: what varies for every trace, and what is the same for all.
-        traces: the signals; the first is drawn over time.
-        wire: whether `study` quantizes and saturates as on the wire.
-        window: of the first trace that is drawn; None for the second that shows most.
-    """
-
-    study: EvaluationStudy
-    traces: Sequence[NamedTrace]
-    wire: bool
-    window: TickWindow | None
+    study: EvaluationStudy  # what varies for every trace, and what is the same for all
+    traces: Sequence[NamedTrace]  # the signals; the first is drawn over time
+    wire: bool  # whether `study` quantizes and saturates as on the wire
+    window: TickWindow | None  # of the first trace that is drawn; None for the second that shows most
 
 
 def _cases(options: EvaluationOptions) -> list[EvaluationCase]:

@@ -10,10 +10,8 @@ from weberlink_studies.result import Column, frame_table
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-FEW = 40
-"""Up to this number, every row is printed."""
-NAME_WIDTH = 15
-"""Of a longer trace name the end is shown, where names differ."""
+FEW = 40  # up to this number, every row is printed
+NAME_WIDTH = 15  # of a longer trace name the end is shown, where names differ
 
 WAYS = {
     "deadband": Column("deadband", left=True),

@@ -13,10 +13,8 @@ from weberlink_studies.evaluate.units import FORCE_UNITS, LENGTH_UNITS, SI, TIME
 
 SHIPPED = Path(str(files("weberlink.configs") / "traces" / "operator.npz"))
 """The recording that is part of the configurations."""
-ALL = "recordings"
-"""Stands for every shipped recording."""
-FILES = "files"
-"""Source of what was read from files."""
+ALL = "recordings"  # stands for every shipped recording
+FILES = "files"  # source of what was read from files
 
 
 class NamedTrace(NamedTuple):

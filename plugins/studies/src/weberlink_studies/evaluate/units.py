@@ -11,10 +11,8 @@ from weberlink.master.trace import Trace
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
 FORCE_UNITS = {"N": 1.0, "mN": 1e-3, "kN": 1e3}
-FARTHEST_M = 5.0
-"""Positions beyond this are more likely in another unit: hands and arms reach less."""
-SLOWEST_S = 0.5
-"""A period of sampling beyond this is more likely in another unit: nobody feels at 2 Hz."""
+FARTHEST_M = 5.0  # positions beyond this are more likely in another unit: hands and arms reach less
+SLOWEST_S = 0.5  # A period of sampling beyond this is more likely in another unit: nobody feels at 2 Hz
 STRONGEST_N = 2000.0
 
 

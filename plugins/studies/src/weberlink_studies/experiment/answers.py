@@ -18,15 +18,11 @@ PEOPLE, SIMULATED = "people", "simulated"
 
 @dataclass(frozen=True)
 class StudyRatings:
-    """The ledgers of all subjects who have rated every trial.
+    """The ledgers of all subjects who have rated every trial."""
 
-    Args:
-        complete: in the order of their numbers; at least one, and all comparable.
-        incomplete: subjects that are left out, with their number of rated trials. Their last conditions are missing,
-            so means would compare different people.
-    """
-
-    complete: Sequence[SubjectProgress]
+    complete: Sequence[SubjectProgress]  # in the order of their numbers; at least one, and all comparable
+    # subjects that are left out, with their number of rated trials. Their last conditions are missing, so means would
+    # compare different people.
     incomplete: Mapping[int, int]
 
     @property

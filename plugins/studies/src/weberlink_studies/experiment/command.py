@@ -18,33 +18,21 @@ from weberlink_studies.experiment.plan import SCALE, TRIAL_S, TrialPlan, order
 from weberlink_studies.experiment.subjects import Person, SimulatedSubject
 from weberlink_studies.experiment.trial_runner import LiveRunner, Ports, TrialSignals, VirtualRunner
 
-SEED = 0
-"""Default seed of the orders of trials."""
+SEED = 0  # default seed of the orders of trials
 
 
 @dataclass(frozen=True)
 class ExperimentRequest:
-    """The command line.
+    """The command line."""
 
-    Args:
-        file: configuration of the system.
-        overrides: of its keys.
-        folder: of the ledgers.
-        subject: number; None for the next that is free.
-        seed: None for that of the plan, or `SEED`.
-        duration_s: length of a trial [s]; None for that of the plan, or of the paper.
-        simulate: whether a program rates.
-        record: whether a person's trials are recorded.
-    """
-
-    file: Path
-    overrides: Sequence[str]
-    folder: Path
-    subject: int | None
-    seed: int | None
-    duration_s: float | None
-    simulate: bool
-    record: bool
+    file: Path  # configuration of the system
+    overrides: Sequence[str]  # of its keys
+    folder: Path  # of the ledgers
+    subject: int | None  # number; None for the next that is free
+    seed: int | None  # None for that of the plan, or `SEED`
+    duration_s: float | None  # length of a trial [s]; None for that of the plan, or of the paper
+    simulate: bool  # whether a program rates
+    record: bool  # whether a person's trials are recorded
 
     def again(self, subject: int) -> str:
         """The command that continues with a subject."""

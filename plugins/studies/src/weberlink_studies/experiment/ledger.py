@@ -86,23 +86,15 @@ _ENTRY: TypeAdapter[Entry] = TypeAdapter(Annotated[Entry, Field(discriminator="e
 
 @dataclass
 class SubjectProgress:
-    """The state of a subject's experiment.
+    """The state of a subject's experiment."""
 
-    Args:
-        plan: of the experiment.
-        references: figures of the references of the training, by their index.
-        trained: whether the training is done.
-        begun: how often each trial was begun, by its number from 1.
-        rated: the entry of each rated trial, by its number.
-        breaks: numbers of the trials after which there was a break.
-    """
-
-    plan: TrialPlan
+    plan: TrialPlan  # of the experiment
+    # figures of the references of the training, by their index
     references: dict[int, dict[str, Any]] = field(default_factory=dict)
-    trained: bool = False
-    begun: Counter[int] = field(default_factory=Counter)
-    rated: dict[int, TrialRated] = field(default_factory=dict)
-    breaks: set[int] = field(default_factory=set)
+    trained: bool = False  # whether the training is done
+    begun: Counter[int] = field(default_factory=Counter)  # how often each trial was begun, by its number from 1
+    rated: dict[int, TrialRated] = field(default_factory=dict)  # the entry of each rated trial, by its number
+    breaks: set[int] = field(default_factory=set)  # numbers of the trials after which there was a break
 
     @property
     def remaining(self) -> list[int]:
@@ -137,18 +129,12 @@ class SubjectProgress:
 
 @dataclass
 class Ledger:
-    """A ledger that this process has locked; see `opened`.
+    """A ledger that this process has locked; see `opened`."""
 
-    Args:
-        path: of the file.
-        progress: None while it has no plan.
-        set_aside: file with a torn last line, if there was one.
-    """
-
-    path: Path
+    path: Path  # of the file
     descriptor: int
-    progress: SubjectProgress | None = None
-    set_aside: Path | None = None
+    progress: SubjectProgress | None = None  # None while it has no plan
+    set_aside: Path | None = None  # file with a torn last line, if there was one
 
     def append(self, line: TrialPlan | Entry) -> SubjectProgress:
         """Write the plan into an empty ledger, or an entry into another one; it is on the disk then.

@@ -14,8 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 from weberlink_studies.paper.claims import PREDICTORS, WEBERS
 
 TRIAL_S = 10.0
-BREAK_EVERY = 10
-"""Trials between two breaks."""
+BREAK_EVERY = 10  # trials between two breaks
 SCALE: dict[int, str] = {
     5: "no difference",
     4: "perceptible, but not disturbing",

@@ -26,28 +26,20 @@ from weberlink_studies.result import Column, frame_table, plain_table
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-SEED = 0
-"""Seed of the bootstrap."""
+SEED = 0  # seed of the bootstrap
 MARK = "SIMULATED RATINGS"
 EXPLANATION = "a program rated by a rule from the felt error; no person took part"
-BASES = ("zoh", "linear")
-"""Predictors with which the paper compares packets."""
+BASES = ("zoh", "linear")  # predictors with which the paper compares packets
 TESTED_AGAINST = "zoh"
-LEAST_P = 0.001
-"""Smaller ones are printed as less than this."""
+LEAST_P = 0.001  # smaller ones are printed as less than this
 
 
 @dataclass(frozen=True)
 class RatingsOptions:
-    """What is analysed.
+    """What is analysed."""
 
-    Args:
-        answers: the ledgers.
-        level: of the scale, at which packets are compared.
-    """
-
-    answers: StudyRatings
-    level: float
+    answers: StudyRatings  # the ledgers
+    level: float  # of the scale, at which packets are compared
 
     @property
     def mark(self) -> str | None:

@@ -12,14 +12,12 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-LEAST_SUBJECTS = 6
-"""With fewer subjects a two-sided signed-rank test cannot reach 5 %: its smallest p is 2 / 2^n."""
+LEAST_SUBJECTS = 6  # with fewer subjects a two-sided signed-rank test cannot reach 5 %: its smallest p is 2 / 2^n
 APPROXIMATE_TO = 10
 """Up to this number of subjects the chi-squared distribution is a rough approximation of Friedman's statistic."""
 RESAMPLES = 2000
 CONFIDENCE = 0.95
-LEAST_SHARE = 0.95
-"""Share of the resamples that must have a saving to report an interval."""
+LEAST_SHARE = 0.95  # share of the resamples that must have a saving to report an interval
 CROSSES, BELOW, ABOVE = "crosses", "not reached", "above throughout"
 """Whether a curve reaches a level. Below: even at the smallest Weber factor. Above: even at the largest one, where the
 packet rate is an upper bound."""

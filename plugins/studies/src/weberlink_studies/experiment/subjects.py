@@ -74,10 +74,8 @@ class Person:
         self._screen.flush()
 
 
-FELT = "error_rms_jnd"
-"""The figure that is rated."""
-SPREAD = 0.5
-"""Standard deviation of the noise on a level before rounding."""
+FELT = "error_rms_jnd"  # the figure that is rated
+SPREAD = 0.5  # standard deviation of the noise on a level before rounding
 
 
 class SimulatedSubject:

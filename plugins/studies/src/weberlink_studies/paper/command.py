@@ -42,14 +42,11 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 FLOOR_N = 0.02
-DURATION_S = 10.0
-"""Of a trial of the paper, and of a simulated run."""
-SEED = 1
-"""Of the hand's tremor."""
+DURATION_S = 10.0  # of a trial of the paper, and of a simulated run
+SEED = 1  # of the hand's tremor
 PAGE = "the-paper-and-us.md"
 STUDY = EvaluationStudy(PREDICTORS, WEBERS, FLOOR_N)
-SCENE_STUDY = replace(STUDY, position_step=2e-6)
-"""With the position step of the scene configurations."""
+SCENE_STUDY = replace(STUDY, position_step=2e-6)  # with the position step of the scene configurations
 RECORDED, CODED, WHOLE = "recordings", "scenes", "systems"
 TITLES = {CODED: "scenes, codec alone", WHOLE: "scenes, whole system"}
 

@@ -13,8 +13,7 @@ from weberlink_studies.precision.equations import MotionState, Phase, beginning,
 from weberlink_studies.precision.problems import TICK, HalfSpace, Problem
 from weberlink_studies.precision.solvers import Solver, Stretch, closed_form, dop853, lsoda
 
-AGREEMENT = 1e-9
-"""Largest difference between the solvers, relative to the scales of the problem."""
+AGREEMENT = 1e-9  # largest difference between the solvers, relative to the scales of the problem
 EVENTS_MOST = 10_000
 
 
@@ -24,8 +23,7 @@ class Trajectory:
 
     positions: list[Vector]
     forces: list[Vector]
-    events: int
-    """Touches, releases, slips and stops."""
+    events: int  # touches, releases, slips and stops
 
 
 @dataclass(frozen=True)
@@ -33,14 +31,11 @@ class ReferenceSolution:
     """The solution of a problem, at every tick."""
 
     trajectory: Trajectory
-    start_force: Vector
-    """Contact force just after the start [N]."""
-    position_scale: float
-    """Largest distance from the start [m], the unit of relative position errors."""
+    start_force: Vector  # contact force just after the start [N]
+    position_scale: float  # largest distance from the start [m], the unit of relative position errors
     force_scale: float
     """Largest contact force [N]; without contact, stiffness of the position control times `position_scale`."""
-    agreement: float
-    """Largest difference between the two solvers, in position or force, relative to the scales."""
+    agreement: float  # largest difference between the two solvers, in position or force, relative to the scales
 
     def as_json(self) -> dict[str, Any]:
         return {

@@ -17,31 +17,22 @@ from weberlink_studies.precision.equations import MotionState
 
 RELATIVE = 3e-14  # the smallest tolerance that scipy accepts is 100 roundings
 ABSOLUTE = (1e-17, 1e-17, 1e-17, 1e-15, 1e-15, 1e-15)  # [m], [m/s]
-LOOKS = 64
-"""Times in a period or time constant at which `closed_form` evaluates the guards, and the least in a stretch."""
+LOOKS = 64  # times in a period or time constant at which `closed_form` evaluates the guards, and the least in a stretch
 CHUNK = 256
 
 Array = NDArray[np.floating[Any]]
 
 
 class Stretch(NamedTuple):
-    """An initial value problem between two events.
+    """An initial value problem between two events."""
 
-    Args:
-        field: d(state)/dt.
-        guards: functions of the state; the stretch ends where the first of them falls below zero.
-        state: at `begin`.
-        begin: [s].
-        end: [s], more than `begin`.
-        ticks: times in (begin, end] at which the state is wanted, ascending [s].
-    """
-
-    field: Callable[[MotionState], list[float]]
+    field: Callable[[MotionState], list[float]]  # d(state)/dt
+    # functions of the state; the stretch ends where the first of them falls below zero
     guards: Sequence[Callable[[MotionState], float]]
-    state: MotionState
-    begin: float
-    end: float
-    ticks: Sequence[float]
+    state: MotionState  # at `begin`
+    begin: float  # [s]
+    end: float  # [s], more than `begin`
+    ticks: Sequence[float]  # times in (begin, end] at which the state is wanted, ascending [s]
 
 
 class Outcome(NamedTuple):

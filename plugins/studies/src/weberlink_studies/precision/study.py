@@ -23,43 +23,27 @@ from weberlink_studies.result import Column, frame_table, pareto
 if TYPE_CHECKING:
     from pandas import DataFrame, Series
 
-RESOLVED = 1e-12
-"""Relative errors below it are rounding errors and count as equal."""
-EXACT = 1e-9
-"""Largest relative error of an integrator that is exact on linear contact."""
-NOISE_LEAST = 0.05
-"""Run times that differ by less than this share count as equal."""
+RESOLVED = 1e-12  # relative errors below it are rounding errors and count as equal
+EXACT = 1e-9  # largest relative error of an integrator that is exact on linear contact
+NOISE_LEAST = 0.05  # run times that differ by less than this share count as equal
 ORDER_TOLERANCE = 0.2
-NEAR_FRONT = 1.5
-"""Largest error of the recommended integrator, over the smallest error in the same time."""
-GAINED = 1e-9
-"""Share of the energy up to which a gain is rounding."""
-COARSE = 0.03
-"""Relative errors above it are not asymptotic yet."""
-POINTS_LEAST, POINTS_MOST = 3, 4
-"""Of a fitted order."""
-GOAL = 1e-3
-"""Relative error whose run time is shown."""
-TIMED_TICKS = 3000
-"""Ticks of which the 99.9th percentile is taken."""
+NEAR_FRONT = 1.5  # largest error of the recommended integrator, over the smallest error in the same time
+GAINED = 1e-9  # share of the energy up to which a gain is rounding
+COARSE = 0.03  # relative errors above it are not asymptotic yet
+POINTS_LEAST, POINTS_MOST = 3, 4  # of a fitted order
+GOAL = 1e-3  # relative error whose run time is shown
+TIMED_TICKS = 3000  # ticks of which the 99.9th percentile is taken
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How fine and how often.
+    """How fine and how often."""
 
-    Args:
-        finest: most substeps per tick. Steps are halved from the coarsest of a problem down to this one.
-        repeats: most timed runs of each step.
-        problems: of the integrators.
-        schemes: integrators by name.
-        recommended: integrator and substeps for every problem; None for those that `integrator: auto` chooses.
-    """
-
-    finest: int = 64
-    repeats: int = 5
-    problems: Sequence[Problem] = PROBLEMS
-    schemes: Mapping[str, IntegrationScheme] | None = None
+    finest: int = 64  # most substeps per tick. Steps are halved from the coarsest of a problem down to this one.
+    repeats: int = 5  # most timed runs of each step
+    problems: Sequence[Problem] = PROBLEMS  # of the integrators
+    schemes: Mapping[str, IntegrationScheme] | None = None  # integrators by name
+    # integrator and substeps for every problem; None for those that `integrator: auto` chooses
     recommended: tuple[str, int] | None = None
 
     def steps(self, problem: Problem, also: int) -> list[StepSize]:

@@ -21,23 +21,14 @@ DATA = Path(str(files("weberlink_studies.recordings") / "data"))
 
 @dataclass(frozen=True)
 class Source:
-    """Where recordings come from.
+    """Where recordings come from."""
 
-    Args:
-        name: first part of the name of each of its recordings.
-        about: what was recorded.
-        rate: of the samples, as shipped.
-        repository: on github.com.
-        licence: SPDX identifier; its text is in `data/`.
-        no_surface: first words of the recordings that touch no surface.
-    """
-
-    name: str
-    about: str
-    rate: str
-    repository: str
-    licence: str
-    no_surface: str | None = None
+    name: str  # first part of the name of each of its recordings
+    about: str  # what was recorded
+    rate: str  # of the samples, as shipped
+    repository: str  # on github.com
+    licence: str  # SPDX identifier; its text is in `data/`
+    no_surface: str | None = None  # first words of the recordings that touch no surface
 
     @property
     def archive(self) -> Path:

@@ -8,8 +8,7 @@ from typing import Any, Literal
 from weberlink.session.composition.coupling import FIT_MARGIN
 from weberlink_studies.stability.wall import Grip, SampledWall, gain_limit, passivity_limit
 
-DEPTH = 0.015
-"""Intended depth of the press [m]."""
+DEPTH = 0.015  # intended depth of the press [m]
 
 COUPLING_N_M = 3000.0 / FIT_MARGIN
 """Stiffness of the robots towards their command [N/m]: their default with the `operator` device of the shipped file."""
@@ -18,8 +17,7 @@ CONTACT_LIMIT_N = 10.0
 """Largest force with which a robot should press [N], what the operator can be shown: the default of
 `slave.limits.contact_n` with the shipped `master.limits.force_n`."""
 
-SENSOR_RANGE_N = 30.0
-"""Range of the force sensor of the computed robots [N], their default `force_n`."""
+SENSOR_RANGE_N = 30.0  # range of the force sensor of the computed robots [N], their default `force_n`
 
 RobotName = Literal["point", "simulated", "tool", "arm"]
 """The last two are judged by torque: a stick with three points of contact, and an arm of joints (extra: mujoco)."""
@@ -30,60 +28,33 @@ Contact = Literal["plane", "ball", "box"]
 class SystemCell:
     """A whole system: an operator's hand, a link, a robot and what it touches. The defaults are those of the shipped
     files.
-
-    Args:
-        family: row of the map, or `extremes`.
-        scheme: of control, as in the configuration.
-        predictor: of the force channel.
-        position_predictor: of the position channel.
-        stiffness_n_m: of the object; of the joints with `arm` [N m/rad].
-        mass_kg: of device and hand, as the next two; of the arm alone with another grip than firm.
-        damping_n_s_m: of device and hand.
-        hand_stiffness_n_m: of the hand.
-        grip: how the hand holds the device.
-        robot: what touches the object; `tool` is turned by 10 degrees.
-        robot_mass_kg: of `simulated`.
-        robot_damping_n_s_m: of `simulated`; None for critical.
-        contact: the object; all are touched from above at z = 0.
-        friction: coefficient of the object, static and dynamic.
-        wall_damping_n_s_m: of the object.
-        wall_speed_m_s: speed at which the object goes up and down; 0 for one at rest.
-        rate_hz: of both sides.
-        round_trip_s: constant delay, half of it each way.
-        jitter_s: largest additional delay each way, uniform.
-        loss: share of datagrams lost.
-        weber: Weber factor of both channels.
-        floor_n: absolute threshold of the force.
-        bound_m: position error at rest that stays unsent.
-        seed: of the link.
-        case: name of an extreme.
     """
 
-    family: str
-    scheme: str = "bounded"
-    predictor: str = "hybrid"
-    position_predictor: str = "linear"
-    stiffness_n_m: float = 500.0
-    mass_kg: float = 0.3
-    damping_n_s_m: float = 8.0
-    hand_stiffness_n_m: float = 300.0
-    grip: Grip = "firm"
-    robot: RobotName = "point"
-    robot_mass_kg: float = 0.2
-    robot_damping_n_s_m: float | None = None
-    contact: Contact = "plane"
-    friction: float = 0.0
-    wall_damping_n_s_m: float = 0.0
-    wall_speed_m_s: float = 0.0
-    rate_hz: float = 1000.0
-    round_trip_s: float = 0.0
-    jitter_s: float = 0.0
-    loss: float = 0.0
-    weber: float = 0.1
-    floor_n: float = 0.02
-    bound_m: float = 0.0002
-    seed: int = 0
-    case: str = ""
+    family: str  # row of the map, or `extremes`
+    scheme: str = "bounded"  # of control, as in the configuration
+    predictor: str = "hybrid"  # of the force channel
+    position_predictor: str = "linear"  # of the position channel
+    stiffness_n_m: float = 500.0  # of the object; of the joints with `arm` [N m/rad]
+    mass_kg: float = 0.3  # of device and hand, as the next two; of the arm alone with another grip than firm
+    damping_n_s_m: float = 8.0  # of device and hand
+    hand_stiffness_n_m: float = 300.0  # of the hand
+    grip: Grip = "firm"  # how the hand holds the device
+    robot: RobotName = "point"  # what touches the object; `tool` is turned by 10 degrees
+    robot_mass_kg: float = 0.2  # of `simulated`
+    robot_damping_n_s_m: float | None = None  # of `simulated`; None for critical
+    contact: Contact = "plane"  # the object; all are touched from above at z = 0
+    friction: float = 0.0  # coefficient of the object, static and dynamic
+    wall_damping_n_s_m: float = 0.0  # of the object
+    wall_speed_m_s: float = 0.0  # speed at which the object goes up and down; 0 for one at rest
+    rate_hz: float = 1000.0  # of both sides
+    round_trip_s: float = 0.0  # constant delay, half of it each way
+    jitter_s: float = 0.0  # largest additional delay each way, uniform
+    loss: float = 0.0  # share of datagrams lost
+    weber: float = 0.1  # Weber factor of both channels
+    floor_n: float = 0.02  # absolute threshold of the force
+    bound_m: float = 0.0002  # position error at rest that stays unsent
+    seed: int = 0  # of the link
+    case: str = ""  # name of an extreme
 
     @property
     def wall(self) -> SampledWall:

@@ -24,8 +24,7 @@ from weberlink_studies.stability.verdict import bound_share
 Floats = NDArray[np.float64]
 
 PLANE = "slave.scene=[{{shape: plane, stiffness_n_m: {:g}{}}}]"
-LIGHT = "slave.robot.driver=simulated"
-"""10 g on a spring of 2500 N/m."""
+LIGHT = "slave.robot.driver=simulated"  # 10 g on a spring of 2500 N/m
 SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "plane": ("scene-plane", (PLANE.format(500, ""),)),
     "damping 1": ("scene-plane", (PLANE.format(500, ", damping_n_s_m: 1.0"),)),

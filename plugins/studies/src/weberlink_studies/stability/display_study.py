@@ -22,10 +22,8 @@ from weberlink_studies.stability.display import DisplayCell, cells, rows_of
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-GHOST_S = 0.06
-"""A force that lasts without a contact for this much longer than the round trip is a ghost [s]."""
-MOST_CONTACTS = 24
-"""The scripts make no more begins and ends of contacts than this; more is chatter."""
+GHOST_S = 0.06  # A force that lasts without a contact for this much longer than the round trip is a ghost [s]
+MOST_CONTACTS = 24  # the scripts make no more begins and ends of contacts than this; more is chatter
 WORSE, WORSE_N = 1.1, 0.05
 """A cell is worse if its error is above that of the best scheme before by this ratio and by this force [N] too."""
 KEYS = list(DisplayCell._fields)

@@ -109,8 +109,7 @@ def stability_wall(rows: "DataFrame", path: Path, caption: str) -> None:
     save(figure, path.with_suffix(""), dpi=110, usual=("png",))
 
 
-MOST_N = 0.5
-"""End of the colour scale [N]: the difference of the errors."""
+MOST_N = 0.5  # end of the colour scale [N]: the difference of the errors
 
 
 def display_map(judged: "DataFrame", path: Path, caption: str) -> None:

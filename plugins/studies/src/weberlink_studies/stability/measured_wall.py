@@ -21,29 +21,22 @@ from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import PlaneShape
 from weberlink_studies.stability.wall import SampledWall, bisect, bracket
 
-DEPTH = 1e-3
-"""Depth of the pressed contact [m]; the loop is linear, so the limit does not depend on it."""
+DEPTH = 1e-3  # depth of the pressed contact [m]; the loop is linear, so the limit does not depend on it
 
 DISTURBANCE = 1e-3
 """First displacement of the hand as a share of the depth, small so that it can grow before contact is lost."""
 
-PERIODS = 8
-"""Periods of the contact's own oscillation that are compared: four against four."""
+PERIODS = 8  # periods of the contact's own oscillation that are compared: four against four
 
-SHORTEST = 400
-"""Least number of ticks."""
+SHORTEST = 400  # least number of ticks
 
-GONE = 1e-18
-"""Share of its energy below which a disturbance has died out: 1e-15 m, still above rounding."""
+GONE = 1e-18  # share of its energy below which a disturbance has died out: 1e-15 m, still above rounding
 
-PRECISION = 0.01
-"""Relative precision of a measured limit."""
+PRECISION = 0.01  # relative precision of a measured limit
 
-AMPLITUDE = 1e-3
-"""Amplitude of the closed motions [m]."""
+AMPLITUDE = 1e-3  # amplitude of the closed motions [m]
 
-LENGTH = 128
-"""Most ticks of one round of a closed motion."""
+LENGTH = 128  # most ticks of one round of a closed motion
 
 
 def measured_limit(wall: SampledWall) -> float:

@@ -6,14 +6,11 @@ from typing import Any
 
 from weberlink_studies.stability.cells import DEPTH, SystemCell
 
-HEIGHT = 0.01
-"""Start of the hand above the object [m]."""
+HEIGHT = 0.01  # start of the hand above the object [m]
 
-SWAY_M = 0.0125
-"""Amplitude of a moving wall [m], slower than the hand's intended depth so that the contact can last."""
+SWAY_M = 0.0125  # amplitude of a moving wall [m], slower than the hand's intended depth so that the contact can last
 
-FASTEST_SWAY_HZ = 50.0
-"""A faster wall has a larger amplitude; also the upper limit of the configuration."""
+FASTEST_SWAY_HZ = 50.0  # A faster wall has a larger amplitude; also the upper limit of the configuration
 
 Step = dict[str, Any]
 
@@ -22,15 +19,11 @@ Step = dict[str, Any]
 class CellTiming:
     """Times of the script [s]: pauses grow with delay and inertia, the motion is otherwise the same."""
 
-    press: float
-    """The hand begins to go down for the first time."""
-    hold: float
-    """Its intended position is `DEPTH` from here on."""
-    release: float
-    """It begins to come up."""
+    press: float  # the hand begins to go down for the first time
+    hold: float  # its intended position is `DEPTH` from here on
+    release: float  # it begins to come up
     end: float
-    steps: tuple[Step, ...]
-    """The motion as a script of the `operator` device."""
+    steps: tuple[Step, ...]  # the motion as a script of the `operator` device
 
 
 def timing(cell: SystemCell) -> CellTiming:
@@ -83,10 +76,8 @@ def scene(cell: SystemCell) -> list[dict[str, Any]]:
     return [thing]
 
 
-BALL_M = 0.03
-"""Radius of the ball [m]."""
-EDGE_M = 0.02
-"""Half an edge of the box [m]."""
+BALL_M = 0.03  # radius of the ball [m]
+EDGE_M = 0.02  # half an edge of the box [m]
 
 
 def _exploration(cell: SystemCell) -> list[Step]:

@@ -9,8 +9,7 @@ from weberlink_studies.frame import Row
 from weberlink_studies.stability.measured_wall import activity, measured_limit
 from weberlink_studies.stability.wall import Grip, SampledWall, passivity_limit, stability_limit
 
-FREE_HAND = 0.01
-"""Stiffness of a hand that hardly holds the device [N/m], a hard case for Colgate's bound."""
+FREE_HAND = 0.01  # stiffness of a hand that hardly holds the device [N/m], a hard case for Colgate's bound
 
 RATIOS = (0.2, 0.5, 0.9, 0.99, 1.01, 2.0)
 """Stiffnesses, in units of the passive limit, at which the activity is measured."""

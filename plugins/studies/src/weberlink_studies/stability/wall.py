@@ -23,34 +23,22 @@ from weberlink.master.devices.hand_options import HandOptions
 Grip = Literal["firm", "pinch", "fingertip"]
 """How the hand holds the device: firmly, as one mass with it, or with a grasp between them."""
 
-PRECISION = 1e-9
-"""Relative precision of a limit."""
+PRECISION = 1e-9  # relative precision of a limit
 
-STEPS_PER_DECADE = 1000
-"""Density of the frequencies of the loop gain."""
+STEPS_PER_DECADE = 1000  # density of the frequencies of the loop gain
 
 
 @dataclass(frozen=True)
 class SampledWall:
-    """The loop without the stiffness of the wall.
+    """The loop without the stiffness of the wall."""
 
-    Args:
-        mass_kg: m, of device and hand, > 0; of the arm alone with a grasp, as the next two.
-        damping_n_s_m: b, of device and hand, > 0.
-        hand_stiffness_n_m: k, > 0; small values approach a free device.
-        tick_period: T [s].
-        delay_ticks: from the sampling of a position to the force that answers it, whole ticks.
-        wall_damping_n_s_m: B.
-        grip: the grasp.
-    """
-
-    mass_kg: float
-    damping_n_s_m: float
-    hand_stiffness_n_m: float
-    tick_period: float
-    delay_ticks: int = 0
-    wall_damping_n_s_m: float = 0.0
-    grip: Grip = "firm"
+    mass_kg: float  # m, of device and hand, > 0; of the arm alone with a grasp, as the next two
+    damping_n_s_m: float  # b, of device and hand, > 0
+    hand_stiffness_n_m: float  # k, > 0; small values approach a free device
+    tick_period: float  # T [s]
+    delay_ticks: int = 0  # from the sampling of a position to the force that answers it, whole ticks
+    wall_damping_n_s_m: float = 0.0  # B
+    grip: Grip = "firm"  # the grasp
 
     @property
     def hand(self) -> HandOptions:
