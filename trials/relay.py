@@ -40,12 +40,7 @@ class Direction:
     """
 
     def __init__(self, send: Callable[[bytes], bool], uniform: Callable[[], float]) -> None:
-        """Begin with a perfect link.
-
-        Args:
-            send: passes a datagram on; False if that was not possible.
-            uniform: random numbers in [0, 1).
-        """
+        """Begin with a perfect link."""
         self.counts: Counter[str] = Counter()
         self._send = send
         self._uniform = uniform
@@ -167,11 +162,7 @@ class Relay:
         self.backward.deliver(now)
 
     def obey(self, order: dict[str, Any]) -> Any:
-        """Do what one order says; returns the answer.
-
-        Raises:
-            ValueError: there is no such order.
-        """
+        """Do what one order says; returns the answer."""
         match order["do"]:
             case "books":
                 return self._books()

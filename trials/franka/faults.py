@@ -33,15 +33,7 @@ MOVES_RAD_S = 0.02  # joint speed above which the arm follows the hand
 
 
 class FrankaSession(Session):
-    """Both daemons before a simulated robot.
-
-    Args:
-        folder: for files of the robot.
-        host: where the robot listens.
-        seed: of the relay between the daemons.
-        lenient: of the robot.
-        overrides: of the configuration, as of `--set`.
-    """
+    """Both daemons before a simulated robot."""
 
     def __init__(self, folder: Path, host: str, seed: int, lenient: bool, overrides: Sequence[str]) -> None:
         self._make_robot = partial(SimulatedRobot, folder, host, lenient)

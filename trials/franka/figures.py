@@ -21,9 +21,6 @@ def pace(robot: SimulatedRobot, began: float, ended: float) -> Found:
     `success` is the mean of the robot's `control_command_success_rate`; `lost` are cycles without a command, and the
     robot stops at 20 `lost_in_a_row`. `period_ms` are p50, p99 and maximum between two commands as they arrive at the
     robot, `robot_ms` between two steps of the robot, which is late by itself on a busy machine.
-
-    Raises:
-        ValueError: nobody did.
     """
     rows = robot.since(began)
     rows = rows[(rows["at"] <= ended) & (rows["moving"] == 1)]
@@ -50,14 +47,6 @@ def likeness(rows: Rows, at: Series, force: Series) -> Found:
 
     `correlation` at the lag at which both agree best is negative for the wrong sign; `gain` is of the regression on the
     force in the simulator, `error_n` the RMS difference while the arm touches.
-
-    Args:
-        rows: of the simulator, of the same span.
-        at: times (monotonic), shape (n,) [s].
-        force: shape (n, 3) [N].
-
-    Raises:
-        ValueError: the arm never touched.
     """
     times = np.arange(rows["at"][0] + LONGEST_LAG_S, min(rows["at"][-1], at[-1]), 1e-3)
     ours = _at(times, at, force)

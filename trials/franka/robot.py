@@ -63,11 +63,6 @@ class TruthWriter:
 class SimulatedRobot:
     """franka-sim in a process of its own, which answers; ended by `close`.
 
-    Args:
-        folder: for its log and its rows.
-        host: where it listens.
-        lenient: whether lost cycles and broken limits do not stop the arm.
-
     Raises:
         RuntimeError: it ended or did not become ready; the message has the end of its log.
     """

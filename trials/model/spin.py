@@ -148,15 +148,7 @@ def missing_tool() -> str | None:
 
 
 def verify(run: Run, folder: Path, *, is_quick: bool = False) -> Found:
-    """Search all states of a model until an assertion fails.
-
-    Args:
-        folder: where the verifier is made.
-        is_quick: compile fast instead of well, for a search that fails soon.
-
-    Raises:
-        RuntimeError: with the output of the tool that failed.
-    """
+    """Search all states of a model until an assertion fails."""
     began = time.monotonic()
     defines = [f"-D{define}" for define in run.defines]
     _output(["spin", "-a", *defines, str(FOLDER / f"{run.model}.pml")], folder)

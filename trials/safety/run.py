@@ -171,10 +171,6 @@ def violated(case: Case, figures: Figures, loaded: Configuration) -> list[str]:
 def loop_ages(outward: ObservedLink, inward: ObservedLink, times: NDArray[np.float64]) -> NDArray[np.float64]:
     """The true age of the loop at one end, whatever the protocol knows of it.
 
-    Args:
-        outward, inward: the links from and to that end.
-        times: shape (n,) [s].
-
     Returns:
         Shape (n,), time since the departure of the newest datagram that the peer is known to have received [s];
         infinite before the first.

@@ -40,14 +40,7 @@ Tell = Callable[[Report, str, float], None]
 
 
 class Soak:
-    """One run.
-
-    Args:
-        minutes: how long; every kind of fault is seen once in any case.
-        seed: of the order, the durations and the relay.
-        tell: called with the report, the fault that begins and the seconds that are left.
-        faults: names of the kinds, of `FAULTS`.
-    """
+    """One run."""
 
     def __init__(self, minutes: float, seed: int, tell: Tell, faults: Collection[str] = tuple(FAULTS)) -> None:
         self._random, self._tell = Random(seed), tell
@@ -56,11 +49,7 @@ class Soak:
         self.report = Report(seed, minutes)
 
     def run(self, silence_ms: float = SILENCE_MS) -> Report:
-        """Soak; whatever ends it, the report is what was seen until then.
-
-        Raises:
-            SoakError: a daemon has ended by itself.
-        """
+        """Soak; whatever ends it, the report is what was seen until then."""
         report, until = self.report, monotonic() + self.report.minutes * 60.0
         with ExitStack() as stack:
             wall = stack.enter_context(wall_clock(Path(stack.enter_context(TemporaryDirectory(prefix="wl-clock-")))))

@@ -26,17 +26,7 @@ _AHEAD = 200
 
 
 def load(kind: str, genuine: Sequence[bytes], random: Random, key: bytes, calls: int = ROUNDS) -> list[bytes]:
-    """Datagrams of a kind, to be sent over and over.
-
-    Args:
-        kind: one of `KINDS`.
-        genuine: what the peer has sent lately, oldest first.
-        key: that the two ends share.
-        calls: how many different ones.
-
-    Raises:
-        ValueError: there is no such kind, or nothing genuine to make it of.
-    """
+    """Datagrams of a kind, to be sent over and over."""
     sealed = [data for data in genuine if kind_of(data) in (Kind.UPDATE, Kind.HEARTBEAT)]
     if kind in ("forged", "replayed", "truncated") and not sealed:
         raise ValueError(f"{kind}: nothing genuine was recorded to make it of")

@@ -34,9 +34,6 @@ def fit(lives: Iterable[Sequence[tuple[float, float]]]) -> Growth | None:
     """The common slope of several lives by least squares, each on a level of its own; None for too few samples.
 
     Memory changes in steps, so samples are averaged over blocks, and the uncertainty is that of the blocks.
-
-    Args:
-        lives: (time [s], value) of each, in order of time; the first sample of a life is its beginning.
     """
     centred = []
     for life in filter(len, lives):

@@ -146,11 +146,7 @@ class Watch:
         self.until(lambda: False, seconds)
 
     def until(self, condition: Callable[[], object], limit: float) -> bool:
-        """Go on looking until the condition holds; False if it does not within the limit [s].
-
-        Raises:
-            SoakError: a daemon has ended by itself.
-        """
+        """Go on looking until the condition holds; False if it does not within the limit [s]."""
         deadline = monotonic() + limit
         while True:
             self.look()

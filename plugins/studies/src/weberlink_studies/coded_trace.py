@@ -59,13 +59,6 @@ def interesting_window(coded: CodedTrace, seconds: float) -> TickWindow:
 
     Only windows count that are in contact (|force| above `CONTACT_SHARE` of the largest of the signal) for at least
     `CONTACT_TIME` of their ticks and have at least `FEWEST_SENDS` sends. If there is none, those with most sends count.
-
-    Args:
-        coded: a run.
-        seconds: length, more than 0; the whole run if that is shorter.
-
-    Raises:
-        ValueError: the length is not positive.
     """
     if not seconds > 0.0:
         raise ValueError(f"seconds: expected more than 0, got {seconds!r}")

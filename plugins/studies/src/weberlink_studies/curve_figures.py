@@ -55,11 +55,7 @@ class CurveFigures:
         marked.to_csv(folder / "curves.csv", index=False)
 
     def figure(self, name: str) -> Figure:
-        """Packet rate (Fig. 7) or quality (Fig. 8) over the Weber factor, or quality over the packet rate (Fig. 9).
-
-        Args:
-            name: "packet_rate", "quality" or "quality_over_rate".
-        """
+        """Packet rate (Fig. 7) or quality (Fig. 8) over the Weber factor, or quality over the packet rate (Fig. 9)."""
         count, webers = int(self.curves.units.max()), sorted(100.0 * self.curves.weber.unique())
         remark = f"One of {self.units}: no confidence interval."
         if count > 1:

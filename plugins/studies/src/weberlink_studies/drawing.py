@@ -37,11 +37,7 @@ def drawn_as(drawing: Drawing) -> Iterator[None]:
 
 
 def formats_of(text: str | None) -> tuple[str, ...] | None:
-    """Formats from their names with commas between them; None for None.
-
-    Raises:
-        ConfigurationError: for an unknown one.
-    """
+    """Formats from their names with commas between them; None for None."""
     if text is None:
         return None
     names = tuple(dict.fromkeys(part.strip().lower() for part in text.split(",")))

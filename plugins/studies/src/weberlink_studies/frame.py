@@ -49,11 +49,7 @@ class FrameResult(StudyResult):
     rows: list[Row]
 
     def write_csv(self, path: Path) -> None:
-        """Write every row as CSV; a cell is empty where a figure does not apply.
-
-        Raises:
-            OSError: the file cannot be written.
-        """
+        """Write every row as CSV; a cell is empty where a figure does not apply."""
         data_frame(self.rows).to_csv(path, index=False)
 
 
@@ -145,11 +141,7 @@ def records(frame: "DataFrame") -> list[Row]:
 
 
 def check_resources(workers: int | None, dask: str | None) -> None:
-    """Refuse what cannot work before anything is read or computed; arguments as of `Study.result`.
-
-    Raises:
-        ConfigurationError: a package is missing, or both kinds of workers are asked for.
-    """
+    """Refuse what cannot work before anything is read or computed; arguments as of `Study.result`."""
     if dask is not None:
         require_package("distributed", "studies[dask]", "--dask")
         if workers is not None:
@@ -197,11 +189,7 @@ def _rows_of(future: Any, address: str) -> Any:
 
 @contextmanager
 def _connected(address: str) -> Iterator[Any]:
-    """A client of the scheduler; what the library would log of lost connections is raised as an error anyway.
-
-    Raises:
-        ConfigurationError: nothing answers there.
-    """
+    """A client of the scheduler; what the library would log of lost connections is raised as an error anyway."""
     from distributed import Client  # noqa: PLC0415
     from distributed.comm.addressing import resolve_address  # noqa: PLC0415
 

@@ -25,11 +25,7 @@ class StudyResult:
     interrupted: str = field(default="", kw_only=True)
 
     def draw(self, folder: Path) -> None:
-        """Make the folder and draw the figures.
-
-        Raises:
-            OSError: if the folder or a file in it cannot be made.
-        """
+        """Make the folder and draw the figures."""
         if self.figures is not None:
             folder.mkdir(parents=True, exist_ok=True)
             self.figures(folder)

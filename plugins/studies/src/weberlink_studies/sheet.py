@@ -71,14 +71,7 @@ def legend(axes: Any, handles: Sequence[Any], columns: int = 5, above: float = 1
 
 
 def sheet(body_cm: float, title: str, caption: str, mark: str | None = None) -> Figure:
-    """An empty figure with title and footer.
-
-    Args:
-        body_cm: height without the footer; a long caption makes the figure higher.
-        title: wrapped if too long.
-        caption: the environment of the measurement; wrapped, printed below.
-        mark: a warning for the title, such as "SIMULATED RATINGS".
-    """
+    """An empty figure with title and footer."""
     figure = Figure(figsize=(WIDTH_IN, (body_cm + footer_cm(caption)) / 2.54), layout="constrained")
     heading = fill(title if mark is None else f"{mark}: {title}", 78)
     colour = "black" if mark is None else MARK_COLOUR
@@ -88,14 +81,7 @@ def sheet(body_cm: float, title: str, caption: str, mark: str | None = None) -> 
 
 
 def caption_below(figure: Figure, caption: str, text: str | None = None, **options: Any) -> None:
-    """Give a figure its caption: printed below where a footer is asked for, and in the metadata by `save`.
-
-    Args:
-        figure: without one.
-        caption: the environment of the measurement.
-        text: the caption as it is printed, for example wrapped.
-        options: of the text.
-    """
+    """Give a figure its caption: printed below where a footer is asked for, and in the metadata by `save`."""
     figure.set_label(caption)
     if current().footer:
         figure.supxlabel(caption if text is None else text, parse_math=False, **options)
@@ -129,12 +115,6 @@ def save(figure: Figure, stem: Path, *, dpi: float = 200, usual: Sequence[str] =
     """Write `stem` in the formats asked for, with the caption in the metadata.
 
     Text stays text in SVG and PDF, and equal figures give equal files.
-
-    Args:
-        figure: with a caption, see `caption_below`.
-        stem: of the files.
-        dpi: of a PNG.
-        usual: formats where none are asked for.
     """
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": "weberlink", "pdf.fonttype": 42}):
         for name in current().formats or usual:

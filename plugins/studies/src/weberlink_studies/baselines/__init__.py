@@ -25,11 +25,7 @@ BASELINES = {
 
 
 def build_with(configuration: Configuration, scheme: str) -> Simulation:
-    """Both sides of a file with another control scheme, of `BASELINES` or of the registry, which is left as it was.
-
-    Raises:
-        ConfigurationError: a part cannot be made as the file asks.
-    """
+    """Both sides of a file with another control scheme, of `BASELINES` or of the registry, which is left as it was."""
     system = configuration.system
     control = system.control.model_copy(update={"scheme": scheme})
     chosen = replace(configuration, system=system.model_copy(update={"control": control}))

@@ -92,27 +92,6 @@ def run(
     """Evaluate every combination, or those that are done when Ctrl-C or SIGTERM comes.
 
     Rows do not depend on where they were computed, except for the measured run time.
-
-    Args:
-        traces: files, or names of shipped recordings and of their sources; each recording once.
-        predictors: names, separated by commas, or "all" for every one that a configuration can name.
-        webers: Weber factors, separated by commas, or "paper" for those of the paper.
-        floor: absolute threshold [N].
-        lookahead_ms: how far the encoder looks ahead, 0 to `LONGEST_LOOKAHEAD_MS`.
-        jnd: just noticeable difference of a person, as a share of the force; its absolute threshold is the default.
-        wire: quantize and saturate as on the wire.
-        plots: whether figures will be drawn.
-        position: whether the position channel is evaluated too, with those predictors that need no force.
-        deadbands: names of shapes, separated by commas.
-        max_updates: largest rate of updates [1/s]; None for no limit.
-        units: of CSV files, such as "mm,ms"; None for SI units, which must be plausible then.
-        period: of the first trace that is drawn [s], on its own time; None for its begin and its end, and with both
-            None for the second that shows most.
-        workers: as of `Study.result`; so are `dask` and `progress`.
-
-    Raises:
-        ConfigurationError: for an argument, a trace or a cluster that cannot be used; nothing was computed then.
-        StudyError: a worker or the cluster was lost.
     """
     check_resources(workers, dask)
     if not 0.0 < jnd <= 1.0:
@@ -139,11 +118,7 @@ def run(
 
 
 def _window(trace: NamedTrace, period: tuple[float | None, float | None]) -> TickWindow | None:
-    """The ticks of a trace in a period [s], None for its begin or end; None for no period.
-
-    Raises:
-        ConfigurationError: there are fewer than two.
-    """
+    """The ticks of a trace in a period [s], None for its begin or end; None for no period."""
     begin, until = period
     if begin is None and until is None:
         return None

@@ -134,12 +134,6 @@ def evaluate(
     `tick_us` the median run time of encode plus decode, and `selected` the sends per predictor of a bank; `widened_*`
     tell where the bounded rate of updates widened the deadband. The rest are measures of `QualityStatistics`, of forces
     alone; the errors of positions are in metres.
-
-    Args:
-        name: of the trace.
-        signal: force and position; on a position channel, positions instead of forces.
-        channel: of force or position. The keyword arguments are copied to the row.
-        threshold: a JND of the person; None on a position channel.
     """
     run = replay(signal, channel)
     samples, packets, duration = len(run.error_n), len(run.updates), signal.duration_s

@@ -26,11 +26,7 @@ class NamedTrace(NamedTuple):
 
 
 def units_of(text: str) -> Units:
-    """Units from their symbols with commas between them, such as "mm,ms"; SI units for what is not named.
-
-    Raises:
-        ConfigurationError: for an unknown symbol, or two of one quantity.
-    """
+    """Units from their symbols with commas between them, such as "mm,ms"; SI units for what is not named."""
     tables = {"time": TIME_UNITS, "position": LENGTH_UNITS, "force": FORCE_UNITS}
     found: dict[str, str] = {}
     for symbol in (part.strip() for part in text.split(",")):
@@ -51,9 +47,6 @@ def read_traces(given: Sequence[Path], units: Units | None = None) -> list[Named
         units: of the CSV files; None for SI units, which are checked for plausibility then.
         given: files; or, where there is no such file, names of shipped recordings, the first words of such names
             (`tue_rigid` for `tue_rigid_1` and others, `tue` for all of that source), or `ALL`.
-
-    Raises:
-        ConfigurationError: a trace cannot be used, or is listed twice.
     """
     paths: list[Path] = []
     seen: set[Path | str] = set()

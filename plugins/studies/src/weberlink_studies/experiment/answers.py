@@ -49,15 +49,7 @@ def rows_of(progress: SubjectProgress) -> list[Row]:
 
 
 def gather(folder: Path, whose: str | None) -> StudyRatings:
-    """The answers in a folder.
-
-    Args:
-        folder: with ledgers; an experiment may be writing to one of them.
-        whose: `PEOPLE` or `SIMULATED` subjects; None if the folder has one kind only.
-
-    Raises:
-        LedgerError: if there is nothing to analyse, a ledger is damaged, or they cannot be compared.
-    """
+    """The answers in a folder."""
     found = {kind: subjects(folder, simulated=kind == SIMULATED) for kind in (PEOPLE, SIMULATED)}
     if whose is None and all(found.values()):
         raise LedgerError(

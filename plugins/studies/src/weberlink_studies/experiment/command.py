@@ -47,13 +47,6 @@ def run(
 ) -> str:
     """Start or continue an experiment.
 
-    Args:
-        request: the command line.
-        ports: called before each live session.
-        source: input of a person.
-        screen: output for a person.
-        report: receives the number of trials that a simulated subject has rated, and of all.
-
     Returns:
         The last message: what was done, or how to continue.
 
@@ -98,11 +91,7 @@ def run(
 
 
 def check_device(request: ExperimentRequest) -> None:
-    """See that a person can feel the trials.
-
-    Raises:
-        ConfigurationError: the file is wrong, or a program moves its device.
-    """
+    """See that a person can feel the trials."""
     configuration = load(request.file, request.overrides, [MASTER])
     if not request.simulate and configuration.device is not None and is_scripted(configuration.device.driver):
         driver = configuration.system.master.device.driver
@@ -142,11 +131,7 @@ def _plan(request: ExperimentRequest, signals: TrialSignals, path: Path) -> Tria
 
 
 def _check(request: ExperimentRequest, plan: TrialPlan, signals: TrialSignals, path: Path) -> None:
-    """Check that this is the experiment of the ledger.
-
-    Raises:
-        ConfigurationError: if it is not.
-    """
+    """Check that this is the experiment of the ledger."""
     advice = "continue with the same settings, or begin another subject (without --subject)"
     if fields := signals.changes(plan):
         raise ConfigurationError(f"{path}: was begun with another configuration ({fields}); {advice}")

@@ -84,11 +84,7 @@ class Subject(Protocol):
     """A person or program that feels and rates."""
 
     def answer(self, prompt: Prompt) -> str:
-        """One of the answers of the prompt; "" if it has no question.
-
-        Raises:
-            SubjectLeft: if the subject leaves.
-        """
+        """One of the answers of the prompt; "" if it has no question."""
         ...
 
     def elapsed(self, seconds: float | None) -> None:
@@ -97,14 +93,7 @@ class Subject(Protocol):
 
 
 class Conduct:
-    """One subject's experiment; it continues where the ledger ends.
-
-    Args:
-        ledger: with a plan in it.
-        runner: runs trials.
-        subject: feels and rates.
-        recordings: existing folder for a recording of each trial; None to record nothing.
-    """
+    """One subject's experiment; it continues where the ledger ends."""
 
     def __init__(self, ledger: Ledger, runner: TrialRunner, subject: Subject, recordings: Path | None) -> None:
         assert ledger.progress is not None
@@ -116,13 +105,7 @@ class Conduct:
         self._recordings = recordings
 
     def run(self) -> None:
-        """Run to the end.
-
-        Raises:
-            SubjectLeft: if the subject leaves or interrupts a trial.
-            ConductError: if a simulated subject cannot rate.
-            OSError: if the ledger cannot be written; it ends with the trial before.
-        """
+        """Run to the end."""
         try:
             self._ask(Prompt(_welcome(self._progress)))
             if not self._progress.trained:

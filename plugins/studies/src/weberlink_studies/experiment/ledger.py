@@ -102,11 +102,7 @@ class SubjectProgress:
         return [number for number in range(1, len(self.plan.trials) + 1) if number not in self.rated]
 
     def take(self, entry: Entry) -> None:
-        """Apply an entry.
-
-        Raises:
-            ValueError: if it does not fit the plan.
-        """
+        """Apply an entry."""
         trials = self.plan.trials
         if isinstance(entry, TrialBegun | TrialFailed | TrialRated) and entry.trial > len(trials):
             raise ValueError(f"trial: expected 1 to {len(trials)}, not {entry.trial}")
@@ -166,12 +162,7 @@ class Ledger:
 
 @contextmanager
 def opened(path: Path) -> Iterator[Ledger]:
-    """Lock and read a ledger, which need not exist.
-
-    Raises:
-        LedgerError: if another process has locked it, or it is damaged.
-        OSError: if it cannot be written.
-    """
+    """Lock and read a ledger, which need not exist."""
     descriptor = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
     try:
         try:
@@ -196,11 +187,7 @@ def opened(path: Path) -> Iterator[Ledger]:
 
 
 def read(path: Path) -> SubjectProgress | None:
-    """Read a ledger without changing it; a torn last line is ignored. None if it has no plan.
-
-    Raises:
-        LedgerError: if it is damaged or cannot be read.
-    """
+    """Read a ledger without changing it; a torn last line is ignored. None if it has no plan."""
     try:
         return _parse(path.read_bytes(), path)
     except OSError as error:

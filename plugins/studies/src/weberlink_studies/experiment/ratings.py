@@ -203,16 +203,7 @@ STUDY = Study("ratings", _cases, rows_of, _tables, _plots, lambda _: 0.0, _summa
 
 
 def run(folder: Path, *, level: float, only: str | None) -> FrameResult:
-    """Analyse a folder of ledgers.
-
-    Args:
-        folder: of `experiment --out`.
-        level: rating at which packets are compared.
-        only: "people" or "simulated"; None if there is one kind.
-
-    Raises:
-        ConfigurationError: for an argument or a ledger that cannot be used, or a missing package.
-    """
+    """Analyse a folder of ledgers."""
     if not folder.is_dir():
         raise ConfigurationError(f"{folder}: no such folder; expected the folder of experiment --out")
     if only not in {None, PEOPLE, SIMULATED}:

@@ -59,10 +59,6 @@ def against(table: "DataFrame", base: str) -> list[dict[str, Any]]:
 
     Differences of 0 are left out (Wilcoxon); with ties and few subjects the distribution is exact over all signs.
 
-    Args:
-        table: a row for each subject.
-        base: name of a column.
-
     Returns:
         For each other column its name, median_difference, w (the smaller sum of signed ranks), p and p_holm; None
         without a test.
@@ -89,11 +85,6 @@ def crossing(rates: Sequence[float] | Table, ratings: Sequence[float] | Table, l
 
     Ratings become the nearest sequence in least squares that never rises with the Weber factor, and are interpolated
     linearly over the packet rate.
-
-    Args:
-        rates: packets per second, by rising Weber factor.
-        ratings: mean ratings, likewise.
-        level: of the scale.
 
     Returns:
         The rate, and `CROSSES`, `BELOW` or `ABOVE`.

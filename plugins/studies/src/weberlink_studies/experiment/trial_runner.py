@@ -69,11 +69,7 @@ class TrialSignals:
         return _digest(self.document)
 
     def try_out(self) -> None:
-        """Check the file before the first trial.
-
-        Raises:
-            ConfigurationError: if it cannot run with every predictor and reference.
-        """
+        """Check the file before the first trial."""
         every = (CodingCondition(predictor, 0.1) for predictor in PREDICTORS)
         for condition in (*every, *(reference.condition for reference in REFERENCES)):
             dry_run(load(self.file, self.with_condition(condition)))
@@ -94,11 +90,7 @@ class TrialSignals:
         return ", ".join(differences(plan.configuration, document)) or "its files"
 
     def check(self, plan: TrialPlan) -> None:
-        """Check that the file was not edited during the experiment.
-
-        Raises:
-            ConfigurationError: if it was.
-        """
+        """Check that the file was not edited during the experiment."""
         if fields := self.changes(plan):
             raise ConfigurationError(
                 f"{self.file}: was changed during the experiment ({fields}); restore it and continue"

@@ -249,16 +249,7 @@ PAPER = Study("paper", _cases, _run, _tables, _plots, _seconds, _summary, SEED)
 
 
 def run(traces: Sequence[Path], *, workers: int | None, progress: Progress) -> FrameResult:
-    """Measure all claims, or what is done when Ctrl-C comes. The numbers do not depend on the number of workers.
-
-    Args:
-        traces: recordings of people; without any, every shipped one.
-        workers: as of `Study.result`; so is `progress`.
-
-    Raises:
-        ConfigurationError: for a trace that cannot be used, or a missing extra; nothing was computed then.
-        StudyError: a worker was lost.
-    """
+    """Measure all claims, or what is done when Ctrl-C comes. The numbers do not depend on the number of workers."""
     check_resources(workers, None)
     named = read_traces(traces or [Path("recordings")])
     return PAPER.result(PaperOptions(named), workers=workers, progress=progress)

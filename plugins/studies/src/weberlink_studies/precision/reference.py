@@ -54,11 +54,7 @@ def solvers(problem: Problem) -> dict[str, Solver]:
 
 
 def reference(problem: Problem) -> ReferenceSolution:
-    """Solve `problem` with both solvers.
-
-    Raises:
-        ArithmeticError: if a solver finds no solution.
-    """
+    """Solve `problem` with both solvers."""
     first, second = (trajectory(problem, solver) for solver in solvers(problem).values())
     extent = max(distance(position, problem.position) for position in first.positions)
     force = max(norm(f) for f in first.forces) or problem.body.stiffness * extent

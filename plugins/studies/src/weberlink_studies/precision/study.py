@@ -116,11 +116,6 @@ def resolved(rows: "DataFrame") -> float:
 def fitted_order(steps: Sequence[float], errors: Sequence[float], floor: float) -> float | None:
     """Least squares over the finest four of the steps whose errors are asymptotic.
 
-    Args:
-        steps: lengths, in any order and unit.
-        errors: relative; not finite where the run diverged.
-        floor: errors below it are rounding, or the reference's own.
-
     Returns:
         The order; None where fewer than three errors lie between `floor` and 3 %.
     """
@@ -163,10 +158,6 @@ def recommendation(rows: "DataFrame", floor: float | None = None) -> Row | None:
 
     `rival` has the smallest error, `error_excess` is the error over it (1 on the Pareto front), and
     `energy_gained_in_excess` what is gained beyond the row that gains least.
-
-    Args:
-        rows: of one problem.
-        floor: relative errors below it count as equal; by default what the reference resolves.
     """
     if not rows.recommended.any():
         return None
@@ -290,9 +281,5 @@ STUDY = Study(
 
 
 def run(effort: Effort, *, progress: Progress = lambda *_: None) -> FrameResult:
-    """Measure the integrators of the simulated robot on problems with known solutions, those done when Ctrl-C came.
-
-    Raises:
-        ConfigurationError: if a package is missing; nothing was computed then.
-    """
+    """Measure the integrators of the simulated robot on problems with known solutions, those done when Ctrl-C came."""
     return STUDY.result(effort, workers=1, progress=progress)  # others would disturb what is timed

@@ -89,21 +89,13 @@ SOURCES = {
 
 
 def names(source: str | None = None) -> tuple[str, ...]:
-    """Names of the recordings of one source, or of all.
-
-    Raises:
-        KeyError: there is no such source.
-    """
+    """Names of the recordings of one source, or of all."""
     chosen = SOURCES.values() if source is None else (SOURCES[source],)
     return tuple(name for each in chosen for name in each.recordings())
 
 
 def source_of(name: str) -> Source:
-    """The source of a recording.
-
-    Raises:
-        KeyError: there is no recording of that name.
-    """
+    """The source of a recording."""
     for source in SOURCES.values():
         if name in source.recordings():
             return source
@@ -111,21 +103,13 @@ def source_of(name: str) -> Source:
 
 
 def has_surface(name: str) -> bool:
-    """Whether the robot or tool of a recording touches a surface, whose geometry predicts the force.
-
-    Raises:
-        KeyError: there is no recording of that name.
-    """
+    """Whether the robot or tool of a recording touches a surface, whose geometry predicts the force."""
     without = source_of(name).no_surface
     return without is None or not name.startswith(without)
 
 
 def load(name: str) -> Trace:
-    """A recording: position [m] and force [N] on the operator's side of the contact (the reaction), unfiltered.
-
-    Raises:
-        KeyError: there is no recording of that name.
-    """
+    """A recording: position [m] and force [N] on the operator's side of the contact (the reaction), unfiltered."""
     with np.load(source_of(name).archive) as archive:
         split, digits = archive[name], archive[f"{name}.digits"]
     changes = np.ascontiguousarray(split.transpose(0, 2, 1)).view("<i8")[..., 0]

@@ -144,12 +144,7 @@ EXTREMES: dict[str, dict[str, Any]] = {
 
 
 def cells(seed: int, *, full: bool) -> list[SystemCell]:
-    """All cells: every family with every scheme, then the extremes.
-
-    Args:
-        seed: of every link.
-        full: more stiffnesses and round trips, and every scheme on the extremes.
-    """
+    """All cells: every family with every scheme, then the extremes."""
     known, usual = (FULL_STIFFNESSES, (100.0, 500.0, 1e3, 1e4, 1e5, 1e7)) if full else (STIFFNESSES, (500.0, 1e7))
     mapped = [
         SystemCell(name, scheme, stiffness_n_m=stiffness, round_trip_s=trip, seed=seed, **family)

@@ -145,14 +145,7 @@ STUDY = Study(
 def run(
     schemes: Sequence[str], *, workers: int | None = None, dask: str | None = None, progress: Progress = lambda *_: None
 ) -> FrameResult:
-    """Run all cells, or as many as are done when Ctrl-C stops them, with each scheme; arguments as of `Study.result`.
-
-    Args:
-        schemes: by name; those of `weberlink_studies.baselines` too.
-
-    Raises:
-        ConfigurationError: no scheme has that name.
-    """
+    """Run all cells, or as many as are done when Ctrl-C stops them, with each scheme; arguments as of `Study.result`."""
     for name in schemes:
         if name not in BASELINES and name not in SCHEMES:
             raise ConfigurationError(f"--scheme: {name!r} is none of {', '.join((*SCHEMES, *BASELINES))}")

@@ -27,13 +27,7 @@ def verdict_of(state: str) -> str:
 
 
 def stability_map(systems: "DataFrame", path: Path, caption: str) -> None:
-    """Schemes by column, scenes by row, stiffness over round trip in each panel: the verdict, and what is felt in %.
-
-    Args:
-        systems: rows of systems; extremes are not drawn.
-        path: of the picture, a PNG unless other formats are asked for.
-        caption: the environment of the run, printed below.
-    """
+    """Schemes by column, scenes by row, stiffness over round trip in each panel: the verdict, and what is felt in %."""
     systems = systems[systems.family != "extremes"]
     families, schemes = systems.family.unique(), systems.scheme.unique()
     trips = sorted(systems.round_trip_s.unique())
@@ -75,13 +69,7 @@ def _draw_cell(axes: Axes, x: int, y: int, cell: Any) -> None:
 
 
 def stability_wall(rows: "DataFrame", path: Path, caption: str) -> None:
-    """Measured stability limits of sampled walls over those of the eigenvalues, and Colgate's bound.
-
-    Args:
-        rows: of walls.
-        path: of the picture, a PNG unless other formats are asked for.
-        caption: the environment of the run, printed below.
-    """
+    """Measured stability limits of sampled walls over those of the eigenvalues, and Colgate's bound."""
     figure = Figure(figsize=(7.0, 4.4), layout="constrained")
     axes = figure.subplots()
     axes.axhspan(0.95, 1.05, color="0.88", label="5 %", linewidth=0.0)
@@ -115,11 +103,6 @@ MOST_N = 0.5  # end of the colour scale [N]: the difference of the errors
 def display_map(judged: "DataFrame", path: Path, caption: str) -> None:
     """Scenes over delays, a panel for each scheme, link and hand: the felt error, coloured by its difference to that of
     the best scheme before.
-
-    Args:
-        judged: of the cells.
-        path: of the picture, a PNG unless other formats are asked for.
-        caption: the environment of the run, printed below.
     """
     panels = list(judged.groupby(["scheme", "link", "hand"], sort=False))
     columns = min(3, len(panels))

@@ -43,9 +43,6 @@ def measured_limit(wall: SampledWall) -> float:
     """The stiffness [N/m] from which on a small disturbance of the pressed contact grows.
 
     Bracketed from b / T on by factors of two, then bisected.
-
-    Raises:
-        ValueError: if there is none within a factor of 1e9.
     """
 
     def grows_at(stiffness: float) -> bool:
@@ -60,10 +57,6 @@ def grows(wall: SampledWall, stiffness: float) -> bool:
 
     The energy of hand and springs oscillates within a period. Therefore two windows of four periods are compared, with
     Hann weights, which remove the influence of the phase.
-
-    Args:
-        wall: the loop.
-        stiffness: of the wall [N/m].
     """
     omega = sqrt((stiffness + wall.hand_stiffness_n_m) / wall.mass_kg) * wall.tick_period
     ticks = max(SHORTEST, PERIODS * ceil(2.0 * pi / omega))
@@ -113,10 +106,6 @@ def activity(wall: SampledWall, stiffness: float) -> float:
 
     Between two samples the device moves with constant speed. Of all motions through the same samples this one loses
     least in the damping, b dx^2 / T in a tick, and the wall sees only the samples: no other gets more energy out.
-
-    Args:
-        wall: the loop; its hand does not matter here.
-        stiffness: of the wall [N/m].
 
     Returns:
         Above 0 the wall is active; -1 if it returned nothing.

@@ -8,11 +8,7 @@ from weberlink_studies.baselines import build_with
 
 
 def recorded(configuration: Configuration, scheme: str, duration_s: float) -> tuple[tuple[Records, Records], str]:
-    """Records of master and slave under a control scheme, and why a side ended early; empty if neither did.
-
-    Raises:
-        ConfigurationError: a part cannot be made as the file asks.
-    """
+    """Records of master and slave under a control scheme, and why a side ended early; empty if neither did."""
     simulation = build_with(configuration, scheme)
     kept: list[tuple[Records, Records]] = []
 

@@ -55,11 +55,7 @@ def judge(cell: SystemCell) -> Row:
 
 
 def configuration(cell: SystemCell, when: CellTiming) -> Configuration:
-    """The shipped default with the parameters of the cell and a scene of one object; the two arms for joints.
-
-    Raises:
-        ConfigurationError: if there can be no such system.
-    """
+    """The shipped default with the parameters of the cell and a scene of one object; the two arms for joints."""
     name = "arms" if cell.robot == "arm" else "loopback"
     return load(Path(str(files("weberlink.configs") / f"{name}.yaml")), overrides(cell, when))
 

@@ -24,9 +24,6 @@ def survey(wall: SampledWall) -> Row:
     `stable_to_n_m` is by the eigenvalues, `passive_to_n_m` by the bound of Colgate and Schenkel (0 if it is never
     passive), `measured_n_m` with the real hand and plane. In `cells`, a wall is active where its `activity` is above 0;
     `passive_but_active` counts those on the passive side of the bound, and should be 0.
-
-    Raises:
-        ValueError: if it has no limit.
     """
     passive, stable, measured = passivity_limit(wall), stability_limit(wall), measured_limit(wall)
     stiffnesses = [ratio * passive for ratio in RATIOS] if passive else []

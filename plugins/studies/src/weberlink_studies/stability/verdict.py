@@ -76,13 +76,6 @@ def verdict(
         tangential_ratio  the same of the horizontal components, for a plane with friction
         drift_m           distance of the robot's command from the hand in the last 0.1 s, at rest
         force_reduction   reduction of force updates relative to one per tick
-
-    Args:
-        cell: its parameters.
-        when: the times of its script.
-        records: of both sides.
-        account: what bounds the energy out of the hand; None where that is not judged.
-        failure: reason of an early end.
     """
     master, slave = records
     output, raw = master[f"{cell.torque}output"], slave[f"{cell.torque}raw"]
@@ -139,12 +132,7 @@ def settling_time(at: Floats, force: Floats, when: CellTiming, steady: float, ba
 
 
 def bound_share(master: Records, account: AccountParameters) -> float:
-    """The largest share of the bound that the hand got out by any tick, as a report has it, 0 or more.
-
-    Args:
-        master: records of the operator's side, shape (n,), n > 1.
-        account: in the frame of these records.
-    """
+    """The largest share of the bound that the hand got out by any tick, as a report has it, 0 or more."""
     ways = np.diff(master["position"], axis=0)
     works = -(master["output"][:-1] * ways).sum(axis=1)
     bound = EnergyBound([account])

@@ -105,11 +105,7 @@ def spectral_radius(wall: SampledWall, stiffness: float) -> float:
 
 
 def stability_limit(wall: SampledWall) -> float:
-    """The stiffness [N/m] at which the spectral radius passes 1, from below.
-
-    Raises:
-        ValueError: if no wall is stable, however soft.
-    """
+    """The stiffness [N/m] at which the spectral radius passes 1, from below."""
     start = passivity_limit(wall) or wall.damping_n_s_m / wall.tick_period
 
     def grows(stiffness: float) -> bool:
@@ -124,9 +120,6 @@ def gain_limit(wall: SampledWall) -> float:
 
     Without a wall the hand is stable, so the first stiffness that puts a pole on the unit circle, at exp(j w), is the
     smallest that solves 1 + K L(exp(j w)) = 0 where L is real and negative: K = -1 / L. Only for walls without damping.
-
-    Raises:
-        ValueError: for a wall with damping.
     """
     if wall.wall_damping_n_s_m:
         raise ValueError("the gain at which a damped wall becomes unstable is not that of its stiffness alone")
@@ -145,11 +138,7 @@ def passivity_limit(wall: SampledWall) -> float:
 
 
 def bracket(exceeds: Callable[[float], bool], start: float) -> tuple[float, float]:
-    """Two values a factor of two apart: `exceeds` is false at the lower one and true at the upper one.
-
-    Raises:
-        ValueError: if there are none within a factor of 1e9 from `start`.
-    """
+    """Two values a factor of two apart: `exceeds` is false at the lower one and true at the upper one."""
     factor = 0.5 if exceeds(start) else 2.0
     value = start
     while 1e-9 < value / start < 1e9:
