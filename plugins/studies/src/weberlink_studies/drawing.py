@@ -1,11 +1,14 @@
-"""How the figures of a study are drawn: with or without a footer, in which formats. Imports no matplotlib."""
+"""How figures are drawn: with or without a footer, in which formats, and the options for it. Imports no matplotlib."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from typing import Annotated
 
-from weberlink.config import ConfigurationError
+import typer
+
+from weberlink.cli.output import errors
 
 FORMATS = ("png", "pdf", "svg")
 
@@ -38,6 +41,8 @@ def drawn_as(drawing: Drawing) -> Iterator[None]:
 
 def formats_of(text: str | None) -> tuple[str, ...] | None:
     """Formats from their names with commas between them; None for None."""
+    from weberlink.config import ConfigurationError  # noqa: PLC0415 - not for the help
+
     if text is None:
         return None
     names = tuple(dict.fromkeys(part.strip().lower() for part in text.split(",")))
@@ -45,3 +50,25 @@ def formats_of(text: str | None) -> tuple[str, ...] | None:
         if name not in FORMATS:
             raise ConfigurationError(f"--format: {name!r} is none of {', '.join(FORMATS)}")
     return names
+
+
+def known_formats(value: str | None) -> str | None:
+    """Refuse an unknown format before anything is computed."""
+    with errors():
+        formats_of(value)
+    return value
+
+
+Footer = Annotated[
+    bool,
+    typer.Option("--footer/--no-footer", help="Print the environment below figures; their metadata always have it."),
+]
+Format = Annotated[
+    str | None,
+    typer.Option(
+        "--format",
+        metavar="F,..",
+        callback=known_formats,
+        help="Formats of figures: png, pdf, svg; default: the usual.",
+    ),
+]

@@ -72,7 +72,8 @@ def legend(axes: Any, handles: Sequence[Any], columns: int = 5, above: float = 1
 
 def sheet(body_cm: float, title: str, caption: str, mark: str | None = None) -> Figure:
     """An empty figure with title and footer."""
-    figure = Figure(figsize=(WIDTH_IN, (body_cm + footer_cm(caption)) / 2.54), layout="constrained")
+    footer_cm = 0.35 * (2 + footer(caption).count("\n")) if current().footer else 0.0
+    figure = Figure(figsize=(WIDTH_IN, (body_cm + footer_cm) / 2.54), layout="constrained")
     heading = fill(title if mark is None else f"{mark}: {title}", 78)
     colour = "black" if mark is None else MARK_COLOUR
     figure.suptitle(heading, fontsize=10.5, color=colour, parse_math=False)
@@ -90,11 +91,6 @@ def caption_below(figure: Figure, caption: str, text: str | None = None, **optio
 def footer(caption: str) -> str:
     """The caption in lines that fit the page."""
     return "\n".join(fill(line, LINE) for line in caption.splitlines())
-
-
-def footer_cm(caption: str) -> float:
-    """Height of the footer [cm]; 0 where none is printed."""
-    return 0.35 * (2 + footer(caption).count("\n")) if current().footer else 0.0
 
 
 def watermark(axes: Any, mark: str | None) -> None:

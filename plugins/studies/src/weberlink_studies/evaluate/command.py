@@ -7,16 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.console import RenderableType
 
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC
 from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.config import ConfigurationError
 from weberlink.config.model import LONGEST_LOOKAHEAD_MS
 from weberlink_studies.coded_trace import TickWindow
-from weberlink_studies.evaluate.by_source import by_source
-from weberlink_studies.evaluate.study import EvaluationCase, EvaluationStudy, rows_of, seconds
-from weberlink_studies.evaluate.table import tables_of
+from weberlink_studies.evaluate.study import SAMPLE_S, EvaluationCase, EvaluationStudy, rows_of
+from weberlink_studies.evaluate.table import by_source, tables_of
 from weberlink_studies.evaluate.traces import NamedTrace, read_traces, units_of
 from weberlink_studies.frame import FrameResult, Study, check_resources, records
 from weberlink_studies.paper.claims import WEBERS
@@ -41,10 +39,6 @@ class EvaluationOptions:
     window: TickWindow | None  # of the first trace that is drawn; None for the second that shows most
 
 
-def _cases(options: EvaluationOptions) -> list[EvaluationCase]:
-    return options.study.cases(options.traces)
-
-
 def _summary(options: EvaluationOptions, rows: "DataFrame") -> dict[str, Any]:
     study = options.study
     return {
@@ -57,17 +51,21 @@ def _summary(options: EvaluationOptions, rows: "DataFrame") -> dict[str, Any]:
     }
 
 
-def _tables(options: EvaluationOptions, rows: "DataFrame", run_time_s: float, caption: str) -> RenderableType:
-    return tables_of(rows, options.study.jnd, run_time_s, caption)
-
-
 def _plots(options: EvaluationOptions, rows: "DataFrame", folder: Path, caption: str) -> None:
     from weberlink_studies.evaluate.figures import draw_study  # noqa: PLC0415 - imports matplotlib
 
     draw_study(options.study, options.traces, rows, folder, caption, options.window)
 
 
-STUDY = Study("evaluate", _cases, rows_of, _tables, _plots, seconds, _summary)
+STUDY: Study[EvaluationOptions, EvaluationCase] = Study(
+    "evaluate",
+    lambda options: options.study.cases(options.traces),
+    rows_of,
+    lambda options, rows, run_time_s, caption: tables_of(rows, options.study.jnd, run_time_s, caption),
+    _plots,
+    lambda case: SAMPLE_S * len(case.trace.trace.time_s),
+    _summary,
+)
 
 
 def run(

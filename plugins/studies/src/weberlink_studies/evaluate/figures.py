@@ -40,15 +40,9 @@ def draw_study(
     told = f"A JND is {100 * study.jnd:g} % of the force, at least {ABSOLUTE_THRESHOLD_N:g} N.\n{caption}"
     CurveFigures(found, quality, told, title, units="traces").write(folder)
     weber = min(study.webers, key=lambda weber: abs(weber - USUAL_WEBER))
-    _draw_force(study, traces[0], weber, folder / "force", caption, window)
-
-
-def _draw_force(
-    study: EvaluationStudy, trace: NamedTrace, weber: float, stem: Path, caption: str, window: TickWindow | None
-) -> None:
-    """The first trace over time, with every predictor."""
-    runs = [CodedTrace(trace.trace, study.channel(name, weber)) for name in study.predictors]
-    draw_force(runs, stem, title=f"Force over time, {trace.name}, k = {weber:g}", caption=caption, window=window)
+    runs = [CodedTrace(traces[0].trace, study.channel(name, weber)) for name in study.predictors]
+    heading = f"Force over time, {traces[0].name}, k = {weber:g}"
+    draw_force(runs, folder / "force", title=heading, caption=caption, window=window)
 
 
 def cost_front(rows: "DataFrame", stem: Path, title: str, caption: str) -> None:

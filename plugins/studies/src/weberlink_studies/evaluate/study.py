@@ -111,11 +111,6 @@ def rows_of(case: EvaluationCase) -> list[Row]:
     return [evaluate(name, signal, channel, Threshold(study.jnd), deadband=deadband, **told)]
 
 
-def seconds(case: EvaluationCase) -> float:
-    """Estimated run time of a case [s]."""
-    return SAMPLE_S * len(case.trace.trace.time_s)
-
-
 def evaluate(
     name: str,
     signal: Signal,

@@ -1,10 +1,9 @@
 """Figures of the stability study. Needs matplotlib (extra: studies)."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from matplotlib import colormaps
-from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -39,7 +38,15 @@ def stability_map(systems: "DataFrame", path: Path, caption: str) -> None:
         up = sorted(mine.stiffness_n_m.unique())
         for axes, scheme in zip(line, schemes, strict=True):
             for cell in mine[mine.scheme == scheme].itertuples():
-                _draw_cell(axes, trips.index(cell.round_trip_s), up.index(cell.stiffness_n_m), cell)
+                x, y, colour = (
+                    trips.index(cell.round_trip_s),
+                    up.index(cell.stiffness_n_m),
+                    COLOURS[verdict_of(cell.state)],
+                )
+                box = Rectangle((x - 0.5, y - 0.5), 1.0, 1.0, facecolor=colour, edgecolor="white", linewidth=1.0)
+                axes.add_patch(box)
+                text = f"{100.0 * cell.felt:.0f}" if cell.felt == cell.felt else ""  # missing is NaN
+                axes.text(x, y, text, ha="center", va="center", fontsize=8.5)
             axes.set_xlim(-0.5, len(trips) - 0.5)
             axes.set_ylim(-0.5, len(up) - 0.5)
             axes.set_xticks([])
@@ -59,13 +66,6 @@ def stability_map(systems: "DataFrame", path: Path, caption: str) -> None:
     )  # fmt: skip
     caption_below(figure, caption, fontsize=7, color="0.4")
     save(figure, path.with_suffix(""), dpi=110, usual=("png",))
-
-
-def _draw_cell(axes: Axes, x: int, y: int, cell: Any) -> None:
-    colour = COLOURS[verdict_of(cell.state)]
-    axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1.0, 1.0, facecolor=colour, edgecolor="white", linewidth=1.0))
-    text = f"{100.0 * cell.felt:.0f}" if cell.felt == cell.felt else ""  # missing is NaN
-    axes.text(x, y, text, ha="center", va="center", fontsize=8.5)
 
 
 def stability_wall(rows: "DataFrame", path: Path, caption: str) -> None:

@@ -10,13 +10,11 @@ from rich.console import Group, RenderableType
 
 from weberlink.config import Configuration, ConfigurationError, load
 from weberlink.session.composition.channels import account
-from weberlink_studies.baselines import BASELINES
+from weberlink_studies.baselines import BASELINES, recorded
 from weberlink_studies.frame import Row, Study
 from weberlink_studies.result import Column, frame_table
-from weberlink_studies.stability.cells import SystemCell, cells
-from weberlink_studies.stability.script import HEIGHT, CellTiming, scene, timing
-from weberlink_studies.stability.simulated import recorded
-from weberlink_studies.stability.survey import survey, walls
+from weberlink_studies.stability.cells import HEIGHT, CellTiming, SystemCell, cells, scene, timing
+from weberlink_studies.stability.measured_wall import survey, walls
 from weberlink_studies.stability.verdict import verdict
 from weberlink_studies.stability.wall import SampledWall
 
@@ -104,15 +102,6 @@ def overrides(cell: SystemCell, when: CellTiming) -> list[str]:
         "slave.scene": scene(cell),
     }
     return [f"{path}={json.dumps(value)}" for path, value in values.items()]
-
-
-def _cases(options: MapOptions) -> list[SampledWall | SystemCell]:
-    return [*walls(full=options.full), *cells(SEED, full=options.full)]
-
-
-def _cost(case: SampledWall | SystemCell) -> float:
-    """Estimated run time [s]."""
-    return 1.5e-4 * timing(case).end * case.rate_hz if isinstance(case, SystemCell) else 1.0
 
 
 def span(scale: float, form: str) -> Any:
@@ -208,4 +197,13 @@ def _plots(options: MapOptions, rows: "DataFrame", folder: Path, caption: str) -
     stability_map(rows[rows.kind == "system"], folder / "stability_map.png", caption)
 
 
-STUDY = Study("stability", _cases, rows_of, _tables, _plots, _cost, lambda options, _: {"full": options.full}, SEED)
+STUDY = Study(
+    "stability",
+    lambda options: [*walls(full=options.full), *cells(SEED, full=options.full)],
+    rows_of,
+    _tables,
+    _plots,
+    lambda case: 1.5e-4 * timing(case).end * case.rate_hz if isinstance(case, SystemCell) else 1.0,
+    lambda options, _: {"full": options.full},
+    SEED,
+)
