@@ -5,7 +5,7 @@ from itertools import product
 
 from tests.safety.observed_link import Hold, ObservedLink, observed
 from tests.session.systems import configuration
-from trials.safety.cases import TO_MASTER, TO_SLAVE
+from trials.safety.run import TO_MASTER, TO_SLAVE
 from weberlink.protocol.emulation import Emulation
 
 WRAP_S = 2**23 * 1e-5  # time after which a time stamp (23 bits of 10 us) wraps [s]

@@ -18,9 +18,8 @@ from time import monotonic, sleep, time, time_ns
 from tests.program import ENGAGED
 from trials.rig import LINK, Session, Side
 from trials.soak import laws
-from trials.soak.ammunition import KINDS, stamp_of
-from trials.soak.ammunition import load as load_gun
-from trials.soak.volley import volley
+from trials.soak.volley import KINDS, stamp_of, volley
+from trials.soak.volley import load as load_gun
 from trials.soak.wallclock import WallClock
 from trials.soak.watch import Watch, cpu_seconds
 from weberlink.config import MASTER, SIDES, SLAVE

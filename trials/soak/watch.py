@@ -8,10 +8,9 @@ from time import monotonic, sleep
 import numpy as np
 
 from tests.program import ENGAGED, Records
-from trials.rig import NOTHING, Session, Side
+from trials.rig import NOTHING, Books, Session, Side
 from trials.soak import laws
 from trials.soak.laws import Footprint
-from trials.wire import Books
 from weberlink.config import MASTER, SIDES, SLAVE
 
 LOOK_S = 0.05
