@@ -61,12 +61,6 @@ class FrankaSession(Session):
         self.start(side, *["slave.robot.recover=true"] * (side == SLAVE))
         return outcome
 
-    def succeed(self) -> str:
-        """The slave's daemon must end by itself, and another one takes over; what it said, "" if it went on."""
-        ended = self.sides[SLAVE].ends(END_S)
-        told = self.restart(SLAVE)
-        return told if ended else ""
-
     def follows(self) -> bool:
         """Whether both sides are in the session and the arm moves."""
         for side in self.sides.values():
@@ -182,7 +176,9 @@ def inflict(name: str, at: FrankaSession) -> Outcome:
     else:
         sleep(STALL_S)
     fault.repair(at)
-    outcome.told = at.succeed() if fault.words else ""
+    if fault.words:  # the slave's daemon must end by itself, and another one takes over
+        ended, told = at.sides[SLAVE].ends(END_S), at.restart(SLAVE)
+        outcome.told = told if ended else ""
     if missing := [word for word in fault.words if word not in outcome.told]:
         outcome.broken.append(f"the slave said {outcome.told!r}, without {', '.join(missing)}")
     if name == "slave killed" and not within(END_S, lambda: not is_alive(controller)):

@@ -1,6 +1,4 @@
-"""The cases: motion of the operator, fault of the link, predictors, scheme. Run one, measure from outside what robot and
-hand did, and check the laws.
-"""
+"""Cases (motion of the operator, fault of the link, predictors, scheme): run one, measure it, and check the laws."""
 
 from bisect import bisect_right
 from collections.abc import Iterator

@@ -55,7 +55,9 @@ class Cell:
 def cell(seed: int) -> Cell:
     """The session of a seed: scene, hand, script, link, predictor and scheme are random."""
     chance = Random(seed)
-    delay = _delays(chance)
+    one = chance.uniform(0.0, 0.25)
+    other = chance.choice([one, one, chance.uniform(0.0, 0.25), 0.0])  # alike, or one of them short
+    delay = chance.choice([(one, other), (other, one)])
     jitter, loss = chance.choice([0.0, 0.0, chance.uniform(0.0, 0.005)]), chance.choice([0.0, 0.0, 0.0, 0.02])
     thing = _thing(chance)
     ways = {
@@ -88,13 +90,6 @@ def cell(seed: int) -> Cell:
 def _between(chance: Random, low: float, high: float) -> float:
     """A number whose logarithm is uniform."""
     return exp(chance.uniform(log(low), log(high)))
-
-
-def _delays(chance: Random) -> tuple[float, float]:
-    """Of both ways [s]: alike, or one of them short."""
-    first = chance.uniform(0.0, 0.25)
-    second = chance.choice([first, first, chance.uniform(0.0, 0.25), 0.0])
-    return chance.choice([(first, second), (second, first)])
 
 
 def _thing(chance: Random) -> dict[str, Any]:

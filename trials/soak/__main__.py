@@ -63,7 +63,9 @@ class Soak:
             report.violations += watch.rest()
             try:
                 field = Field(rig, watch, wall, self._random, self._is_short)
-                while not self._is_over(until):
+                while len(report.failures()) < MOST_VIOLATIONS and not (
+                    set(report.kinds) >= set(self._faults) and (self._is_short or monotonic() >= until)
+                ):
                     self._round(field, until)
                     report.rounds += 1
                 report.summaries = rig.stop()
@@ -71,13 +73,14 @@ class Soak:
                     if told.get("outcome") != "terminated" or rig.sides[side].status:
                         self._say(f"the {side} did not end in order: {rig.sides[side].outcome}")
             finally:
-                self._sum_up(watch, rig)
+                books, report.ticks, report.overruns = rig.wire.books(), watch.ticks, watch.overruns
+                report.longest_queue_bytes = watch.longest_queue
+                if watch.overruns:
+                    text = f"{watch.overruns} records were overwritten before the soak could read them"
+                    report.violations.append(text)
+                report.relay = {"forward": dict(books.forward), "backward": dict(books.backward)}
+                report.measure(watch.lives.values())
         return report
-
-    def _is_over(self, until: float) -> bool:
-        if len(self.report.failures()) >= MOST_VIOLATIONS:
-            return True
-        return set(self.report.kinds) >= set(self._faults) and (self._is_short or monotonic() >= until)
 
     def _round(self, field: Field, until: float) -> None:
         is_first, has_rare = not self.report.rounds, self.report.rounds % RARE_EVERY == 0
@@ -134,14 +137,6 @@ class Soak:
     def _say(self, text: str) -> None:
         if len(self.report.violations) < MOST_VIOLATIONS:
             self.report.violations.append(text)
-
-    def _sum_up(self, watch: Watch, rig: Session) -> None:
-        report, books = self.report, rig.wire.books()
-        report.ticks, report.overruns, report.longest_queue_bytes = watch.ticks, watch.overruns, watch.longest_queue
-        if watch.overruns:
-            report.violations.append(f"{watch.overruns} records were overwritten before the soak could read them")
-        report.relay = {"forward": dict(books.forward), "backward": dict(books.backward)}
-        report.measure(watch.lives.values())
 
 
 class Status:

@@ -44,7 +44,12 @@ def load(kind: str, genuine: Sequence[bytes], random: Random, key: bytes, calls:
     match kind:
         case "forged":
             newest = sequence_of(sealed[-1])
-            return [_forge(random.choice(sealed), newest + random.randint(1, _AHEAD), random) for _ in range(ROUNDS)]
+            forged = []
+            for _ in range(ROUNDS):
+                like, number = random.choice(sealed), newest + random.randint(1, _AHEAD)
+                head = like[:1] + (number & SEQUENCE_MASK).to_bytes(CLEAR_BYTES - 1, "little")
+                forged.append(head + random.randbytes(len(like) - len(head)))
+            return forged
         case "replayed":
             return list(sealed[-ROUNDS:])
         case "truncated":
@@ -62,11 +67,6 @@ def stamp_of(call: bytes) -> int:
     """When a HELLO was made, by the clock of its master [ns]."""
     stamp: int = HELLO_HEADER.unpack_from(call)[-1]
     return stamp
-
-
-def _forge(like: bytes, sequence: int, random: Random) -> bytes:
-    head = like[:1] + (sequence & SEQUENCE_MASK).to_bytes(CLEAR_BYTES - 1, "little")
-    return head + random.randbytes(len(like) - len(head))
 
 
 def _calls(genuine: Sequence[bytes], key: bytes, random: Random, count: int) -> list[bytes]:

@@ -44,12 +44,6 @@ def cpu_seconds(pid: int) -> float:
         return 0.0
 
 
-def waiting_bytes(port: int) -> int:
-    """What waits in the UDP socket of a port."""
-    rows = [line.split() for line in Path("/proc/net/udp").read_text(encoding="ascii").splitlines()[1:]]
-    return sum(int(row[4].partition(":")[2], 16) for row in rows if int(row[1].partition(":")[2], 16) == port)
-
-
 @dataclass
 class Life:
     """Of one daemon: what it held at which time [s], and in its first quiet moment; its first and its newest record."""
@@ -106,7 +100,11 @@ class Watch:
             self._take(side)
         if monotonic() - self._sampled_at >= SAMPLE_S:
             self._sampled_at = monotonic()
-            self._sample()
+            for pid, life in self.lives.items():
+                if (held := footprint(pid)) is not None:
+                    life.taken.append((monotonic(), held))
+            for name, waiting in self._queues().items():
+                self.longest_queue[name] = max(self.longest_queue[name], waiting)
 
     def bury(self, side: Side) -> None:
         """Take what a side that has ended has left."""
@@ -128,17 +126,13 @@ class Watch:
         for text in laws.always(joined, life.first, self.period, side.side):
             self._say(f"{side.side}: {text}")
 
-    def _sample(self) -> None:
-        for pid, life in self.lives.items():
-            if (held := footprint(pid)) is not None:
-                life.taken.append((monotonic(), held))
-        for side, waiting in self._queues().items():
-            self.longest_queue[side] = max(self.longest_queue[side], waiting)
-
     def _queues(self) -> dict[str, int]:
+        """Bytes that wait in the socket of each side."""
         master = self.books().master
         ports = {SLAVE: self._session.slave_address[1]} | ({} if master is None else {MASTER: master[1]})
-        return {side: waiting_bytes(port) for side, port in ports.items()}
+        rows = [line.split() for line in Path("/proc/net/udp").read_text(encoding="ascii").splitlines()[1:]]
+        waiting = [(int(row[1].partition(":")[2], 16), int(row[4].partition(":")[2], 16)) for row in rows]
+        return {side: sum(count for at, count in waiting if at == port) for side, port in ports.items()}
 
     def wait(self, seconds: float) -> None:
         """Go on looking for so long."""
@@ -159,15 +153,10 @@ class Watch:
                 return False
             sleep(min(LOOK_S, left))
 
-    def state_of(self, name: str) -> int:
-        """The newest state; 0 before the first record."""
-        side = self._session.sides.get(name)
-        return 0 if side is None or side.last is None else int(side.last["state"])
-
     def engaged(self, since: float = 0.0) -> bool:
         """Whether both are in a session, by a record of a tick after `since` [s]."""
-        sides = self._session.sides
-        return all(self.state_of(name) == ENGAGED and sides[name].last["at"] > since for name in SIDES)
+        newest = [None if (side := self._session.sides.get(name)) is None else side.last for name in SIDES]
+        return all(last is not None and last["state"] == ENGAGED and last["at"] > since for last in newest)
 
     def stall(self) -> float:
         """Longest time that either side, or the relay, stood still since `begin` [s]."""
