@@ -106,7 +106,7 @@ def _hand_and_tool(system: System, device: Device | None, robot: Robot | None) -
 def _displayed(system: System, device: Device) -> str:
     """The largest force and torque on the hand: the smaller of the limits of the file and of the device."""
     limits, spec = system.master.limits, device.spec
-    scale = 1.0 if system.master.mapping is None else system.master.mapping.force_scale
+    scale = system.master.frame_map.force_scale
     force = min(limits.force_n, spec.force_n * scale) if spec.force_feedback else 0.0
     if system.codec.rotation is None:
         return f"force at most {force:g} N"

@@ -485,6 +485,11 @@ class MasterSettings(Settings):
     accept_no_watchdog: str | None = None
     """Driver whose force stays on when this host stops, and may do so; its name, or leave out."""
 
+    @property
+    def frame_map(self) -> MappingSettings:
+        """The mapping, or the one that changes nothing."""
+        return self.mapping or MappingSettings()
+
 
 class SlaveLimits(Settings):
     """What protects the robot and what it touches."""

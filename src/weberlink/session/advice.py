@@ -48,6 +48,8 @@ from weberlink.slave.scenes.settings import ObjectSettings
 if TYPE_CHECKING:
     from weberlink.arms.contract import ArmSpec
 
+AHEAD = ("force", "position")
+"""Channels that may look ahead."""
 LOOP_TICKS = 1
 """Delay of the loop without a network, in ticks."""
 ROUNDING = 1.0 + 1e-9
@@ -192,7 +194,7 @@ def _limits(parts: DryRun) -> Iterator[str]:
     limits, mapping, trip = parts.system.master.limits, parts.system.master.mapping, parts.system.slave.limits.trip_n
     if parts.device is not None:
         spec = parts.device.spec
-        scale = 1.0 if mapping is None else mapping.force_scale
+        scale = parts.system.master.frame_map.force_scale
         for name, unit, limit, most in (
             ("force_n", "N", limits.force_n, spec.force_n * scale),
             ("torque_nm", "N m", limits.torque_nm, spec.torque_n_m * scale),
@@ -252,10 +254,9 @@ def _contact(parts: DryRun) -> Iterator[str]:
 
 def _device_damping(configuration: Configuration) -> float | None:
     """Of device and hand, in the robot's frame [N s/m]; None where it is not known."""
-    part, mapping = configuration.device, configuration.system.master.mapping
+    part, mapping = configuration.device, configuration.system.master.frame_map
     damping = getattr(getattr(part.options, "hand", None), "damping_at_handle", None) if part is not None else None
-    scale = 1.0 if mapping is None else mapping.scale * mapping.force_scale
-    return None if damping is None else damping / scale
+    return None if damping is None else damping / (mapping.scale * mapping.force_scale)
 
 
 def _felt_damping(thing: ObjectSettings, stiffness: float) -> float:
@@ -363,20 +364,21 @@ def _delay(parts: DryRun) -> Iterator[str]:
             f"link.silence_ms {system.link.silence_ms:g}: shorter than {SILENCE_TICKS} ticks at rate_hz "
             f"{system.rate_hz:g}: sessions would be interrupted; use at least {least_ms:.0f}"
         )
-    if system.control.scheme != "none":
-        return
     if emulated := uncontrolled_delay(parts, 1e-3 * _emulated_ms(system)):
         yield emulated
-    codec = system.codec
-    ahead_ms = 0.0 if parts.is_of_arms else codec.force.lookahead_ms + codec.position.lookahead_ms
-    for field, delay_ms in (
-        (f"link.playout_ms {system.link.playout_ms:g}", system.link.playout_ms),
-        ("codec.*.lookahead_ms", ahead_ms),
-    ):
-        if delay_ms > 0.0:
-            yield (
-                f"{field}: control.scheme none leaves this delay uncontrolled, and a contact may oscillate; use bounded"
-            )
+    for line in added_delays(parts).values():
+        yield f"{line}; use bounded"
+
+
+def added_delays(parts: DryRun) -> dict[str, str]:
+    """By their fields, delays of the file that its control scheme does not control, and what is to be said of them."""
+    system = parts.system
+    delays = {"link.playout_ms": system.link.playout_ms}
+    if not parts.is_of_arms:
+        delays |= {f"codec.{name}.lookahead_ms": getattr(system.codec, name).lookahead_ms for name in AHEAD}
+    why = "control.scheme none leaves this delay uncontrolled, and a contact may oscillate"
+    is_controlled = system.control.scheme != "none"
+    return {} if is_controlled else {field: f"{field} {ms:g}: {why}" for field, ms in delays.items() if ms > 0.0}
 
 
 def uncontrolled_delay(parts: DryRun, round_trip: float) -> str | None:

@@ -202,8 +202,8 @@ def account(control: ControlSettings, mapping: MappingSettings | None, *, turns:
         mapping: of the hand's frame to the robot's; None where they are one.
         turns: whether it is that of a torque.
     """
-    force_scale = 1.0 if mapping is None else mapping.force_scale
-    scale = 1.0 if mapping is None or turns else mapping.scale
+    mapping = mapping or MappingSettings()
+    force_scale, scale = mapping.force_scale, 1.0 if turns else mapping.scale
     energy = scale / force_scale
     return AccountParameters(
         allowance=energy * control.allowance_j,

@@ -34,10 +34,9 @@ def coupling(configuration: Configuration, device: Device | None = None) -> floa
     stated = system.slave.robot.options.get(STATED)
     if isinstance(stated, int | float) and stated > 0.0:
         return float(stated)
-    mapping, scale = system.master.mapping, 1.0
+    scale = 1.0
     if device is None:
-        if mapping is not None:
-            scale = mapping.scale * mapping.force_scale
+        scale = system.master.frame_map.scale * system.master.frame_map.force_scale
         try:
             part = load_device(configuration)
             device = build_driver("master.device", part.driver, part.options, system.tick_period)
@@ -58,14 +57,14 @@ def press_limit(system: System, robot: Robot) -> float:
     Raises:
         ConfigurationError: the robot cannot measure it, or it is less than a contact.
     """
-    limit, mapping, most = system.slave.limits.contact_n, system.master.mapping, robot.spec.force_n
+    limit, most = system.slave.limits.contact_n, robot.spec.force_n
     if limit is not None:
         if limit > most:
             raise ConfigurationError(
                 f"slave.limits.contact_n {limit:g}: {robot.spec.name} measures at most {most:g} N; use at most {most:g}"
             )
         return limit
-    felt = system.master.limits.force_n / (1.0 if mapping is None else mapping.force_scale)
+    felt = system.master.limits.force_n / system.master.frame_map.force_scale
     if felt < LEAST_CONTACT:
         raise ConfigurationError(
             f"master.limits.force_n: leaves {felt:g} N at the robot, less than a contact ({LEAST_CONTACT:g} N); use a "

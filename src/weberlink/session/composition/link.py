@@ -176,8 +176,7 @@ def build_control(
 
 def free_force(system: System) -> float:
     """Largest force without a contact, as the robot's frame has it [N]: `FREE_FORCE` on the hand."""
-    mapping = system.master.mapping
-    return FREE_FORCE if mapping is None else FREE_FORCE / mapping.force_scale
+    return FREE_FORCE / system.master.frame_map.force_scale
 
 
 def build_driver(where: str, driver: Any, *arguments: Any, contract: type | None = None) -> Any:

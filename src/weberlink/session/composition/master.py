@@ -51,7 +51,10 @@ def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
     """The port of a haptic device, its channels out and in, and the settings that may change."""
     system, device = configuration.system, build_device(configuration)
     forward, backward = streams(system)
-    force_limit = _force_limit(system, device)
+    # Limits of the robot's force, in its frame.
+    force_limit = system.master.limits.force_n / system.master.frame_map.force_scale
+    if device.spec.force_feedback:
+        force_limit = min(force_limit, device.spec.force_n)
     control = build_control(configuration, build_master_control, coupling(configuration, device))
     force_decoder = Decoder(backward[0])
     tuning = build_tuning(system, force_decoder)
@@ -87,7 +90,7 @@ def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
         incoming.append(IncomingChannel("torque", 1, Decoder(backward[1]), orientation))
         torques = build_axes(system.control.scheme, HANDLE, account(system.control, system.master.mapping, turns=True))
         displayed = device.spec.torque_n_m
-        most = limits.torque_nm / _force_scale(system)
+        most = limits.torque_nm / system.master.frame_map.force_scale
         most = min(most, displayed) if displayed > 0.0 else most
         bounds.append(Bound((most,), (_torque_slew(system, device),), ramp))
         turn = device.turn if isinstance(device, TorqueDevice) and displayed > 0.0 else None
@@ -120,7 +123,12 @@ def build_device(configuration: Configuration) -> Device:
     if system.master.mapping is not None:
         device = _mapped(system, device)
     check_button(system, device.spec)
-    _check_push(system, device)
+    push, limit = device.spec.push_n, system.master.limits.force_n
+    if push >= limit:  # the displayed force is cut to the limit, and would never stop such a push
+        raise ConfigurationError(
+            f"master.limits.force_n {limit:g}: {device.spec.name} pushes with {push:g} N and stops only at a force of "
+            f"this size; use more, or less master.device.push_n"
+        )
     _check_range("master.device", device.spec.workspace_m, device.spec.axes, system, streams(system)[0][0])
     if system.codec.rotation is not None and not device.spec.orientation:
         raise ConfigurationError(
@@ -130,21 +138,14 @@ def build_device(configuration: Configuration) -> Device:
     return device
 
 
-def _force_limit(system: System, device: Device) -> float:
-    """Largest force of the robot that may reach the hand, in the robot's frame [N]."""
-    allowed = system.master.limits.force_n / _force_scale(system)
-    return min(allowed, device.spec.force_n) if device.spec.force_feedback else allowed
-
-
 def _force_slew(system: System, device: Device) -> float:
     """Fastest change of the robot's force on the way to the hand, in the robot's frame [N/s]."""
     limit, spec = system.master.limits.slew_n_s, device.spec
     if limit is not None:
-        return limit / _force_scale(system)
+        return limit / system.master.frame_map.force_scale
     if not spec.force_feedback:
         return inf
-    mapping = system.master.mapping
-    return spec.stiffness_n_m * FASTEST_TOUCH * (1.0 if mapping is None else mapping.scale)
+    return spec.stiffness_n_m * FASTEST_TOUCH * system.master.frame_map.scale
 
 
 def _torque_slew(system: System, device: Device) -> float:
@@ -154,7 +155,7 @@ def _torque_slew(system: System, device: Device) -> float:
     """
     limit, spec = system.master.limits.slew_nm_s, device.spec
     if limit is not None:
-        return limit / _force_scale(system)
+        return limit / system.master.frame_map.force_scale
     if not (spec.torque_n_m > 0.0 and spec.force_n > 0.0):
         return inf
     return spec.torque_n_m * _force_slew(system, device) / spec.force_n
@@ -170,22 +171,6 @@ def check_button(system: System, spec: "DeviceSpec | ArmSpec") -> None:
         raise ConfigurationError(f"master.engage.button: {spec.name} has {has}, not {engage.button}")
     if mapping is not None and mapping.clutch is not None and mapping.clutch.button == engage.button:
         raise ConfigurationError(f"master.engage.button: {engage.button} is the button of master.mapping.clutch")
-
-
-def _check_push(system: System, device: Device) -> None:
-    """The displayed force is cut to the limit; one that cannot reach the push of the device would never stop it."""
-    push, limit = device.spec.push_n, system.master.limits.force_n
-    if push >= limit:
-        raise ConfigurationError(
-            f"master.limits.force_n {limit:g}: {device.spec.name} pushes with {push:g} N and stops only at a force of "
-            f"this size; use more, or less master.device.push_n"
-        )
-
-
-def _force_scale(system: System) -> float:
-    """Newtons on the hand for a newton on the robot."""
-    mapping = system.master.mapping
-    return 1.0 if mapping is None else mapping.force_scale
 
 
 def _check_range(where: str, workspace: tuple[Vector, Vector], axes: str, system: System, channel: Channel) -> None:
