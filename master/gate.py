@@ -217,9 +217,10 @@ class Bound:
         asked: largest length of what is wanted, within its limit, before fade and slew limit.
         output: what left last.
         clipped: whether a part was longer than its limit.
+        approach: takes the output to what is wanted; says whether the slew limit held it back.
     """
 
-    __slots__ = ("_approach", "_nothing", "asked", "clipped", "contact", "most", "output", "slew", "width")
+    __slots__ = ("_nothing", "approach", "asked", "clipped", "contact", "most", "output", "slew", "width")
 
     def __init__(
         self, most: Joints, slew: Joints, ramp: float, *, width: int = 3, contact: ContactWatch | None = None
@@ -231,38 +232,28 @@ class Bound:
         self.most, self.slew, self.width, self.contact = most, slew, width, contact
         self._nothing: Joints = (0.0,) * (width * len(most))
         growth = [max(limit, 1e-300) * ROUNDING / ramp for limit in most]
-        self._approach = Approach(self._nothing, [width] * len(most), slew, growth, grows=True)
+        self.approach = Approach(self._nothing, [width] * len(most), slew, growth, grows=True)
         self.output = self._nothing
         self.asked = 0.0
         self.clipped = False
 
-    @property
-    def is_held_back(self) -> bool:
-        """Whether the slew limit changed the newest value."""
-        return self._approach.held_back
-
     def reset(self) -> None:
         """Nothing leaves, and what comes next is approached."""
-        self.output = self._approach.held = self._nothing
-        self._approach.arrived = False
+        self.output = self.approach.held = self._nothing
+        self.approach.arrived = False
         if self.contact is not None:
             self.contact.reset()
 
     def passed(
         self, wanted: Joints, decoded: Joints, gain: float, kept: float, step: float, *, was_open: bool
     ) -> Joints:
-        """What leaves in this tick.
+        """What leaves in this tick of what is wanted; what is not finite counts as nothing.
 
-        Args:
-            wanted: of all axes; what is not finite counts as nothing.
-            decoded: as received.
-            gain: share that the fade lets through.
-            kept: share that it leaves of the last output.
-            step: time since the last tick [s].
-            was_open: whether anything could leave in the last tick: before, nothing is asked for.
+        Args: `gain` is the share that the fade lets through, `kept` that which it leaves of the last output, and
+            `was_open` tells whether anything could leave before: a closed gate asks for no contact.
         """
         goal = self._limited(wanted)
-        approach, contact, most = self._approach, self.contact, inf
+        approach, contact, most = self.approach, self.contact, inf
         if was_open and contact is not None and not (contact.limiter.quiet and self.asked <= contact.limiter.free):
             most = contact.bound(self.asked, decoded, step)
         # Fade and contact take away at once, of what is wanted and of what left last; the slew limit is for the rest.
@@ -273,10 +264,10 @@ class Bound:
             goal = tuple([value * gain for value in goal])
         if most < inf:
             goal, held = self._within(goal, most), self._within(held, most)
-        approach.held = held
         if gain != 1.0 or most < inf:
             approach.arrived = False
-        self.output = approach.advance(goal, step)
+        faded = held if kept != 1.0 or most < inf else None
+        self.output = approach.advance(goal, step, faded)
         if gain != 1.0 or most < inf:
             approach.arrived = False
         return self.output

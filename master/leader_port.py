@@ -47,14 +47,9 @@ class LeaderPort(OperatorPort):
     Vectors have one entry for each axis: the joints in order and, where there is one, the gripper last.
 
     Args: as of `OperatorPort`, and these.
-        arm: not yet open.
         control: the operator's end of the control scheme, on all axes.
-        gate: with bounds for the joints and, where there is one, for the gripper.
-        sensors: of the channels of the joints and of the gripper.
+        sensors: of the channels of the joints and of the gripper; the gate has bounds for each.
         pressed: of the joints and of the gripper; None for a follower whose stiffness is not known.
-
-    Attributes:
-        angles: as measured [rad].
     """
 
     fault: ClassVar[type[Exception]] = ArmFault

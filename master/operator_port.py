@@ -193,7 +193,7 @@ class OperatorPort(Port):
             display.show(values, gate, now, step)
         held_back = clipped = unfounded = False
         for bound in gate.bounds:
-            held_back = held_back or bound.is_held_back
+            held_back = held_back or bound.approach.held_back
             clipped = clipped or bound.clipped
         self.slew_ticks += held_back
         self.clipped = clipped
@@ -217,7 +217,6 @@ class HandPort(OperatorPort):
     """A haptic device.
 
     Args: as of `OperatorPort`, and these.
-        device: not yet open.
         control: the operator's end of the control scheme of the force.
         hand: the sensor of the position channel.
         turning: that for torques, and what gives the rotation of the handle so far [rad]; None without torques.

@@ -158,8 +158,10 @@ class RoundTripAgreement(Negotiation):
         if wanted >= present - FALL:
             self._needed_since = now
         falls = now - self._needed_since > FALL_AFTER
-        if not self._proposes or not (wanted > present or falls) or not self._is_settled(now):
+        if not self._proposes or not (wanted > present or falls) or self.is_proposing or self.switch_at < inf:
             return
+        if now - liveness.generation_heard_at <= liveness.limit - present + self._settled_after:
+            return  # a datagram with the generation before the present one may still count
         if falls:
             # At most by half: an echo must not wrap while datagrams of the former value are under way.
             wanted = max(wanted, STEP * ceil(0.5 * present / STEP))
@@ -169,13 +171,6 @@ class RoundTripAgreement(Negotiation):
         self._needed_since = now
         liveness.expect(wanted)
         self.propose(ceil((tick_at + ahead) / self._tick_period), in_ms(wanted).to_bytes(_BYTES, "big"), now)
-
-    def _is_settled(self, now: float) -> bool:
-        """Whether no datagram with the generation before the present one can count any more."""
-        liveness = self._liveness
-        if self.is_proposing or self.switch_at < inf:
-            return False
-        return now - liveness.generation_heard_at > liveness.limit - liveness.round_trip + self._settled_after
 
     def answer_proposal(self, number: int, tick: int, body: bytes, ahead: float, now: float) -> None:
         """Answer a proposal of the initiator; `ahead` is how far its tick is from now, by the mapped clocks [s]."""

@@ -39,9 +39,7 @@ class FollowerPort(TeleoperatorPort):
 
     Vectors have one entry for each axis: the joints in order and, where there is one, the gripper last.
 
-    Args: as of `TeleoperatorPort`, and these.
-        arm: not yet open.
-        sensors: of the channels of the joints and of the gripper.
+    Args: as of `TeleoperatorPort`, and `sensors`: of the channels of the joints and of the gripper.
     """
 
     fault: ClassVar[type[Exception]] = ArmFault

@@ -32,11 +32,9 @@ def read(direction: DirectionLayout, data: bytes) -> Content:
 
 
 def span(acks: int, *parts: str) -> tuple[int, int]:
-    """Fewest and most bytes of a datagram of these parts, by the table, without groups of levels."""
-    fields = [
-        field for part in ("clear", "head", *["ack"] * acks, *parts) for field in wire.TABLE if field.part == part
-    ]
-    return -(-sum(field.least for field in fields) // 8), -(-sum(field.most for field in fields) // 8)
+    """Fewest and most bits of a datagram of these parts, by the table, without groups of levels."""
+    fields = [each for part in ("clear", "head", *["ack"] * acks, *parts) for each in wire.TABLE if each.part == part]
+    return sum(field.least for field in fields), sum(field.most for field in fields)
 
 
 @pytest.mark.parametrize(("carries_credit", "acks"), list(product([False, True], [1, 2])))
@@ -44,23 +42,18 @@ def span(acks: int, *parts: str) -> tuple[int, int]:
 def test_the_lengths_are_those_of_the_table(groups: tuple[int, ...], carries_credit: bool, acks: int) -> None:
     stream = (UpdateForm(groups, groups), UpdateForm(groups, None))
     direction = DirectionLayout([stream] * acks, carries_credit=carries_credit, acks=acks)
-    limits = direction.lengths(PSK_TAG)
-    of_credit = ("update_credit",) * carries_credit
-    for kind, parts, *more in (
-        (Kind.HEARTBEAT, ("heartbeat", *("heartbeat_credit",) * carries_credit), "report", "opening"),
-        (Kind.BYE, ("bye",)), (Kind.CHANGE, ("change",)), (Kind.PATH, ("path",)),
-    ):  # fmt: skip
-        low, high = span(acks, *parts)[0], span(acks, *parts, *more)[1]
-        assert limits[kind] == (low + PSK_TAG, high + PSK_TAG)
-        assert (kind | wire.MARK in limits) is (kind != Kind.BYE)
-    widest = [4 * len(groups) + 16 * sum(groups)]
-    bits = -(-span(acks, "update", *of_credit)[0] * 8 // 8)
-    assert limits[Kind.UPDATE][0] >= bits + PSK_TAG
-    most = max(
-        8 * span(acks, "update", "parameters", *of_credit)[1] + widest[0],
-        8 * span(acks, "update", "previous", *of_credit)[1] + 2 * widest[0],
-    )
-    assert limits[Kind.UPDATE | wire.MARK][1] <= -(-most // 8) + PSK_TAG
+    least, most = sum(4 + count for count in groups), sum(4 + 16 * count for count in groups)
+    update = "update", *("update_credit",) * carries_credit
+    heartbeat = "heartbeat", *("heartbeat_credit",) * carries_credit
+    bits = {
+        Kind.HEARTBEAT: (span(acks, *heartbeat)[0], span(acks, *heartbeat, "report", "opening")[1]),
+        **{kind: span(acks, kind.name.lower()) for kind in (Kind.BYE, Kind.CHANGE, Kind.PATH)},
+    }
+    longest = max(span(acks, *update, "parameters")[1], span(acks, *update, "previous")[1] + most) + most
+    bits |= {kind: (span(acks, *update)[0] + least, longest) for kind in wire.UPDATE_KINDS[:acks]}
+    expected = {kind: tuple(PSK_TAG - -each // 8 for each in both) for kind, both in bits.items()}
+    marked = {kind | wire.MARK: limits for kind, limits in expected.items() if kind != Kind.BYE}
+    assert direction.lengths(PSK_TAG) == expected | marked
 
 
 TYPICAL = ((-310, 42, 1180), (1520, -2210, -930))

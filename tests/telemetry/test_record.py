@@ -52,14 +52,14 @@ def test_names_are_unique_and_the_types_of_numpy_and_struct_agree():
 @pytest.mark.parametrize("parts", range(1 << len(PARTS)))
 def test_a_row_gives_its_values_in_the_order_of_the_fields(parts):
     row, expected = Row(), []
-    assert row.values() == [0] * len(COLUMNS)
+    assert row.values() == (0,) * len(COLUMNS)
     for number, field in enumerate(FIELDS):
         value = tuple(number + 0.125 * place for place in range(field.axes)) if field.axes > 1 else number
         assert np.shape(getattr(row, field.name)) == np.shape(value)
         setattr(row, field.name, value)
         if field in layout(parts).fields:
             expected += value if field.axes > 1 else [value]
-    assert row.values(layout(parts)) == expected
+    assert row.values(layout(parts)) == tuple(expected)
 
 
 def test_unknown_parts_are_refused():

@@ -67,25 +67,35 @@ class Approach:
         self.held = start
         self.arrived = self.held_back = False
 
-    def advance(self, goal: Joints, step: float) -> Joints:
-        """Go on towards a goal, as far as the time `step` [s] allows."""
-        held, arrived = self.held, self.arrived
+    def advance(self, goal: Joints, step: float, faded: Joints | None = None) -> Joints:
+        """Go on towards a goal, as far as the time `step` [s] allows.
+
+        Args:
+            goal: what is wanted.
+            step: [s].
+            faded: what a fade leaves of what left last; its way counts, so that both take no more than the rate allows,
+                or than the fade alone.
+        """
+        last, arrived = self.held, self.arrived
+        held = last if faded is None else faded
         self.held_back = False
         if goal == held:
-            self.arrived = True
+            self.held, self.arrived = held, True
             return held
-        if arrived and self._rate is not None:  # the one part of a hand follows: most ticks
+        if arrived and faded is None and self._rate is not None:  # the one part of a hand follows: most ticks
             moved: Joints = self._step_toward(held, goal, self._rate * step)
             self.held_back = moved != goal
             self.held = moved
             return moved
         moved = ()
-        for first, last, rate, approach in self.parts:
-            here, there = held[first:last], goal[first:last]
+        for first, last_axis, rate, approach in self.parts:
+            here, there = held[first:last_axis], goal[first:last_axis]
             way = rate * step
+            if faded is not None:
+                way = max(0.0, way - dist(last[first:last_axis], here))
             if not arrived:
                 if self._grows:
-                    there = toward(self._rest[first:last], there, hypot(*here) + approach * step)
+                    there = toward(self._rest[first:last_axis], there, hypot(*here) + approach * step)
                 else:
                     way = approach * step
             part = self._step_toward(here, there, way)

@@ -242,7 +242,7 @@ class Journal:
                 self._offer(side, known, _Event(known.last, f"path {told.place}", "path", fields))
 
     def trace(self, entries: Sequence[str], side: str = SESSION) -> None:
-        """Write the trace of an error, one line for each of its pieces (`traceback.format_exception`)."""
+        """Write the trace of an error, a line for each piece (`traceback.format_exception`)."""
         for entry in entries:
             self._line(self._now(), side, "trace", {"entry": entry.rstrip()[:LONGEST_ENTRY]})
 

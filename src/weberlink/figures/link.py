@@ -81,30 +81,15 @@ class ConnectionScore:
 
 
 @dataclass
-class _Mean:
-    """Running mean; None before the first value."""
-
-    total: float = 0.0
-    count: int = 0
-
-    def add(self, values: Records) -> None:
-        self.total += float(values.sum(dtype=np.float64))
-        self.count += len(values)
-
-    @property
-    def value(self) -> float | None:
-        return self.total / self.count if self.count else None
-
-
-@dataclass
 class WayScore:
     """What the records of one side say of both ways, in bounded memory."""
 
     inward: Distribution = field(default_factory=Distribution)
     outward: Distribution = field(default_factory=Distribution)
     jitter: Distribution = field(default_factory=Distribution)
-    reported_loss: _Mean = field(default_factory=_Mean)
-    burst: _Mean = field(default_factory=_Mean)
+    reported: tuple[float, int] = (0.0, 0)
+    bursts: tuple[float, int] = (0.0, 0)
+    """Sum and number of reported losses, and of runs of lost datagrams."""
     received: int = 0
     lost: int = 0
     ticks: int = 0
@@ -118,10 +103,14 @@ class WayScore:
         self.inward.add(counted["one_way_us"])
         self.outward.add(counted["rtt_us"] - counted["one_way_us"])
         self.jitter.add(counted["jitter_us"])
-        reported = counted["outgoing_loss"]
-        self.reported_loss.add(reported[np.isfinite(reported)])
-        self.burst.add(counted["peer_burst"][counted["peer_burst"] > 0.0])
+        losses, bursts = counted["outgoing_loss"], counted["peer_burst"]
+        self.reported = _added(self.reported, losses[np.isfinite(losses)])
+        self.bursts = _added(self.bursts, bursts[bursts > 0.0])
         self.received, self.lost = (int(records[-1][f"datagrams_{name}"]) for name in ("received", "lost"))
+
+
+def _added(sums: tuple[float, int], values: Records) -> tuple[float, int]:
+    return sums[0] + float(values.sum(dtype=np.float64)), sums[1] + len(values)
 
 
 def ways_of(master: WayScore, slave: WayScore) -> Ways:
@@ -131,12 +120,15 @@ def ways_of(master: WayScore, slave: WayScore) -> Ways:
     counts every datagram.
     """
 
+    def mean(total: float, count: int) -> float | None:
+        return total / count if count else None
+
     def way(receiver: WayScore, sender: WayScore) -> Way:
         if not receiver.ticks:
-            return Way(sender.outward.median(), sender.reported_loss.value, is_reported=True, burst=None)
+            return Way(sender.outward.median(), mean(*sender.reported), is_reported=True, burst=None)
         total = receiver.received + receiver.lost
-        loss = receiver.lost / total if total else None
-        return Way(receiver.inward.median(), loss, is_reported=False, burst=receiver.burst.value)
+        loss = mean(receiver.lost, total)
+        return Way(receiver.inward.median(), loss, is_reported=False, burst=mean(*receiver.bursts))
 
     here = master if master.ticks else slave
     return Ways(here.jitter.median(), to_slave=way(slave, master), to_master=way(master, slave))

@@ -48,6 +48,8 @@ from weberlink.slave.scenes.settings import ObjectSettings
 if TYPE_CHECKING:
     from weberlink.arms.contract import ArmSpec
 
+AHEAD = ("force", "position")
+"""Channels that may look ahead."""
 LOOP_TICKS = 1
 """Delay of the loop without a network, in ticks."""
 ROUNDING = 1.0 + 1e-9
@@ -362,20 +364,21 @@ def _delay(parts: DryRun) -> Iterator[str]:
             f"link.silence_ms {system.link.silence_ms:g}: shorter than {SILENCE_TICKS} ticks at rate_hz "
             f"{system.rate_hz:g}: sessions would be interrupted; use at least {least_ms:.0f}"
         )
-    if system.control.scheme != "none":
-        return
     if emulated := uncontrolled_delay(parts, 1e-3 * _emulated_ms(system)):
         yield emulated
-    codec = system.codec
-    ahead_ms = 0.0 if parts.is_of_arms else codec.force.lookahead_ms + codec.position.lookahead_ms
-    for field, delay_ms in (
-        (f"link.playout_ms {system.link.playout_ms:g}", system.link.playout_ms),
-        ("codec.*.lookahead_ms", ahead_ms),
-    ):
-        if delay_ms > 0.0:
-            yield (
-                f"{field}: control.scheme none leaves this delay uncontrolled, and a contact may oscillate; use bounded"
-            )
+    for line in added_delays(parts).values():
+        yield f"{line}; use bounded"
+
+
+def added_delays(parts: DryRun) -> dict[str, str]:
+    """By their fields, delays of the file that its control scheme does not control, and what is to be said of them."""
+    system = parts.system
+    delays = {"link.playout_ms": system.link.playout_ms}
+    if not parts.is_of_arms:
+        delays |= {f"codec.{name}.lookahead_ms": getattr(system.codec, name).lookahead_ms for name in AHEAD}
+    why = "control.scheme none leaves this delay uncontrolled, and a contact may oscillate"
+    is_controlled = system.control.scheme != "none"
+    return {} if is_controlled else {field: f"{field} {ms:g}: {why}" for field, ms in delays.items() if ms > 0.0}
 
 
 def uncontrolled_delay(parts: DryRun, round_trip: float) -> str | None:

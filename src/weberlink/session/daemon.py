@@ -6,7 +6,7 @@ The launcher starts it with a `DaemonOrder` as JSON; it answers with a summary a
 import json
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from random import Random
@@ -58,22 +58,27 @@ def main(text: str) -> int:
     try:
         configuration = load(Path(order.file), order.overrides, sides=[order.side])
         summary = serve(order, configuration)
-    except ConfigurationError as error:
-        return _complain(order, str(error), MISCONFIGURED, trace_of(error))
-    except (StartError, OSError) as error:  # among them a port in use, a ring in use
-        fault = fault_of(error)
-        # An OSError's own text begins with its number.
-        text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        told = text if fault is None else fault.text
-        return _complain(order, told, FAILED, () if fault is None else format_exception(error))
+        status = FAILED if summary["failed"] else COMPLETED
     except Exception as error:
-        fault = fault_of(error)
-        if fault is None or not fault.is_foreign:  # of this program itself: whoever mends it needs the trace
+        status, fault, trace = FAILED, fault_of(error), format_exception(error)
+        if isinstance(error, ConfigurationError):
+            status, told, trace = MISCONFIGURED, str(error), trace_of(error)
+        elif fault is not None:
+            told = fault.text
+        elif isinstance(error, StartError | OSError):  # among them a port in use, a ring in use
+            # An OSError's own text begins with its number.
+            told, trace = getattr(error, "strerror", None) or str(error), []
+        else:
+            told = f"internal error: {in_words(error)}"
+        is_ours = not isinstance(error, ConfigurationError | StartError | OSError)
+        if is_ours and (fault is None or not fault.is_foreign):  # whoever mends this program needs the trace
             print_exception(error)
-        told = f"internal error: {in_words(error)}" if fault is None else fault.text
-        return _complain(order, told, FAILED, format_exception(error))
-    _tell(summary)
-    return FAILED if summary["failed"] else COMPLETED
+        sys.stderr.write(f"weberlink {order.side}: {told}\n")
+        summary = failure(told, trace)
+    with suppress(BrokenPipeError):  # the launcher may be gone
+        sys.stdout.write(json.dumps(summary))
+        sys.stdout.flush()
+    return status
 
 
 def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
@@ -263,19 +268,6 @@ def _interruptible() -> Iterator[None]:
         pthread_sigmask(SIG_SETMASK, held_back)  # from here on they wait for the loop
         for number, handler in before.items():
             signal(number, handler)
-
-
-def _complain(order: DaemonOrder, text: str, status: int, trace: Sequence[str]) -> int:
-    sys.stderr.write(f"weberlink {order.side}: {text}\n")
-    _tell(failure(text, trace))
-    return status
-
-
-def _tell(summary: dict[str, Any]) -> None:
-    """Answer the launcher, if it is still there."""
-    with suppress(BrokenPipeError):
-        sys.stdout.write(json.dumps(summary))
-        sys.stdout.flush()
 
 
 if __name__ == "__main__":

@@ -242,7 +242,7 @@ class Side:
         self._fill(0.0, 0.0, 0)
         return Record._make(ALL.values(self._row))
 
-    def values(self, lateness_us: float, work_us: float, missed: int) -> list[float]:
+    def values(self, lateness_us: float, work_us: float, missed: int) -> tuple[float, ...]:
         """The telemetry of the tick just done: the values of a record of this side's `layout`."""
         self._fill(lateness_us, work_us, missed)
         return self.layout.values(self._row)

@@ -38,8 +38,7 @@ class Recorder(Protocol):
     def finish(self) -> dict[str, Any]:
         """Wait for a limited time until the file is complete.
 
-        Returns:
-            `path`, `bytes` and `outcome`; `records` and `lost` by side if the process could tell.
+        Returns `path`, `bytes` and `outcome`; `records` and `lost` by side if the process could tell.
         """
 
 

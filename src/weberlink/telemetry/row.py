@@ -42,6 +42,6 @@ class Row:
         self.joint_position = self.joint_raw = self.joint_predicted = self.joint_decoded = self.joint_output = _UNUSED
         self.gripper_updates_sent = self.gripper_updates_received = self.gripper_sent = 0
 
-    def values(self, layout: Layout = ALL) -> list[float]:
+    def values(self, layout: Layout = ALL) -> tuple[float, ...]:
         """The values of a record, flat, in the order of its fields."""
         return layout.values(self)

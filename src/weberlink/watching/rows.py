@@ -12,30 +12,13 @@ from weberlink.figures.session import Layout
 
 ROWS_PER_S = 250.0
 """Rows per second of a side, besides the ticks that sent an update."""
-COLUMNS = {
-    "position": 7,
-    "raw": 7,
-    "output": 7,
-    "bound": 7,
-    "energy": 7,
-    "surface": 7,
-    "surface_size": 7,
-    "surface_stiffness": 2,
-    "lateness_us": 1,
-    "work_us": 1,
-    "rtt_us": 1,
-    "one_way_us": 1,
-    "jitter_us": 1,
-    "ticks_missed": None,
-    "datagrams_sent": None,
-    "updates_sent": None,
-    "state": None,
-    "fault": None,
-    "sent": None,
-    "ramping": None,
-    "model": None,
-    "settings": None,
-}
+_INTEGERS = ("ticks_missed", "datagrams_sent", "updates_sent", "state", "fault", "sent", "ramping", "model", "settings")
+COLUMNS: dict[str, int | None] = (
+    dict.fromkeys(("position", "raw", "output", "bound", "energy", "surface", "surface_size"), 7)
+    | {"surface_stiffness": 2}
+    | dict.fromkeys(("lateness_us", "work_us", "rtt_us", "one_way_us", "jitter_us"), 1)
+    | dict.fromkeys(_INTEGERS)
+)
 """Columns of a row, with their decimal places; None for integers."""
 CARTESIAN = ("position", "raw", "output", "bound", "surface", "surface_size", "surface_stiffness", "model")
 """Those of them that a session in joint space lacks."""

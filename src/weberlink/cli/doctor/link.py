@@ -22,7 +22,7 @@ from weberlink.protocol.negotiation import LONGEST, in_ms, rounded_up
 from weberlink.protocol.probing import Heard
 from weberlink.protocol.session import LONGEST_SILENCE
 from weberlink.protocol.timing import LONGEST_RTT
-from weberlink.session.advice import DryRun, uncontrolled_delay
+from weberlink.session.advice import AHEAD, DryRun, added_delays, uncontrolled_delay
 
 SILENCE_STEP_MS = 10
 ELSEWHERE = "use another network"
@@ -258,7 +258,7 @@ def recommend(figures: LinkFigures, configuration: Configuration) -> Iterator[Fi
         yield advice(found, "--set link.playout_ms=0", "play-out")
 
     if system.codec.joints is None:
-        yield from _lookahead(system)
+        yield from _lookahead(configuration)
 
 
 def _silence(figures: LinkFigures, system: System) -> Finding:
@@ -279,19 +279,18 @@ def _silence(figures: LinkFigures, system: System) -> Finding:
     return grade(found, f"--set link.silence_ms={needed_ms}", check)
 
 
-def _lookahead(system: System) -> Iterator[Finding]:
+def _lookahead(configuration: Configuration) -> Iterator[Finding]:
     """Whether the look-ahead of the file suits its control scheme (docs/prediction.md)."""
-    used = {name: getattr(system.codec, name).lookahead_ms for name in ("force", "position")}
-    used = {name: ms for name, ms in used.items() if ms > 0.0}
+    codec, uncontrolled = configuration.system.codec, added_delays(DryRun(configuration))
+    used = {f"codec.{name}.lookahead_ms": getattr(codec, name).lookahead_ms for name in AHEAD}
+    used = {field: ms for field, ms in used.items() if ms > 0.0}
     if not used:
         yield ok("look-ahead 0 ms", "look-ahead")
-    elif system.control.scheme != "none":
-        text = ", ".join(f"{name} {ms:g} ms" for name, ms in used.items())
-        yield ok(f"look-ahead {text}; it saves some updates, and adds its delay", "look-ahead")
-    else:
-        for name, ms in used.items():
-            found = f"look-ahead of {name} {ms:g} ms: one more delay, and nothing controls it; on both hosts:"
-            yield advice(found, f"--set codec.{name}.lookahead_ms=0", "look-ahead")
+    for field, ms in used.items():
+        if field in uncontrolled:
+            yield advice(f"{uncontrolled[field]}; on both hosts:", f"--set {field}=0", "look-ahead")
+        else:
+            yield ok(f"{field} {ms:g}: it saves some updates, and adds its delay", "look-ahead")
 
 
 def _needed_round_trip(figures: LinkFigures, tick_period: float) -> float:

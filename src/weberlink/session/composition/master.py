@@ -51,7 +51,10 @@ def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
     """The port of a haptic device, its channels out and in, and the settings that may change."""
     system, device = configuration.system, build_device(configuration)
     forward, backward = streams(system)
-    force_limit = _force_limit(system, device)
+    # Limits of the robot's force, in its frame.
+    force_limit = system.master.limits.force_n / system.master.frame_map.force_scale
+    if device.spec.force_feedback:
+        force_limit = min(force_limit, device.spec.force_n)
     control = build_control(configuration, build_master_control, coupling(configuration, device))
     force_decoder = Decoder(backward[0])
     tuning = build_tuning(system, force_decoder)
@@ -120,7 +123,12 @@ def build_device(configuration: Configuration) -> Device:
     if system.master.mapping is not None:
         device = _mapped(system, device)
     check_button(system, device.spec)
-    _check_push(system, device)
+    push, limit = device.spec.push_n, system.master.limits.force_n
+    if push >= limit:  # the displayed force is cut to the limit, and would never stop such a push
+        raise ConfigurationError(
+            f"master.limits.force_n {limit:g}: {device.spec.name} pushes with {push:g} N and stops only at a force of "
+            f"this size; use more, or less master.device.push_n"
+        )
     _check_range("master.device", device.spec.workspace_m, device.spec.axes, system, streams(system)[0][0])
     if system.codec.rotation is not None and not device.spec.orientation:
         raise ConfigurationError(
@@ -128,12 +136,6 @@ def build_device(configuration: Configuration) -> Device:
             "orientation; use one that does, or leave codec.rotation out"
         )
     return device
-
-
-def _force_limit(system: System, device: Device) -> float:
-    """Largest force of the robot that may reach the hand, in the robot's frame [N]."""
-    allowed = system.master.limits.force_n / system.master.frame_map.force_scale
-    return min(allowed, device.spec.force_n) if device.spec.force_feedback else allowed
 
 
 def _force_slew(system: System, device: Device) -> float:
@@ -169,16 +171,6 @@ def check_button(system: System, spec: "DeviceSpec | ArmSpec") -> None:
         raise ConfigurationError(f"master.engage.button: {spec.name} has {has}, not {engage.button}")
     if mapping is not None and mapping.clutch is not None and mapping.clutch.button == engage.button:
         raise ConfigurationError(f"master.engage.button: {engage.button} is the button of master.mapping.clutch")
-
-
-def _check_push(system: System, device: Device) -> None:
-    """The displayed force is cut to the limit; one that cannot reach the push of the device would never stop it."""
-    push, limit = device.spec.push_n, system.master.limits.force_n
-    if push >= limit:
-        raise ConfigurationError(
-            f"master.limits.force_n {limit:g}: {device.spec.name} pushes with {push:g} N and stops only at a force of "
-            f"this size; use more, or less master.device.push_n"
-        )
 
 
 def _check_range(where: str, workspace: tuple[Vector, Vector], axes: str, system: System, channel: Channel) -> None:
