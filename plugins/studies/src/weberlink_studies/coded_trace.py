@@ -28,12 +28,9 @@ class TickWindow(NamedTuple):
 class CodedTrace:
     """A trace coded by a fresh encoder and decoder on a lossless link, sample by sample as in a daemon; n ticks.
 
-    Attributes:
-        displayed_n: decoded force, after the update of the tick if there was one, shape (n, 3).
-        predicted_n: decoded force, before any update of the tick, shape (n, 3).
-        bound_n: radius of the deadband about the measured force, shape (n,).
-        sent: whether an update was sent, shape (n,).
-        selected: index in the bank of the predictor in use, after the update of the tick, shape (n,).
+    `displayed_n` is the decoded force after the update of the tick if there was one, `predicted_n` that before, both of
+    shape (n, 3); `bound_n` the radius of the deadband about the measured force; `selected` the place in the bank of the
+    predictor in use after the update.
     """
 
     def __init__(self, trace: Trace, channel: Channel) -> None:

@@ -27,11 +27,7 @@ STILL = 1e-9  # square of a speed [m^2/s^2], and of a force [N^2], at or below w
 
 
 class PortObserver:
-    """The energies at one port [J].
-
-    Attributes:
-        balance: W.
-    """
+    """The energies at one port [J]; `balance` is W."""
 
     __slots__ = ("_heard", "_put_in", "balance")
 

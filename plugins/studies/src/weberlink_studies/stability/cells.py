@@ -9,7 +9,6 @@ from weberlink.session.composition.coupling import FIT_MARGIN
 from weberlink_studies.stability.wall import Grip, SampledWall, gain_limit, passivity_limit
 
 DEPTH = 0.015  # intended depth of the press [m]
-
 COUPLING_N_M = 3000.0 / FIT_MARGIN
 """Stiffness of the robots towards their command [N/m]: their default with the `operator` device of the shipped file."""
 
@@ -159,9 +158,7 @@ def cells(seed: int, *, full: bool) -> list[SystemCell]:
 
 
 HEIGHT = 0.01  # start of the hand above the object [m]
-
 SWAY_M = 0.0125  # amplitude of a moving wall [m], slower than the hand's intended depth so that the contact can last
-
 FASTEST_SWAY_HZ = 50.0  # A faster wall has a larger amplitude; also the upper limit of the configuration
 
 Step = dict[str, Any]

@@ -25,20 +25,14 @@ from weberlink_studies.frame import Row
 from weberlink_studies.stability.wall import Grip, SampledWall, bisect, bracket, passivity_limit, stability_limit
 
 DEPTH = 1e-3  # depth of the pressed contact [m]; the loop is linear, so the limit does not depend on it
-
 DISTURBANCE = 1e-3
 """First displacement of the hand as a share of the depth, small so that it can grow before contact is lost."""
 
 PERIODS = 8  # periods of the contact's own oscillation that are compared: four against four
-
 SHORTEST = 400  # least number of ticks
-
 GONE = 1e-18  # share of its energy below which a disturbance has died out: 1e-15 m, still above rounding
-
 PRECISION = 0.01  # relative precision of a measured limit
-
 AMPLITUDE = 1e-3  # amplitude of the closed motions [m]
-
 LENGTH = 128  # most ticks of one round of a closed motion
 
 
@@ -149,7 +143,6 @@ def motions() -> Iterator[list[float]]:
 
 
 FREE_HAND = 0.01  # stiffness of a hand that hardly holds the device [N/m], a hard case for Colgate's bound
-
 RATIOS = (0.2, 0.5, 0.9, 0.99, 1.01, 2.0)
 """Stiffnesses, in units of the passive limit, at which the activity is measured."""
 

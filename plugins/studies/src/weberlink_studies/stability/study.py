@@ -197,7 +197,7 @@ def _plots(options: MapOptions, rows: "DataFrame", folder: Path, caption: str) -
     stability_map(rows[rows.kind == "system"], folder / "stability_map.png", caption)
 
 
-STUDY = Study(
+STUDY: Study[MapOptions, SampledWall | SystemCell] = Study(
     "stability",
     lambda options: [*walls(full=options.full), *cells(SEED, full=options.full)],
     rows_of,

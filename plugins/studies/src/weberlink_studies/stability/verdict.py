@@ -21,12 +21,10 @@ Phase = Literal["settled", "decaying", "lost", "oscillating", "growing", "driven
 CALM = ("settled", "decaying", "driven")
 
 SHARE = 0.05  # swing of a steady force, as a share of it, beside that of the deadband
-
 DECAYING, GROWING = 0.9, 1.5
 """Ratios of the later to the earlier variance below which an oscillation decays and above which it grows."""
 
 FAINTEST_N = 0.02  # force below which there is no contact, where the cell has no threshold of its own
-
 AT_LIMIT = 0.999  # share of a limit from which on a force counts as limited
 
 

@@ -24,7 +24,6 @@ Grip = Literal["firm", "pinch", "fingertip"]
 """How the hand holds the device: firmly, as one mass with it, or with a grasp between them."""
 
 PRECISION = 1e-9  # relative precision of a limit
-
 STEPS_PER_DECADE = 1000  # density of the frequencies of the loop gain
 
 
