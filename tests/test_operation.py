@@ -47,51 +47,34 @@ def commands() -> dict[str, set[str]]:
     return {name: {option for parameter in each.params for option in parameter.opts} for name, each in COMMANDS.items()}
 
 
-def assert_starts_a_command(path: Path) -> None:
-    (line,) = unit(path)["ExecStart"]
-    program, command, *arguments = line.split()
+@pytest.mark.parametrize("name", SIDES)
+def test_a_unit_starts_a_command_that_is_there_and_waits_for_longer_than_it(name: str) -> None:
+    settings = unit(UNITS / name)
+    program, command, *arguments = settings["ExecStart"][0].split()
     assert program == PROGRAM
     assert {word for word in arguments if word.startswith("--")} <= commands()[command]
-
-
-@pytest.mark.parametrize("name", SIDES)
-def test_a_unit_starts_a_command_that_is_there(name: str) -> None:
-    assert_starts_a_command(UNITS / name)
-
-
-@pytest.mark.parametrize("name", SIDES)
-def test_systemd_waits_for_longer_than_the_launcher(name: str) -> None:
-    settings = unit(UNITS / name)
     # A recorder is waited for, told to finish, and waited for again.
     assert int(settings["TimeoutStopSec"][0]) > STOP_LIMIT_S + 2 * FINISH_LIMIT_S
-    assert settings["KillSignal"] == ["SIGTERM"]
-    assert settings["KillMode"] == ["mixed"]
+    assert (settings["KillSignal"], settings["KillMode"]) == (["SIGTERM"], ["mixed"])
     assert settings["RestartPreventExitStatus"] == [str(MISCONFIGURED)]
 
 
 def systemd_analyze(*arguments: object) -> subprocess.CompletedProcess[str]:
-    program = shutil.which("systemd-analyze")
-    if program is None:
-        pytest.skip("there is no systemd-analyze here (Debian's systemd)")
+    program = shutil.which("systemd-analyze") or pytest.skip("there is no systemd-analyze here (Debian's systemd)")
     command = [program, *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
 
 
-def assert_accepted_and_little_exposed(unit: Path, folder: Path) -> None:
-    """By systemd, with a program that is there."""
-    path = folder / unit.name.replace("@", "@lan")
-    path.write_text(unit.read_text(encoding="utf-8").replace(PROGRAM, sys.executable), encoding="utf-8")
+@pytest.mark.parametrize("name", SIDES)
+def test_systemd_accepts_a_unit_and_finds_it_little_exposed(name: str, tmp_path: Path) -> None:
+    path = tmp_path / name.replace("@", "@lan")
+    path.write_text((UNITS / name).read_text(encoding="utf-8").replace(PROGRAM, sys.executable), encoding="utf-8")
     verified = systemd_analyze("verify", "--man=no", path)
     assert (verified.returncode, [line for line in verified.stderr.splitlines() if path.name in line]) == (0, [])
     done = systemd_analyze("security", "--offline=true", "--threshold=25", "--no-pager", path)
     if "unrecognized option" in done.stderr:
         pytest.skip("this systemd-analyze does not look at files")
     assert done.returncode == 0, done.stdout.splitlines()[-1:]
-
-
-@pytest.mark.parametrize("name", SIDES)
-def test_systemd_accepts_a_unit_and_finds_it_little_exposed(name: str, tmp_path: Path) -> None:
-    assert_accepted_and_little_exposed(UNITS / name, tmp_path)
 
 
 CONFINED = """
@@ -126,13 +109,11 @@ def test_what_the_container_copies_is_there_and_is_all_that_is_needed() -> None:
 
 
 def test_the_page_names_commands_and_options_that_are_there() -> None:
-    known = commands()
+    known, absent = commands(), guests("weberlink.commands")
     named = re.findall(r"(?:^|`|/bin/)weberlink ([a-z]+)([^\n`#]*)", PAGE, re.M)
     assert {name for name, _ in named} >= {"doctor", "configs", "keygen", "device", "loopback"}
     for name, rest in named:
-        if name not in known and name in guests("weberlink.commands"):
-            continue  # of one that is not installed
-        assert name in known or name in guests("weberlink.commands"), name
+        assert name in known or name in absent, name
         assert name not in known or set(re.findall(r"(?<!\w)--[a-z-]+", rest)) <= known[name], (name, rest)
 
 

@@ -20,8 +20,6 @@ FILES = sorted(path.name for path in CONFIGS.glob("*.yaml"))
 HARDWARE = ("phantom.yaml",)
 """Those whose drivers need hardware or its emulator."""
 BETWEEN_HOSTS = ("lan.yaml",)
-"""Those in which the master calls another host."""
-"""Those that another program leads."""
 MEMBERS = [f"{name} {member}" for name, group in COMMANDS.items() for member in getattr(group, "commands", ())]
 TAKE_A_FILE = ("check", "simulate", "master --duration 0", "slave --duration 0", "loopback --duration 0")
 
@@ -60,14 +58,7 @@ WRONG = {
     "loopback --duration three": "--duration",
     f"simulate {LOOPBACK} --duration -1": "--duration",
     # A field of the file.
-    **{
-        f"check {LOOPBACK} --set {override}": field
-        for override, field in (
-            ("codec.force.webber=1", "codec.force.webber: unknown key; did you mean weber?"),
-            ("master.device.driver=operater", "master.device.driver"),
-        )
-    },
-    f"check {FIG6} --set codec.force.step_n=0.0001": "codec.force.step_n",
+    f"check {LOOPBACK} --set codec.force.webber=1": "codec.force.webber: unknown key; did you mean weber?",
     f"master {LOOPBACK} --duration 0": "link.slave",
     "doctor configs/lan.yaml --set rate_hz=x": "rate_hz",
     # The file is not there, or not for this command.
@@ -108,38 +99,11 @@ def test_a_wrong_argument_is_one_line_that_names_it(
     assert not list(tmp_path.iterdir()), "nothing is written"
 
 
-@pytest.mark.parametrize(
-    ("line", "variables", "status", "field"),
-    [
-        ("loopback --duration 0", {"XDG_RUNTIME_DIR": ""}, 1, "weberlink is a file"),
-    ],
-)
-def test_a_host_that_does_not_permit_it_is_one_line(
-    line: str, variables: dict[str, str], status: int, field: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_in_place_of_the_directory_for_telemetry_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     with TemporaryDirectory(dir="/dev/shm") as login:
-        (Path(login) / "weberlink").touch()  # in the place of the directory for telemetry
-        for name, value in variables.items():
-            monkeypatch.setenv(name, value or login)
-        assert field in complaint(run(line), status)
-
-
-@pytest.mark.parametrize(
-    ("command", "suffix", "content", "field"),
-    [
-        ("check", "yaml", b"\xff\xfe\x00", "text"),
-        ("check", "yaml", b"", "empty"),
-    ],
-)
-def test_a_file_of_another_kind_is_one_line_that_names_it(
-    command: str, suffix: str, content: bytes, field: str, tmp_path: Path
-) -> None:
-    file = tmp_path / f"odd.{suffix}"
-    file.write_bytes(content)
-    said = complaint(run(command, file))
-    assert said.startswith(f"weberlink: {file}: ")
-    assert field in said
-    assert list(tmp_path.iterdir()) == [file]
+        (Path(login) / "weberlink").touch()
+        monkeypatch.setenv("XDG_RUNTIME_DIR", login)
+        assert "weberlink is a file" in complaint(run("loopback --duration 0"), 1)
 
 
 def test_a_key_is_private_and_never_written_over_another(tmp_path: Path) -> None:

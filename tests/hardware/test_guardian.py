@@ -7,7 +7,7 @@ measures how soon after it a message comes.
 import os
 import signal
 import tty
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from select import select
@@ -51,12 +51,33 @@ class Wire:
     port: SerialPort
     near: int
 
-    def heard(self, wait: float = 0.0) -> bytes:
-        return os.read(self.near, 1000) if select((self.near,), (), (), wait)[0] else b""
+    def heard(self, wait: float = 0.0, *, size: int = 1) -> bytes:
+        """What comes within a time; with a size, at least so much, for the kernel hands it over in parts."""
+        came = b""
+        while len(came) < size and select((self.near,), (), (), wait)[0]:
+            came += os.read(self.near, 1000)
+        return came
 
     def push(self, stale: float = LONG_S) -> None:
         self.guardian.given(monotonic(), stale)
         self.port.write(FORCE)
+
+    def signal_guardian(self, number: signal.Signals) -> None:
+        assert self.guardian.pid is not None
+        os.kill(self.guardian.pid, number)
+
+    def until_told(self, use: Callable[[], None]) -> None:
+        """Use it until the death of its guardian is told."""
+
+        def is_told() -> bool:
+            self.heard()
+            try:
+                use()
+            except HardwareFault as fault:
+                return "guardian process died" in str(fault)
+            return False
+
+        until(is_told, "the news of its death", pause=0.005)
 
 
 @contextmanager
@@ -105,15 +126,12 @@ def test_unrenewed_force_is_taken_off_again_and_again(wire: Wire) -> None:
 
 def test_nothing_is_written_while_the_lease_lasts_nor_where_there_is_no_force(wire: Wire) -> None:
     assert wire.heard(WHILE_S) == b""
-    for rest in (None, ZERO, OTHER_ZERO):
+    for rest in (b"", ZERO, OTHER_ZERO):
         wire.push()
-        if rest is not None:
+        if rest:
             wire.port.write(rest)
             wire.guardian.given(monotonic() - 2.0 * LONG_S, LONG_S)
-        came, expected = b"", FORCE + (rest or b"")
-        while len(came) < len(expected):
-            came += wire.heard(PATIENCE)
-        assert came == expected
+        assert wire.heard(PATIENCE, size=len(FORCE + rest)) == FORCE + rest
         assert wire.heard(WHILE_S) == b""
         assert not wire.guardian.new_writes()
 
@@ -130,9 +148,8 @@ def test_stale_force_is_not_written(wire: Wire) -> None:
     ("number", "says"), [(signal.SIGKILL, "guardian process died"), (signal.SIGSTOP, r"process \d+ has not run")]
 )
 def test_without_its_guardian_there_is_no_force(wire: Wire, number: signal.Signals, says: str) -> None:
-    assert wire.guardian.pid is not None
     wire.push()
-    os.kill(wire.guardian.pid, number)
+    wire.signal_guardian(number)
     gives_up = monotonic() + PATIENCE
     with pytest.raises(HardwareFault, match=says) as caught:
         while monotonic() < gives_up:
@@ -151,24 +168,15 @@ def test_a_guardian_that_runs_is_trusted_and_one_that_died_is_told_at_rest_too(w
         wire.push()
         wire.heard()
         sleep(0.005)
-    assert wire.guardian.pid is not None
-    os.kill(wire.guardian.pid, signal.SIGKILL)
-
-    def is_told() -> bool:
-        wire.heard()
-        with suppress(HardwareFault):
-            wire.port.write(ZERO)
-            return False
-        return True
-
-    until(is_told, "the news of its death", pause=0.005)
+    wire.signal_guardian(signal.SIGKILL)
+    wire.until_told(lambda: wire.port.write(ZERO))
 
 
 def test_guardian_ignores_signals_to_the_parent(wire: Wire) -> None:
     pid = wire.guardian.pid
     assert os.getsid(pid) == os.getpgid(pid) == pid
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        os.kill(pid, number)
+        wire.signal_guardian(number)
     wire.push(LEASE_S / 2.0)
     until(wire.guardian.new_writes, "the zero")
 
@@ -205,10 +213,7 @@ def test_blocked_device_still_gets_the_zero(wire: Wire) -> None:
     with pytest.raises(HardwareFault):
         wire.port.write(FORCE)
     until(wire.guardian.new_writes, "the zero")
-    heard = b""
-    while part := wire.heard(WHILE_S):
-        heard += part
-    assert heard.endswith(ZERO)
+    assert wire.heard(WHILE_S, size=1_000_000).endswith(ZERO)
 
 
 # --- what leaves an arm that must not lose its torque
@@ -218,10 +223,8 @@ def test_last_message_is_written_when_the_cycles_end(arm: Wire) -> None:
     for number in range(50):
         arm.guardian.hold(b"here %d\n" % number)
         arm.port.write(b"there\n")
-    expected, written = b"there\n" * 50 + b"here 49\n", b""
-    while len(written) < len(expected) and (more := arm.heard(PATIENCE)):  # the kernel hands it over in parts
-        written += more
-    assert written.startswith(expected)
+    expected = b"there\n" * 50 + b"here 49\n"
+    assert arm.heard(PATIENCE, size=len(expected)).startswith(expected)
 
 
 def test_arm_that_is_safe_is_left_alone_and_one_within_a_cycle_is_made_safe(arm: Wire) -> None:
@@ -234,17 +237,8 @@ def test_arm_that_is_safe_is_left_alone_and_one_within_a_cycle_is_made_safe(arm:
 
 
 def test_guardian_that_died_is_told_and_messages_still_pass(arm: Wire) -> None:
-    assert arm.guardian.pid is not None
-    os.kill(arm.guardian.pid, signal.SIGKILL)
-
-    def is_told() -> bool:
-        try:
-            arm.guardian.hold(HERE)
-        except HardwareFault as fault:
-            return "guardian process died" in str(fault)
-        return False
-
-    until(is_told, "the news of its death")
+    arm.signal_guardian(signal.SIGKILL)
+    arm.until_told(lambda: arm.guardian.hold(HERE))
     arm.heard()
     arm.port.write(b"there\n")
     assert arm.heard(PATIENCE) == b"there\n"
@@ -255,10 +249,7 @@ def test_a_message_that_just_has_room_is_kept_and_a_longer_one_refused(arm: Wire
     arm.guardian.hold(most)
     with pytest.raises(ValueError, match="too long"):
         arm.guardian.hold(most + b"x")
-    heard = b""
-    while len(heard) < len(most):
-        heard += arm.heard(PATIENCE)
-    assert heard.startswith(most)
+    assert arm.heard(PATIENCE, size=len(most)).startswith(most)
 
 
 def test_a_message_that_is_seen_in_part_is_not_written() -> None:
@@ -319,8 +310,7 @@ def test_a_lease_that_expires_is_met_at_once_ten_times_and_then_slowly(
 ) -> None:
     loop = Loop(monkeypatch, {100: 150, 2500: 2551, 3000: 0, 5000: ends}, goodbye)
     met = [*range(150, 331, 20), 1330, 2330, *range(2551, 2732, 20)]
-    assert loop.writes == met + [5000] * last
-    assert loop.words[WRITES] == len(met)
+    assert (loop.writes, loop.words[WRITES]) == (met + [5000] * last, len(met))
     assert loop.beats == list(range(2, len(loop.beats) + 2))
     assert len(loop.beats) >= (5000 - 1) // 20, "every 20 ms at the longest"
 

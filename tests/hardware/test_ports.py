@@ -222,18 +222,15 @@ A, B, C = b"\x01" * 14, b"\x02" * 14, b"\x03" * 14
 
 
 @pytest.mark.parametrize(
-    ("waiting", "later", "expected"),
-    [([], [], []), ([A, B, C], [], [A, B, C]), ([], [A], [A]), ([], [A, B, C], [A, B, C])],
+    ("waiting", "later", "over_s", "timeouts"),
+    [([], [], 1.0, [1]), ([], [], inf, []), ([A, B, C], [], 1.0, []), ([], [A], 1.0, [1]), ([], [A, B, C], 1.0, [1])],
 )
-def test_no_report_is_dropped(waiting: list[bytes], later: list[bytes], expected: list[bytes]) -> None:
-    assert port_on(ScriptedHidapi(waiting, later)).read_all(monotonic() + 0.01) == expected
-
-
-@pytest.mark.parametrize(("over_s", "timeouts"), [(1.0, [1]), (inf, [])])
-def test_elapsed_time_limit_never_waits_for_ever(over_s: float, timeouts: list[int]) -> None:
+def test_no_report_is_dropped_and_none_waited_for_for_ever(
+    waiting: list[bytes], later: list[bytes], over_s: float, timeouts: list[int]
+) -> None:
     """hidapi would wait for ever with a timeout of 0 ms."""
-    device = ScriptedHidapi()
-    assert port_on(device).read_all(max(0.0, monotonic() - over_s)) == []
+    device = ScriptedHidapi(waiting, later)
+    assert port_on(device).read_all(max(0.0, monotonic() - over_s)) == waiting + later
     assert device.timeouts == timeouts
 
 
