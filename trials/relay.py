@@ -22,11 +22,9 @@ from weberlink.protocol.wire import LONGEST_DATAGRAM, Kind, kind_of
 
 Address = tuple[str, int]
 
-PRIORITY = 40
-"""Of SCHED_FIFO, below the daemons: a wire does not wait for a processor. Needs the right to it."""
+PRIORITY = 40  # of SCHED_FIFO, below the daemons: a wire does not wait for a processor. Needs the right to it.
 LONGEST_WAIT = 0.05
-REMEMBERED = 20_000
-"""Datagrams of each direction kept to be sent again."""
+REMEMBERED = 20_000  # datagrams of each direction kept to be sent again
 _READS = 64
 _KEPT_BACKS = 4
 _KEPT_CALLS = 1024
@@ -42,12 +40,7 @@ class Direction:
     """
 
     def __init__(self, send: Callable[[bytes], bool], uniform: Callable[[], float]) -> None:
-        """Begin with a perfect link.
-
-        Args:
-            send: passes a datagram on; False if that was not possible.
-            uniform: random numbers in [0, 1).
-        """
+        """Begin with a perfect link."""
         self.counts: Counter[str] = Counter()
         self._send = send
         self._uniform = uniform
@@ -169,11 +162,7 @@ class Relay:
         self.backward.deliver(now)
 
     def obey(self, order: dict[str, Any]) -> Any:
-        """Do what one order says; returns the answer.
-
-        Raises:
-            ValueError: there is no such order.
-        """
+        """Do what one order says; returns the answer."""
         match order["do"]:
             case "books":
                 return self._books()
