@@ -28,7 +28,7 @@ from weberlink.telemetry.record import FIELDS
 from weberlink_recording.container import END
 from weberlink_recording.container import FACTS as FACTS_NAME
 from weberlink_recording.reader import read_recording
-from weberlink_recording.writer import CHUNK_RECORDS, Origin, RecordingExistsError, RecordingWriter
+from weberlink_recording.writer import CHUNK_RECORDS, Origin, RecordingWriter
 
 
 @pytest.fixture
@@ -131,14 +131,6 @@ def test_what_is_flushed_is_in_the_file_and_what_waits_is_bounded(path):
         assert (recording.complete, recording.outcome, recording.facts) == (False, "cut off", FACTS)
         assert writer.size == path.stat().st_size
     assert writer.size == path.stat().st_size
-
-
-def test_a_file_that_is_there_is_never_overwritten(path):
-    path.write_text("mine")
-    with pytest.raises(RecordingExistsError, match="never overwritten") as error:
-        RecordingWriter.create(path, {})
-    assert str(path) in str(error.value)
-    assert path.read_text() == "mine"
 
 
 def test_a_recording_that_failed_says_so_and_what_is_lost(path):
