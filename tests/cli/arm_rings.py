@@ -23,17 +23,10 @@ RANGES: dict[str, Any] = {
 
 
 class ArmRings:
-    """The writers of both ends in one folder; every value tells its field, axis and tick.
-
-    Args:
-        folder: of the rings.
-        session: their name.
-        system: the configuration that they describe.
-        ranges: of their arms.
-    """
+    """The writers of both ends in one folder; every value tells its field, axis and tick."""
 
     def __init__(
-        self, stack: ExitStack, folder: Path, session: str, system: dict[str, Any], ranges: dict[str, Any] = RANGES
+        self, stack: ExitStack, folder: Path, session: str, system: dict[str, Any], ranges: dict[str, Any]
     ) -> None:
         self._writers = {}
         for side in ("master", "slave"):

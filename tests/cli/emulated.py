@@ -13,15 +13,10 @@ from tests.wait import PATIENCE
 
 
 class Emulated:
-    """An emulator at work; its port is known within the `with`.
-
-    Args:
-        name: of the driver.
-        folder: of its serial port and of the FIFO of its faults.
-        options: of the emulator, "key=value" each.
-    """
+    """An emulator at work; its port is known within the `with`."""
 
     def __init__(self, name: str, folder: Path, *options: str) -> None:
+        """Of a driver, its port and the FIFO of its faults in a folder; options are "key=value" each."""
         self._fifo = folder / f"{name}.faults"
         sets = [argument for option in options for argument in ("--set", option)]
         command = [sys.executable, "-m", "weberlink", "device", "emulate", name, "--faults", str(self._fifo), *sets]

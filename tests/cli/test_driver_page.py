@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 from tests.cli.packages import add_drivers
+from tests.hardware.helpers import Answering
 from tests.session.packages import install
 from tests.session.systems import CONFIGS
 from weberlink.geometry.vector import Vector
-from weberlink.hardware.emulator import WireFaults
 
 PAGE = (CONFIGS.parent / "docs" / "how-to" / "driver.md").read_text(encoding="utf-8")
 SWING_M = 0.02
@@ -28,16 +28,12 @@ def block(language: str, containing: str = "") -> str:
     return str(found)
 
 
-class PaddleBoard:
-    """An emulated paddle in a hand that swings to and fro and yields a little.
-
-    Its motor stops by itself when it has not heard a line for 50 ms.
-    """
+class PaddleBoard(Answering):
+    """In a hand that swings to and fro and yields; its motor stops by itself when it has not heard a line for 50 ms."""
 
     def __init__(self) -> None:
-        self.faults = WireFaults()
+        super().__init__()
         self._commanded_n = 0.0
-        self._answers: list[bytes] = []
         self._heard_at = -inf
         self._text = b""
         self._origin: float | None = None
@@ -48,25 +44,13 @@ class PaddleBoard:
         return (0.0, self._commanded_n if monotonic() - self._heard_at <= 0.05 else 0.0, 0.0)
 
     def receive(self, data: bytes, now: float) -> None:
+        self._origin = self._origin or now
         *lines, self._text = (self._text + data).split(b"\n")
         for line in lines:
             self._commanded_n, self._heard_at = 1e-3 * int(line), now
-            self._answers.append(b"%d\n" % round(1e6 * self._position(now)))
-
-    def advance(self, now: float) -> None:
-        pass
-
-    def replies(self, now: float) -> list[bytes]:
-        answers, self._answers = self._answers, []
-        return answers
-
-    def next_timer(self) -> float | None:
-        return None
-
-    def _position(self, now: float) -> float:
-        self._origin = self._origin or now
-        phase = (now - self._origin) % 2.0
-        return SWING_M * (1.0 - 2.0 * abs(phase - 1.0)) + YIELDS_M_N * self.force[1]
+            phase = (now - self._origin) % 2.0
+            position = SWING_M * (1.0 - 2.0 * abs(phase - 1.0)) + YIELDS_M_N * self.force[1]
+            self.answers.append(b"%d\n" % round(1e6 * position))
 
 
 @pytest.fixture

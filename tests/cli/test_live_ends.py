@@ -117,15 +117,12 @@ def test_lead_writes_angles_within_the_leaders_limits(tmp_path: Path, rings: Arm
     memory.open()
     lead = RemoteLead(where=tmp_path)
     assert lead.send((radians(20.0), -3.0, 0.25)).tolist() == [radians(20.0), -1.0, 0.25]
-    newest = memory.newest()
-    assert newest is not None
-    assert (newest.angles, newest.leads) == ((radians(20.0), -1.0, 0.25), True)
+    assert (memory.newest() or ())[:2] == ((radians(20.0), -1.0, 0.25), True)
     with pytest.raises(ValueError, match="expected 3 angles, not 2"):
         lead.send((0.0, 0.0))
     lead.close()
     newest = memory.newest()
-    assert newest is not None
-    assert not newest.leads
+    assert newest is not None and not newest.leads
     memory.close()
 
 

@@ -21,12 +21,9 @@ def paths_in(settings: Any) -> Iterator[Path]:
     """All paths among settings."""
     if isinstance(settings, Path):
         yield settings
-    elif isinstance(settings, BaseModel):
-        for value in dict(settings).values():
-            yield from paths_in(value)
-        for value in (settings.model_extra or {}).values():
-            yield from paths_in(value)
-    elif isinstance(settings, (tuple, list)):
+    if isinstance(settings, BaseModel):
+        settings = [*dict(settings).values(), *(settings.model_extra or {}).values()]
+    if isinstance(settings, (tuple, list)):
         for value in settings:
             yield from paths_in(value)
 

@@ -6,37 +6,28 @@ from time import monotonic
 
 import pytest
 
-from tests.hardware.descriptors import descriptors
+from tests.hardware.helpers import Answering, descriptors
 from tests.wait import PATIENCE
-from weberlink.hardware.emulator import WireFaults
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.testing.serving import LONGEST_PAUSE_S as PAUSE_S
 from weberlink.testing.serving import PtyDevice
 
 
-class Echo:
+class Echo(Answering):
     """Sends back what it hears, in upper case."""
 
     def __init__(self) -> None:
-        self.faults = WireFaults()
+        super().__init__()
         self.heard: list[bytes] = []
         self.advances: list[float] = []
-        self._waiting: list[bytes] = []
 
     def receive(self, data: bytes, now: float) -> None:
         self.heard.append(data)
-        self._waiting.append(data.upper())
+        self.answers.append(data.upper())
 
     def advance(self, now: float) -> None:
         self.advances.append(now)
-
-    def replies(self, now: float) -> list[bytes]:
-        due, self._waiting = self._waiting, []
-        return due
-
-    def next_timer(self) -> float | None:
-        return None
 
 
 def asked(port: SerialPort, question: bytes) -> bytes:

@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from tests.hardware.descriptors import descriptors
+from tests.hardware.helpers import descriptors
 from tests.wait import PATIENCE, until
 from weberlink.hardware import guardian_process
 from weberlink.hardware.fault import BadReply, HardwareFault

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from tests.hardware.descriptors import descriptors
+from tests.hardware.helpers import descriptors
 from tests.program import ROOT
 from tests.strangers import NOBODY, needs_root
 from tests.wait import PATIENCE, until

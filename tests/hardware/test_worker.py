@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tests.hardware.descriptors import descriptors
+from tests.hardware.helpers import descriptors
 from tests.program import ROOT
 from tests.wait import PATIENCE, until
 from weberlink.hardware.fault import BadReply, HardwareFault

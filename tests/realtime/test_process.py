@@ -90,12 +90,11 @@ def test_granted_rights_are_in_force_and_others_name_what_they_need():
 
 def test_process_without_rights_names_what_it_lacks_and_goes_on():
     seen = told(GIVE_UP_RIGHTS + ASK, json.dumps([7, True, None]))
-    details = [seen["grants"][name]["detail"] for name in ("priority", "memory")]
-    assert details == [
-        "not permitted: needs CAP_SYS_NICE or an rtprio limit of 7 or more",
-        "not permitted: needs CAP_IPC_LOCK or a larger memlock limit",
-    ]
-    assert not seen["grants"]["priority"]["granted"] and not seen["grants"]["memory"]["granted"]
+    for name, lacks in (
+        ("priority", "CAP_SYS_NICE or an rtprio limit of 7 or more"),
+        ("memory", "CAP_IPC_LOCK or a larger memlock limit"),
+    ):
+        assert seen["grants"][name] == {"granted": False, "detail": f"not permitted: needs {lacks}"}
     assert (seen["fifo"], seen["locked_kb"]) == (False, 0)
 
 

@@ -20,7 +20,7 @@ def test_stall_advances_nothing_and_settles_within_some_ticks() -> None:
     assert settling == [True] * SETTLING_TICKS + [False] * SETTLING_TICKS
 
 
-@pytest.mark.parametrize(("tick_period", "limit"), [(1e-4, 0.02), (1e-3, 0.02), (0.01, 0.1), (0.1, 1.0)])
+@pytest.mark.parametrize(("tick_period", "limit"), [(1e-4, 0.02), (0.01, 0.1), (0.1, 1.0)])
 def test_slower_loop_has_a_longer_limit(tick_period: float, limit: float) -> None:
     assert StallDetector(tick_period).limit == pytest.approx(limit)
 
@@ -40,11 +40,8 @@ def test_ramps_never_advance_by_more_than_the_elapsed_time(gaps: list[float]) ->
 
 def test_watchdog_expires_when_it_is_not_fed() -> None:
     watchdog = Watchdog(0.5)
-    assert not watchdog.expired(10.0), "its time begins with the first call"
-    assert not watchdog.expired(10.5)
-    assert watchdog.expired(10.6)
+    assert [watchdog.expired(now) for now in (10.0, 10.5, 10.6)] == [False, False, True]  # from the first call on
     watchdog.feed(10.6)
-    assert not watchdog.expired(11.1)
-    assert watchdog.expired(11.2)
+    assert [watchdog.expired(now) for now in (11.1, 11.2)] == [False, True]
     with pytest.raises(ValueError, match="limit"):
         Watchdog(0.0)

@@ -114,37 +114,28 @@ def test_a_start_in_the_past_begins_at_the_newest_deadline(loop_run, polls):
     assert ticker.missed < 100, "deadlines before the first tick do not count"
 
 
-def test_stopping_inside_a_tick_is_final_and_leaves_no_descriptor(loop_run, polls):
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_stop_or_an_error_inside_a_tick_is_final_and_leaves_no_descriptor(loop_run, polls, fails):
     async def main():
-        calls = []
-        before = open_files()
-        ticker = Ticker(PERIOD, lambda *call: (calls.append(call), ticker.stop()), polls=polls)
+        calls, errors, before = [], [], open_files()
+
+        def on_tick(*call):
+            calls.append(call)
+            if fails:
+                raise ZeroDivisionError
+            ticker.stop()
+
+        ticker = Ticker(
+            PERIOD, on_tick, on_error=lambda error: errors.append((type(error), ticker.running)), polls=polls
+        )
         ticker.start()
         assert ticker.running
         assert fcntl.fcntl(ticker._fd, fcntl.F_GETFD) & fcntl.FD_CLOEXEC, "no child inherits the timer"
+        while not calls:
+            await asyncio.sleep(PERIOD)
         await asyncio.sleep(10 * PERIOD)
-        assert len(calls) == 1
-        assert not ticker.running
+        assert (len(calls), errors, ticker.running) == (1, [(ZeroDivisionError, False)] * fails, False)
         assert open_files() == before
-
-    loop_run(main)
-
-
-def test_an_error_in_a_tick_stops_the_ticker_and_is_handed_over(loop_run, polls):
-    async def main():
-        errors, calls = asyncio.Queue(), []
-
-        def on_tick(index, deadline, now):
-            calls.append(index)
-            raise ZeroDivisionError("in the tick")
-
-        ticker = Ticker(PERIOD, on_tick, on_error=lambda error: errors.put_nowait((error, ticker.running)), polls=polls)
-        ticker.start()
-        error, running = await errors.get()
-        await asyncio.sleep(5 * PERIOD)
-        assert isinstance(error, ZeroDivisionError)
-        assert not running
-        assert len(calls) == 1
 
     loop_run(main)
 

@@ -8,7 +8,8 @@ from time import monotonic, sleep
 import numpy as np
 
 from tests.program import ENGAGED, Records
-from trials.rig import NOTHING, Books, Session, Side
+from trials.relay import Books
+from trials.rig import NOTHING, Session, Side
 from trials.soak import laws
 from trials.soak.laws import Footprint
 from weberlink.config import MASTER, SIDES, SLAVE

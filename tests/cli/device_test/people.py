@@ -20,10 +20,7 @@ class Clock:
 
 
 class Keyboard(io.StringIO):
-    """Types lines; then the input ends.
-
-    A line may be a pair of an action before it is typed, and the line.
-    """
+    """Types lines, each of which may be a pair of an action before it and the line; then the input ends."""
 
     def __init__(self, screen: io.StringIO, *lines: str | tuple[Callable[[], None], str]) -> None:
         super().__init__()

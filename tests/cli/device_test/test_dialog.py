@@ -12,6 +12,7 @@ from tests.session.systems import CONFIGS
 from weberlink.cli.device_test import DeviceTestError, run, uninterrupted
 
 FILE = CONFIGS / "loopback.yaml"
+OVERRIDES = ["force_n=2.5", "master.device.workspace_m=0.05"]
 
 
 def test_ctrl_c_waits_while_a_device_is_made_safe() -> None:
@@ -31,19 +32,21 @@ def test_ctrl_c_waits_while_a_device_is_made_safe() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "lines", "parts"),
+    ("name", "overrides", "lines", "parts"),
     [
         (
             "operator",
-            ["", "yes", "", "y", "", "y", "", "y"],
+            ["force_n=2.5", "master.device.workspace_m=0.05"],
+            ["", "yes", *["", "y"] * 3],
             ["at most 2.5 N", "The force is right"],
         ),
-        ("point", ["", "yes"], ["The motion is right"]),
+        ("point", [], ["", "yes"], ["The motion is right"]),
     ],
 )
-def test_simulated_part_passes_with_overrides_of_the_file(name: str, lines: list[str], parts: list[str]) -> None:
+def test_simulated_part_passes_with_overrides_of_the_file(
+    name: str, overrides: list[str], lines: list[str], parts: list[str]
+) -> None:
     screen = io.StringIO()
-    overrides = ["force_n=2.5", "master.device.workspace_m=0.05"] if name == "operator" else []
     run(name, sitting(Clock(), screen, *lines)[0], FILE, overrides)
     assert [part for part in parts if part not in screen.getvalue()] == []
     with pytest.raises(DeviceTestError, match=f"^{name}: stopped before the end"):

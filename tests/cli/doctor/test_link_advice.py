@@ -43,7 +43,6 @@ def lines(findings: list[Finding]) -> list[str]:
 
 
 NONE = "control.scheme=none"
-AHEAD = ("codec.force.lookahead_ms=10", "codec.position.lookahead_ms=5")
 
 
 @pytest.mark.parametrize(
@@ -83,9 +82,10 @@ def test_silence_limit_covers_each_need(seen: float, silences: int, grade: Grade
 
 
 def test_lookahead_is_dropped_where_nothing_controls_it() -> None:
-    assert lines(found(link(0.05), LOOPBACK, *AHEAD)) == []
+    ahead = ("codec.force.lookahead_ms=10", "codec.position.lookahead_ms=5")
+    assert lines(found(link(0.05), LOOPBACK, *ahead)) == []
     zero = ["codec.force.lookahead_ms=0", "codec.position.lookahead_ms=0"]
-    assert lines(found(link(0.001), LOOPBACK, *AHEAD, NONE)) == zero
+    assert lines(found(link(0.001), LOOPBACK, *ahead, NONE)) == zero
 
 
 @settings(max_examples=25)

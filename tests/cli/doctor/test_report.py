@@ -23,15 +23,11 @@ LAN = CONFIGS / "lan.yaml"
 OK, ADVICE, PROBLEM, UNKNOWN = Grade.OK, Grade.ADVICE, Grade.PROBLEM, Grade.UNKNOWN
 
 
-def test_ideal_machine_has_no_findings_to_fix(tmp_path: Path) -> None:
-    found = examine(Needs(), machine(tmp_path, which=lambda name: name if name in ("cyclictest", "sockperf") else None))
-    assert [each for each in found.findings if each.grade is not OK] == []
-
-
-def test_missing_files_are_unknown(tmp_path: Path) -> None:
-    found = examine(Needs(), machine(tmp_path, dict.fromkeys(FILES)), READ)
-    dark = {each.check for each in found.findings if each.grade is UNKNOWN}
-    assert {"clock source", "throttling", "receive buffer"} <= dark
+def test_an_ideal_machine_has_nothing_to_fix_and_missing_files_are_unknown(tmp_path: Path) -> None:
+    ideal = machine(tmp_path, which=lambda name: name if name in ("cyclictest", "sockperf") else None)
+    assert [each for each in examine(Needs(), ideal).findings if each.grade is not OK] == []
+    found = examine(Needs(), machine(tmp_path / "dark", dict.fromkeys(FILES)), READ).findings
+    assert {"clock source", "throttling", "receive buffer"} <= {each.check for each in found if each.grade is UNKNOWN}
 
 
 @examples(25)
@@ -61,14 +57,9 @@ def test_failing_check_becomes_a_finding_and_the_fix_of_a_row_is_for_those_that_
     assert stream.getvalue().splitlines()[-1].startswith("1 problem, 1 advice, 1 unknown")
 
 
-@pytest.fixture
-def _soon_seen_host(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A trial of the host takes seconds; its own tests make a real one."""
+def test_command_reports_of_this_machine_and_fails_on_problems(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    # A trial of the host takes seconds; its own tests make a real one.
     monkeypatch.setattr(Machine, "host_trial", lambda _machine, **_request: HOST)
-
-
-@pytest.mark.usefixtures("_soon_seen_host")
-def test_command_reports_of_this_machine_and_fails_on_problems(tmp_path: Path) -> None:
     out = tmp_path / "doctor.json"
     ended = weberlink("doctor", LAN, "--side", "master", "--json", out)
     told = document(out.read_text(encoding="utf-8"))

@@ -3,7 +3,7 @@
 from time import monotonic, sleep
 from typing import Any
 
-from weberlink.hardware.emulator import WireFaults
+from tests.hardware.helpers import Answering
 from weberlink.hardware.guardian import Guardian
 from weberlink.master.devices.polhem.driver import PolhemDevice
 from weberlink.master.devices.polhem.hid_device import PolhemHidDevice
@@ -20,31 +20,20 @@ from weberlink.master.devices.polhem.protocol import (
 from weberlink.testing.time import TICK
 
 
-class Teensy:
+class Teensy(Answering):
     """Answers every message as the firmware does. Its counters are `counts`, whoever sets them."""
 
     def __init__(self, counts: tuple[int, int, int, int, int, int]) -> None:
-        self.faults = WireFaults()
+        super().__init__()
         self.model, self.counts, self.error = 3, counts, 0
-        self.currents: list[tuple[int, int, int]] = []
-        """As commanded, one per message."""
+        self.currents: list[tuple[int, int, int]] = []  # as commanded, one per message
         self._rest = b""
-        self._answers: list[bytes] = []
 
     def receive(self, data: bytes, now: float) -> None:
         *messages, self._rest = (self._rest + data.replace(b"\0", b"")).split(b"\n")
         for message in messages:
             self.currents.append(decode_currents(message))
-            self._answers.append(encode_status(Sensors(self.counts, model=self.model, error=self.error)))
-
-    def advance(self, now: float) -> None: ...
-
-    def replies(self, now: float) -> list[bytes]:
-        answers, self._answers = self._answers, []
-        return answers
-
-    def next_timer(self) -> float | None:
-        return None
+            self.answers.append(encode_status(Sensors(self.counts, model=self.model, error=self.error)))
 
 
 class ScriptedHidBoard:
