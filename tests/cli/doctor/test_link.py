@@ -6,7 +6,6 @@ from math import sqrt
 from random import Random
 
 import pytest
-from pydantic import BaseModel
 
 from tests.protocol.harness import AGREEMENT, KEY, MASTER, SLAVE, TICK, Pair, Side, forms
 from tests.session.systems import CONFIGS
@@ -167,10 +166,6 @@ NONE: WayOut = ({}, [])
 BLOCKED: WayOut = ({"nat": "blocked"}, [problem("UDP is blocked", "another network", "udp")])
 
 
-class Options(BaseModel):
-    pass
-
-
 class Finder:
     """Finds paths."""
 
@@ -179,7 +174,7 @@ class Finder:
 
 def report(trial: LinkTrial, way_out: WayOut, *overrides: str, finder: type | None = None) -> DoctorReport:
     configuration = load(LOOPBACK, overrides, [LEADS])
-    return judge(replace(configuration, finder=finder and Part(finder, Options())), way_out, trial)
+    return judge(replace(configuration, finder=finder and Part(finder, load(LOOPBACK).system)), way_out, trial)
 
 
 def test_report_advises_settings_and_its_document_is_json() -> None:
