@@ -118,7 +118,7 @@ figures: $(DEV)  ## every figure and table of README and docs, with its numbers 
 	$(BIN)/weberlink study stability --plots docs/figures --json docs/figures/stability.json
 	$(BIN)/weberlink study paper --plots docs/paper --json docs/paper/paper.json
 	$(BIN)/python -m benchmarks --plots docs/bench --json docs/bench/bench.json
-	$(BIN)/python -m tests.cli.monitor.moving_picture docs/figures
+	$(BIN)/python -m trials.pictures docs/figures
 
 schema: $(DEV)  ## the JSON Schema of configuration files, for editors, and the list of guests
 	$(BIN)/python -m weberlink.installation plugins src/weberlink/guests.json

@@ -14,7 +14,7 @@ from weberlink.cli.output import errors, fail, progress_bar
 from weberlink.cli.sessions import one_host
 from weberlink.order import FAILED
 from weberlink_studies.commands import Plots, publish
-from weberlink_studies.figure_options import Footer, Format, figures
+from weberlink_studies.drawing import Footer, Format
 
 # A group of one command has the one-line errors and the answer to Ctrl-C of `weberlink`.
 app = typer.Typer(cls=CommandGroup, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -50,8 +50,7 @@ def bench(
             )  # fmt: skip
     except BenchError as error:
         fail(str(error), FAILED)
-    with figures(footer, format_):
-        publish(result, json_out, plots)
+    publish(result, json_out, plots, footer=footer, formats=format_)
 
 
 if __name__ == "__main__":

@@ -20,15 +20,12 @@ from weberlink.config.model import RealtimeSettings
 from weberlink.realtime.process import die_with_parent, prepare
 
 RATES_HZ = (1000.0, 2000.0, 4000.0)
-MAIN_RATE_HZ = 1000.0
-"""Rate of the figures on CPU time, memory and latency."""
+MAIN_RATE_HZ = 1000.0  # rate of the figures on CPU time, memory and latency
 DURATION_S = 20.0
-ROOT = str(Path(__file__).parents[1])
-"""The clone of the repository, from which a process imports this package."""
+ROOT = str(Path(__file__).parents[1])  # the clone of the repository, from which a process imports this package
 QUICK_DURATION_S = 1.0
 
-Ports = Callable[[list[str]], list[str]]
-"""Returns overrides that name a free port, for given overrides."""
+Ports = Callable[[list[str]], list[str]]  # returns overrides that name a free port, for given overrides
 
 
 class BenchError(RuntimeError):
@@ -37,23 +34,14 @@ class BenchError(RuntimeError):
 
 @dataclass(frozen=True)
 class Arrangement:
-    """The system under test and the duration of each part.
+    """The system under test and the duration of each part."""
 
-    Args:
-        file: the configuration.
-        key_file: a key for this run.
-        given: overrides of the user, applied last but for the rate.
-        ports: finds a free port.
-        duration_s: of the live run at one rate [s]; other parts take a share of it.
-        quick: measure briefly.
-    """
-
-    file: Path
-    key_file: Path
-    given: tuple[str, ...]
-    ports: Ports
-    duration_s: float = DURATION_S
-    quick: bool = False
+    file: Path  # the configuration
+    key_file: Path  # a key for this run
+    given: tuple[str, ...]  # overrides of the user, applied last but for the rate
+    ports: Ports  # finds a free port
+    duration_s: float = DURATION_S  # of the live run at one rate [s]; other parts take a share of it
+    quick: bool = False  # measure briefly
 
     def overrides(self, rate_hz: float) -> list[str]:
         """Overrides of the file, with a port that is free now."""
@@ -73,19 +61,12 @@ class Arrangement:
 
 @dataclass(frozen=True)
 class Rights:
-    """Rights of the daemons and of their limits.
+    """Rights of the daemons and of their limits."""
 
-    Args:
-        priority: of SCHED_FIFO; 0 for the ordinary scheduler.
-        lock_memory: whether memory is locked.
-        wakeful: whether processors are kept out of deep sleep.
-        cpus: processor of each daemon; None for any.
-    """
-
-    priority: int
-    lock_memory: bool
-    wakeful: bool
-    cpus: tuple[int, int] | None
+    priority: int  # of SCHED_FIFO; 0 for the ordinary scheduler
+    lock_memory: bool  # whether memory is locked
+    wakeful: bool  # whether processors are kept out of deep sleep
+    cpus: tuple[int, int] | None  # processor of each daemon; None for any
 
     def cpu(self, place: int) -> int | None:
         return None if self.cpus is None else self.cpus[place]

@@ -22,8 +22,7 @@ from weberlink_studies.evaluate.traces import SHIPPED
 from weberlink_studies.paper.claims import PREDICTORS
 
 ROUNDS, QUICK_ROUNDS = 5, 1
-POSITION_STEP_M = 2e-6
-"""Position step of the shipped configuration."""
+POSITION_STEP_M = 2e-6  # position step of the shipped configuration
 LIMIT_US = 15.0
 
 

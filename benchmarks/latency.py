@@ -26,24 +26,18 @@ from benchmarks.arrangement import MAIN_RATE_HZ, Arrangement, BenchError, Rights
 from benchmarks.percentiles import Series, Summary, ratios, summary
 from weberlink.realtime import timerfd
 
-WAYS = ("position", "force", "round_trip")
-"""Master to slave, slave to master, and both."""
+WAYS = ("position", "force", "round_trip")  # master to slave, slave to master, and both
 ONE_WAY = WAYS[:2]
-CODED_SHARE, LIMIT_SHARE = 0.25, 0.125
-"""Shares of the duration for the coded echo, and for each half of each limit."""
-WARM_UP_S = 0.3
-"""Questions that do not count."""
+CODED_SHARE, LIMIT_SHARE = 0.25, 0.125  # shares of the duration for the coded echo, and for each half of each limit
+WARM_UP_S = 0.3  # questions that do not count
 PATIENCE_S = 60.0
 ASK, ANSWER = "ask", "answer"
 HOST = "127.0.0.1"
-SIZE = 48
-"""A force update with history and tag, the longest of three axes [B]."""
+SIZE = 48  # A force update with history and tag, the longest of three axes [B]
 NUMBER = Struct("<Q")
-ANSWER_S = 1.0
-"""Longest wait for an answer of a plain socket."""
+ANSWER_S = 1.0  # longest wait for an answer of a plain socket
 
-Moments = dict[int, tuple[int, int]]
-"""Two moments [ns] of each question, by its number."""
+Moments = dict[int, tuple[int, int]]  # two moments [ns] of each question, by its number
 
 
 @dataclass(frozen=True)

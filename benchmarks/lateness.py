@@ -22,8 +22,7 @@ from benchmarks.loopback import live_run
 from benchmarks.percentiles import Series, ratios, summary
 from weberlink.realtime import timerfd
 
-LIMIT_SHARE = 0.25
-"""Share of the duration for each half of the limit."""
+LIMIT_SHARE = 0.25  # share of the duration for each half of the limit
 DAEMONS = 2
 BARE_TIMER = "timerfd in Python"
 PATIENCE_S = 30.0
@@ -31,15 +30,10 @@ PATIENCE_S = 30.0
 
 @dataclass(frozen=True)
 class LatenessLimit:
-    """Lateness of threads that only wait for a timer.
+    """Lateness of threads that only wait for a timer."""
 
-    Args:
-        name: of the program, with its version.
-        lateness_us: of every wake-up.
-    """
-
-    name: str
-    lateness_us: Series
+    name: str  # of the program, with its version
+    lateness_us: Series  # of every wake-up
 
     def missed_share(self, rate_hz: float) -> float:
         """Share of missed deadlines: a wake-up that is late by whole periods has missed as many."""

@@ -45,21 +45,14 @@ def resident_kib(status: str) -> int:
 
 @dataclass(frozen=True)
 class LiveSide:
-    """One daemon during the measurement.
+    """One daemon during the measurement."""
 
-    Args:
-        records: of every tick.
-        rate_hz: of the ticks.
-        used: resources at the beginning, at each read, and at the end, with the time of each [s].
-        realtime: rights that were granted.
-        faults: count of each fault, by name.
-    """
-
-    records: NDArray[np.void]
-    rate_hz: float
+    records: NDArray[np.void]  # of every tick
+    rate_hz: float  # of the ticks
+    # resources at the beginning, at each read, and at the end, with the time of each [s]
     used: Sequence[tuple[float, Resources]]
-    realtime: Mapping[str, Any] = field(default_factory=dict)
-    faults: Mapping[str, int] = field(default_factory=dict)
+    realtime: Mapping[str, Any] = field(default_factory=dict)  # rights that were granted
+    faults: Mapping[str, int] = field(default_factory=dict)  # count of each fault, by name
 
     @property
     def ticks(self) -> int:

@@ -41,8 +41,7 @@ ECHO_S = 2.0
 PATIENCE_S = 240.0
 MEASURE = "--measure"
 
-Figures = dict[str, float]
-"""What one measurement of a program found, by name with unit."""
+Figures = dict[str, float]  # what one measurement of a program found, by name with unit
 
 
 def measure(duration_s: float) -> Figures:

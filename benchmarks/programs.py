@@ -17,13 +17,10 @@ import numpy as np
 from benchmarks.arrangement import BenchError, Rights
 from benchmarks.percentiles import Series
 
-LONGEST_US = 50_000
-"""Last bin of the histogram of cyclictest; later wake-ups count as the latest one."""
-CYCLICTEST_START_S, SOCKPERF_START_S = 30.0, 20.0
-"""Time that the programs may take beyond their measurement."""
+LONGEST_US = 50_000  # last bin of the histogram of cyclictest; later wake-ups count as the latest one
+CYCLICTEST_START_S, SOCKPERF_START_S = 30.0, 20.0  # time that the programs may take beyond their measurement
 HOST = "127.0.0.1"
-READY = "block on socket"
-"""Text of sockperf's server when it listens."""
+READY = "block on socket"  # text of sockperf's server when it listens
 
 
 def cyclictest_version() -> str | None:

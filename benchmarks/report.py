@@ -18,17 +18,11 @@ from weberlink_studies.result import plain_table
 
 @dataclass(frozen=True)
 class BenchTarget:
-    """A figure and its bound. A missed target is a finding, no error.
+    """A figure and its bound. A missed target is a finding, no error."""
 
-    Args:
-        name: stable, with the unit or kind of the value.
-        value: None if it could not be measured.
-        target: the bound, of which the value may be at most.
-    """
-
-    name: str
-    value: float | None
-    target: float
+    name: str  # stable, with the unit or kind of the value
+    value: float | None  # None if it could not be measured
+    target: float  # the bound, of which the value may be at most
 
     @property
     def met(self) -> bool | None:
@@ -39,8 +33,7 @@ class BenchTarget:
         return asdict(self) | {"met": self.met}
 
 
-MISSED_RATIO = 1.2
-"""Most missed ticks, as a multiple of those of the limit in the same run."""
+MISSED_RATIO = 1.2  # most missed ticks, as a multiple of those of the limit in the same run
 
 
 def targets(lateness: Mapping[float, Lateness], latency: Latency) -> list[BenchTarget]:

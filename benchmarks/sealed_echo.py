@@ -25,14 +25,11 @@ from weberlink.realtime import timerfd
 
 TAG_BYTES, SALT = 8, bytes(5)
 """Length of the tag, and the part of the nonce beside the 8 bytes of the number of a datagram."""
-KEYS = bytes(16), bytes(range(16))
-"""Of the questions and of the answers."""
+KEYS = bytes(16), bytes(range(16))  # of the questions and of the answers
 BODY = Struct(f"<Q{SIZE - CLEAR_BYTES - TAG_BYTES - 8}s")
 FILLING = bytes(SIZE)
-WORK_US = 10.0
-"""Python work in a tick, with warm caches [us]."""
-PATIENCE_S = 2.0
-"""How long the asking end waits for the last answers [s]."""
+WORK_US = 10.0  # python work in a tick, with warm caches [us]
+PATIENCE_S = 2.0  # how long the asking end waits for the last answers [s]
 
 
 def seal(cipher: AESCCM, number: int) -> bytes:

@@ -43,29 +43,17 @@ Progress = Callable[[int, int, str], None]
 
 @dataclass(frozen=True)
 class Findings:
-    """All measurements, and the circumstances.
+    """All measurements, and the circumstances."""
 
-    Args:
-        rates: lateness by rate [Hz].
-        latency: of an update.
-        update_cost: run time of the code of an update at each end.
-        codec: samples per second.
-        start_up: of the program.
-        rights: granted to the daemons and to their limits.
-        host: facts of the machine, before the run.
-        run_time_s: of all of it.
-        steal_share: of all processors' time, during the run; None if unknown.
-    """
-
-    rates: Mapping[float, Lateness]
-    latency: Latency
-    update_cost: UpdateCost
-    codec: CodecSpeed
-    start_up: StartUp
-    rights: Rights
-    host: Mapping[str, Any]
-    run_time_s: float
-    steal_share: float | None
+    rates: Mapping[float, Lateness]  # lateness by rate [Hz]
+    latency: Latency  # of an update
+    update_cost: UpdateCost  # run time of the code of an update at each end
+    codec: CodecSpeed  # samples per second
+    start_up: StartUp  # of the program
+    rights: Rights  # granted to the daemons and to their limits
+    host: Mapping[str, Any]  # facts of the machine, before the run
+    run_time_s: float  # of all of it
+    steal_share: float | None  # of all processors' time, during the run; None if unknown
 
 
 def run(

@@ -15,7 +15,6 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -50,24 +49,15 @@ CALLS = {"min": "max", "max": "min", "abs": "", "any": "all", "all": "any"}
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change of a source.
+    """One change of a source."""
 
-    Args:
-        group: of `SOURCES`.
-        path: of the source, from the root.
-        line: of the change, from 1.
-        begin, end: characters of the source that are replaced.
-        new: what takes their place.
-        was, becomes: the line.
-    """
-
-    group: str
-    path: str
-    line: int
-    begin: int
+    group: str  # of `SOURCES`
+    path: str  # of the source, from the root
+    line: int  # of the change, from 1
+    begin: int  # characters of the source that are replaced
     end: int
-    new: str
-    was: str
+    new: str  # what takes their place
+    was: str  # the line
     becomes: str
 
 
@@ -170,16 +160,6 @@ class Mutations(ast.NodeVisitor):
         return start + len(self._text[start:].encode()[:column].decode())
 
 
-def mutants_of(group: str, path: Path) -> Iterator[Mutant]:
-    text = path.read_text()
-    mutations = Mutations(text)
-    mutations.visit(ast.parse(text))
-    for begin, end, new in mutations.found:
-        line = text.count("\n", 0, begin)
-        was, becomes = (each.splitlines()[line].strip() for each in (text, text[:begin] + new + text[end:]))
-        yield Mutant(group, str(path.relative_to(ROOT)), line + 1, begin, end, new, was, becomes)
-
-
 def drawn(count: int, seed: int) -> list[Mutant]:
     """Mutants of all groups in turn; at most one of each function's line."""
     random, chosen = Random(seed), []
@@ -190,7 +170,15 @@ def drawn(count: int, seed: int) -> list[Mutant]:
             for path in sorted(ROOT.glob(pattern if pattern.endswith(".py") else f"{pattern}/**/*.py"))
             if not any(part in NOT_MUTATED for part in (*path.parts, path.stem))
         ]
-        candidates = [mutant for path in paths for mutant in mutants_of(group, path)]
+        candidates = []
+        for path in paths:
+            mutations = Mutations(text := path.read_text())
+            mutations.visit(ast.parse(text))
+            for begin, end, new in mutations.found:
+                line = text.count("\n", 0, begin)
+                was, becomes = (each.splitlines()[line].strip() for each in (text, text[:begin] + new + text[end:]))
+                where = str(path.relative_to(ROOT))
+                candidates.append(Mutant(group, where, line + 1, begin, end, new, was, becomes))
         random.shuffle(candidates)
         chosen.append(list({(each.path, each.line): each for each in candidates}.values()))
     return [mutant for each in zip(*chosen, strict=False) for mutant in each][:count]

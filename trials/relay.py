@@ -1,32 +1,30 @@
 """Relay between the two daemons, in a process of its own: emulated faults, repeated and redirected datagrams.
 
-Lines of JSON on standard input tell it what to do, and each is answered by one line; the end of standard input ends it.
-The master sends to its front, the slave sees its back. It has no key.
+`Wire` starts it and gives it orders over a pipe, whose end ends it. The master sends to its front, the slave sees its
+back. It has no key.
 """
 
-import json
 import os
 import select
 import socket
-import sys
 from collections import Counter, deque
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import fields
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from random import Random
 from time import monotonic
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 from weberlink.protocol.emulation import EmulatedLink, Emulation, LinkCounters
 from weberlink.protocol.wire import LONGEST_DATAGRAM, Kind, kind_of
 
 Address = tuple[str, int]
 
-PRIORITY = 40
-"""Of SCHED_FIFO, below the daemons: a wire does not wait for a processor. Needs the right to it."""
+PRIORITY = 40  # of SCHED_FIFO, below the daemons: a wire does not wait for a processor. Needs the right to it.
 LONGEST_WAIT = 0.05
-REMEMBERED = 20_000
-"""Datagrams of each direction kept to be sent again."""
+REMEMBERED = 20_000  # datagrams of each direction kept to be sent again
 _READS = 64
 _KEPT_BACKS = 4
 _KEPT_CALLS = 1024
@@ -42,12 +40,6 @@ class Direction:
     """
 
     def __init__(self, send: Callable[[bytes], bool], uniform: Callable[[], float]) -> None:
-        """Begin with a perfect link.
-
-        Args:
-            send: passes a datagram on; False if that was not possible.
-            uniform: random numbers in [0, 1).
-        """
         self.counts: Counter[str] = Counter()
         self._send = send
         self._uniform = uniform
@@ -90,17 +82,29 @@ class Direction:
     def next_due(self) -> float | None:
         return min((due for link in self._links if (due := link.next_due()) is not None), default=None)
 
-    def reading(self) -> dict[str, int]:
+    def reading(self) -> Counter[str]:
         """The counts so far, those of the present links included."""
-        return dict(sum(map(_harm, self._links), self.counts.copy()))
+        return sum(map(_harm, self._links), self.counts.copy())
 
 
 def _harm(link: EmulatedLink[bytes]) -> Counter[str]:
     return Counter({name: getattr(link.counters, name) for name in _HARM})
 
 
+class Books(NamedTuple):
+    """What the relay has done so far."""
+
+    forward: Counter[str]  # counts of a `Direction`, to the slave
+    backward: Counter[str]  # and to the master
+    calls: int  # HELLOs from the master
+    answers: int  # WELCOMEs from the slave
+    master: Address | None
+    back: Address  # which the slave sees
+    late: float  # longest time since the last reading in which the relay itself stood still [s]
+
+
 class Relay:
-    """The sockets, both directions, and the orders that it obeys."""
+    """The sockets, both directions, and the orders of `Wire`: those methods of the same name."""
 
     def __init__(self, slave: Address, seed: int) -> None:
         self._slave = slave
@@ -168,53 +172,39 @@ class Relay:
         self.forward.deliver(now)
         self.backward.deliver(now)
 
-    def obey(self, order: dict[str, Any]) -> Any:
-        """Do what one order says; returns the answer.
-
-        Raises:
-            ValueError: there is no such order.
-        """
-        match order["do"]:
-            case "books":
-                return self._books()
-            case "rebind":  # a new back on another port or address; the former one hears, and passes nothing on
-                self._former = [*self._former, self._back][-_KEPT_BACKS:]
-                self._back = _bound(order["host"])
-                return self._back.getsockname()
-            case "steal":  # send a copy of each datagram of the master from another address, at once; "" ends it
-                stolen = self._stolen, self._probed
-                self._thief, self._stolen, self._probed = _bound(order["host"]) if order["host"] else None, 0, 0
-                return stolen
-            case "recorded_calls":
-                return [data.hex() for data in self._recorded_calls]
-        ways = {"forward": [self.forward], "backward": [self.backward]}
-        answers = [_obey(way, order) for way in ways.get(order["way"], [self.forward, self.backward])]
-        return answers[0] if len(answers) == 1 else sum(answer or 0 for answer in answers)
-
-    def _books(self) -> dict[str, Any]:
+    def books(self) -> Books:
         for waiting in self.sockets():  # count what has come already
             self.read(waiting)
         late, self._late = self._late, 0.0
-        return {
-            "forward": self.forward.reading(),
-            "backward": self.backward.reading(),
-            "calls": self._calls,
-            "answers": self._answers,
-            "master": self._master,
-            "back": self._back.getsockname(),
-            "late": late,
-        }
+        readings = (way.reading() for way in (self.forward, self.backward))
+        return Books(*readings, self._calls, self._answers, self._master, self._back.getsockname(), late)
 
+    def emulate(self, emulation: Emulation, way: str) -> None:
+        for each in self._ways(way):
+            each.emulate(emulation)
 
-def _obey(way: Direction, order: dict[str, Any]) -> Any:
-    match order["do"]:
-        case "emulate":
-            return way.emulate(Emulation(**order["emulation"]))
-        case "replay":
-            return way.replay(order["count"], order["since"], order["until"])
-        case "recall":
-            return [data.hex() for _, data in list(way.remembered)[-order["count"] :]]
-    raise ValueError(f"a relay cannot {order['do']}")
+    def replay(self, way: str, count: int, since: float, until: float) -> int:
+        return sum(each.replay(count, since, until) for each in self._ways(way))
+
+    def recall(self, way: str, count: int) -> list[bytes]:
+        return [data for each in self._ways(way) for _, data in list(each.remembered)[-count:]]
+
+    def _ways(self, way: str) -> list[Direction]:
+        return [each for name, each in (("forward", self.forward), ("backward", self.backward)) if way in (name, "")]
+
+    def rebind(self, host: str) -> None:
+        """A new back on another port or address; the former one hears, and passes nothing on."""
+        self._former = [*self._former, self._back][-_KEPT_BACKS:]
+        self._back = _bound(host)
+
+    def steal(self, host: str) -> tuple[int, int]:
+        """Send a copy of each datagram of the master from another address, at once; "" ends it."""
+        stolen = self._stolen, self._probed
+        self._thief, self._stolen, self._probed = _bound(host) if host else None, 0, 0
+        return stolen
+
+    def recorded_calls(self) -> list[bytes]:
+        return list(self._recorded_calls)
 
 
 def _bound(host: str) -> socket.socket:
@@ -231,31 +221,95 @@ def _send(by: socket.socket, data: bytes, to: Address | None) -> bool:
         return False
 
 
-def main() -> None:
-    order = json.loads(sys.argv[1])
+def serve(orders: Connection, slave: Address, seed: int) -> None:
+    """The process: relay until the other end of the pipe is closed."""
+    os.setsid()  # Ctrl-C ends whoever started it, which closes the pipe
     with suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
-    relay = Relay((order["slave"][0], order["slave"][1]), order["seed"])
-    sys.stdout.write(json.dumps(relay.front.getsockname()) + "\n")
-    sys.stdout.flush()
-    commands = sys.stdin.fileno()
-    unread = b""
+    relay = Relay(slave, seed)
+    orders.send(relay.front.getsockname())
     while True:
-        ready, _, _ = select.select([commands, *relay.sockets()], [], [], relay.timeout(monotonic()))
+        ready, _, _ = select.select([orders, *relay.sockets()], [], [], relay.timeout(monotonic()))
         relay.look(monotonic())
         for source in ready:
             if isinstance(source, socket.socket):
                 relay.read(source)
                 continue
-            came = os.read(commands, 65_536)
-            if not came:
+            try:
+                name, arguments = orders.recv()
+            except EOFError:
                 return
-            *lines, unread = (unread + came).split(b"\n")
-            for line in lines:
-                sys.stdout.write(json.dumps(relay.obey(json.loads(line))) + "\n")
-                sys.stdout.flush()
+            orders.send(getattr(relay, name)(*arguments))
         relay.deliver(monotonic())
 
 
-if __name__ == "__main__":
-    main()
+class Wire:
+    """A relay in front of `slave`, for as long as the `with` lasts."""
+
+    def __init__(self, slave: Address, seed: int) -> None:
+        context = get_context("spawn")
+        self._orders, theirs = context.Pipe()
+        self._process = context.Process(target=serve, args=(theirs, slave, seed), daemon=True)
+        self._process.start()
+        theirs.close()
+        self.front: Address = self._answer()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._orders.close()
+        self._process.join(5.0)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+
+    def books(self) -> Books:
+        books: Books = self._ask("books")
+        return books
+
+    def emulate(self, emulation: Emulation, way: str = "") -> None:
+        """Other faults from now on; `way` is "forward", "backward", or "" for both."""
+        self._ask("emulate", emulation, way)
+
+    def replay(self, way: str, count: int, since: float, until: float) -> int:
+        """Send up to `count` datagrams of this session again that were passed on between then and then [s]."""
+        return int(self._ask("replay", way, count, since, until))
+
+    @contextmanager
+    def replaying(self, way: str, count: int, until: float) -> Iterator[None]:
+        """The same, while something else is done."""
+        self._orders.send(("replay", (way, count, 0.0, until)))
+        yield
+        self._answer()
+
+    def rebind(self, host: str) -> None:
+        """Let the slave see another port, on `host`."""
+        self._ask("rebind", host)
+
+    def steal(self, host: str) -> tuple[int, int]:
+        """Overtake the master's datagrams with copies from `host`; "" ends it.
+
+        Returns how many datagrams, and how many probes of the path, the slave has sent to that address.
+        """
+        stolen: tuple[int, int] = self._ask("steal", host)
+        return stolen
+
+    def recorded_calls(self) -> list[bytes]:
+        """The newest HELLOs of the master."""
+        return list(self._ask("recorded_calls"))
+
+    def recall(self, way: str, count: int) -> list[bytes]:
+        """The newest datagrams of this session that were passed on."""
+        return list(self._ask("recall", way, count))
+
+    def _ask(self, name: str, *arguments: object) -> Any:
+        self._orders.send((name, arguments))
+        return self._answer()
+
+    def _answer(self) -> Any:
+        try:
+            return self._orders.recv()
+        except (EOFError, ConnectionError):
+            self._process.join()
+            raise RuntimeError(f"the relay has ended, with status {self._process.exitcode}") from None

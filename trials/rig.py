@@ -21,7 +21,7 @@ import yaml
 
 from tests.program import ENGAGED, ROOT, Program, Records, Telemetry, free_port
 from tests.wait import until
-from trials.wire import Wire
+from trials.relay import Wire
 from weberlink.config import MASTER, SIDES, SLAVE, Configuration, load
 from weberlink.protocol.keys import generate
 from weberlink.telemetry.reader import DTYPE
@@ -34,8 +34,7 @@ LINK = "127.0.0.1"
 SILENCE_MS = 250.0
 """A shared machine stalls for up to 110 ms now and then, which is not the fault that is being looked for."""
 NOTHING: Records = np.empty(0, DTYPE)
-END_S = 20.0
-"""Until a command that shall end is killed."""
+END_S = 20.0  # until a command that shall end is killed
 LONGEST_ROUND_TRIP_MS = 150.0
 """What the ends may agree on adds to the limit of silence, and they keep it for a while after a slow link."""
 LOOK_S = 0.01

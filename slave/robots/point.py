@@ -47,8 +47,8 @@ class PointRobot(ComputedRobot):
         tool = options.tool
         torque = 0.0 if tool is None else tool.torque_n_m
         super().__init__(virtual_spec("point", options, tick_period, torque), options.home_m)
-        self._scene = Scene([]) if scene is None else scene
-        self._scene.soften(self.spec.stiffness_n_m)
+        things = () if scene is None else scene.objects
+        self._scene = Scene([thing.softened(self.spec.stiffness_n_m) for thing in things])
         self._compliance = 1.0 / self.spec.stiffness_n_m
         self._tool: Tool | None = None
         self._description = "the ideal point"

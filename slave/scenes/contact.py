@@ -122,10 +122,6 @@ class ObjectContact:
         self._sliding = False
         self.offset: Vector = ZERO
         """Displacement of the object [m]: the anchor moves with it."""
-        self.become(thing)
-
-    def become(self, thing: SceneObject) -> None:
-        """Take the stiffness, damping and friction of an object; the contact stays."""
         self._stiffness = thing.stiffness_n_m
         self._damping = thing.damping_n_s_m
         self._cone = thing.friction

@@ -63,6 +63,16 @@ class Scene:
 
     def __init__(self, objects: Sequence[SceneObject]) -> None:
         self.objects = tuple(objects)
+        self.flat = all(thing.shape.flat for thing in objects)
+        """Whether every object is a half-space, so that `facing` is the same from anywhere."""
+        self.rubs = any(thing.friction is not None and thing.friction.static > 0.0 for thing in objects)
+        """Whether any object has friction."""
+        self.closed_form = self.flat and (not self.rubs or (len(objects) == 1 and not objects[0].damping_n_s_m))
+        """Whether a mass in contact moves in closed form between events: flat, with friction on one undamped object
+        at most. A damper along the normal alone makes the spring of friction oscillate unlike the depth."""
+        self.stiffness_n_m = max((thing.stiffness_n_m for thing in objects), default=0.0)
+        """Of the stiffest object, which limits the step of an integrator."""
+        self.damping_n_s_m = max((thing.damping_n_s_m or 0.0 for thing in objects), default=0.0)
         self._contacts = [ObjectContact(thing) for thing in objects]
         self._remembering = [contact for contact in self._contacts if contact.has_memory]
         self._movers: list[tuple[Sway, DisplacedShape, ObjectContact]] = []
@@ -76,32 +86,11 @@ class Scene:
         self._shapes = shapes
         self._proxy = Proxy(shapes)
         self._touched: frozenset[int] = NOTHING
-        self._describe()
         self._place(0.0)
         self.penetration_depth = 0.0
         """Distance [m] between probe and proxy at the last call."""
         self.rejected = 0
         """Positions that were not usable, since the start."""
-
-    def _describe(self) -> None:
-        objects = self.objects
-        self.flat = all(thing.shape.flat for thing in objects)
-        """Whether every object is a half-space, so that `facing` is the same from anywhere."""
-        self.rubs = any(thing.friction is not None and thing.friction.static > 0.0 for thing in objects)
-        """Whether any object has friction."""
-        self.closed_form = self.flat and (not self.rubs or (len(objects) == 1 and not objects[0].damping_n_s_m))
-        """Whether a mass in contact moves in closed form between events: flat, with friction on one undamped object
-        at most. A damper along the normal alone makes the spring of friction oscillate unlike the depth."""
-        self.stiffness_n_m = max((thing.stiffness_n_m for thing in objects), default=0.0)
-        """Of the stiffest object, which limits the step of an integrator."""
-        self.damping_n_s_m = max((thing.damping_n_s_m or 0.0 for thing in objects), default=0.0)
-
-    def soften(self, most: float) -> None:
-        """Give every object a stiffness of at most `most` [N/m]; its damping falls in proportion."""
-        self.objects = tuple([thing.softened(most) for thing in self.objects])
-        self._describe()
-        for contact, thing in zip(self._contacts, self.objects, strict=True):
-            contact.become(thing)
 
     @property
     def contacts(self) -> int:

@@ -1,16 +1,25 @@
-"""Work at the port of the operator, as laws; figures of whole sessions are in test_session."""
+"""Work at the port of the operator, and the bound of the energy out of the hand, on records made by hand."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.figures.channel import Records
-from weberlink.figures.energy import PortWork
+from tests.figures.test_session import NONE, RATE, records
+from tests.session.systems import ARMS, configuration
+from weberlink.config import load
+from weberlink.control.axes import HANDLE, LEVER
+from weberlink.control.contract import AccountParameters
+from weberlink.figures.energy import PortWork, accounts_in
+from weberlink.figures.session import Layout, Records, SessionScore
+from weberlink.figures.tree import to_json
+from weberlink.protocol.states import State
 from weberlink.telemetry.reader import DTYPE
 
 
-def records(force: np.ndarray, position: np.ndarray) -> Records:
+def port_records(force: np.ndarray, position: np.ndarray) -> Records:
     made = np.zeros(len(force), DTYPE)
     made["tick"] = np.arange(len(force))
     made["output"], made["position"] = force, position
@@ -20,7 +29,7 @@ def records(force: np.ndarray, position: np.ndarray) -> Records:
 @given(st.integers(0, 2**32 - 1), st.integers(2, 50), st.integers(1, 20))
 def test_work_does_not_depend_on_the_pieces(seed: int, ticks: int, pieces: int) -> None:
     rng = np.random.default_rng(seed)
-    made = records(rng.normal(size=(ticks, 3)), rng.normal(size=(ticks, 3)))
+    made = port_records(rng.normal(size=(ticks, 3)), rng.normal(size=(ticks, 3)))
     whole, parts = PortWork(), PortWork()
     series = np.concatenate([parts.add(piece) for piece in np.array_split(made, pieces)])
     assert series == pytest.approx(whole.add(made))
@@ -34,5 +43,74 @@ def test_a_force_is_held_until_the_next_tick() -> None:
     force, way = np.zeros((2, 3)), np.zeros((2, 3))
     force[:, 0], way[:, 0] = (1.0, 3.0), (0.0, 1.0)
     port = PortWork()
-    assert port.add(records(force, way)) == pytest.approx([0.0, -1.0])
+    assert port.add(port_records(force, way)) == pytest.approx([0.0, -1.0])
     assert port.least == -1.0
+
+
+OF_HAND = AccountParameters(allowance=0.02, refill=0.01, damping=1.0, rise=160.0)
+TICK = 1.0 / RATE
+
+
+def energy(master: Records, *accounts: AccountParameters, pieces: int = 1) -> dict[str, float]:
+    torque_bank = ("zoh",) if len(accounts) > 1 else None
+    score = SessionScore(Layout(RATE, ("zoh",), torque_bank, accounts=accounts))
+    for piece in np.array_split(master, pieces):
+        score.add(piece, NONE)
+    found: dict[str, float] = to_json(score.figures().energy)
+    return found
+
+
+def pushed_out(force: float, speed: float, ticks: int = 1001) -> Records:
+    """The hand is pushed out from the first tick on [N, m/s]."""
+    made = records(ticks)
+    made["position"][:, 2] = speed * TICK * np.arange(ticks)
+    made["output"][:, 2] = force
+    return made
+
+
+@pytest.mark.parametrize("pieces", [1, 7])
+def test_every_term_is_allowed(pieces: int) -> None:
+    """1 s at 50 mm/s with 1 N: 50 mJ come out, evenly; the share is largest at the end."""
+    made = pushed_out(1.0, 0.05)
+    made["credit"][200:] = 0.003
+    allowed = 0.02 + 0.01 * 1.0 + 1.0 * 0.05**2 * 1.0 + 0.003 + 0.05e-3
+    told = energy(made, OF_HAND, pieces=pieces)
+    assert told["generated_j"] == pytest.approx(0.05)
+    assert told["bound_j"] == pytest.approx(allowed)
+    assert told["bound_share"] == pytest.approx(0.05 / allowed)
+
+
+def test_each_session_has_an_allowance_and_a_credit_that_counts_from_zero() -> None:
+    """The second one begins after 0.4 s without; a silence does not begin one."""
+    made = pushed_out(1.0, 0.05)
+    made["credit"][:400], made["credit"][600:] = 0.002, 0.001
+    made["state"][:100] = made["state"][400:600] = State.CONNECTING.value
+    made["state"][700:800] = State.SILENT.value
+    made["output"][made["state"] == State.CONNECTING.value] = 0.0
+    told = energy(made, OF_HAND)
+    assert told["bound_j"] == pytest.approx(2 * 0.02 + 0.01 + 0.0025 + 0.001 + 0.05e-3), "the credit before was spent"
+
+
+def test_force_and_torque_add() -> None:
+    """1 N over 50 mm and 0.1 N m over half a radian: 50 mJ each."""
+    made = pushed_out(1.0, 0.05)
+    made["rotation_raw"][:, 0] = 0.5 * TICK * np.arange(len(made))
+    made["rotation_output"][:, 0] = 0.1
+    of_handle = replace(OF_HAND, damping=OF_HAND.damping * HANDLE**2)
+    told = energy(made, OF_HAND, of_handle)
+    assert told["generated_j"] == pytest.approx(0.1, rel=1e-4)
+    assert told["bound_j"] == pytest.approx(0.06 + 0.0025 + (HANDLE * 0.5) ** 2 + 0.1e-3, rel=1e-4)
+
+
+def test_accounts_are_those_of_the_configuration() -> None:
+    def of(*overrides: str, file: str = "loopback.yaml") -> tuple[AccountParameters, ...]:
+        return accounts_in(configuration(*overrides, file=file).system.model_dump(mode="json"))
+
+    assert of() == (OF_HAND,)
+    assert of("control.scheme=none") == ()
+    assert of("control.refill_w=0.5")[0].refill == 0.5
+    assert of(file="rotation.yaml")[1].damping == pytest.approx(HANDLE**2)
+    of_arms = accounts_in(load(ARMS, sides=()).system.model_dump(mode="json"))
+    assert [each.damping for each in of_arms] == pytest.approx([LEVER**2])
+    mapped = of("master.mapping={scale: 2, force_scale: 4}")[0]
+    assert mapped == AccountParameters(allowance=0.01, refill=0.005, damping=0.125, rise=40.0)

@@ -154,3 +154,17 @@ def test_credit_cannot_fall_and_that_of_a_stale_datagram_counts_but_not_of_an_im
     assert slave.credit.known == 0
     assert arrive(pair.now - 0.15, pair.ticks - 150) == [DropReason.STALE]
     assert slave.credit.known == 5
+
+
+def test_more_credit_is_told_within_its_interval_whenever_it_is_granted() -> None:
+    pair = Pair(**both(carries_credit=True, incoming=(forms(3),), outgoing=(forms(3),))).engage().run(1.0)
+    session = pair.master.endpoint._session
+    assert session is not None and session.heartbeats.credit_interval + 0.01 < session.heartbeats.max_gap
+    for count in range(1, 50):
+        pair.run(0.007 * (count % 9))
+        assert pair.master.endpoint.next_timer() is not None
+        pair.master.endpoint.grant(count)
+        due = pair.master.endpoint.next_timer()
+        assert due is not None and due <= pair.now + session.heartbeats.credit_interval
+        pair.run(session.heartbeats.credit_interval + 0.003)
+        assert pair.slave.endpoint.credit.known == count

@@ -138,6 +138,22 @@ def test_a_heartbeat_reports_again_once_the_link_has_changed() -> None:
     assert hear(200, delay=-0.003) and not reports()
 
 
+def test_a_report_that_is_overtaken_changes_nothing() -> None:
+    sender, receiver, _ = pair(Checksum(), silence=10.0)
+    reports = []
+    for now, lost in ((2.0, 5), (4.0, 40)):
+        for _ in range(lost):
+            sender.send_heartbeat(now)  # is lost
+        for _ in range(5):
+            deliver(receiver, sender.send_heartbeat(now), now)
+        reports.append(receiver.send_heartbeat(now + 1.0))
+    deliver(sender, reports[1], 5.0)
+    newest = sender._statistics.outgoing_loss
+    assert newest > 0.0
+    deliver(sender, reports[0], 5.0)
+    assert sender._statistics.outgoing_loss == newest
+
+
 def test_a_farewell_counts_however_late_and_a_wrapped_time_stamp_does_not() -> None:
     """Held back for 2^23 stamps, an update seems to have just left; its number says that it has not."""
     sender, receiver, _ = pair(Checksum(), silence=10.0)

@@ -2,9 +2,8 @@
 
 import pytest
 
-from trials.safety.cases import TO_MASTER, TO_SLAVE, Case, every
 from trials.safety.held import ALL, ALONE, WRAP_S, delay, hold
-from trials.safety.run import run
+from trials.safety.run import TO_MASTER, TO_SLAVE, Case, every, run
 
 CASES = list(every())
 CHOSEN = [*CASES[: -len(CASES) // 20 : 301], *CASES[-36::7]]

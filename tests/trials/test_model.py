@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from trials.model.spin import MUTANTS, PASSING, Run, missing_tool, verify
+from trials.model.__main__ import MUTANTS, PASSING, Run, missing_tool, verify
 
 pytestmark = pytest.mark.skipif(missing_tool() is not None, reason="spin and gcc are not installed: make system")
 QUICK = {

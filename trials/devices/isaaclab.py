@@ -28,8 +28,7 @@ from weberlink_devices.inverse3.protocol import ours, theirs
 from weberlink_devices.inverse3.websocket_device import WebSocketDevice
 
 MODULE = "devices/haply/se3_haply.py"
-PUSH: Vector = (0.5, -0.25, 1.0)
-"""[N, axes of the service]; of a size that single precision has."""
+PUSH: Vector = (0.5, -0.25, 1.0)  # [N, axes of the service]; of a size that single precision has
 STILL = {"tremor_m": 0.0, "script": [{"motion": "rest"}], "home_m": (0.01, -0.02, 0.03)}
 PLACE: Vector = (0.02, 0.03, -0.01)
 TOLERANCE = 1e-6

@@ -23,7 +23,7 @@ from statistics import median
 from time import monotonic, sleep
 from typing import Any
 
-from plugins.devices.tests.touch.fake_hd import CYCLES, Board, library, plugged
+from plugins.devices.tests.touch.fake_hd import CYCLES, library, plugged
 from weberlink.realtime.garbage import GarbageSchedule, freeze_garbage
 from weberlink_devices.touch.device import TouchDevice
 from weberlink_devices.touch.exchange import MEMORY_SIZE, ServoMemory
@@ -106,38 +106,21 @@ def run(mode: str, seconds: float, work_s: float, hold_s: float, priority: int) 
                 hold(int(1e6 * hold_s))
             ended.append(monotonic() - due)
             garbage.tick(due + TICK - monotonic())
-        frames = frames_of(board, first)
-    return {"woken": scaled(woken), "ended": scaled(ended), "frames": frames}
-
-
-def frames_of(board: Board, first: int) -> list[float]:
-    """End of each frame after the due time of its cycle [us]."""
-    last = board.cycles
-    assert last - first <= CYCLES
-    return [1e-3 * board.late[index % CYCLES] for index in range(first, last)]
-
-
-def scaled(times: list[float]) -> list[float]:
-    return [1e6 * time for time in times]
-
-
-def share(times: list[float], part: float) -> float:
-    ordered = sorted(times)
-    return ordered[min(len(ordered) - 1, int(part * len(ordered)))]
+        last = board.cycles
+        assert last - first <= CYCLES
+        frames = [1e-3 * board.late[index % CYCLES] for index in range(first, last)]  # after the due time of its cycle
+    return {"woken": [1e6 * time for time in woken], "ended": [1e6 * time for time in ended], "frames": frames}
 
 
 def figures(times: list[float]) -> dict[str, float]:
     """Median, 99 and 99.9 percentiles and maximum [us], and the share later than a period [%]."""
     if not times:
         return {}
-    found = {name: share(times, part) for name, part in (("p50", 0.5), ("p99", 0.99), ("p99.9", 0.999))}
+    ordered, last = sorted(times), len(times) - 1
+    parts = {"p50": 0.5, "p99": 0.99, "p99.9": 0.999}
+    found = {name: ordered[min(last, int(part * len(times)))] for name, part in parts.items()}
     late = sum(time > 1e6 * TICK for time in times)
     return {**found, "max": max(times), "late_percent": 100.0 * late / len(times)}
-
-
-def medians(rows: list[dict[str, float]]) -> dict[str, float]:
-    """Of each figure over the rounds."""
-    return {name: median(row[name] for row in rows) for name in rows[0]}
 
 
 def main() -> int:
@@ -161,7 +144,13 @@ def main() -> int:
             ended = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
             for name, times in json.loads(ended.stdout.splitlines()[-1]).items():
                 rounds[mode].setdefault(name, []).append(figures(times))
-    report = {mode: {name: medians(found) for name, found in rounds[mode].items()} for mode in MODES}
+    report = {
+        mode: {
+            name: {figure: median(row[figure] for row in rows) for figure in rows[0]}
+            for name, rows in rounds[mode].items()
+        }
+        for mode in MODES
+    }
     for mode in MODES:
         for name, row in report[mode].items():
             shown = "  ".join(f"{key} {value:.4g}" for key, value in row.items())

@@ -21,8 +21,7 @@ from typing import Any
 from tests.laws import Laws
 from tests.program import ENGAGED
 from trials.franka.faults import END_S, FAULTS, FrankaSession, inflict
-from trials.franka.figures import Found, contact, likeness, pace, spread
-from trials.franka.robot import SimulatedRobot, own_address
+from trials.franka.robot import Found, SimulatedRobot, contact, likeness, own_address, pace, spread
 from weberlink.config import MASTER, SIDES, SLAVE
 from weberlink.figures.environment import environment, footer
 

@@ -24,28 +24,16 @@ from weberlink.config import MASTER, SLAVE
 from weberlink.protocol.emulation import Emulation
 
 CONTROLLER = b"weberlink_franka.controller"
-FOLLOW_S = 30.0
-"""From a repaired fault to an arm that follows; imports take longest."""
-REST_S, HOLD_S = 3.0, 1.0
-"""In which the arm must rest after a fault, and for how long."""
+FOLLOW_S = 30.0  # from a repaired fault to an arm that follows; imports take longest
+REST_S, HOLD_S = 3.0, 1.0  # in which the arm must rest after a fault, and for how long
 STALL_S = 1.5
-END_S = 5.0
-"""In which a daemon that cannot go on must end, or a controller without its daemon."""
+END_S = 5.0  # in which a daemon that cannot go on must end, or a controller without its daemon
 FRESH_S = 0.5
-MOVES_RAD_S = 0.02
-"""Joint speed above which the arm follows the hand."""
+MOVES_RAD_S = 0.02  # joint speed above which the arm follows the hand
 
 
 class FrankaSession(Session):
-    """Both daemons before a simulated robot.
-
-    Args:
-        folder: for files of the robot.
-        host: where the robot listens.
-        seed: of the relay between the daemons.
-        lenient: of the robot.
-        overrides: of the configuration, as of `--set`.
-    """
+    """Both daemons before a simulated robot."""
 
     def __init__(self, folder: Path, host: str, seed: int, lenient: bool, overrides: Sequence[str]) -> None:
         self._make_robot = partial(SimulatedRobot, folder, host, lenient)
@@ -72,12 +60,6 @@ class FrankaSession(Session):
         outcome = before.outcome
         self.start(side, *["slave.robot.recover=true"] * (side == SLAVE))
         return outcome
-
-    def succeed(self) -> str:
-        """The slave's daemon must end by itself, and another one takes over; what it said, "" if it went on."""
-        ended = self.sides[SLAVE].ends(END_S)
-        told = self.restart(SLAVE)
-        return told if ended else ""
 
     def follows(self) -> bool:
         """Whether both sides are in the session and the arm moves."""
@@ -113,27 +95,17 @@ def is_alive(pid: int) -> bool:
 
 @dataclass
 class Outcome:
-    """What a fault did.
+    """What a fault did."""
 
-    Args:
-        fault: name.
-        rest_s: from the fault to joints at rest; None if they did not rest in time, or no robot was left to tell.
-        travel_m: largest distance of the tip from where it was, until it rested.
-        speed_rad_s: largest joint speed from the fault on.
-        force_n: largest force on the table from the fault on.
-        told: what the daemon said, if it ended.
-        back_s: from the repair to an arm that follows again; None if it did not.
-        broken: laws that did not hold.
-    """
-
-    fault: str
+    fault: str  # name
+    # from the fault to joints at rest; None if they did not rest in time, or no robot was left to tell
     rest_s: float | None = None
-    travel_m: float = 0.0
-    speed_rad_s: float = 0.0
-    force_n: float = 0.0
-    told: str = ""
-    back_s: float | None = None
-    broken: list[str] = field(default_factory=list)
+    travel_m: float = 0.0  # largest distance of the tip from where it was, until it rested
+    speed_rad_s: float = 0.0  # largest joint speed from the fault on
+    force_n: float = 0.0  # largest force on the table from the fault on
+    told: str = ""  # what the daemon said, if it ended
+    back_s: float | None = None  # from the repair to an arm that follows again; None if it did not
+    broken: list[str] = field(default_factory=list)  # laws that did not hold
 
 
 Deed = Callable[[FrankaSession], object]
@@ -161,19 +133,13 @@ def emulate(emulation: Emulation) -> Deed:
 
 @dataclass(frozen=True)
 class Fault:
-    """One kind.
+    """One kind."""
 
-    Args:
-        strike: does it.
-        repair: undoes it, so that the arm can follow again; then the slave is replaced if it has to end.
-        words: what the slave's daemon must say; empty if it must not end.
-        is_robot_there: to be looked at.
-    """
-
-    strike: Deed
+    strike: Deed  # does it
+    # undoes it, so that the arm can follow again; then the slave is replaced if it has to end
     repair: Deed = lambda _: None
-    words: tuple[str, ...] = ()
-    is_robot_there: bool = True
+    words: tuple[str, ...] = ()  # what the slave's daemon must say; empty if it must not end
+    is_robot_there: bool = True  # to be looked at
 
 
 NO_SAMPLE = ("no new sample",)
@@ -210,7 +176,9 @@ def inflict(name: str, at: FrankaSession) -> Outcome:
     else:
         sleep(STALL_S)
     fault.repair(at)
-    outcome.told = at.succeed() if fault.words else ""
+    if fault.words:  # the slave's daemon must end by itself, and another one takes over
+        ended, told = at.sides[SLAVE].ends(END_S), at.restart(SLAVE)
+        outcome.told = told if ended else ""
     if missing := [word for word in fault.words if word not in outcome.told]:
         outcome.broken.append(f"the slave said {outcome.told!r}, without {', '.join(missing)}")
     if name == "slave killed" and not within(END_S, lambda: not is_alive(controller)):

@@ -31,8 +31,7 @@ from franka_sim.mujoco_franka_sim import MujocoFrankaSim
 from trials.franka.robot import TruthWriter
 from weberlink.realtime.process import die_with_parent, prepare
 
-CARTESIAN_REFLEX = 7
-"""Place in libfranka's list of errors."""
+CARTESIAN_REFLEX = 7  # place in libfranka's list of errors
 MOVE_MODE, REFLEX_MODE = 2, 4
 LATCHED = ("robot_mode", "errors", "reflex_reason")
 FLANGE = "link7"  # the body whose pose franka-sim publishes as O_T_EE
@@ -40,8 +39,7 @@ TIP, TABLE = "tip", "table"
 TIP_RADIUS_M, TABLE_DEPTH_M = 0.01, 0.1
 STIFFNESS_S_2, DAMPING_S = 37.5, 3.0
 """Of the table's surface, per effective mass of the arm: with `SHARE`, 5.5 kN/m and nearly critical damping."""
-SHARE = 0.9
-"""Constraint impedance of the surface, the same at any depth, so that force grows linearly with depth."""
+SHARE = 0.9  # constraint impedance of the surface, the same at any depth, so that force grows linearly with depth
 ARMATURE_KG_M2 = 0.195
 """Inertia of a drive behind its gear, of MuJoCo Menagerie's `fr3v2`: franka-sim's servos of the idle arm rely on it."""
 

@@ -29,12 +29,9 @@ from weberlink.telemetry.record import RELEASED
 
 LED, REMOTE = "plugins/arms/configs/arms.yaml", "plugins/arms/configs/arms-remote.yaml"
 FPS = 30
-PIECE_S = 5.0
-"""Length of one piece of a comparison: a ring holds 10 s."""
-LATER_US, LATER = 100.0, 1.5
-"""Lateness p99 beside LeRobot may be so much more, or so many times, what it is without."""
-MISSED = 0.001
-"""Share of ticks that may be missed in addition."""
+PIECE_S = 5.0  # length of one piece of a comparison: a ring holds 10 s
+LATER_US, LATER = 100.0, 1.5  # lateness p99 beside LeRobot may be so much more, or so many times, what it is without
+MISSED = 0.001  # share of ticks that may be missed in addition
 
 Found = dict[str, Any]
 

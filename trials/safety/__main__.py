@@ -10,9 +10,9 @@ from dataclasses import asdict
 from pathlib import Path
 from time import monotonic
 
-from trials.safety import cases, held
+from trials.safety import held
 from trials.safety.held import Held
-from trials.safety.run import Run, run
+from trials.safety.run import Run, every, run
 from weberlink.figures.environment import environment, footer
 
 COLUMNS = {
@@ -86,7 +86,7 @@ def main() -> int:
         batches = held.EVERY[:: -chosen.every]  # the oldest take longest
         long_ones = pool.map(held.hold, *zip(*batches, strict=True))
         delayed = pool.map(held.delay, *zip(*held.DELAYS_S, strict=True))
-        runs = list(pool.map(run, list(cases.every())[:: chosen.every], chunksize=8))
+        runs = list(pool.map(run, list(every())[:: chosen.every], chunksize=8))
         rows = [*list(long_ones)[::-1], *delayed]
     broken, too_old = [each for each in runs if each.violations], sum(row.too_old for row in rows)
     facts = environment()

@@ -5,16 +5,13 @@ from itertools import product
 
 from tests.safety.observed_link import Hold, ObservedLink, observed
 from tests.session.systems import configuration
-from trials.safety.cases import TO_MASTER, TO_SLAVE
+from trials.safety.run import TO_MASTER, TO_SLAVE
 from weberlink.protocol.emulation import Emulation
 
-WRAP_S = 2**23 * 1e-5
-"""Time after which a time stamp (23 bits of 10 us) wraps [s]."""
+WRAP_S = 2**23 * 1e-5  # time after which a time stamp (23 bits of 10 us) wraps [s]
 SILENCE_S = 0.1
-FROM_S, BATCH_S = 1.0, 0.23
-"""Datagrams that leave in this time are held [s]."""
-QUICK_S = 10.0
-"""Longer ages are run at a tenth of the rate [s]."""
+FROM_S, BATCH_S = 1.0, 0.23  # datagrams that leave in this time are held [s]
+QUICK_S = 10.0  # longer ages are run at a tenth of the rate [s]
 AGES_S = (
     *(0.001, 0.005, 0.02, 0.05, 0.08, 0.095, 0.105, 0.12, 0.15, 0.2, 0.3),
     *(factor * 4.0 * SILENCE_S + offset for factor in (1, 2, 3, 5, 8) for offset in (-0.002, 0.0, 0.002, 0.05)),
@@ -23,34 +20,24 @@ AGES_S = (
 ALONE, ALL, ALWAYS = "others pass", "all held", "always"
 DELAYS_S = ((0.152, 0.001), (0.001, 0.152), (0.09, 0.005), (0.005, 0.09), (0.06, 0.06))
 """Of links that are slow for good: to the slave, to the master [s]."""
-EVERY = tuple(product((TO_SLAVE, TO_MASTER), (ALONE, ALL), sorted(AGES_S)))
-"""All (direction, mode, age)."""
+EVERY = tuple(product((TO_SLAVE, TO_MASTER), (ALONE, ALL), sorted(AGES_S)))  # all (direction, mode, age)
 TAPS = "[{motion: tap, at_m: [0, 0, 0], height_m: 0.002, frequency_hz: 5, count: 10000}]"
 """So that force and position need many updates."""
 
 
 @dataclass(frozen=True)
 class Held:
-    """One row: which datagrams were held, and how many were executed.
+    """One row: which datagrams were held, and how many were executed."""
 
-    Args:
-        direction: `TO_SLAVE` or `TO_MASTER`.
-        mode: `ALONE` where only the batch is held; `ALL` where nothing passes that way until it is delivered;
-            `ALWAYS` for a link that is always as slow.
-        age_s: of each datagram of the batch when it arrives.
-        held: how many there were.
-        executed: updates executed of any age in the run.
-        too_old: of them, older when they arrived than the silence limit and the agreed round trip together.
-        oldest_ms: the oldest of them.
-    """
-
-    direction: str
+    direction: str  # `TO_SLAVE` or `TO_MASTER`
+    # `ALONE` where only the batch is held; `ALL` where nothing passes that way until it is delivered; `ALWAYS` for a
+    # link that is always as slow
     mode: str
-    age_s: float
-    held: int
-    executed: int
-    too_old: int
-    oldest_ms: float
+    age_s: float  # of each datagram of the batch when it arrives
+    held: int  # how many there were
+    executed: int  # updates executed of any age in the run
+    too_old: int  # of them, older when they arrived than the silence limit and the agreed round trip together
+    oldest_ms: float  # the oldest of them
 
 
 def hold(direction: str, mode: str, age: float) -> Held:

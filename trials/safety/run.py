@@ -1,8 +1,9 @@
-"""Run a case, measure from outside what robot and hand did, and check the laws."""
+"""Cases (motion of the operator, fault of the link, predictors, scheme): run one, measure it, and check the laws."""
 
 from bisect import bisect_right
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from itertools import accumulate
+from itertools import accumulate, product
 from math import inf
 from typing import Any
 
@@ -12,62 +13,158 @@ from numpy.typing import NDArray
 from tests.program import ENGAGED, Records
 from tests.safety.observed_link import ObservedLink, observed
 from tests.session.systems import configuration
-from trials.safety.cases import AFTER, BOTH, CUT, ROBOT_N_M, TO_MASTER, TO_SLAVE, Case
+from weberlink.codec.predictors import ADAPTIVE, HYBRID, PREDICTORS
 from weberlink.config import Configuration
 from weberlink.protocol.emulation import Emulation
 from weberlink.session.simulation import as_array
 from weberlink.telemetry.fault import Fault
 
-STILL = 1e-9
-"""Smaller steps [m] and forces [N] count as none."""
-WALL_M_S = 1.0
-"""The force may change as fast as on the device's stiffest wall, touched at this speed [m/s]."""
+CUT = 0.9  # when the link fails [s]
+DARK, LONG_DARK, FLAPPING = 0.6, 4.6, 2.0
+"""Length of a cut, of one in which the session expires, and of a time in which the link flaps [s]."""
+AFTER = 1.2  # how long the link is good after the fault [s]
+
+MOTIONS = {
+    # At full speed through free space when the link fails.
+    "free": (
+        (-0.055, 0.0, 0.03),
+        "[{motion: rest, duration_s: 0.7}, {motion: reach, to_m: [0.055, 0, 0.03], duration_s: 0.35},"
+        " {motion: rest, duration_s: 9}]",
+    ),
+    # On the way into the contact and along the surface when the link fails; afterwards the hand leaves.
+    "press": (
+        (-0.02, 0.0, 0.02),
+        "[{motion: rest, duration_s: 0.7}, {motion: reach, to_m: [0.02, 0, -0.03], duration_s: 0.35},"
+        " {motion: rest, duration_s: 0.1}, {motion: reach, to_m: [0.02, 0, 0.03], duration_s: 0.3},"
+        " {motion: rest, duration_s: 9}]",
+    ),
+    # Leaving the contact when the link fails; pressing again when it is good again.
+    "away": (
+        (0.0, 0.0, 0.02),
+        "[{motion: rest, duration_s: 0.1}, {motion: reach, to_m: [0, 0, -0.03], duration_s: 0.3},"
+        " {motion: rest, duration_s: 0.4}, {motion: reach, to_m: [0.03, 0, 0.04], duration_s: 0.35},"
+        " {motion: reach, to_m: [0, 0, -0.03], duration_s: 0.3},"
+        " {motion: rest, duration_s: 9}]",
+    ),
+}
+TO_SLAVE, TO_MASTER, BOTH = DIRECTIONS = ("to slave", "to master", "both ways")
+SCHEMES = ("none", "bounded")
+FLAPS_HZ = (1.0, 2.0, 5.0, 10.0, 20.0)
+ALL_HZ = 5.0  # with all predictors: each cut is as long as the silence limit
+ROBOT_N_M = 2500.0
+"""Stiffness of the robot towards its command [N/m]; a contact pushes its tip back by force / stiffness."""
+DELAYS_S = (0.0, 0.05, 0.15)  # one way [s]
+DEFAULT = (HYBRID, "linear")
+PREDICTION = (
+    *((force, "linear") for force in (*PREDICTORS, HYBRID, ADAPTIVE)),
+    *((HYBRID, position) for position in ("zoh", "path", HYBRID, ADAPTIVE)),
+)
+"""(force, position)."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run."""
+
+    motion: str  # of `MOTIONS`
+    direction: str  # of `DIRECTIONS`, in which datagrams are lost
+    scheme: str = "none"  # of control
+    force: str = HYBRID  # predictors
+    position: str = "linear"
+    flap_hz: float = 0.0  # 0 for one cut of `dark` seconds; otherwise the link is cut for half of each period
+    dark: float = DARK  # length of the cut [s]
+    retract: bool = False  # whether the robot backs off when the session is lost; it holds otherwise
+    delay_s: tuple[float, float] = (0.002, 0.002)  # one-way delay of the link to the slave and to the master [s]
+
+    @property
+    def fault(self) -> str:
+        cut = f"{self.flap_hz:g} Hz" if self.flap_hz else "long cut" if self.dark > DARK else "cut"
+        return f"{cut} {self.direction}"
+
+    @property
+    def restored(self) -> float:
+        """When the link is good again for good [s]."""
+        return CUT + (FLAPPING if self.flap_hz else self.dark)
+
+    @property
+    def longest_dark(self) -> float:
+        """Length of the longest cut [s]."""
+        return 0.5 / self.flap_hz if self.flap_hz else self.dark
+
+    @property
+    def blackouts(self) -> tuple[tuple[float, float], ...]:
+        """Of a direction that is cut: (start, duration) [s]."""
+        period, count = (1.0 / self.flap_hz, round(FLAPPING * self.flap_hz)) if self.flap_hz else (0.0, 1)
+        return tuple((CUT + number * period, self.longest_dark) for number in range(count))
+
+    @property
+    def overrides(self) -> tuple[str, ...]:
+        """Of configs/loopback.yaml, as of `--set`."""
+        home, script = MOTIONS[self.motion]
+        return (
+            f"codec.force.predictor={self.force}",
+            f"codec.position.predictor={self.position}",
+            f"control.scheme={self.scheme}",
+            f"master.device.home_m={list(home)}",
+            f"master.device.script={script}",
+            f"slave.robot.home_m={list(home)}",
+            f"slave.robot.stiffness_n_m={ROBOT_N_M}",
+            "slave.scene=[{shape: plane, stiffness_n_m: 500}]",
+            f"slave.limits.on_silence={'retract' if self.retract else 'hold'}",
+        )
+
+
+def every() -> Iterator[Case]:
+    """Cuts and flaps of every frequency with the default predictors, cuts and one frequency with all; and special ones.
+
+    Special are a robot that retracts, a session that ends meanwhile, and a link that is slow in one direction.
+    """
+    faults = (*product((0.0, ALL_HZ), PREDICTION), *((flap, DEFAULT) for flap in FLAPS_HZ if flap != ALL_HZ))
+    for delay, direction, (flap, (force, position)), scheme, motion in product(
+        DELAYS_S, DIRECTIONS, faults, SCHEMES, MOTIONS
+    ):
+        yield Case(motion, direction, scheme, force, position, flap, delay_s=(delay, delay))
+    for direction, motion in product(DIRECTIONS, MOTIONS):
+        yield Case(motion, direction, retract=True)
+        yield Case(motion, direction, dark=LONG_DARK)
+        yield Case(motion, direction, delay_s=(0.03, 0.002))
+        yield Case(motion, direction, delay_s=(0.002, 0.03))
+
+
+STILL = 1e-9  # smaller steps [m] and forces [N] count as none
+WALL_M_S = 1.0  # the force may change as fast as on the device's stiffest wall, touched at this speed [m/s]
 BACK_S = 0.5
 """In this time after the link is good again, and two round trips, both ends engage, the robot approaches and the force
 fades in [s]."""
-CODING_M = 0.5e-3
-"""What the coding of a position may be off, twice: its deadband at rest and a step of the wire [m]."""
+CODING_M = 0.5e-3  # what the coding of a position may be off, twice: its deadband at rest and a step of the wire [m]
 Ticks = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Figures:
-    """Of one run.
+    """Of one run."""
 
-    Attributes:
-        robot_ms, force_ms: from the cut to the last tick in which the robot was still commanded to move, and with a
-            force on the hand; None where it flaps.
-        robot_age_ms, force_age_ms: largest true age of the loop in such a tick.
-        beyond_mm: how far the robot was from the nearest place where the hand had been by then.
-        allowed_mm: how far the hand moves within the limit at its largest speed before the cut.
-        backed_mm, astray_mm: how far the robot was sent up from where it was without a session, and how far otherwise.
-        hand_n, robot_n: largest force on the hand, and of the robot on what it touches.
-        step_n: largest change of the force on the hand in a tick, from the cut on.
-        early_n: how far the force was above an even rise to its limit, in the ramp after the link is good again.
-        step_mm: largest change of the robot in a tick as it comes back once the link is good, less that of the hand.
-        fault_ms: from the cut to the first named fault of each end; None for none.
-        faults: their names.
-        returned: whether both ends are in a session at the end.
-        round_trip_ms: largest round trip that the ends agreed on until the link was good again; the age and the time
-            after a cut may exceed the silence limit by this.
-    """
-
+    # from the cut to the last tick in which the robot was still commanded to move, and with a force on the hand; None
+    # where it flaps
     robot_ms: float | None
     force_ms: float | None
-    robot_age_ms: float
+    robot_age_ms: float  # largest true age of the loop in such a tick
     force_age_ms: float
-    beyond_mm: float
-    allowed_mm: float
-    backed_mm: float
+    beyond_mm: float  # how far the robot was from the nearest place where the hand had been by then
+    allowed_mm: float  # how far the hand moves within the limit at its largest speed before the cut
+    backed_mm: float  # how far the robot was sent up from where it was without a session, and how far otherwise
     astray_mm: float
-    hand_n: float
+    hand_n: float  # largest force on the hand, and of the robot on what it touches
     robot_n: float
-    step_n: float
-    early_n: float
+    step_n: float  # largest change of the force on the hand in a tick, from the cut on
+    early_n: float  # how far the force was above an even rise to its limit, in the ramp after the link is good again
+    # largest change of the robot in a tick as it comes back once the link is good, less that of the hand
     step_mm: float
-    fault_ms: tuple[float | None, ...]
-    faults: tuple[tuple[str, ...], ...]
-    returned: bool
+    fault_ms: tuple[float | None, ...]  # from the cut to the first named fault of each end; None for none
+    faults: tuple[tuple[str, ...], ...]  # their names
+    returned: bool  # whether both ends are in a session at the end
+    # largest round trip that the ends agreed on until the link was good again; the age and the time after a cut may
+    # exceed the silence limit by this
     round_trip_ms: float
 
 
@@ -186,10 +283,6 @@ def violated(case: Case, figures: Figures, loaded: Configuration) -> list[str]:
 
 def loop_ages(outward: ObservedLink, inward: ObservedLink, times: NDArray[np.float64]) -> NDArray[np.float64]:
     """The true age of the loop at one end, whatever the protocol knows of it.
-
-    Args:
-        outward, inward: the links from and to that end.
-        times: shape (n,) [s].
 
     Returns:
         Shape (n,), time since the departure of the newest datagram that the peer is known to have received [s];

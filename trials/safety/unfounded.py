@@ -26,35 +26,25 @@ from weberlink.figures.session import Records
 from weberlink.session.simulation import Simulation, as_array, build_simulation
 from weberlink.telemetry.fault import Fault
 
-SECONDS = 4.0
-"""Length of a session [s]."""
+SECONDS = 4.0  # length of a session [s]
 SCHEMES = ("none", *("bounded",) * 3)
 PREDICTION = (*PREDICTORS.built_in, HYBRID, *("surface", ADAPTIVE) * 3)
 """What each session draws from: models of a surface have the most to go wrong."""
-PATIENCE = 0.05
-"""What the law allows beyond the round trip [s]."""
+PATIENCE = 0.05  # what the law allows beyond the round trip [s]
 REPAIR_S = 0.06
 """An update that was lost is repeated a round trip and so much later, on a link that loses one in fifty [s]."""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A random session.
-
-    Attributes:
-        overrides: of configs/loopback.yaml, as of `--set`.
-        delay_s: one-way delay to the slave and to the master [s].
-        jitter_s: largest additional delay [s].
-        ahead_s: how much later than it could the force is displayed, for look-ahead [s].
-        loss: share of datagrams.
-    """
+    """A random session."""
 
     seed: int
-    overrides: tuple[str, ...]
-    delay_s: tuple[float, float]
-    jitter_s: float = 0.0
-    loss: float = 0.0
-    ahead_s: float = 0.0
+    overrides: tuple[str, ...]  # of configs/loopback.yaml, as of `--set`
+    delay_s: tuple[float, float]  # one-way delay to the slave and to the master [s]
+    jitter_s: float = 0.0  # largest additional delay [s]
+    loss: float = 0.0  # share of datagrams
+    ahead_s: float = 0.0  # how much later than it could the force is displayed, for look-ahead [s]
 
     @property
     def round_trip(self) -> float:
@@ -65,7 +55,9 @@ class Cell:
 def cell(seed: int) -> Cell:
     """The session of a seed: scene, hand, script, link, predictor and scheme are random."""
     chance = Random(seed)
-    delay = _delays(chance)
+    one = chance.uniform(0.0, 0.25)
+    other = chance.choice([one, one, chance.uniform(0.0, 0.25), 0.0])  # alike, or one of them short
+    delay = chance.choice([(one, other), (other, one)])
     jitter, loss = chance.choice([0.0, 0.0, chance.uniform(0.0, 0.005)]), chance.choice([0.0, 0.0, 0.0, 0.02])
     thing = _thing(chance)
     ways = {
@@ -98,13 +90,6 @@ def cell(seed: int) -> Cell:
 def _between(chance: Random, low: float, high: float) -> float:
     """A number whose logarithm is uniform."""
     return exp(chance.uniform(log(low), log(high)))
-
-
-def _delays(chance: Random) -> tuple[float, float]:
-    """Of both ways [s]: alike, or one of them short."""
-    first = chance.uniform(0.0, 0.25)
-    second = chance.choice([first, first, chance.uniform(0.0, 0.25), 0.0])
-    return chance.choice([(first, second), (second, first)])
 
 
 def _thing(chance: Random) -> dict[str, Any]:
@@ -159,27 +144,16 @@ def _script(chance: Random) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True)
 class Finding:
-    """What a session showed.
+    """What a session showed."""
 
-    Attributes:
-        cell: the session.
-        longest: longest time with more than `FREE_FORCE` on the hand while the robot touched nothing [s].
-        allowed: the time that the law allows [s].
-        ticks: in which the law was broken.
-        largest: force in these ticks [N].
-        faults: how often the operator's end named the fault.
-        rash: that of these for which the robot had touched something as late as a round trip and `PATIENCE` before.
-        contact: share of ticks in which the robot touched something.
-    """
-
-    cell: Cell
-    longest: float
-    allowed: float
-    ticks: int
-    largest: float
-    faults: int
-    rash: int
-    contact: float
+    cell: Cell  # the session
+    longest: float  # longest time with more than `FREE_FORCE` on the hand while the robot touched nothing [s]
+    allowed: float  # the time that the law allows [s]
+    ticks: int  # in which the law was broken
+    largest: float  # force in these ticks [N]
+    faults: int  # how often the operator's end named the fault
+    rash: int  # that of these for which the robot had touched something as late as a round trip and `PATIENCE` before
+    contact: float  # share of ticks in which the robot touched something
 
 
 def records(simulation: Simulation, period: float, seconds: float = SECONDS) -> tuple[Records, Records]:

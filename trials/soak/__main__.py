@@ -25,33 +25,22 @@ from trials.soak.watch import SoakError, Watch
 from weberlink.figures.environment import environment, footer
 from weberlink.protocol.emulation import Emulation
 
-QUIET_S, LONG_QUIET_S = 0.5, 4.0
-"""After a fault, before the session is judged, and for how long."""
+QUIET_S, LONG_QUIET_S = 0.5, 4.0  # after a fault, before the session is judged, and for how long
 SETTLE_S = 0.5
-LAST_HOPE_S = 60.0
-"""After which a session that has not come back is not waited for."""
+LAST_HOPE_S = 60.0  # after which a session that has not come back is not waited for
 RARE_EVERY = 3
 TOGETHER = 0.4
 SHORT_MINUTES = 3.0
 MOST_VIOLATIONS = 50
 STALL_SHARE = 0.5
-ALONE_S = 0.15
-"""Beyond the limit, one side may be in a session alone: how late a shared machine may be [s]."""
+ALONE_S = 0.15  # beyond the limit, one side may be in a session alone: how late a shared machine may be [s]
 STOP_SIGNALS = (SIGHUP, SIGINT, SIGTERM)
-LINE_EVERY_S = 60.0
-"""Between two status lines where there is no terminal."""
+LINE_EVERY_S = 60.0  # between two status lines where there is no terminal
 Tell = Callable[[Report, str, float], None]
 
 
 class Soak:
-    """One run.
-
-    Args:
-        minutes: how long; every kind of fault is seen once in any case.
-        seed: of the order, the durations and the relay.
-        tell: called with the report, the fault that begins and the seconds that are left.
-        faults: names of the kinds, of `FAULTS`.
-    """
+    """One run."""
 
     def __init__(self, minutes: float, seed: int, tell: Tell, faults: Collection[str] = tuple(FAULTS)) -> None:
         self._random, self._tell = Random(seed), tell
@@ -60,11 +49,7 @@ class Soak:
         self.report = Report(seed, minutes)
 
     def run(self, silence_ms: float = SILENCE_MS) -> Report:
-        """Soak; whatever ends it, the report is what was seen until then.
-
-        Raises:
-            SoakError: a daemon has ended by itself.
-        """
+        """Soak; whatever ends it, the report is what was seen until then."""
         report, until = self.report, monotonic() + self.report.minutes * 60.0
         with ExitStack() as stack:
             wall = stack.enter_context(wall_clock(Path(stack.enter_context(TemporaryDirectory(prefix="wl-clock-")))))
@@ -78,7 +63,9 @@ class Soak:
             report.violations += watch.rest()
             try:
                 field = Field(rig, watch, wall, self._random, self._is_short)
-                while not self._is_over(until):
+                while len(report.failures()) < MOST_VIOLATIONS and not (
+                    set(report.kinds) >= set(self._faults) and (self._is_short or monotonic() >= until)
+                ):
                     self._round(field, until)
                     report.rounds += 1
                 report.summaries = rig.stop()
@@ -86,13 +73,14 @@ class Soak:
                     if told.get("outcome") != "terminated" or rig.sides[side].status:
                         self._say(f"the {side} did not end in order: {rig.sides[side].outcome}")
             finally:
-                self._sum_up(watch, rig)
+                books, report.ticks, report.overruns = rig.wire.books(), watch.ticks, watch.overruns
+                report.longest_queue_bytes = watch.longest_queue
+                if watch.overruns:
+                    text = f"{watch.overruns} records were overwritten before the soak could read them"
+                    report.violations.append(text)
+                report.relay = {"forward": dict(books.forward), "backward": dict(books.backward)}
+                report.measure(watch.lives.values())
         return report
-
-    def _is_over(self, until: float) -> bool:
-        if len(self.report.failures()) >= MOST_VIOLATIONS:
-            return True
-        return set(self.report.kinds) >= set(self._faults) and (self._is_short or monotonic() >= until)
 
     def _round(self, field: Field, until: float) -> None:
         is_first, has_rare = not self.report.rounds, self.report.rounds % RARE_EVERY == 0
@@ -149,14 +137,6 @@ class Soak:
     def _say(self, text: str) -> None:
         if len(self.report.violations) < MOST_VIOLATIONS:
             self.report.violations.append(text)
-
-    def _sum_up(self, watch: Watch, rig: Session) -> None:
-        report, books = self.report, rig.wire.books()
-        report.ticks, report.overruns, report.longest_queue_bytes = watch.ticks, watch.overruns, watch.longest_queue
-        if watch.overruns:
-            report.violations.append(f"{watch.overruns} records were overwritten before the soak could read them")
-        report.relay = {"forward": dict(books.forward), "backward": dict(books.backward)}
-        report.measure(watch.lives.values())
 
 
 class Status:

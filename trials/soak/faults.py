@@ -18,9 +18,8 @@ from time import monotonic, sleep, time, time_ns
 from tests.program import ENGAGED
 from trials.rig import LINK, Session, Side
 from trials.soak import laws
-from trials.soak.ammunition import KINDS, stamp_of
-from trials.soak.ammunition import load as load_gun
-from trials.soak.volley import volley
+from trials.soak.volley import KINDS, stamp_of, volley
+from trials.soak.volley import load as load_gun
 from trials.soak.wallclock import WallClock
 from trials.soak.watch import Watch, cpu_seconds
 from weberlink.config import MASTER, SIDES, SLAVE
@@ -36,18 +35,14 @@ QUICK_S, RESTART_S = 3.0, 60.0
 """From the end of a fault to a session, and from the start of a daemon to one, which a busy machine delays."""
 HOUR = 3600
 CLOCK_ERROR_S = 30.0
-HISTORY_S = 2.0
-"""Of a session, before there is something to send again."""
-BURST, BURST_S = 240, 0.003
-"""Datagrams that fit the buffer of a socket, and how long it takes to send them [s]."""
+HISTORY_S = 2.0  # of a session, before there is something to send again
+BURST, BURST_S = 240, 0.003  # datagrams that fit the buffer of a socket, and how long it takes to send them [s]
 STUTTER_SHARE = 0.33
 SURELY_S, LATE_S = 0.3, 0.1
 """Beyond the limit: until all have noticed for sure, and how late a shared machine may be in a tick [s]."""
-RECORDED, CALLS_PER_S, CALLS_S = 10_000, 20_000, 5.0
-"""Calls in a long recording."""
+RECORDED, CALLS_PER_S, CALLS_S = 10_000, 20_000, 5.0  # calls in a long recording
 FLOOD_PER_S = 50_000
-MOST_CORE = 0.75
-"""Of a core that a daemon may take during a flood."""
+MOST_CORE = 0.75  # of a core that a daemon may take during a flood
 THIEF, CALLER = "127.0.0.4", ("127.0.0.3", 0)
 BURN = """
 import os, sys, time
@@ -60,22 +55,15 @@ while time.monotonic() < end:
 
 @dataclass
 class Field:
-    """Where a fault takes place.
-
-    Attributes:
-        wall: the wall clock of the daemons; None where none can be made.
-        short: whether each fault is to last no longer than it must.
-        notes: counts that a fault reports beside violations.
-        ended_at: when the way back began, if not when the fault returned [s].
-    """
+    """Where a fault takes place."""
 
     rig: Session
     watch: Watch
-    wall: WallClock | None
+    wall: WallClock | None  # the wall clock of the daemons; None where none can be made
     random: Random
-    short: bool
-    notes: dict[str, int] = field(default_factory=dict)
-    ended_at: float | None = None
+    short: bool  # whether each fault is to last no longer than it must
+    notes: dict[str, int] = field(default_factory=dict)  # counts that a fault reports beside violations
+    ended_at: float | None = None  # when the way back began, if not when the fault returned [s]
 
     def lasting(self, short: float, least: float, most: float) -> float:
         """How long a fault lasts [s]."""
@@ -87,18 +75,12 @@ Inject = Callable[[Field], list[str]]
 
 @dataclass(frozen=True)
 class Fault:
-    """One kind.
+    """One kind."""
 
-    Args:
-        inject: does it, and returns what broke its own law.
-        keeps: whether the session is to live through it.
-        limit_s: from its end to a session.
-        rare: whether it is left out of most rounds, so that the lives of the daemons are long enough to see growth.
-    """
-
-    inject: Inject
-    keeps: bool = False
-    limit_s: float = QUICK_S
+    inject: Inject  # does it, and returns what broke its own law
+    keeps: bool = False  # whether the session is to live through it
+    limit_s: float = QUICK_S  # from its end to a session
+    # whether it is left out of most rounds, so that the lives of the daemons are long enough to see growth
     rare: bool = False
 
 

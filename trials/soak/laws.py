@@ -13,13 +13,10 @@ COUNTERS = (
     *("ticks_missed", "datagrams_sent", "datagrams_received", "datagrams_dropped", "bytes_sent"),
     *("updates_sent", "updates_received", "repeats", "heartbeats"),
 )
-GRID_S = 1e-5
-"""By how much a deadline may be off its grid, of float rounding [s]."""
+GRID_S = 1e-5  # by how much a deadline may be off its grid, of float rounding [s]
 SPARE_DESCRIPTORS = 2
-TICKS_S = 0.02
-"""By which a side's newest record may be behind another's, though both tick [s]."""
-STILL = 1e-9
-"""[N] or [m]."""
+TICKS_S = 0.02  # by which a side's newest record may be behind another's, though both tick [s]
+STILL = 1e-9  # [N] or [m]
 Both = Mapping[str, Records]
 
 
@@ -43,12 +40,7 @@ def done_at(records: Records) -> Any:
 
 
 def always(records: Records, first: Records, period: float, side: str) -> list[str]:
-    """No counter falls, deadlines stay on one grid whatever the wall clock does, no force without a session.
-
-    Args:
-        records: consecutive ones of one daemon.
-        first: the first that it wrote.
-    """
+    """No counter falls, deadlines stay on one grid whatever the wall clock does, no force without a session."""
     found = [f"{name} fell" for name in COUNTERS if (np.diff(records[name].astype(np.int64)) < 0).any()]
     if (np.diff(records["tick"].astype(np.int64)) <= 0).any():
         return [*found, "the number of the tick fell"]
@@ -109,12 +101,7 @@ def engaged_alone(sides: Both, limit: float) -> list[str]:
 
 
 def wakes_gently(records: Records, side: str, *, most: float) -> list[str]:
-    """After it stood still for longer than the limit, a side names it, and begins from where it is.
-
-    Args:
-        records: from before it stood still until after.
-        most: what the force may be 0.1 s after it goes on, in N; or the robot may have moved, in m.
-    """
+    """After it stood still for longer than the limit, a side names it, and begins from where it is."""
     if len(records) < 3:
         return [f"the {side} wrote nothing"]
     done = done_at(records)
@@ -136,12 +123,7 @@ def away_for(sides: Both, ended: float, period: float) -> float:
 
 
 def answers_little(shots: Mapping[str, Any], *, is_proven: bool) -> list[str]:
-    """A flood gets at most one answer to a question, no longer than that, and none without proof of the key.
-
-    Args:
-        shots: figures of `trials.soak.volley`.
-        is_proven: whether the datagrams hold a proof of the key.
-    """
+    """A flood gets at most one answer to a question, no longer than that, and none without proof of the key."""
     if not shots["answers"]:  # none, or nobody could hear them
         return []
     found = [] if is_proven else [f"{shots['answers']} answers to who has not proved the key"]

@@ -11,11 +11,9 @@ from trials.soak.watch import Life
 
 BOUNDS_PER_HOUR = {"rss_kib": 1024.0, "dirty_kib": 1024.0, "descriptors": 1.0, "threads": 1.0}
 """Growth of a daemon beyond which a soak has failed, per hour."""
-WARM_UP_S = 20.0
-"""Of each life: caches fill, which is no growth [s]."""
+WARM_UP_S = 20.0  # of each life: caches fill, which is no growth [s]
 BLOCK_S = 30.0
-SURE = 2.0
-"""Standard deviations by which a slope must exceed its bound."""
+SURE = 2.0  # standard deviations by which a slope must exceed its bound
 _FEWEST_BLOCKS = 6
 _HOUR = 3600.0
 
@@ -36,9 +34,6 @@ def fit(lives: Iterable[Sequence[tuple[float, float]]]) -> Growth | None:
     """The common slope of several lives by least squares, each on a level of its own; None for too few samples.
 
     Memory changes in steps, so samples are averaged over blocks, and the uncertainty is that of the blocks.
-
-    Args:
-        lives: (time [s], value) of each, in order of time; the first sample of a life is its beginning.
     """
     centred = []
     for life in filter(len, lives):
@@ -60,18 +55,12 @@ def fit(lives: Iterable[Sequence[tuple[float, float]]]) -> Growth | None:
 
 @dataclass
 class Kind:
-    """One kind of fault.
-
-    Attributes:
-        together: of them, under another fault.
-        worst_return_s: from the end of the fault to a session of both.
-        stalls: times that the machine stood still for longer than the session can bear: not held against it.
-    """
+    """One kind of fault."""
 
     count: int = 0
-    together: int = 0
-    worst_return_s: float = 0.0
-    stalls: int = 0
+    together: int = 0  # of them, under another fault
+    worst_return_s: float = 0.0  # from the end of the fault to a session of both
+    stalls: int = 0  # times that the machine stood still for longer than the session can bear: not held against it
     violations: list[str] = field(default_factory=list)
     notes: dict[str, int] = field(default_factory=dict)
 

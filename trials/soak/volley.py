@@ -1,10 +1,9 @@
-"""Send datagrams to one address at a given rate, from a process of its own, and count the answers.
+"""Floods: the datagrams that somebody without the key, or with a recording, can send, and a process that sends them.
 
-64 datagrams per system call (sendmmsg), paced by the millisecond. With `spoof` it writes the IP and UDP headers itself,
-which takes root, so that the datagrams seem to come from `source`.
+It sends to one address at a given rate, paced by the millisecond, and counts the answers. With `spoof` it writes the IP
+and UDP headers itself, which takes root, so that the datagrams seem to come from `source`.
 """
 
-import ctypes
 import json
 import os
 import socket
@@ -14,61 +13,85 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from random import Random
 from time import monotonic, sleep
 from typing import Any
 
+from weberlink.protocol.handshake import HELLO_FIELDS, HELLO_HEADER, Hello, pack_hello, read_fields, read_map
+from weberlink.protocol.psk import PresharedKey
+from weberlink.protocol.wire import CLEAR_BYTES, SEQUENCE_MASK, Kind, kind_of, sequence_of
+
+KINDS = ("forged", "replayed", "truncated", "random", "handshake", "calls")
+"""
+- forged: the shape of genuine datagrams, newer numbers, other contents
+- replayed: genuine ones
+- truncated: genuine ones cut short
+- random: any bytes, up to what a network carries
+- handshake: HELLOs without proof of the key
+- calls: HELLOs with it, as someone has who recorded very many calls
+"""
+ROUNDS = 1024
+_LONGEST_RANDOM = 1400
+_PROOF = 16
+_AHEAD = 200
+
+
+def load(kind: str, genuine: Sequence[bytes], random: Random, key: bytes, calls: int = ROUNDS) -> list[bytes]:
+    """Datagrams of a kind, to be sent over and over."""
+    sealed = [data for data in genuine if kind_of(data) in (Kind.UPDATE, Kind.HEARTBEAT)]
+    if kind in ("forged", "replayed", "truncated") and not sealed:
+        raise ValueError(f"{kind}: nothing genuine was recorded to make it of")
+    match kind:
+        case "forged":
+            newest = sequence_of(sealed[-1])
+            forged = []
+            for _ in range(ROUNDS):
+                like, number = random.choice(sealed), newest + random.randint(1, _AHEAD)
+                head = like[:1] + (number & SEQUENCE_MASK).to_bytes(CLEAR_BYTES - 1, "little")
+                forged.append(head + random.randbytes(len(like) - len(head)))
+            return forged
+        case "replayed":
+            return list(sealed[-ROUNDS:])
+        case "truncated":
+            return [cut[: random.randrange(1, len(cut))] for cut in random.choices(sealed, k=ROUNDS)]
+        case "random":
+            return [random.randbytes(random.randint(1, _LONGEST_RANDOM)) for _ in range(ROUNDS)]
+        case "handshake":
+            return [call[:-_PROOF] + random.randbytes(_PROOF) for call in _calls(genuine, key, random, calls)]
+        case "calls":
+            return _calls(genuine, key, random, calls)
+    raise ValueError(f"there is no kind {kind!r}; there are {', '.join(KINDS)}")
+
+
+def stamp_of(call: bytes) -> int:
+    """When a HELLO was made, by the clock of its master [ns]."""
+    stamp: int = HELLO_HEADER.unpack_from(call)[-1]
+    return stamp
+
+
+def _calls(genuine: Sequence[bytes], key: bytes, random: Random, count: int) -> list[bytes]:
+    """HELLOs like a genuine one, of as many calls with the key, whose answers nobody can use any more."""
+    security, size = PresharedKey(key), HELLO_HEADER.size
+    hello = next((data for data in genuine if kind_of(data) == Kind.HELLO), None)
+    heard = None if hello is None else security.hear(hello[:size], hello[size:])
+    fields = None if heard is None else read_fields(read_map(heard[0]) or {}, HELLO_FIELDS)
+    if hello is None or fields is None:
+        raise ValueError("no genuine HELLO was recorded to make others of")
+    payload = pack_hello(Hello(*fields), security.overhead)
+    *header, stamp = HELLO_HEADER.unpack_from(hello)
+    calls, first = [], max(1, stamp - count)
+    for rising in range(first, first + count):  # as those of a recording
+        packed = HELLO_HEADER.pack(*header, rising)
+        calls.append(packed + security.call(packed, random.randbytes(security.private_size), payload)[0])
+    return calls
+
+
 Address = tuple[str, int]
 
-BATCH = 64
 PRIORITY = 30
 """Of SCHED_FIFO, below the daemons and the relay: a flood from elsewhere does not wait for a processor of this host."""
 _PACE = 0.001
-_LONGEST_DEBT = 0.05
-"""What a stall of this process may make up for at once [s]; the rest of it is not sent."""
-
-
-class _Vector(ctypes.Structure):
-    _fields_ = (("base", ctypes.c_void_p), ("length", ctypes.c_size_t))
-
-
-class _Message(ctypes.Structure):
-    _fields_ = (
-        ("name", ctypes.c_void_p),
-        ("name_length", ctypes.c_uint32),
-        ("vectors", ctypes.POINTER(_Vector)),
-        ("vector_count", ctypes.c_size_t),
-        ("control", ctypes.c_void_p),
-        ("control_length", ctypes.c_size_t),
-        ("flags", ctypes.c_int),
-        ("_", ctypes.c_int),  # a msghdr of its own ends here, on the boundary of its pointers
-        ("sent", ctypes.c_uint),
-    )
-
-
-class Magazine:
-    """Datagrams laid out for sendmmsg, all to one address."""
-
-    def __init__(self, datagrams: list[bytes], target: tuple[str, int]) -> None:
-        self._libc = ctypes.CDLL(None, use_errno=True)
-        host, port = target
-        name = struct.pack("=HH4s8x", socket.AF_INET, socket.htons(port), socket.inet_aton(host))
-        self._name = ctypes.create_string_buffer(name, len(name))
-        self._buffers = [ctypes.create_string_buffer(data, len(data)) for data in datagrams]
-        self.sizes = [len(data) for data in datagrams]
-        self._vectors = (_Vector * len(datagrams))()
-        self._messages = (_Message * len(datagrams))()
-        for index, buffer in enumerate(self._buffers):
-            self._vectors[index] = _Vector(ctypes.addressof(buffer), len(buffer))
-            message = self._messages[index]
-            message.name, message.name_length = ctypes.addressof(self._name), len(name)
-            message.vectors = ctypes.pointer(self._vectors[index])
-            message.vector_count = 1
-
-    def fire(self, descriptor: int, first: int, count: int) -> int:
-        """Send up to `count` from `first` on; returns how many the kernel took."""
-        count = min(count, len(self.sizes) - first)
-        sent = self._libc.sendmmsg(descriptor, ctypes.byref(self._messages[first]), count, 0)
-        return max(0, int(sent))
+_LONGEST_DEBT = 0.05  # what a stall of this process may make up for at once [s]; the rest of it is not sent
 
 
 def spoofed(data: bytes, source: tuple[str, int], target: tuple[str, int]) -> bytes:
@@ -92,8 +115,7 @@ def fire(order: dict[str, Any]) -> dict[str, Any]:
     else:
         gun = socket.socket(socket.AF_INET, socket.SOCK_RAW, socket.IPPROTO_RAW)
         datagrams = [spoofed(data, source, target) for data in datagrams]
-    magazine = Magazine(datagrams, target)
-    sent = sent_bytes = position = 0
+    sent = sent_bytes = 0
     answers: list[int] = []
     began = monotonic()
     forgiven = 0.0
@@ -103,12 +125,12 @@ def fire(order: dict[str, Any]) -> dict[str, Any]:
             forgiven += (due - sent) / rate - _LONGEST_DEBT
             due = int((now - began - forgiven) * rate)
         while sent < due:
-            taken = magazine.fire(gun.fileno(), position, min(BATCH, due - sent))
-            if not taken:
+            try:
+                gun.sendto(datagrams[sent % len(datagrams)], target)
+            except OSError:  # the buffer is full
                 break
-            sent_bytes += sum(sizes[position : position + taken])
-            sent += taken
-            position = (position + taken) % len(sizes)
+            sent_bytes += sizes[sent % len(sizes)]
+            sent += 1
         answers += _heard(gun) if hears else []
         sleep(_PACE)
     lasted = monotonic() - began

@@ -8,10 +8,10 @@ from time import monotonic, sleep
 import numpy as np
 
 from tests.program import ENGAGED, Records
+from trials.relay import Books
 from trials.rig import NOTHING, Session, Side
 from trials.soak import laws
 from trials.soak.laws import Footprint
-from trials.wire import Books
 from weberlink.config import MASTER, SIDES, SLAVE
 
 LOOK_S = 0.05
@@ -43,12 +43,6 @@ def cpu_seconds(pid: int) -> float:
         return 1e-9 * sum(int(path.read_text(encoding="ascii").split()[0]) for path in tasks)
     except OSError:
         return 0.0
-
-
-def waiting_bytes(port: int) -> int:
-    """What waits in the UDP socket of a port."""
-    rows = [line.split() for line in Path("/proc/net/udp").read_text(encoding="ascii").splitlines()[1:]]
-    return sum(int(row[4].partition(":")[2], 16) for row in rows if int(row[1].partition(":")[2], 16) == port)
 
 
 @dataclass
@@ -107,7 +101,11 @@ class Watch:
             self._take(side)
         if monotonic() - self._sampled_at >= SAMPLE_S:
             self._sampled_at = monotonic()
-            self._sample()
+            for pid, life in self.lives.items():
+                if (held := footprint(pid)) is not None:
+                    life.taken.append((monotonic(), held))
+            for name, waiting in self._queues().items():
+                self.longest_queue[name] = max(self.longest_queue[name], waiting)
 
     def bury(self, side: Side) -> None:
         """Take what a side that has ended has left."""
@@ -129,28 +127,20 @@ class Watch:
         for text in laws.always(joined, life.first, self.period, side.side):
             self._say(f"{side.side}: {text}")
 
-    def _sample(self) -> None:
-        for pid, life in self.lives.items():
-            if (held := footprint(pid)) is not None:
-                life.taken.append((monotonic(), held))
-        for side, waiting in self._queues().items():
-            self.longest_queue[side] = max(self.longest_queue[side], waiting)
-
     def _queues(self) -> dict[str, int]:
+        """Bytes that wait in the socket of each side."""
         master = self.books().master
         ports = {SLAVE: self._session.slave_address[1]} | ({} if master is None else {MASTER: master[1]})
-        return {side: waiting_bytes(port) for side, port in ports.items()}
+        rows = [line.split() for line in Path("/proc/net/udp").read_text(encoding="ascii").splitlines()[1:]]
+        waiting = [(int(row[1].partition(":")[2], 16), int(row[4].partition(":")[2], 16)) for row in rows]
+        return {side: sum(count for at, count in waiting if at == port) for side, port in ports.items()}
 
     def wait(self, seconds: float) -> None:
         """Go on looking for so long."""
         self.until(lambda: False, seconds)
 
     def until(self, condition: Callable[[], object], limit: float) -> bool:
-        """Go on looking until the condition holds; False if it does not within the limit [s].
-
-        Raises:
-            SoakError: a daemon has ended by itself.
-        """
+        """Go on looking until the condition holds; False if it does not within the limit [s]."""
         deadline = monotonic() + limit
         while True:
             self.look()
@@ -164,15 +154,10 @@ class Watch:
                 return False
             sleep(min(LOOK_S, left))
 
-    def state_of(self, name: str) -> int:
-        """The newest state; 0 before the first record."""
-        side = self._session.sides.get(name)
-        return 0 if side is None or side.last is None else int(side.last["state"])
-
     def engaged(self, since: float = 0.0) -> bool:
         """Whether both are in a session, by a record of a tick after `since` [s]."""
-        sides = self._session.sides
-        return all(self.state_of(name) == ENGAGED and sides[name].last["at"] > since for name in SIDES)
+        newest = [None if (side := self._session.sides.get(name)) is None else side.last for name in SIDES]
+        return all(last is not None and last["state"] == ENGAGED and last["at"] > since for last in newest)
 
     def stall(self) -> float:
         """Longest time that either side, or the relay, stood still since `begin` [s]."""

@@ -1,14 +1,23 @@
-"""The shipped file is valid, works at a distance as it is, and is copied with all that it names."""
+"""The shipped file, the secrets it names, and what the doctor says of NAT and firewall."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from plugins.anywhere.tests import FILE
 from tests.program import weberlink
+from weberlink.cli.doctor import Grade
 from weberlink.cli.shipped import copy
 from weberlink.config import ConfigurationError, load
+from weberlink.protocol.keys import KeyFileError
 from weberlink.session.simulation import simulate
+from weberlink_anywhere.credentials import credentials, read_credentials, read_secret
+from weberlink_anywhere.doctor import judge
+from weberlink_anywhere.nat import ANY, Behaviour, Nat
+from weberlink_anywhere.options import AnywhereOptions
+from weberlink_anywhere.stun import WayOut
 
 HERE = ("link.finder=null", "link.listen=127.0.0.1:47000", "link.security=none")
 
@@ -40,3 +49,64 @@ def test_a_wrong_value_is_one_line(overrides: tuple[str, ...], complaint: str) -
 
 def test_a_copy_has_the_schema_beside_it(tmp_path: Path) -> None:
     assert {path.name for path in copy("anywhere", tmp_path)} == {"anywhere.yaml", "weberlink.schema.json"}
+
+
+SECRET = "north-star-of-the-relay"
+
+
+def file_of(folder: Path, content: str, mode: int = 0o600) -> Path:
+    path = folder / "turn.secret"
+    path.write_text(content)
+    path.chmod(mode)
+    return path
+
+
+def test_password_is_hmac_of_expiry_and_name() -> None:
+    # printf 1000000600:op | openssl dgst -sha1 -hmac north-star-of-the-relay -binary | base64
+    assert credentials(SECRET, "op", 1e9, 600.0) == ("1000000600:op", "eu05EBFpQGhiMsHYObQnILIDjUk=")
+
+
+def test_file_holds_a_secret_or_name_and_password(tmp_path: Path) -> None:
+    assert read_secret(file_of(tmp_path, f"{SECRET}\n")) == SECRET
+    assert read_secret(file_of(tmp_path, "s" * 16)) == "s" * 16
+    assert read_credentials(file_of(tmp_path, "name password\n")) == ("name", "password")
+
+
+@pytest.mark.parametrize(
+    ("read", "content", "mode"),
+    [
+        *((read_secret, content, 0o600) for content in ("", "two words", "s\u00e4cret-of-the-relay", "s" * 15)),
+        (read_secret, SECRET, 0o640),
+        (read_credentials, "name", 0o600),
+        (read_credentials, "name password more", 0o600),
+    ],
+)
+def test_other_files_are_refused(read: Callable[[Path], object], content: str, mode: int, tmp_path: Path) -> None:
+    with pytest.raises(KeyFileError, match=r"turn\.secret"):
+        read(file_of(tmp_path, content, mode))
+
+
+FILE_OPTIONS = {"mailbox": "ws://a/v1", "stun": "relay.example:3478", "turn": {"server": "a:1", "secret_file": "s"}}
+SERVER, MINE = ("203.0.113.1", 3478), ("198.51.100.7", 20_000)
+INDEPENDENT, BOTH = frozenset({Behaviour.INDEPENDENT}), frozenset({Behaviour.ADDRESS_AND_PORT})
+MAPPED, UNCLEAR = WayOut(Nat(SERVER, MINE, True, BOTH, BOTH)), WayOut(Nat(SERVER, MINE, True, ANY, ANY))
+REACHED = WayOut(Nat(SERVER, MINE, True, INDEPENDENT, INDEPENDENT))
+BLOCKED = WayOut(None, by_tcp=("relay.example:3478",))
+
+
+@pytest.mark.parametrize(
+    ("way_out", "overrides", "grade", "fix"),
+    [
+        (REACHED, {}, Grade.OK, None),
+        (MAPPED, {}, Grade.OK, None),  # the file has a relay
+        (MAPPED, {"turn": None}, Grade.ADVICE, "link.finder.turn"),
+        (UNCLEAR, {}, Grade.UNKNOWN, "docs/relay.md"),
+        (BLOCKED, {}, Grade.PROBLEM, "another network"),
+        (WayOut(None, unresolved=("a.b",)), {}, Grade.PROBLEM, "link.finder.stun"),
+    ],
+)
+def test_way_out_is_judged(way_out: WayOut, overrides: dict[str, Any], grade: Grade, fix: str | None) -> None:
+    first, *others = judge(way_out, AnywhereOptions.model_validate(FILE_OPTIONS | overrides))
+    assert first.grade is grade
+    assert first.fix is None if fix is None else fix in (first.fix or "")
+    assert [(each.check, each.grade) for each in others] == [("filtering", Grade.OK)] * (way_out.nat is not None)

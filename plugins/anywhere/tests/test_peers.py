@@ -1,16 +1,24 @@
-"""The store of known peers: complete or not at all, for its owner alone, and no key is ever overwritten."""
+"""Known peers: the store, complete or not at all, for its owner alone; and `weberlink peer`."""
 
+import json
 import os
 import stat
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from time import monotonic
 
 import pytest
+from typer.testing import CliRunner, Result
 
+from plugins.anywhere.tests.mailbox_server import MailboxServer
+from plugins.anywhere.tests.meetings import Pair
 from tests.strangers import NOBODY, as_stranger, needs_root, read_file
+from weberlink.cli import app
+from weberlink.order import MISCONFIGURED
 from weberlink_anywhere.peers import Peer, PeerError, PeerStore
+from weberlink_anywhere.survey import ASK_LIMIT_S
 
 ROBOT = Peer("robot", "arm-7", "anna", "slave", bytes(range(32)), "ws://relay.example:4000/v1", 1.5e9)
 GOOD = b'{"label": null, "name": "a", "own": "b", "role": "slave", "key": "%s"}' % (b"00" * 32)
@@ -161,3 +169,66 @@ def test_of_many_at_once_one_adds(tmp_path: Path) -> None:
         (winner,) = [each for each in pool.map(add, range(32)) if each is not None]
     assert store.find("robot").key == bytes([winner]) * 32
     assert [path.name for path in store.folder.iterdir()] == ["robot.json"]
+
+
+NOWHERE = "ws://127.0.0.1:1/v1"
+
+
+@pytest.fixture
+def empty(tmp_path: Path) -> PeerStore:
+    return PeerStore(tmp_path / "peers")
+
+
+def peers(empty: PeerStore, *arguments: str) -> Result:
+    return CliRunner().invoke(app, ["peer", *arguments, "--store", str(empty.folder)])
+
+
+@pytest.mark.realtime
+def test_all_are_asked_at_once_and_each_state_is_told(mailbox: MailboxServer, empty: PeerStore, tmp_path: Path) -> None:
+    far, *away = [Pair(mailbox.url) for _ in range(7)]
+    empty.add(replace(far.slave, label="far", mailbox=NOWHERE))
+    empty.add(replace(far.slave, label="unserved", mailbox=""))
+    empty.add(replace(far.master, label="anna"))
+    for number, pair in enumerate(away):
+        empty.add(replace(pair.slave, label=f"away {number}"))
+    (empty.folder / "broken.json").touch(0o600)
+    out, began = tmp_path / "out.json", monotonic()
+    result = peers(empty, "--json", str(out))
+    assert monotonic() - began < 2 * ASK_LIMIT_S, "not one after the other"
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert {each["label"]: (each["state"], each["serves"]) for each in json.loads(out.read_text())["peers"]} == {
+        "anna": ("-", None),
+        **{f"away {number}": ("away", None) for number in range(len(away))},
+        "broken": ("unusable", None),
+        "far": ("unknown", None),
+        "unserved": ("unknown", None),
+    }
+    assert f"far: the mailbox server {NOWHERE} cannot be reached: Connection refused" in result.stdout
+    keys = [pair.master.key.hex() for pair in (far, *away)]
+    assert not any(key in text for key in keys for text in (result.stdout, out.read_text()))
+
+
+def test_one_peer_is_renamed_shown_and_removed(empty: PeerStore) -> None:
+    empty.add(Pair("").slave)
+    empty.add(replace(Pair("").slave, label="other"))
+    assert peers(empty, "robot", "--rename", "arm").stdout == "robot is now called arm\n"
+    shown = json.loads(peers(empty, "arm", "--json", "-").stdout)
+    assert [(each["label"], each["name"]) for each in shown["peers"]] == [("arm", "robot")]
+    assert peers(empty, "arm", "--remove").stdout.startswith("arm is forgotten; ")
+    assert empty.labels() == ["other"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        *((f"nobody {rest}", "there is no peer 'nobody'; known: robot") for rest in ("", "--remove", "--rename x")),
+        ("robot --rename ../x", "a peer cannot be called '../x'"),
+        *((each, "--rename NEW and --remove") for each in ("robot --rename x --remove", "--remove", "--rename x")),
+    ],
+)
+def test_wrong_arguments_change_nothing(empty: PeerStore, arguments: str, message: str) -> None:
+    empty.add(Pair("").slave)
+    result = peers(empty, *arguments.split())
+    assert result.exit_code == MISCONFIGURED
+    assert result.stderr.startswith("weberlink: peer: ") and message in result.stderr
+    assert (result.stderr.count("\n"), empty.labels()) == (1, ["robot"])

@@ -26,10 +26,8 @@ from tests.laws import Laws, write
 from weberlink.figures.environment import environment, footer
 
 LIMITS_S = {"nat": 1500.0, "readme": 180.0}
-LIMIT_S = 150.0
-"""Until a row is given up [s]."""
-ATTEMPTS = 3
-"""A row in which the host itself stood still says nothing, and is tried again."""
+LIMIT_S = 150.0  # until a row is given up [s]
+ATTEMPTS = 3  # A row in which the host itself stood still says nothing, and is tried again
 HEADING = f"\n{'in contact':32} {'N':>5} {'away ms':>7} {'back':>6} {'force':>6} {'robot':>6} {'step N':>6}"
 
 

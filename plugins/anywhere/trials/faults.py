@@ -14,35 +14,25 @@ from tests.program import ENGAGED
 from trials.rig import Side, within
 from weberlink.config import MASTER, SLAVE, load
 
-BACK_S = 30.0
-"""From the end of a fault until a session [s]."""
+BACK_S = 30.0  # from the end of a fault until a session [s]
 CONTACT_N = 0.3
 Deed = Callable[[Scene], object]
 
 
 @dataclass(frozen=True)
 class Fault:
-    """What fails, for `lasts` [s].
-
-    Args:
-        begin, end: do it and undo it.
-        effect: what it must lead to.
-        robot, operator: kinds of NAT.
-        second: kind of NAT of the operator's second interface.
-        settings: of both commands, as of `--set`.
-        after_s: from the end of the fault until what it did is looked at, if the session lasts.
-    """
+    """What fails, for `lasts` [s]."""
 
     meaning: str
-    begin: Deed
+    begin: Deed  # do it and undo it
     end: Deed = lambda _: None
     lasts: float = 0.0
-    effect: str = SILENCE
-    robot: str = CONE
+    effect: str = SILENCE  # what it must lead to
+    robot: str = CONE  # kinds of NAT
     operator: str = CONE
-    second: str | None = None
-    settings: tuple[str, ...] = ()
-    after_s: float = 3.0
+    second: str | None = None  # kind of NAT of the operator's second interface
+    settings: tuple[str, ...] = ()  # of both commands, as of `--set`
+    after_s: float = 3.0  # from the end of the fault until what it did is looked at, if the session lasts
 
 
 def unplug(router: Router) -> None:

@@ -18,40 +18,27 @@ SILENCE, NOTHING, EITHER = "silence", "nothing", "either"
 LAG_M = 0.002
 """How far the simulated robot (0.2 kg, critically damped, 3000 N/m) may be from its command in contact, because a
 retreat counts from where the robot is: 5 N press it 1.7 mm away, and it lags a slide of 0.09 m/s by 16 ms, 1.5 mm."""
-STALL_S = 0.03
-"""By which a busy machine may delay a tick that reads what has arrived [s]."""
+STALL_S = 0.03  # by which a busy machine may delay a tick that reads what has arrived [s]
 
 
 @dataclass(frozen=True)
 class Interruption:
-    """Of one run.
+    """Of one run."""
 
-    Attributes:
-        contact_n: force on the hand in the last tick before the fault.
-        away_ms: how long hand or robot were without a session.
-        back_ms: from the end of the fault until both are in a session again; None if they are not.
-        force_ms, robot_ms: from the last datagram that a side heard to its last tick with force on the hand, or of the
-            session in which the robot moved.
-        backed_mm, astray_mm: how far the robot backed off without a session, and how far it moved otherwise.
-        step_n: largest change of force on the hand for each tick that passed, from the fault on.
-        early_n: how far the force was above an even rise to its limit, once the session was back.
-        step_mm: largest step of the robot in a tick, once the session was back, less that of the hand.
-        faults: named by master and slave.
-        sessions: how often the master engaged again.
-    """
-
-    contact_n: float
-    away_ms: float
-    back_ms: float | None
+    contact_n: float  # force on the hand in the last tick before the fault
+    away_ms: float  # how long hand or robot were without a session
+    back_ms: float | None  # from the end of the fault until both are in a session again; None if they are not
+    # from the last datagram that a side heard to its last tick with force on the hand, or of the session in which the
+    # robot moved
     force_ms: float
     robot_ms: float
-    backed_mm: float
+    backed_mm: float  # how far the robot backed off without a session, and how far it moved otherwise
     astray_mm: float
-    step_n: float
-    early_n: float
-    step_mm: float
-    faults: tuple[tuple[str, ...], ...]
-    sessions: int
+    step_n: float  # largest change of force on the hand for each tick that passed, from the fault on
+    early_n: float  # how far the force was above an even rise to its limit, once the session was back
+    step_mm: float  # largest step of the robot in a tick, once the session was back, less that of the hand
+    faults: tuple[tuple[str, ...], ...]  # named by master and slave
+    sessions: int  # how often the master engaged again
 
 
 class Course:

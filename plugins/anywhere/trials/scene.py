@@ -36,8 +36,7 @@ from weberlink_anywhere.peers import KEY_BYTES, Peer, PeerStore
 FILE = SHIPPED.name
 LISTEN_S, MEET_S = 20.0, 40.0
 """Until a slave waits, and from a command until a session, or a line that says why there is none [s]."""
-LOOK_S = 4.0
-"""For how long a session is looked at [s]."""
+LOOK_S = 4.0  # for how long a session is looked at [s]
 SCRIPT = 'master.device.script=[{"motion":"slide","points_m":[[-0.03,-0.02,0],[0.03,0.02,0]],"passes":1000}]'
 """The hand slides and presses all the time."""
 
@@ -94,24 +93,15 @@ def waits(slave: Side) -> bool:
 
 @dataclass(frozen=True)
 class Meeting:
-    """Of two hosts.
+    """Of two hosts."""
 
-    Attributes:
-        line: the outcome that the operator's command reports.
-        route: "direct", "punched" or "relayed"; "" without a session.
-        engaged_s: from the operator's command to the first tick of the session; None without one.
-        started_s: part of it, until the daemon ticks: start of the program and of its daemon.
-        rtt_ms, jitter_ms: median round trip, and its 99th percentile less that.
-        ended_s: from the command to its end, without a session.
-    """
-
-    line: str
-    route: str = ""
-    engaged_s: float | None = None
-    started_s: float = np.nan
-    rtt_ms: float = np.nan
+    line: str  # the outcome that the operator's command reports
+    route: str = ""  # "direct", "punched" or "relayed"; "" without a session
+    engaged_s: float | None = None  # from the operator's command to the first tick of the session; None without one
+    started_s: float = np.nan  # part of it, until the daemon ticks: start of the program and of its daemon
+    rtt_ms: float = np.nan  # median round trip, and its 99th percentile less that
     jitter_ms: float = np.nan
-    ended_s: float | None = None
+    ended_s: float | None = None  # from the command to its end, without a session
 
     def __str__(self) -> str:
         return self.line if self.engaged_s is None else f"{self.engaged_s:.2f} s, {self.route}, {self.rtt_ms:.2f} ms"

@@ -1,17 +1,19 @@
-"""Sessions that come and go, and which of them each page is shown."""
+"""Sessions that come and go, which of them each page is shown, and its bounded queue."""
 
 import asyncio
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.watching.sources import HandSource, records, write
 from weberlink.telemetry.ring import RingWriter
 from weberlink.watching.rings import find_rings
 from weberlink.watching.session import WatchedSession
-from weberlink_page.viewer import Viewer
+from weberlink_page.viewer import ANSWERS_WAITING, MOST_WAITING, OUTLIVING, Topic, Viewer
 from weberlink_page.watch import SessionWatcher
 
 
@@ -118,3 +120,36 @@ def test_rings_are_paired_by_launcher_newest_last(tmp_path: Path) -> None:
     path = tmp_path / "weberlink-12-slave.ring"
     assert (found["12"]["slave"].path, found["12"]["slave"].inode) == (path, path.stat().st_ino)
     assert find_rings(tmp_path / "missing") == {}
+
+
+TOPICS = get_args(Topic)
+BOUND = sum(MOST_WAITING.get(topic, 1) for topic in TOPICS) + ANSWERS_WAITING
+
+
+def said(text: str) -> dict[str, str]:
+    return {"type": "answer", "text": text}
+
+
+@given(st.lists(st.sampled_from([*TOPICS, "answer"]), max_size=600))
+def test_queue_is_bounded_and_keeps_the_newest(topics: list[str]) -> None:
+    viewer = Viewer(None, may_change=False)
+    for number, topic in enumerate(topics):
+        text = f"{topic} {number}"
+        if topic == "hello":
+            viewer.greet(said(text))
+        elif topic == "answer":
+            viewer.answer(said(text))
+        else:
+            viewer.put(topic, said(text))
+        assert len(viewer) <= BOUND
+    left = [message["text"] for message in told(viewer)]
+    for is_answer in (True, False):
+        numbers = [int(text.split()[1]) for text in left if text.startswith("answer") == is_answer]
+        assert numbers == sorted(numbers)
+    greeted = max((number for number, topic in enumerate(topics) if topic == "hello"), default=-1)
+    for topic in {*TOPICS, "answer"}:
+        put = [number for number, each in enumerate(topics) if each == topic]
+        if put and (topic in (*OUTLIVING, "answer") or put[-1] >= greeted):
+            assert f"{topic} {put[-1]}" in left
+        elif put:
+            assert not any(text.startswith(f"{topic} ") for text in left)

@@ -2,13 +2,17 @@
 
 import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
 from tests.cli import arm_sessions
+from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT, TOPICS
 from weberlink.telemetry.reader import DTYPE
+from weberlink_recording.container import metadata_of
 from weberlink_recording.writer import Origin, RecordingWriter
 
 SIDES = ("master", "slave")
@@ -61,3 +65,43 @@ def of_arms(path: Path, sides: dict[str, NDArray[np.void]]) -> Path:
                 writer.write(side, records[first : first + 500])
             writer.flush()
     return path
+
+
+def write_elsewhere(
+    path: Path,
+    sides: dict[str, NDArray[np.void]],
+    *,
+    text: str = SCHEMA_TEXT,
+    changes: dict[str, Any] | None = None,
+    compression: CompressionType = CompressionType.NONE,
+    chunked: bool = True,
+    facts: dict[str, str] | None = None,
+    origins: dict[str, Origin] | None = None,
+) -> None:
+    """A recording as another program would write it, message by message, between messages of its own."""
+    changes = {"encoding": "ros2msg", "message": "cdr", "metadata": None, "head": ENCAPSULATION} | (changes or {})
+    with path.open("wb") as file:
+        writer = Writer(file, compression=compression, chunk_size=4000, use_chunking=chunked)
+        writer.start("ros2", "another")
+        strange = writer.register_channel(
+            "/tf", "cdr", writer.register_schema("tf2_msgs/msg/TFMessage", "ros2msg", b"x")
+        )
+        schema = writer.register_schema(SCHEMA_NAME, changes["encoding"], text.encode())
+        channels = {}
+        for side in sides:
+            metadata = (
+                metadata_of((origins or {}).get(side) or origin(side))
+                if changes["metadata"] is None
+                else changes["metadata"]
+            )
+            channels[side] = writer.register_channel(TOPICS[side], changes["message"], schema, metadata)
+        for index in range(max(map(len, sides.values()))):
+            writer.add_message(strange, index, b"\0" * (index % 40), index)
+            for side, records in sides.items():
+                if index < len(records):
+                    data = changes["head"] + records[index].tobytes()
+                    writer.add_message(channels[side], index, data, index, index)
+        if facts is not None:
+            writer.add_metadata("weberlink", facts)
+            writer.add_metadata("end", {"outcome": "complete"})
+        writer.finish()

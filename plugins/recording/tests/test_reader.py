@@ -5,12 +5,11 @@ import struct
 import numpy as np
 import pytest
 from mcap.records import Chunk, DataEnd, Schema
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType
 
-from plugins.recording.tests.records import FACTS, SIDES, frames_of, noise, origin, same, small_file
-from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT, TOPICS
+from plugins.recording.tests.records import FACTS, SIDES, frames_of, noise, origin, same, small_file, write_elsewhere
+from weberlink.telemetry.message import SCHEMA_TEXT
 from weberlink.telemetry.reader import DTYPE
-from weberlink_recording.container import metadata_of
 from weberlink_recording.reader import RecordingError, read_recording
 
 
@@ -26,31 +25,6 @@ def error_of(path):
     assert text.startswith(f"{path}: ")
     assert "\n" not in text
     return text
-
-
-def write_elsewhere(
-    path, sides, *, text=SCHEMA_TEXT, changes=None, compression=CompressionType.NONE, chunked=True, pad=b""
-):
-    """A recording as another program would write it, message by message, between messages of its own."""
-    changes = {"encoding": "ros2msg", "message": "cdr", "metadata": None, "head": ENCAPSULATION} | (changes or {})
-    with path.open("wb") as file:
-        writer = Writer(file, compression=compression, chunk_size=4000, use_chunking=chunked)
-        writer.start("ros2", "another")
-        strange = writer.register_channel(
-            "/tf", "cdr", writer.register_schema("tf2_msgs/msg/TFMessage", "ros2msg", b"x")
-        )
-        schema = writer.register_schema(SCHEMA_NAME, changes["encoding"], text.encode())
-        channels = {}
-        for side in sides:
-            metadata = metadata_of(origin(side)) if changes["metadata"] is None else changes["metadata"]
-            channels[side] = writer.register_channel(TOPICS[side], changes["message"], schema, metadata)
-        for index in range(max(map(len, sides.values()))):
-            writer.add_message(strange, index, b"\0" * (index % 40), index)
-            for side, records in sides.items():
-                if index < len(records):
-                    data = changes["head"] + records[index].tobytes() + pad
-                    writer.add_message(channels[side], index, data, index, index)
-        writer.finish()
 
 
 def test_at_every_byte_what_is_read_is_the_beginning_of_what_was_written(path, tmp_path):

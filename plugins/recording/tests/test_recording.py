@@ -1,6 +1,5 @@
 """Sessions that are recorded: what is in the file, what becomes of it when something dies, and what reads it."""
 
-import os
 import signal
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,16 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mcap.writer import CompressionType, Writer
 
+from plugins.recording.tests.records import write_elsewhere
 from tests.program import ENGAGED, PATIENT, Program, document, weberlink
 from tests.session.systems import CONFIGS, configuration
 from tests.wait import until
 from weberlink.config import load
 from weberlink.session.simulation import simulate
-from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT
+from weberlink.telemetry.message import SCHEMA_TEXT
 from weberlink.telemetry.record import COUNTERS, FIELDS
-from weberlink_recording.container import metadata_of
 from weberlink_recording.export import describe
 from weberlink_recording.reader import Recording, RecordingError, dtype_of, read_recording
 from weberlink_recording.session import ADDED, put_together
@@ -154,21 +152,11 @@ def test_recording_of_an_older_release_still_reads(touch: Recording, tmp_path: P
     path = tmp_path / "touch.mcap"
     fields = {field.name for field in FIELDS} & set(ADDED)
     text = "\n".join(line for line in SCHEMA_TEXT.split("\n") if not any(f" {name} " in line for name in fields))
-    with path.open("wb") as file:
-        writer = Writer(file, compression=CompressionType.NONE)
-        writer.start("ros2", "weberlink")
-        writer.add_metadata("weberlink", touch.facts)
-        schema = writer.register_schema(SCHEMA_NAME, "ros2msg", text.encode())
-        for side, records in touch.records.items():
-            origin = touch.origins[side]
-            channel = writer.register_channel(origin.topic, "cdr", schema, metadata_of(origin))
-            old = np.zeros(len(records), dtype_of(text))
-            for name in old.dtype.names or ():
-                old[name] = records[name]
-            for index, record in enumerate(old):
-                writer.add_message(channel, index, ENCAPSULATION + record.tobytes(), index, index)
-        writer.add_metadata("end", {"outcome": "complete"})
-        writer.finish()
+    old = {side: np.zeros(len(records), dtype_of(text)) for side, records in touch.records.items()}
+    for side, records in old.items():
+        for name in records.dtype.names or ():
+            records[name] = touch.records[side][name]
+    write_elsewhere(path, old, text=text, facts=touch.facts, origins=touch.origins)
     assert not set(ADDED) & set(read_recording(path).records["slave"].dtype.names)
     now, then = info(touch.path), info(path)
     for key in ("duration_s", "force", "position", "link", "energy"):
@@ -221,24 +209,6 @@ def test_sessions_of_two_masters_are_told_apart(touch: Recording) -> None:
 
 
 # --- what becomes of the file when a process dies
-
-
-@pytest.mark.realtime
-def test_a_kill_of_a_daemon_leaves_what_was_recorded(tmp_path: Path) -> None:
-    path = tmp_path / "live.mcap"
-    with Program("loopback", "--record", path, "--json", "-") as program:
-        telemetry = {side: program.engaged(side) for side in ("master", "slave")}
-        until(lambda: path.exists() and path.stat().st_size > 60_000, "the recording to grow")
-        os.kill(telemetry["slave"].pid, signal.SIGKILL)
-        status, output, _ = program.finish()
-        assert (status, document(output)["recording"]["outcome"]) == (1, "complete")
-        last = {side: each.records[-1] for side, each in telemetry.items()}
-    recording = read_recording(path)
-    assert recording.complete
-    for side, record in last.items():
-        records = recording.records[side]
-        assert (np.diff(records["tick"]) >= 1).all()
-        assert records[-1].tobytes() == record.tobytes()
 
 
 @pytest.mark.realtime

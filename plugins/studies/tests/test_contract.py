@@ -33,8 +33,8 @@ from weberlink_studies.precision.study import STUDY as PRECISION
 from weberlink_studies.precision.study import Effort
 from weberlink_studies.sheet import save, sheet
 from weberlink_studies.stability.cells import EXTREMES, SystemCell
+from weberlink_studies.stability.display import STUDY as DISPLAY
 from weberlink_studies.stability.display import DisplayCell
-from weberlink_studies.stability.display_study import STUDY as DISPLAY
 from weberlink_studies.stability.study import STUDY as MAP
 from weberlink_studies.stability.study import MapOptions
 from weberlink_studies.stability.wall import SampledWall

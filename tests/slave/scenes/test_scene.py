@@ -94,8 +94,8 @@ def test_non_finite_position_gives_zero_force(bad: float) -> None:
 @examples(40)
 def test_a_softened_scene_yields_as_if_made_of_the_softer_material(most: float, depth: float, aside: float) -> None:
     """Stiffness is cut to the limit, damping falls in proportion, and friction stays a share of the pressure."""
-    softened = Scene([SceneObject(GROUND, 1e4, CONE, 20.0), SceneObject(GROUND, 300.0, None, 5.0)])
-    softened.soften(most)
+    things = (SceneObject(GROUND, 1e4, CONE, 20.0), SceneObject(GROUND, 300.0, None, 5.0))
+    softened = Scene([thing.softened(most) for thing in things])
     stiff = SceneObject(GROUND, min(1e4, most), CONE, 20.0 * min(1.0, most / 1e4))
     made = Scene([stiff, SceneObject(GROUND, min(300.0, most), None, 5.0 * min(1.0, most / 300.0))])
     assert (softened.stiffness_n_m, softened.rubs) == (min(1e4, most), True)

@@ -11,8 +11,7 @@ from weberlink.codec.replay import code
 from weberlink.master.trace import Trace
 from weberlink_studies.evaluate.replay import signal_of
 
-CONTACT_SHARE = 0.05
-"""Of the largest force of the signal; smaller forces do not count as contact."""
+CONTACT_SHARE = 0.05  # of the largest force of the signal; smaller forces do not count as contact
 CONTACT_TIME = 0.75
 FEWEST_SENDS = 3
 
@@ -29,12 +28,9 @@ class TickWindow(NamedTuple):
 class CodedTrace:
     """A trace coded by a fresh encoder and decoder on a lossless link, sample by sample as in a daemon; n ticks.
 
-    Attributes:
-        displayed_n: decoded force, after the update of the tick if there was one, shape (n, 3).
-        predicted_n: decoded force, before any update of the tick, shape (n, 3).
-        bound_n: radius of the deadband about the measured force, shape (n,).
-        sent: whether an update was sent, shape (n,).
-        selected: index in the bank of the predictor in use, after the update of the tick, shape (n,).
+    `displayed_n` is the decoded force after the update of the tick if there was one, `predicted_n` that before, both of
+    shape (n, 3); `bound_n` the radius of the deadband about the measured force; `selected` the place in the bank of the
+    predictor in use after the update.
     """
 
     def __init__(self, trace: Trace, channel: Channel) -> None:
@@ -60,13 +56,6 @@ def interesting_window(coded: CodedTrace, seconds: float) -> TickWindow:
 
     Only windows count that are in contact (|force| above `CONTACT_SHARE` of the largest of the signal) for at least
     `CONTACT_TIME` of their ticks and have at least `FEWEST_SENDS` sends. If there is none, those with most sends count.
-
-    Args:
-        coded: a run.
-        seconds: length, more than 0; the whole run if that is shorter.
-
-    Raises:
-        ValueError: the length is not positive.
     """
     if not seconds > 0.0:
         raise ValueError(f"seconds: expected more than 0, got {seconds!r}")

@@ -1,10 +1,10 @@
 """The study commands."""
 
 import sys
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Protocol
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -21,10 +21,12 @@ from weberlink.cli.output import attempt, fail, progress_bar, write
 from weberlink.cli.sessions import one_host
 from weberlink.order import FAILED, INTERRUPTED
 from weberlink.session.targets import STANDARD_OUTPUT
-from weberlink_studies.figure_options import Footer, Format, figures
+from weberlink_studies.drawing import Drawing, Footer, Format, drawn_as, formats_of
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
+    from weberlink_studies.frame import FrameResult
+    from weberlink_studies.parallel import Progress
+    from weberlink_studies.result import StudyResult
 
 Plots = Annotated[
     Path | None,
@@ -50,25 +52,9 @@ class Studies(CommandGroup):
 study = typer.Typer(name="study", cls=Studies, help="Reproduce and extend the studies.", no_args_is_help=True)
 
 
-class Study(Protocol):
-    """Results of a study command."""
-
-    @property
-    def document(self) -> dict[str, Any]: ...
-
-    @property
-    def table(self) -> "RenderableType": ...
-
-    @property
-    def figures(self) -> Callable[[Path], None] | None: ...
-
-    @property
-    def interrupted(self) -> str: ...
-
-    def draw(self, folder: Path) -> None: ...
-
-
-def publish(study: Study, json_out: Path | None, plots: Path | None) -> None:
+def publish(
+    study: "StudyResult", json_out: Path | None, plots: Path | None, *, footer: bool = True, formats: str | None = None
+) -> None:
     """Print, write and draw the results of a study; a failure of one does not prevent the others.
 
     After Ctrl-C these are the partial results, and the exit status is `INTERRUPTED`.
@@ -81,7 +67,8 @@ def publish(study: Study, json_out: Path | None, plots: Path | None) -> None:
         failed = exit_
     kept = "printed" if json_out is None else "in the JSON above" if json_out == STANDARD_OUTPUT else f"in {json_out}"
     try:
-        problem = None if plots is None else attempt(lambda: study.draw(plots), plots)
+        with drawn_as(Drawing(footer, formats_of(formats))):
+            problem = None if plots is None else attempt(lambda: study.draw(plots), plots)
     except KeyboardInterrupt:
         fail(f"interrupted while drawing: the results are {kept}, not all figures are in {plots}", INTERRUPTED)
     if problem is not None:
@@ -93,26 +80,31 @@ def publish(study: Study, json_out: Path | None, plots: Path | None) -> None:
         fail(f"interrupted: {study.interrupted} are done, and {kept}{undrawn}", INTERRUPTED)
 
 
-class StudyWithRows(Study, Protocol):
-    """Results of a study command that can be written as CSV."""
-
-    def write_csv(self, path: Path) -> None: ...
-
-
 def publish_rows(
-    study: StudyWithRows,
+    study: "FrameResult",
     json_out: Path | None,
     csv_out: Path | None,
     plots: Path | None,
-    footer: bool,
-    formats: str | None,
+    footer: bool = True,
+    formats: str | None = None,
 ) -> None:
     """Publish a study, and its rows as CSV; a failure of one does not prevent the others."""
     problem = None if csv_out is None else attempt(lambda: study.write_csv(csv_out), csv_out)
-    with figures(footer, formats):
-        publish(study, json_out, plots)
+    publish(study, json_out, plots, footer=footer, formats=formats)
     if problem is not None:
         fail(problem, FAILED)
+
+
+@contextmanager
+def progress_shown() -> "Iterator[Progress]":
+    """The progress of a study; the loss of a worker ends the command with one line."""
+    from weberlink_studies.frame import StudyError  # noqa: PLC0415 - not for the help
+
+    try:
+        with progress_bar() as progress:
+            yield progress
+    except StudyError as error:
+        fail(str(error), FAILED)
 
 
 @study.command()
@@ -173,19 +165,15 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
     early and reports the finished rows.
     """
     from weberlink_studies.evaluate.command import run  # noqa: PLC0415
-    from weberlink_studies.frame import StudyError  # noqa: PLC0415
 
-    try:
-        with progress_bar() as progress:
-            result = run(
-                traces, predictor, weber, floor,
-                lookahead_ms=lookahead, jnd=jnd, wire=wire, position=position, plots=plots is not None,
-                deadbands=deadband,
-                max_updates=max_updates, units=units, period=(from_, until),
-                workers=workers, dask=dask, progress=progress,
-            )  # fmt: skip
-    except StudyError as error:
-        fail(str(error), FAILED)
+    with progress_shown() as progress:
+        result = run(
+            traces, predictor, weber, floor,
+            lookahead_ms=lookahead, jnd=jnd, wire=wire, position=position, plots=plots is not None,
+            deadbands=deadband,
+            max_updates=max_updates, units=units, period=(from_, until),
+            workers=workers, dask=dask, progress=progress,
+        )  # fmt: skip
     publish_rows(result, json_out, csv_out, plots, footer, format_)
 
 
@@ -204,7 +192,7 @@ def precision(
     """
     from weberlink_studies.precision.study import FULL, Effort, run  # noqa: PLC0415
 
-    with progress_bar() as progress:
+    with progress_shown() as progress:
         result = run(FULL if full else Effort(), progress=progress)
     publish_rows(result, json_out, csv_out, plots, footer, format_)
 
@@ -232,21 +220,18 @@ def stability(
     Takes two and a half minutes on two idle cores; with --full an hour. Ctrl-C stops early and reports the finished
     cells.
     """
-    from weberlink_studies.frame import StudyError, check_resources  # noqa: PLC0415
+    from weberlink_studies.frame import check_resources  # noqa: PLC0415
 
-    try:
-        with progress_bar() as progress:
-            check_resources(workers, dask)
-            if cells:
-                from weberlink_studies.stability import display_study  # noqa: PLC0415
+    with progress_shown() as progress:
+        check_resources(workers, dask)
+        if cells:
+            from weberlink_studies.stability import display  # noqa: PLC0415
 
-                result = display_study.run(scheme or ["bounded"], workers=workers, dask=dask, progress=progress)
-            else:
-                from weberlink_studies.stability.study import STUDY, MapOptions  # noqa: PLC0415
+            result = display.run(scheme or ["bounded"], workers=workers, dask=dask, progress=progress)
+        else:
+            from weberlink_studies.stability.study import STUDY, MapOptions  # noqa: PLC0415
 
-                result = STUDY.result(MapOptions(full), workers=workers, dask=dask, progress=progress)
-    except StudyError as error:
-        fail(str(error), FAILED)
+            result = STUDY.result(MapOptions(full), workers=workers, dask=dask, progress=progress)
     publish_rows(result, json_out, csv_out, plots, footer, format_)
 
 
@@ -342,12 +327,8 @@ def paper(
 
     Takes some minutes on two idle cores. Ctrl-C ends it with the claims on the signals that are done.
     """
-    from weberlink_studies.frame import StudyError  # noqa: PLC0415
     from weberlink_studies.paper.command import run  # noqa: PLC0415
 
-    try:
-        with progress_bar() as progress:
-            result = run(traces or [], workers=workers, progress=progress)
-    except StudyError as error:
-        fail(str(error), FAILED)
-    publish_rows(result, json_out, csv_out, plots, footer=True, formats=None)  # the page names its pictures
+    with progress_shown() as progress:
+        result = run(traces or [], workers=workers, progress=progress)
+    publish_rows(result, json_out, csv_out, plots)  # the page names its pictures

@@ -26,42 +26,26 @@ RATE_LABEL = "packets per second"
 
 @dataclass(frozen=True)
 class QualityAxis:
-    """How the quality of the observations is drawn.
+    """How the quality of the observations is drawn."""
 
-    Args:
-        column: its name in the curves.
-        label: with the unit, such as "rating" or "error, RMS [JND]".
-        better: which end is good; that end is drawn up.
-        limits: least and largest possible value, such as 0 and 5; None for those of the data.
-        words: of single values, written beside these on the axis; None for numbers alone.
-    """
-
-    column: str
-    label: str
-    better: Literal["higher", "lower"]
+    column: str  # its name in the curves
+    label: str  # with the unit, such as "rating" or "error, RMS [JND]"
+    better: Literal["higher", "lower"]  # which end is good; that end is drawn up
+    # least and largest possible value, such as 0 and 5; None for those of the data
     limits: tuple[float, float] | None = None
-    words: Mapping[int, str] | None = None
+    words: Mapping[int, str] | None = None  # of single values, written beside these on the axis; None for numbers alone
 
 
 @dataclass(frozen=True)
 class CurveFigures:
-    """The three figures of one set of curves.
+    """The three figures of one set of curves."""
 
-    Args:
-        curves: of `curves`, of at least one predictor.
-        quality: what the quality is.
-        caption: the environment of the measurement.
-        title: of the study.
-        mark: a warning, such as "SIMULATED RATINGS", in the title and across every figure.
-        units: what the means are over, in the plural.
-    """
-
-    curves: "DataFrame"
-    quality: QualityAxis
-    caption: str
-    title: str
-    mark: str | None = None
-    units: str = "units"
+    curves: "DataFrame"  # of `curves`, of at least one predictor
+    quality: QualityAxis  # what the quality is
+    caption: str  # the environment of the measurement
+    title: str  # of the study
+    mark: str | None = None  # a warning, such as "SIMULATED RATINGS", in the title and across every figure
+    units: str = "units"  # what the means are over, in the plural
 
     def write(self, folder: Path) -> None:
         """Write packet_rate, quality and quality_over_rate and curves.csv, into an existing folder."""
@@ -71,11 +55,7 @@ class CurveFigures:
         marked.to_csv(folder / "curves.csv", index=False)
 
     def figure(self, name: str) -> Figure:
-        """Packet rate (Fig. 7) or quality (Fig. 8) over the Weber factor, or quality over the packet rate (Fig. 9).
-
-        Args:
-            name: "packet_rate", "quality" or "quality_over_rate".
-        """
+        """Packet rate (Fig. 7) or quality (Fig. 8) over the Weber factor, or quality over the packet rate (Fig. 9)."""
         count, webers = int(self.curves.units.max()), sorted(100.0 * self.curves.weber.unique())
         remark = f"One of {self.units}: no confidence interval."
         if count > 1:

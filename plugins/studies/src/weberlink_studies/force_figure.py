@@ -23,8 +23,7 @@ PANEL_CM = 5.2
 DISPLAYED = "#7B3294"
 MAGNITUDE = "|force| [N]"
 BALL = "The deadband is a ball about the force vector: a mere change of direction can send, too."
-ONE_AXIS = 0.99
-"""From this share of the squared force on one axis, that axis is drawn instead of the magnitude."""
+ONE_AXIS = 0.99  # from this share of the squared force on one axis, that axis is drawn instead of the magnitude
 
 
 def draw_force(

@@ -26,12 +26,9 @@ from weberlink_studies.result import StudyResult, how_much
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-WORTH_PROCESSES_S = 1.0
-"""Estimated run time of all cases above which starting other processes saves time."""
-PATIENCE_S = 5.0
-"""Timeout for the scheduler of a cluster."""
-CASES_PER_THREAD = 2
-"""Cases on their way to each thread of a cluster: enough that none waits, and few in memory."""
+WORTH_PROCESSES_S = 1.0  # estimated run time of all cases above which starting other processes saves time
+PATIENCE_S = 5.0  # timeout for the scheduler of a cluster
+CASES_PER_THREAD = 2  # cases on their way to each thread of a cluster: enough that none waits, and few in memory
 
 
 class StudyError(RuntimeError):
@@ -52,37 +49,25 @@ class FrameResult(StudyResult):
     rows: list[Row]
 
     def write_csv(self, path: Path) -> None:
-        """Write every row as CSV; a cell is empty where a figure does not apply.
-
-        Raises:
-            OSError: the file cannot be written.
-        """
+        """Write every row as CSV; a cell is empty where a figure does not apply."""
         data_frame(self.rows).to_csv(path, index=False)
 
 
 @dataclass(frozen=True)
 class Study(Generic[Options, Case]):
-    """What makes one study; options are an object of its own, already checked.
+    """What makes one study; options are an object of its own, already checked."""
 
-    Args:
-        name: of the command.
-        cases: of some options, in the order of their rows; cases are picklable.
-        run: the rows of a case; a function of a module, because other processes call it.
-        tables: of at least one row, in 80 columns; takes options, rows, run time [s] and the line on the environment.
-        plots: draws into an existing folder; takes options, rows, folder and the line on the environment.
-        cost: estimated run time of a case [s]; the longest start first.
-        summary: what the JSON document has beside `rows`, `seed`, `run_time_s` and `environment`.
-        seed: of everything that is random; None where nothing is.
-    """
-
-    name: str
-    cases: Callable[[Options], Sequence[Case]]
-    run: Callable[[Case], Sequence[Row]]
+    name: str  # of the command
+    cases: Callable[[Options], Sequence[Case]]  # of some options, in the order of their rows; cases are picklable
+    run: Callable[[Case], Sequence[Row]]  # the rows of a case; a function of a module, because other processes call it
+    # of at least one row, in 80 columns; takes options, rows, run time [s] and the line on the environment
     tables: Callable[[Options, "DataFrame", float, str], RenderableType]
+    # draws into an existing folder; takes options, rows, folder and the line on the environment
     plots: Callable[[Options, "DataFrame", Path, str], None]
-    cost: Callable[[Case], float]
+    cost: Callable[[Case], float]  # estimated run time of a case [s]; the longest start first
+    # what the JSON document has beside `rows`, `seed`, `run_time_s` and `environment`
     summary: Callable[[Options, "DataFrame"], dict[str, Any]] = lambda *_: {}
-    seed: int | None = None
+    seed: int | None = None  # of everything that is random; None where nothing is
 
     def result(
         self,
@@ -156,11 +141,7 @@ def records(frame: "DataFrame") -> list[Row]:
 
 
 def check_resources(workers: int | None, dask: str | None) -> None:
-    """Refuse what cannot work before anything is read or computed; arguments as of `Study.result`.
-
-    Raises:
-        ConfigurationError: a package is missing, or both kinds of workers are asked for.
-    """
+    """Refuse what cannot work before anything is read or computed; arguments as of `Study.result`."""
     if dask is not None:
         require_package("distributed", "studies[dask]", "--dask")
         if workers is not None:
@@ -208,11 +189,7 @@ def _rows_of(future: Any, address: str) -> Any:
 
 @contextmanager
 def _connected(address: str) -> Iterator[Any]:
-    """A client of the scheduler; what the library would log of lost connections is raised as an error anyway.
-
-    Raises:
-        ConfigurationError: nothing answers there.
-    """
+    """A client of the scheduler; what the library would log of lost connections is raised as an error anyway."""
     from distributed import Client  # noqa: PLC0415
     from distributed.comm.addressing import resolve_address  # noqa: PLC0415
 

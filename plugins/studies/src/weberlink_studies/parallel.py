@@ -14,8 +14,7 @@ from weberlink.session.interruption import Interruption
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 SAFE_PATH = "PYTHONSAFEPATH"
-Progress = Callable[[int, int], None]
-"""Receives the number of tasks done and of all tasks."""
+Progress = Callable[[int, int], None]  # receives the number of tasks done and of all tasks
 
 
 def parallel_map(
@@ -24,7 +23,6 @@ def parallel_map(
     workers: int | None,
     cost: Callable[[Task], float] = lambda _: 1.0,
     progress: Progress = lambda *_: None,
-    interruption: Interruption | None = None,
 ) -> dict[int, Result]:
     """The results by the index of the task, in the order of the tasks: of all, or of those done when Ctrl-C came.
 
@@ -34,20 +32,17 @@ def parallel_map(
         workers: processes; None for one per processor, 1 for this process alone.
         cost: relative run time of a task. The longest tasks start first.
         progress: called after every task.
-        interruption: notes Ctrl-C; None for one of its own.
 
     Raises:
         BrokenProcessPool: a worker process died.
     """
-    return gather(_as_completed(work, tasks, workers, cost), len(tasks), progress, interruption)
+    return gather(_as_completed(work, tasks, workers, cost), len(tasks), progress)
 
 
-def gather(
-    pairs: Iterable[tuple[int, Result]], count: int, progress: Progress, interruption: Interruption | None = None
-) -> dict[int, Result]:
+def gather(pairs: Iterable[tuple[int, Result]], count: int, progress: Progress) -> dict[int, Result]:
     """Collect pairs of index and result, `count` in all or fewer if Ctrl-C comes, and sort them by index."""
     results: dict[int, Result] = {}
-    for index, result in (interruption or Interruption()).pieces(pairs):
+    for index, result in Interruption().pieces(pairs):
         results[index] = result
         progress(len(results), count)
     return dict(sorted(results.items()))

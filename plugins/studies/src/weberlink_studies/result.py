@@ -15,26 +15,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StudyResult:
-    """A study, complete or as far as it went until Ctrl-C.
+    """A study, complete or as far as it went until Ctrl-C."""
 
-    Args:
-        document: for JSON.
-        table: one or more tables for the terminal.
-        figures: draws the figures into an existing folder; it imports matplotlib. None for nothing to draw.
-        interrupted: how much is done where Ctrl-C ended the study, as "12 of 80 tasks"; empty if all is.
-    """
-
-    document: dict[str, Any]
-    table: RenderableType
+    document: dict[str, Any]  # for JSON
+    table: RenderableType  # one or more tables for the terminal
+    # draws the figures into an existing folder; it imports matplotlib. None for nothing to draw.
     figures: Callable[[Path], None] | None
+    # how much is done where Ctrl-C ended the study, as "12 of 80 tasks"; empty if all is
     interrupted: str = field(default="", kw_only=True)
 
     def draw(self, folder: Path) -> None:
-        """Make the folder and draw the figures.
-
-        Raises:
-            OSError: if the folder or a file in it cannot be made.
-        """
+        """Make the folder and draw the figures."""
         if self.figures is not None:
             folder.mkdir(parents=True, exist_ok=True)
             self.figures(folder)
@@ -64,17 +55,11 @@ def plain_table(first: str, *others: str, left: Collection[str] = (), wrap: bool
 
 
 class Column(NamedTuple):
-    """How a column of a data frame is printed.
+    """How a column of a data frame is printed."""
 
-    Args:
-        head: its name in the table.
-        form: a format string for a value, or a function that returns the text.
-        left: whether it is left-justified; the first column always is.
-    """
-
-    head: str
-    form: str | Callable[[Any], str] = "{}"
-    left: bool = False
+    head: str  # its name in the table
+    form: str | Callable[[Any], str] = "{}"  # a format string for a value, or a function that returns the text
+    left: bool = False  # whether it is left-justified; the first column always is
 
 
 def frame_table(

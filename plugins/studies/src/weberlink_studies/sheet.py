@@ -14,11 +14,9 @@ from PIL.PngImagePlugin import PngInfo
 
 from weberlink_studies.drawing import current
 
-WIDTH_IN = 16.0 / 2.54
-"""Figures are printed at this width, so font sizes are those on the page."""
+WIDTH_IN = 16.0 / 2.54  # figures are printed at this width, so font sizes are those on the page
 SMALLEST_PT = 8.0
-LINE = 104
-"""Characters of the smallest font across the page."""
+LINE = 104  # characters of the smallest font across the page
 SENT = "#0072B2"
 """Colour of transmitted samples."""
 MARK_COLOUR = "#B00020"
@@ -30,8 +28,7 @@ class PlotStyle(NamedTuple):
     colour: str
     line: Any
     marker: str
-    size: float
-    """Of the marker [pt]; it shrinks in the order of drawing, so that coincident curves stay visible."""
+    size: float  # of the marker [pt]; it shrinks in the order of drawing, so that coincident curves stay visible
 
 
 STYLES = {
@@ -74,15 +71,9 @@ def legend(axes: Any, handles: Sequence[Any], columns: int = 5, above: float = 1
 
 
 def sheet(body_cm: float, title: str, caption: str, mark: str | None = None) -> Figure:
-    """An empty figure with title and footer.
-
-    Args:
-        body_cm: height without the footer; a long caption makes the figure higher.
-        title: wrapped if too long.
-        caption: the environment of the measurement; wrapped, printed below.
-        mark: a warning for the title, such as "SIMULATED RATINGS".
-    """
-    figure = Figure(figsize=(WIDTH_IN, (body_cm + footer_cm(caption)) / 2.54), layout="constrained")
+    """An empty figure with title and footer."""
+    footer_cm = 0.35 * (2 + footer(caption).count("\n")) if current().footer else 0.0
+    figure = Figure(figsize=(WIDTH_IN, (body_cm + footer_cm) / 2.54), layout="constrained")
     heading = fill(title if mark is None else f"{mark}: {title}", 78)
     colour = "black" if mark is None else MARK_COLOUR
     figure.suptitle(heading, fontsize=10.5, color=colour, parse_math=False)
@@ -91,14 +82,7 @@ def sheet(body_cm: float, title: str, caption: str, mark: str | None = None) -> 
 
 
 def caption_below(figure: Figure, caption: str, text: str | None = None, **options: Any) -> None:
-    """Give a figure its caption: printed below where a footer is asked for, and in the metadata by `save`.
-
-    Args:
-        figure: without one.
-        caption: the environment of the measurement.
-        text: the caption as it is printed, for example wrapped.
-        options: of the text.
-    """
+    """Give a figure its caption: printed below where a footer is asked for, and in the metadata by `save`."""
     figure.set_label(caption)
     if current().footer:
         figure.supxlabel(caption if text is None else text, parse_math=False, **options)
@@ -107,11 +91,6 @@ def caption_below(figure: Figure, caption: str, text: str | None = None, **optio
 def footer(caption: str) -> str:
     """The caption in lines that fit the page."""
     return "\n".join(fill(line, LINE) for line in caption.splitlines())
-
-
-def footer_cm(caption: str) -> float:
-    """Height of the footer [cm]; 0 where none is printed."""
-    return 0.35 * (2 + footer(caption).count("\n")) if current().footer else 0.0
 
 
 def watermark(axes: Any, mark: str | None) -> None:
@@ -132,12 +111,6 @@ def save(figure: Figure, stem: Path, *, dpi: float = 200, usual: Sequence[str] =
     """Write `stem` in the formats asked for, with the caption in the metadata.
 
     Text stays text in SVG and PDF, and equal figures give equal files.
-
-    Args:
-        figure: with a caption, see `caption_below`.
-        stem: of the files.
-        dpi: of a PNG.
-        usual: formats where none are asked for.
     """
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": "weberlink", "pdf.fonttype": 42}):
         for name in current().formats or usual:

@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from plugins.studies.tests.evaluate.signals import walk
-from weberlink_studies.evaluate.by_source import EVERY, SINGLES, by_source
 from weberlink_studies.evaluate.study import EvaluationStudy
+from weberlink_studies.evaluate.table import EVERY, SINGLES, by_source
 from weberlink_studies.evaluate.traces import NamedTrace
 from weberlink_studies.frame import data_frame
 

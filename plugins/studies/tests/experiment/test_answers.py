@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from plugins.studies.tests.experiment.studies import Robot, conduct, plan
-from weberlink_studies.experiment.answers import gather, rows_of
 from weberlink_studies.experiment.ledger import LedgerError, path_of
 from weberlink_studies.experiment.plan import SCALE
+from weberlink_studies.experiment.ratings import gather, rows_of
 
 
 def subject(folder: Path, number: int, *, simulated: bool = False, leave_at: int = 99, **changes: Any) -> Path:

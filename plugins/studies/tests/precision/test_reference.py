@@ -13,8 +13,16 @@ from weberlink_studies.precision.problems import (
     Problem,
     ProblemSurface,
 )
-from weberlink_studies.precision.reference import AGREEMENT, Trajectory, reference, trajectory
-from weberlink_studies.precision.solvers import Solver, closed_form, dop853, lsoda
+from weberlink_studies.precision.reference import (
+    AGREEMENT,
+    Solver,
+    Trajectory,
+    closed_form,
+    dop853,
+    lsoda,
+    reference,
+    trajectory,
+)
 
 UP = (0.0, 0.0, 1.0)
 FLOOR = HalfSpace((0.0, 0.0, 0.0), UP)

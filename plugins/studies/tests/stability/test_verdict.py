@@ -12,8 +12,7 @@ from weberlink.protocol.states import State
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import DESCRIPTION
 from weberlink_studies.frame import Row
-from weberlink_studies.stability.cells import SystemCell
-from weberlink_studies.stability.script import timing
+from weberlink_studies.stability.cells import SystemCell, timing
 from weberlink_studies.stability.verdict import verdict
 
 CELL = SystemCell("a")

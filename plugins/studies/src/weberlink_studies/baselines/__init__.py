@@ -8,9 +8,12 @@ predictor at the present position of the hand, instead of a wave as it left.
 
 from dataclasses import replace
 
+import numpy as np
+
 from weberlink.config import Configuration
 from weberlink.control.table import BUILT_IN, Scheme
-from weberlink.session.simulation import Simulation, build_simulation
+from weberlink.figures.session import Records
+from weberlink.session.simulation import build_simulation
 
 BASELINES = {
     "baseline-tdpa": Scheme(
@@ -24,11 +27,10 @@ BASELINES = {
 """By name."""
 
 
-def build_with(configuration: Configuration, scheme: str) -> Simulation:
-    """Both sides of a file with another control scheme, of `BASELINES` or of the registry, which is left as it was.
+def recorded(configuration: Configuration, scheme: str, duration_s: float) -> tuple[tuple[Records, Records], str]:
+    """Records of master and slave in virtual time, and why a side ended early; empty if neither did.
 
-    Raises:
-        ConfigurationError: a part cannot be made as the file asks.
+    `scheme` is one of `BASELINES` or of the registry, which is left as it was.
     """
     system = configuration.system
     control = system.control.model_copy(update={"scheme": scheme})
@@ -36,7 +38,15 @@ def build_with(configuration: Configuration, scheme: str) -> Simulation:
     added = BASELINES.keys() - BUILT_IN.keys()
     BUILT_IN.update(BASELINES)
     try:
-        return build_simulation(chosen)
+        simulation = build_simulation(chosen)
     finally:
         for name in added:
             del BUILT_IN[name]
+    kept: list[tuple[Records, Records]] = []
+    try:
+        simulation.run(duration_s, [lambda master, slave: kept.append((master.copy(), slave.copy()))])
+    finally:
+        simulation.close()
+    failures = [side.failure for side in (simulation.master, simulation.slave) if side.failure is not None]
+    master, slave = zip(*kept, strict=True)
+    return (np.concatenate(master), np.concatenate(slave)), "; ".join(failures)

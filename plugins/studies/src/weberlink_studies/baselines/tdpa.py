@@ -22,18 +22,12 @@ from weberlink.control.contract import CREDIT_STEP, SchemeParameters
 from weberlink.control.ends import MasterControl, SlaveControl
 from weberlink.geometry.vector import ZERO, Vector, dot, subtract
 
-MOST_DAMPING = 50.0
-"""Largest alpha [N s/m]: a sampled damper reverses the velocity of a mass m from m / T on."""
-STILL = 1e-9
-"""Square of a speed [m^2/s^2], and of a force [N^2], at or below which no controller acts."""
+MOST_DAMPING = 50.0  # largest alpha [N s/m]: a sampled damper reverses the velocity of a mass m from m / T on
+STILL = 1e-9  # square of a speed [m^2/s^2], and of a force [N^2], at or below which no controller acts
 
 
 class PortObserver:
-    """The energies at one port [J].
-
-    Attributes:
-        balance: W.
-    """
+    """The energies at one port [J]; `balance` is W."""
 
     __slots__ = ("_heard", "_put_in", "balance")
 

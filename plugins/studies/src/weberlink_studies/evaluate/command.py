@@ -7,16 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.console import RenderableType
 
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC
 from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.config import ConfigurationError
 from weberlink.config.model import LONGEST_LOOKAHEAD_MS
 from weberlink_studies.coded_trace import TickWindow
-from weberlink_studies.evaluate.by_source import by_source
-from weberlink_studies.evaluate.study import EvaluationCase, EvaluationStudy, rows_of, seconds
-from weberlink_studies.evaluate.table import tables_of
+from weberlink_studies.evaluate.study import SAMPLE_S, EvaluationCase, EvaluationStudy, rows_of
+from weberlink_studies.evaluate.table import by_source, tables_of
 from weberlink_studies.evaluate.traces import NamedTrace, read_traces, units_of
 from weberlink_studies.frame import FrameResult, Study, check_resources, records
 from weberlink_studies.paper.claims import WEBERS
@@ -33,23 +31,12 @@ ALL = "all"
 
 @dataclass(frozen=True)
 class EvaluationOptions:
-    """What is evaluated.
+    """What is evaluated."""
 
-    Args:
-        study: what varies for every trace, and what is the same for all.
-        traces: the signals; the first is drawn over time.
-        wire: whether `study` quantizes and saturates as on the wire.
-        window: of the first trace that is drawn; None for the second that shows most.
-    """
-
-    study: EvaluationStudy
-    traces: Sequence[NamedTrace]
-    wire: bool
-    window: TickWindow | None
-
-
-def _cases(options: EvaluationOptions) -> list[EvaluationCase]:
-    return options.study.cases(options.traces)
+    study: EvaluationStudy  # what varies for every trace, and what is the same for all
+    traces: Sequence[NamedTrace]  # the signals; the first is drawn over time
+    wire: bool  # whether `study` quantizes and saturates as on the wire
+    window: TickWindow | None  # of the first trace that is drawn; None for the second that shows most
 
 
 def _summary(options: EvaluationOptions, rows: "DataFrame") -> dict[str, Any]:
@@ -64,17 +51,21 @@ def _summary(options: EvaluationOptions, rows: "DataFrame") -> dict[str, Any]:
     }
 
 
-def _tables(options: EvaluationOptions, rows: "DataFrame", run_time_s: float, caption: str) -> RenderableType:
-    return tables_of(rows, options.study.jnd, run_time_s, caption)
-
-
 def _plots(options: EvaluationOptions, rows: "DataFrame", folder: Path, caption: str) -> None:
     from weberlink_studies.evaluate.figures import draw_study  # noqa: PLC0415 - imports matplotlib
 
     draw_study(options.study, options.traces, rows, folder, caption, options.window)
 
 
-STUDY = Study("evaluate", _cases, rows_of, _tables, _plots, seconds, _summary)
+STUDY: Study[EvaluationOptions, EvaluationCase] = Study(
+    "evaluate",
+    lambda options: options.study.cases(options.traces),
+    rows_of,
+    lambda options, rows, run_time_s, caption: tables_of(rows, options.study.jnd, run_time_s, caption),
+    _plots,
+    lambda case: SAMPLE_S * len(case.trace.trace.time_s),
+    _summary,
+)
 
 
 def run(
@@ -99,27 +90,6 @@ def run(
     """Evaluate every combination, or those that are done when Ctrl-C or SIGTERM comes.
 
     Rows do not depend on where they were computed, except for the measured run time.
-
-    Args:
-        traces: files, or names of shipped recordings and of their sources; each recording once.
-        predictors: names, separated by commas, or "all" for every one that a configuration can name.
-        webers: Weber factors, separated by commas, or "paper" for those of the paper.
-        floor: absolute threshold [N].
-        lookahead_ms: how far the encoder looks ahead, 0 to `LONGEST_LOOKAHEAD_MS`.
-        jnd: just noticeable difference of a person, as a share of the force; its absolute threshold is the default.
-        wire: quantize and saturate as on the wire.
-        plots: whether figures will be drawn.
-        position: whether the position channel is evaluated too, with those predictors that need no force.
-        deadbands: names of shapes, separated by commas.
-        max_updates: largest rate of updates [1/s]; None for no limit.
-        units: of CSV files, such as "mm,ms"; None for SI units, which must be plausible then.
-        period: of the first trace that is drawn [s], on its own time; None for its begin and its end, and with both
-            None for the second that shows most.
-        workers: as of `Study.result`; so are `dask` and `progress`.
-
-    Raises:
-        ConfigurationError: for an argument, a trace or a cluster that cannot be used; nothing was computed then.
-        StudyError: a worker or the cluster was lost.
     """
     check_resources(workers, dask)
     if not 0.0 < jnd <= 1.0:
@@ -146,11 +116,7 @@ def run(
 
 
 def _window(trace: NamedTrace, period: tuple[float | None, float | None]) -> TickWindow | None:
-    """The ticks of a trace in a period [s], None for its begin or end; None for no period.
-
-    Raises:
-        ConfigurationError: there are fewer than two.
-    """
+    """The ticks of a trace in a period [s], None for its begin or end; None for no period."""
     begin, until = period
     if begin is None and until is None:
         return None

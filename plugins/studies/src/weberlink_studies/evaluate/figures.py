@@ -32,19 +32,7 @@ def draw_study(
     caption: str,
     window: TickWindow | None = None,
 ) -> None:
-    """Write all figures into an existing folder.
-
-    Args:
-        study: that gave the rows.
-        traces: of the rows, the first of which is drawn over time.
-        rows: of all combinations.
-        folder: of the files.
-        caption: names the environment of the rows.
-        window: of the first trace that is drawn; None for the second that shows most.
-
-    Raises:
-        OSError: a file cannot be written.
-    """
+    """Write all figures into an existing folder."""
     title = traces[0].name if len(traces) == 1 else f"{len(traces)} traces"
     cost_front(rows, folder / "error_over_cost", title, caption)
     quality = QualityAxis("error_rms_jnd", "error, RMS [JND]", better="lower")
@@ -52,15 +40,9 @@ def draw_study(
     told = f"A JND is {100 * study.jnd:g} % of the force, at least {ABSOLUTE_THRESHOLD_N:g} N.\n{caption}"
     CurveFigures(found, quality, told, title, units="traces").write(folder)
     weber = min(study.webers, key=lambda weber: abs(weber - USUAL_WEBER))
-    _draw_force(study, traces[0], weber, folder / "force", caption, window)
-
-
-def _draw_force(
-    study: EvaluationStudy, trace: NamedTrace, weber: float, stem: Path, caption: str, window: TickWindow | None
-) -> None:
-    """The first trace over time, with every predictor."""
-    runs = [CodedTrace(trace.trace, study.channel(name, weber)) for name in study.predictors]
-    draw_force(runs, stem, title=f"Force over time, {trace.name}, k = {weber:g}", caption=caption, window=window)
+    runs = [CodedTrace(traces[0].trace, study.channel(name, weber)) for name in study.predictors]
+    heading = f"Force over time, {traces[0].name}, k = {weber:g}"
+    draw_force(runs, folder / "force", title=heading, caption=caption, window=window)
 
 
 def cost_front(rows: "DataFrame", stem: Path, title: str, caption: str) -> None:
@@ -68,12 +50,6 @@ def cost_front(rows: "DataFrame", stem: Path, title: str, caption: str) -> None:
 
     Run times are medians of encode plus decode. A ring marks the Pareto front of its panel: no other point is as small
     in both figures.
-
-    Args:
-        rows: of force, and of position if it was evaluated.
-        stem: of the file.
-        title: of the traces.
-        caption: the environment of the rows.
     """
     labels = {"force": ("error_rms_jnd", "force, RMS [JND]"), "position": ("error_rms_mm", "position, RMS [mm]")}
     kinds = [(channel, *labels[channel]) for channel in rows.channel.unique()]

@@ -22,17 +22,11 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Signal:
-    """Force and position over time.
+    """Force and position over time."""
 
-    Args:
-        force_n: shape (n, 3) [N].
-        position_m: shape (n, 3) [m].
-        period_s: time between samples.
-    """
-
-    force_n: Array
-    position_m: Array
-    period_s: float
+    force_n: Array  # shape (n, 3) [N]
+    position_m: Array  # shape (n, 3) [m]
+    period_s: float  # time between samples
 
     def __len__(self) -> int:
         return len(self.force_n)
@@ -56,31 +50,18 @@ class Signal:
 
 @dataclass(frozen=True)
 class ReplayResult:
-    """The result of a coded signal.
+    """The result of a coded signal."""
 
-    Args:
-        error_n: distance of the decoded force from the measured one at each tick, shape (n,) [N].
-        bound_n: the deadband at each tick, shape (n,) [N].
-        deviation_n: the error in the measure of the deadband, to compare with the bound, shape (n,) [N].
-        widened: whether the bounded rate of updates widened the deadband at each tick, shape (n,).
-        displayed_n: magnitude of the decoded force at each tick, shape (n,) [N].
-        jump_n: change of the decoded force from the tick before, in each tick with an update but the first, [N].
-        before_n: magnitude of the decoded force before each jump, in the same shape [N].
-        updates: those sent.
-        selected: index in the bank of the predictor of each update, shape (packets,).
-        tick_us: median run time of encode plus decode.
-    """
-
-    error_n: Array
-    bound_n: Array
-    deviation_n: Array
-    widened: Flags
-    displayed_n: Array
-    jump_n: Array
-    before_n: Array
-    updates: Sequence[Update]
-    selected: Integers
-    tick_us: float
+    error_n: Array  # distance of the decoded force from the measured one at each tick, shape (n,) [N]
+    bound_n: Array  # the deadband at each tick, shape (n,) [N]
+    deviation_n: Array  # the error in the measure of the deadband, to compare with the bound, shape (n,) [N]
+    widened: Flags  # whether the bounded rate of updates widened the deadband at each tick, shape (n,)
+    displayed_n: Array  # magnitude of the decoded force at each tick, shape (n,) [N]
+    jump_n: Array  # change of the decoded force from the tick before, in each tick with an update but the first, [N]
+    before_n: Array  # magnitude of the decoded force before each jump, in the same shape [N]
+    updates: Sequence[Update]  # those sent
+    selected: Integers  # index in the bank of the predictor of each update, shape (packets,)
+    tick_us: float  # median run time of encode plus decode
 
     def payload_bytes(self, channel: Channel) -> int:
         """UDP payload of all updates on a secured link without delay control."""

@@ -17,39 +17,27 @@ from weberlink_studies.frame import Row
 from weberlink_studies.paper.claims import PREDICTORS
 
 DEFAULT_PERIOD_S = 1e-3
-SAMPLE_S = 1e-5
-"""Rough run time of a coded sample."""
+SAMPLE_S = 1e-5  # rough run time of a coded sample
 
 
 @dataclass(frozen=True)
 class EvaluationStudy:
-    """What varies for every trace, and what is the same for all.
+    """What varies for every trace, and what is the same for all."""
 
-    Args:
-        predictors: names, "hybrid" among them; each once.
-        webers: Weber factors; each once.
-        floor: absolute threshold of the deadband [N].
-        force_step: wire step [N].
-        position_step: wire step [m].
-        saturates: whether the int16 range applies.
-        jnd: just noticeable difference of a person, as a share of the force; its absolute threshold is the default.
-        deadbands: names of shapes, each once; their other parameters have the default values.
-        lookahead_ms: how far the encoder looks ahead [ms], in whole samples; errors are those of the delayed signal.
-        max_updates_per_s: largest rate of updates; None for no limit.
-        position_predictors: names, with the same Weber factors; each once.
-    """
-
-    predictors: Sequence[str] = PREDICTORS
-    webers: Sequence[float] = (0.10,)
-    floor: float = 0.02
-    force_step: float = 1e-3
-    position_step: float = 1e-5
-    saturates: bool = True
+    predictors: Sequence[str] = PREDICTORS  # names, "hybrid" among them; each once
+    webers: Sequence[float] = (0.10,)  # Weber factors; each once
+    floor: float = 0.02  # absolute threshold of the deadband [N]
+    force_step: float = 1e-3  # wire step [N]
+    position_step: float = 1e-5  # wire step [m]
+    saturates: bool = True  # whether the int16 range applies
+    # just noticeable difference of a person, as a share of the force; its absolute threshold is the default
     jnd: float = WEBER_FRACTION
+    # names of shapes, each once; their other parameters have the default values
     deadbands: Sequence[str] = (ISOTROPIC,)
+    # how far the encoder looks ahead [ms], in whole samples; errors are those of the delayed signal
     lookahead_ms: float = 0.0
-    max_updates_per_s: float | None = None
-    position_predictors: Sequence[str] = ()
+    max_updates_per_s: float | None = None  # largest rate of updates; None for no limit
+    position_predictors: Sequence[str] = ()  # names, with the same Weber factors; each once
 
     def channel(
         self, predictor: str, weber: float, deadband: str | None = None, period_s: float = DEFAULT_PERIOD_S
@@ -123,11 +111,6 @@ def rows_of(case: EvaluationCase) -> list[Row]:
     return [evaluate(name, signal, channel, Threshold(study.jnd), deadband=deadband, **told)]
 
 
-def seconds(case: EvaluationCase) -> float:
-    """Estimated run time of a case [s]."""
-    return SAMPLE_S * len(case.trace.trace.time_s)
-
-
 def evaluate(
     name: str,
     signal: Signal,
@@ -146,12 +129,6 @@ def evaluate(
     `tick_us` the median run time of encode plus decode, and `selected` the sends per predictor of a bank; `widened_*`
     tell where the bounded rate of updates widened the deadband. The rest are measures of `QualityStatistics`, of forces
     alone; the errors of positions are in metres.
-
-    Args:
-        name: of the trace.
-        signal: force and position; on a position channel, positions instead of forces.
-        channel: of force or position. The keyword arguments are copied to the row.
-        threshold: a JND of the person; None on a position channel.
     """
     run = replay(signal, channel)
     samples, packets, duration = len(run.error_n), len(run.updates), signal.duration_s

@@ -1,22 +1,70 @@
-"""Recorded signals for the studies: files and shipped recordings, each with a name of its own and a source."""
+"""Recorded signals for the studies: files in their units and shipped recordings, each with a name and a source."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from weberlink.config import ConfigurationError
 from weberlink.master.trace import Trace, TraceError, read_trace
 from weberlink_studies import recordings
-from weberlink_studies.evaluate.units import FORCE_UNITS, LENGTH_UNITS, SI, TIME_UNITS, Units, unlikely_units
+
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
+FORCE_UNITS = {"N": 1.0, "mN": 1e-3, "kN": 1e3}
+FARTHEST_M = 5.0  # positions beyond this are more likely in another unit: hands and arms reach less
+SLOWEST_S = 0.5  # A period of sampling beyond this is more likely in another unit: nobody feels at 2 Hz
+STRONGEST_N = 2000.0
+
+
+class Units(NamedTuple):
+    """Units of the columns of a CSV file, by their symbols."""
+
+    position: str = "m"
+    time: str = "s"
+    force: str = "N"
+
+    @property
+    def factors(self) -> NDArray[np.float64]:
+        """What turns a row of `weberlink.master.trace.COLUMNS` into SI units."""
+        time, position, force = TIME_UNITS[self.time], LENGTH_UNITS[self.position], FORCE_UNITS[self.force]
+        return np.array([time, *[position] * 3, *[force] * 3])
+
+
+SI = Units()
+
+
+def unlikely_units(trace: Trace) -> tuple[str, Units] | None:
+    """What in a trace cannot be in SI units, in words, and the units in which it would be plausible; None if all can.
+
+    Where even the smallest unit would not do, that one is named.
+    """
+    reach, strongest = float(np.abs(trace.position_m).max()), float(np.linalg.norm(trace.force_n, axis=1).max())
+    seen, units = [], SI
+    if reach > FARTHEST_M:
+        seen.append(f"positions reach {reach:.4g} m")
+        units = units._replace(position=_fitting(reach, FARTHEST_M, ("mm", "um"), LENGTH_UNITS))
+    if trace.period_s > SLOWEST_S:
+        seen.append(f"samples are {trace.period_s:.4g} s apart")
+        units = units._replace(time=_fitting(trace.period_s, SLOWEST_S, ("ms", "us", "ns"), TIME_UNITS))
+    if strongest > STRONGEST_N:
+        seen.append(f"forces reach {strongest:.4g} N")
+        units = units._replace(force="mN")
+    return (" and ".join(seen), units) if seen else None
+
+
+def _fitting(value: float, most: float, symbols: Sequence[str], factors: Mapping[str, float]) -> str:
+    return next((symbol for symbol in symbols if value * factors[symbol] <= most), symbols[-1])
+
 
 SHIPPED = Path(str(files("weberlink.configs") / "traces" / "operator.npz"))
 """The recording that is part of the configurations."""
-ALL = "recordings"
-"""Stands for every shipped recording."""
-FILES = "files"
-"""Source of what was read from files."""
+ALL = "recordings"  # stands for every shipped recording
+FILES = "files"  # source of what was read from files
 
 
 class NamedTrace(NamedTuple):
@@ -28,11 +76,7 @@ class NamedTrace(NamedTuple):
 
 
 def units_of(text: str) -> Units:
-    """Units from their symbols with commas between them, such as "mm,ms"; SI units for what is not named.
-
-    Raises:
-        ConfigurationError: for an unknown symbol, or two of one quantity.
-    """
+    """Units from their symbols with commas between them, such as "mm,ms"; SI units for what is not named."""
     tables = {"time": TIME_UNITS, "position": LENGTH_UNITS, "force": FORCE_UNITS}
     found: dict[str, str] = {}
     for symbol in (part.strip() for part in text.split(",")):
@@ -53,9 +97,6 @@ def read_traces(given: Sequence[Path], units: Units | None = None) -> list[Named
         units: of the CSV files; None for SI units, which are checked for plausibility then.
         given: files; or, where there is no such file, names of shipped recordings, the first words of such names
             (`tue_rigid` for `tue_rigid_1` and others, `tue` for all of that source), or `ALL`.
-
-    Raises:
-        ConfigurationError: a trace cannot be used, or is listed twice.
     """
     paths: list[Path] = []
     seen: set[Path | str] = set()
@@ -125,11 +166,9 @@ def _name_among(path: Path, others: Sequence[Path]) -> str:
     alike = [other for other in others if other.stem == path.stem]
     for depth in range(1, max(len(other.parts) for other in alike) + 1):
         for with_suffix in (False, True):
-            candidates = {other: _tail(other, depth, with_suffix=with_suffix) for other in alike}
+            candidates = {
+                other: "/".join((other if with_suffix else other.with_suffix("")).parts[-depth:]) for other in alike
+            }
             if len(set(candidates.values())) == len(alike):
                 return candidates[path]
     return str(path)
-
-
-def _tail(path: Path, depth: int, *, with_suffix: bool) -> str:
-    return "/".join((path if with_suffix else path.with_suffix("")).parts[-depth:])

@@ -18,33 +18,21 @@ from weberlink_studies.experiment.plan import SCALE, TRIAL_S, TrialPlan, order
 from weberlink_studies.experiment.subjects import Person, SimulatedSubject
 from weberlink_studies.experiment.trial_runner import LiveRunner, Ports, TrialSignals, VirtualRunner
 
-SEED = 0
-"""Default seed of the orders of trials."""
+SEED = 0  # default seed of the orders of trials
 
 
 @dataclass(frozen=True)
 class ExperimentRequest:
-    """The command line.
+    """The command line."""
 
-    Args:
-        file: configuration of the system.
-        overrides: of its keys.
-        folder: of the ledgers.
-        subject: number; None for the next that is free.
-        seed: None for that of the plan, or `SEED`.
-        duration_s: length of a trial [s]; None for that of the plan, or of the paper.
-        simulate: whether a program rates.
-        record: whether a person's trials are recorded.
-    """
-
-    file: Path
-    overrides: Sequence[str]
-    folder: Path
-    subject: int | None
-    seed: int | None
-    duration_s: float | None
-    simulate: bool
-    record: bool
+    file: Path  # configuration of the system
+    overrides: Sequence[str]  # of its keys
+    folder: Path  # of the ledgers
+    subject: int | None  # number; None for the next that is free
+    seed: int | None  # None for that of the plan, or `SEED`
+    duration_s: float | None  # length of a trial [s]; None for that of the plan, or of the paper
+    simulate: bool  # whether a program rates
+    record: bool  # whether a person's trials are recorded
 
     def again(self, subject: int) -> str:
         """The command that continues with a subject."""
@@ -58,13 +46,6 @@ def run(
     request: ExperimentRequest, *, ports: Ports, source: TextIO, screen: TextIO, report: Callable[[int, int], None]
 ) -> str:
     """Start or continue an experiment.
-
-    Args:
-        request: the command line.
-        ports: called before each live session.
-        source: input of a person.
-        screen: output for a person.
-        report: receives the number of trials that a simulated subject has rated, and of all.
 
     Returns:
         The last message: what was done, or how to continue.
@@ -110,11 +91,7 @@ def run(
 
 
 def check_device(request: ExperimentRequest) -> None:
-    """See that a person can feel the trials.
-
-    Raises:
-        ConfigurationError: the file is wrong, or a program moves its device.
-    """
+    """See that a person can feel the trials."""
     configuration = load(request.file, request.overrides, [MASTER])
     if not request.simulate and configuration.device is not None and is_scripted(configuration.device.driver):
         driver = configuration.system.master.device.driver
@@ -154,11 +131,7 @@ def _plan(request: ExperimentRequest, signals: TrialSignals, path: Path) -> Tria
 
 
 def _check(request: ExperimentRequest, plan: TrialPlan, signals: TrialSignals, path: Path) -> None:
-    """Check that this is the experiment of the ledger.
-
-    Raises:
-        ConfigurationError: if it is not.
-    """
+    """Check that this is the experiment of the ledger."""
     advice = "continue with the same settings, or begin another subject (without --subject)"
     if fields := signals.changes(plan):
         raise ConfigurationError(f"{path}: was begun with another configuration ({fields}); {advice}")

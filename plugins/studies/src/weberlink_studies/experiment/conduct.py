@@ -30,8 +30,7 @@ TRAINING = (
     "{seconds:g} s follow, with a break after every {every}. You feel and rate each trial once. Press Ctrl-C to leave; "
     "you can continue later."
 )
-RATING_S = 8.0
-"""Estimated time between two trials [s]."""
+RATING_S = 8.0  # estimated time between two trials [s]
 AGAIN = "r"
 
 
@@ -45,53 +44,32 @@ class ConductError(Exception):
 
 @dataclass(frozen=True)
 class FeltTrial:
-    """A signal that the subject feels.
+    """A signal that the subject feels."""
 
-    Args:
-        condition: of the coding.
-        name: does not reveal the condition: `trial-07`, `training-1`.
-        number: unique for this subject; seeds a simulated trial.
-    """
-
-    condition: CodingCondition
-    name: str
-    number: int
+    condition: CodingCondition  # of the coding
+    name: str  # does not reveal the condition: `trial-07`, `training-1`
+    number: int  # unique for this subject; seeds a simulated trial
 
 
 @dataclass(frozen=True)
 class TrialResult:
-    """The result of a trial.
+    """The result of a trial."""
 
-    Args:
-        figures: objective figures, as stored.
-        problem: reason why it cannot be rated; None if it can.
-        interrupted: whether the subject asked to stop.
-    """
-
-    figures: Mapping[str, Any]
-    problem: str | None = None
-    interrupted: bool = False
+    figures: Mapping[str, Any]  # objective figures, as stored
+    problem: str | None = None  # reason why it cannot be rated; None if it can
+    interrupted: bool = False  # whether the subject asked to stop
 
 
 @dataclass(frozen=True)
 class Prompt:
-    """What the subject reads and is asked. It does not reveal the condition of a trial.
+    """What the subject reads and is asked. It does not reveal the condition of a trial."""
 
-    Args:
-        text: lines to read.
-        question: to be answered; empty if there is none.
-        answers: one of them is the answer, "" for Enter alone.
-        otherwise: said after another answer.
-        felt: the signal that was felt last, if the prompt is about it.
-        rated: number of the trial that is to be rated; None for another question.
-    """
-
-    text: Sequence[str] = ()
-    question: str = ""
-    answers: Sequence[str] = ("",)
-    otherwise: str = "Please press Enter alone."
-    felt: TrialResult | None = None
-    rated: int | None = None
+    text: Sequence[str] = ()  # lines to read
+    question: str = ""  # to be answered; empty if there is none
+    answers: Sequence[str] = ("",)  # one of them is the answer, "" for Enter alone
+    otherwise: str = "Please press Enter alone."  # said after another answer
+    felt: TrialResult | None = None  # the signal that was felt last, if the prompt is about it
+    rated: int | None = None  # number of the trial that is to be rated; None for another question
 
 
 class TrialRunner(Protocol):
@@ -106,11 +84,7 @@ class Subject(Protocol):
     """A person or program that feels and rates."""
 
     def answer(self, prompt: Prompt) -> str:
-        """One of the answers of the prompt; "" if it has no question.
-
-        Raises:
-            SubjectLeft: if the subject leaves.
-        """
+        """One of the answers of the prompt; "" if it has no question."""
         ...
 
     def elapsed(self, seconds: float | None) -> None:
@@ -119,14 +93,7 @@ class Subject(Protocol):
 
 
 class Conduct:
-    """One subject's experiment; it continues where the ledger ends.
-
-    Args:
-        ledger: with a plan in it.
-        runner: runs trials.
-        subject: feels and rates.
-        recordings: existing folder for a recording of each trial; None to record nothing.
-    """
+    """One subject's experiment; it continues where the ledger ends."""
 
     def __init__(self, ledger: Ledger, runner: TrialRunner, subject: Subject, recordings: Path | None) -> None:
         assert ledger.progress is not None
@@ -138,13 +105,7 @@ class Conduct:
         self._recordings = recordings
 
     def run(self) -> None:
-        """Run to the end.
-
-        Raises:
-            SubjectLeft: if the subject leaves or interrupts a trial.
-            ConductError: if a simulated subject cannot rate.
-            OSError: if the ledger cannot be written; it ends with the trial before.
-        """
+        """Run to the end."""
         try:
             self._ask(Prompt(_welcome(self._progress)))
             if not self._progress.trained:

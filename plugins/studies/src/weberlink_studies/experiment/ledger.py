@@ -86,23 +86,15 @@ _ENTRY: TypeAdapter[Entry] = TypeAdapter(Annotated[Entry, Field(discriminator="e
 
 @dataclass
 class SubjectProgress:
-    """The state of a subject's experiment.
+    """The state of a subject's experiment."""
 
-    Args:
-        plan: of the experiment.
-        references: figures of the references of the training, by their index.
-        trained: whether the training is done.
-        begun: how often each trial was begun, by its number from 1.
-        rated: the entry of each rated trial, by its number.
-        breaks: numbers of the trials after which there was a break.
-    """
-
-    plan: TrialPlan
+    plan: TrialPlan  # of the experiment
+    # figures of the references of the training, by their index
     references: dict[int, dict[str, Any]] = field(default_factory=dict)
-    trained: bool = False
-    begun: Counter[int] = field(default_factory=Counter)
-    rated: dict[int, TrialRated] = field(default_factory=dict)
-    breaks: set[int] = field(default_factory=set)
+    trained: bool = False  # whether the training is done
+    begun: Counter[int] = field(default_factory=Counter)  # how often each trial was begun, by its number from 1
+    rated: dict[int, TrialRated] = field(default_factory=dict)  # the entry of each rated trial, by its number
+    breaks: set[int] = field(default_factory=set)  # numbers of the trials after which there was a break
 
     @property
     def remaining(self) -> list[int]:
@@ -110,11 +102,7 @@ class SubjectProgress:
         return [number for number in range(1, len(self.plan.trials) + 1) if number not in self.rated]
 
     def take(self, entry: Entry) -> None:
-        """Apply an entry.
-
-        Raises:
-            ValueError: if it does not fit the plan.
-        """
+        """Apply an entry."""
         trials = self.plan.trials
         if isinstance(entry, TrialBegun | TrialFailed | TrialRated) and entry.trial > len(trials):
             raise ValueError(f"trial: expected 1 to {len(trials)}, not {entry.trial}")
@@ -137,18 +125,12 @@ class SubjectProgress:
 
 @dataclass
 class Ledger:
-    """A ledger that this process has locked; see `opened`.
+    """A ledger that this process has locked; see `opened`."""
 
-    Args:
-        path: of the file.
-        progress: None while it has no plan.
-        set_aside: file with a torn last line, if there was one.
-    """
-
-    path: Path
+    path: Path  # of the file
     descriptor: int
-    progress: SubjectProgress | None = None
-    set_aside: Path | None = None
+    progress: SubjectProgress | None = None  # None while it has no plan
+    set_aside: Path | None = None  # file with a torn last line, if there was one
 
     def append(self, line: TrialPlan | Entry) -> SubjectProgress:
         """Write the plan into an empty ledger, or an entry into another one; it is on the disk then.
@@ -180,12 +162,7 @@ class Ledger:
 
 @contextmanager
 def opened(path: Path) -> Iterator[Ledger]:
-    """Lock and read a ledger, which need not exist.
-
-    Raises:
-        LedgerError: if another process has locked it, or it is damaged.
-        OSError: if it cannot be written.
-    """
+    """Lock and read a ledger, which need not exist."""
     descriptor = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
     try:
         try:
@@ -210,11 +187,7 @@ def opened(path: Path) -> Iterator[Ledger]:
 
 
 def read(path: Path) -> SubjectProgress | None:
-    """Read a ledger without changing it; a torn last line is ignored. None if it has no plan.
-
-    Raises:
-        LedgerError: if it is damaged or cannot be read.
-    """
+    """Read a ledger without changing it; a torn last line is ignored. None if it has no plan."""
     try:
         return _parse(path.read_bytes(), path)
     except OSError as error:

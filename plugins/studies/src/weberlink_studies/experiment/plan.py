@@ -14,8 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 from weberlink_studies.paper.claims import PREDICTORS, WEBERS
 
 TRIAL_S = 10.0
-BREAK_EVERY = 10
-"""Trials between two breaks."""
+BREAK_EVERY = 10  # trials between two breaks
 SCALE: dict[int, str] = {
     5: "no difference",
     4: "perceptible, but not disturbing",
@@ -60,32 +59,19 @@ def order(seed: int, subject: int) -> tuple[CodingCondition, ...]:
 
 
 class TrialPlan(BaseModel):
-    """The first line of a ledger: everything that is fixed before the first trial.
-
-    Attributes:
-        version: of the plan and of its ledger.
-        subject: number; names are not stored.
-        simulated: whether a program rates.
-        seed: of the order and of a simulated subject.
-        duration_s: length of a trial [s].
-        digest: of the configuration as resolved.
-        configuration: that configuration.
-        wording: text of each level.
-        trials: in order.
-        environment: at the start.
-    """
+    """The first line of a ledger: everything that is fixed before the first trial."""
 
     model_config = ConfigDict(frozen=True)
 
     event: Literal["plan"] = "plan"
-    version: Literal[1] = 1
-    subject: int
-    simulated: bool
-    seed: int
+    version: Literal[1] = 1  # of the plan and of its ledger
+    subject: int  # number; names are not stored
+    simulated: bool  # whether a program rates
+    seed: int  # of the order and of a simulated subject
     duration_s: float
-    digest: str
+    digest: str  # of the configuration as resolved
     configuration: dict[str, Any]
-    wording: dict[Level, str]
+    wording: dict[Level, str]  # text of each level
     trials: Annotated[tuple[CodingCondition, ...], Field(min_length=1)]
     environment: dict[str, Any]
 

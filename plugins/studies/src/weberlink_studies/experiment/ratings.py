@@ -1,11 +1,13 @@
 """The `ratings` command: means with confidence, tests, and packets at equal quality, from the ledgers of an experiment.
 
-A case of the study is a subject who has rated every trial, a row is a rating.
+A case of the study is a subject who has rated every trial, a row is a rating. Ledgers that are not comparable are
+refused.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,39 +17,123 @@ from rich.text import Text
 
 from weberlink.config import ConfigurationError
 from weberlink_studies.curves import RATE, curves
-from weberlink_studies.experiment.answers import PEOPLE, SIMULATED, StudyRatings, gather, rows_of
-from weberlink_studies.experiment.ledger import LedgerError, SubjectProgress
-from weberlink_studies.experiment.plan import HIGHEST, LOWEST
+from weberlink_studies.experiment.ledger import LedgerError, SubjectProgress, path_of, read, subjects
+from weberlink_studies.experiment.plan import HIGHEST, LOWEST, TrialPlan
 from weberlink_studies.experiment.statistics import ABOVE, against, friedman, savings
-from weberlink_studies.frame import FrameResult, Study, data_frame
+from weberlink_studies.frame import FrameResult, Row, Study, data_frame
 from weberlink_studies.paper.claims import PREDICTORS
 from weberlink_studies.result import Column, frame_table, plain_table
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-SEED = 0
-"""Seed of the bootstrap."""
+FIGURES = (
+    "packets_per_s", "reduction", "error_rms", "violation_fraction",
+    "error_rms_jnd", "log_error_rms_jnd", "jump_median_jnd", "jump_p99_jnd", "jump_max_jnd",
+)  # fmt: skip
+PEOPLE, SIMULATED = "people", "simulated"
+
+
+@dataclass(frozen=True)
+class StudyRatings:
+    """The ledgers of all subjects who have rated every trial."""
+
+    complete: Sequence[SubjectProgress]  # in the order of their numbers; at least one, and all comparable
+    # subjects that are left out, with their number of rated trials. Their last conditions are missing, so means would
+    # compare different people.
+    incomplete: Mapping[int, int]
+
+    @property
+    def plan(self) -> TrialPlan:
+        """That of the first subject; the others are compatible with it."""
+        return self.complete[0].plan
+
+
+def rows_of(progress: SubjectProgress) -> list[Row]:
+    """A row for each rating of a subject, in the order of the trials."""
+    return [
+        {
+            "subject": progress.plan.subject,
+            "simulated": progress.plan.simulated,
+            "trial": number,
+            "attempt": entry.attempt,
+            "predictor": entry.predictor,
+            "weber": entry.weber,
+            "rating": entry.rating,
+            **{name: entry.figures.get(name) for name in FIGURES},
+        }
+        for number, entry in sorted(progress.rated.items())
+    ]
+
+
+def gather(folder: Path, whose: str | None) -> StudyRatings:
+    """The answers in a folder."""
+    found = {kind: subjects(folder, simulated=kind == SIMULATED) for kind in (PEOPLE, SIMULATED)}
+    if whose is None and all(found.values()):
+        raise LedgerError(
+            f"{folder}: has ledgers of people and of a program, which cannot be analysed together; "
+            "choose with --only people or --only simulated"
+        )
+    whose = whose or (SIMULATED if found[SIMULATED] else PEOPLE)
+    paths = {subject: path_of(folder, subject, simulated=whose == SIMULATED) for subject in found[whose]}
+    ledgers = {subject: read(path) for subject, path in paths.items()}
+    complete: dict[int, SubjectProgress] = {}
+    for subject, progress in ledgers.items():
+        if progress is not None:
+            _check(progress, paths[subject], subject, whose)
+            if not progress.remaining:
+                complete[subject] = progress
+    if not complete:
+        kind = "simulated subject" if whose == SIMULATED else "person"
+        raise LedgerError(f"{folder}: no {kind} has rated all trials; {len(ledgers)} incomplete")
+    first, *others = complete
+    for other in others:
+        _check_alike(complete[first].plan, complete[other].plan, paths[first], paths[other])
+    incomplete = {
+        subject: len(progress.rated) if progress is not None else 0
+        for subject, progress in ledgers.items()
+        if subject not in complete
+    }
+    return StudyRatings(list(complete.values()), incomplete)
+
+
+def _check(progress: SubjectProgress, path: Path, subject: int, whose: str) -> None:
+    plan = progress.plan
+    if plan.simulated != (whose == SIMULATED) or plan.subject != subject:
+        is_of = f"{'simulated ' if plan.simulated else ''}subject {plan.subject}"
+        raise LedgerError(f"{path}:1: is the ledger of {is_of}, which does not match its file name")
+    for number, entry in progress.rated.items():
+        rate = entry.figures.get("packets_per_s")
+        if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0.0 <= rate < inf:
+            raise LedgerError(f"{path}: trial {number}: expected figures with packets_per_s, not {rate!r}")
+
+
+def _check_alike(one: TrialPlan, other: TrialPlan, first: Path, second: Path) -> None:
+    """Check that two subjects took part in the same study."""
+    for differs, what in (
+        (one.digest != other.digest, "another configuration"),
+        (one.duration_s != other.duration_s, "trials of another length"),
+        (one.wording != other.wording, "another wording of the scale"),
+        (set(one.trials) != set(other.trials), "other trials"),
+    ):
+        if differs:
+            raise LedgerError(f"{second}: has {what} than {first}; put each study into a folder of its own")
+
+
+SEED = 0  # seed of the bootstrap
 MARK = "SIMULATED RATINGS"
 EXPLANATION = "a program rated by a rule from the felt error; no person took part"
-BASES = ("zoh", "linear")
-"""Predictors with which the paper compares packets."""
+BASES = ("zoh", "linear")  # predictors with which the paper compares packets
 TESTED_AGAINST = "zoh"
-LEAST_P = 0.001
-"""Smaller ones are printed as less than this."""
+LEAST_P = 0.001  # smaller ones are printed as less than this
 
 
 @dataclass(frozen=True)
 class RatingsOptions:
-    """What is analysed.
+    """What is analysed."""
 
-    Args:
-        answers: the ledgers.
-        level: of the scale, at which packets are compared.
-    """
-
-    answers: StudyRatings
-    level: float
+    answers: StudyRatings  # the ledgers
+    level: float  # of the scale, at which packets are compared
 
     @property
     def mark(self) -> str | None:
@@ -63,60 +149,48 @@ class RatingsOptions:
     @cached_property
     def analysis(self) -> dict[str, Any]:
         """Means, tests and savings, as in the JSON document."""
-        return _analyse(self)
+        from pandas import MultiIndex  # noqa: PLC0415 - heavy, an extra
 
-
-def _cases(options: RatingsOptions) -> Sequence[SubjectProgress]:
-    return options.answers.complete
-
-
-def _summary(options: RatingsOptions, _rows: "DataFrame") -> dict[str, Any]:
-    return options.analysis
-
-
-def _analyse(options: RatingsOptions) -> dict[str, Any]:
-    from pandas import MultiIndex  # noqa: PLC0415 - heavy, an extra
-
-    plan = options.answers.plan
-    rows = data_frame([row for progress in options.answers.complete for row in rows_of(progress)])
-    known = [*PREDICTORS, *sorted({*rows.predictor} - {*PREDICTORS})]
-    rows = rows.sort_values("predictor", key=lambda column: column.map(known.index), kind="stable")
-    means = curves(rows.rename(columns={"subject": "unit"}), "rating", seed=SEED)
-    names = list(means.predictor.unique())
-    by_predictor = rows.pivot_table(index="subject", columns="predictor", values="rating")[names]
-    by_weber = rows.pivot_table(index="subject", columns="weber", values="rating")
-    every = MultiIndex.from_product([names, by_weber.columns])
-    rates, ratings = (
-        rows.pivot(index="subject", columns=["predictor", "weber"], values=name)
-        .reindex(columns=every)
-        .to_numpy(float)
-        .reshape(len(rows.subject.unique()), len(names), -1)
-        for name in (RATE, "rating")
-    )
-    saved = savings(rates, ratings, options.level, [names.index(base) for base in BASES], seed=SEED)
-    return {
-        "simulated": plan.simulated,
-        "mark": f"{MARK}: {EXPLANATION}" if options.mark else None,
-        "subjects": [progress.plan.subject for progress in options.answers.complete],
-        "incomplete": [{"subject": subject, "rated": rated} for subject, rated in options.answers.incomplete.items()],
-        "duration_s": plan.duration_s,
-        "wording": {str(level): words for level, words in plan.wording.items()},
-        "configuration_digest": plan.digest,
-        "means": means.to_dict("records"),
-        "tests": {
-            "friedman_predictors": friedman(by_predictor),
-            "friedman_webers": friedman(by_weber),
-            f"signed_rank_against_{TESTED_AGAINST}": against(by_predictor, TESTED_AGAINST),
-        },
-        "savings": {
-            "level": options.level,
-            "predictors": [
-                {"predictor": name, "reach": one["reach"], "packets_per_s": one["packets_per_s"]}
-                | {f"fewer_than_{base}": one["fewer_than"][names.index(base)] for base in BASES}
-                for name, one in zip(names, saved, strict=True)
-            ],
-        },
-    }
+        plan = self.answers.plan
+        rows = data_frame([row for progress in self.answers.complete for row in rows_of(progress)])
+        known = [*PREDICTORS, *sorted({*rows.predictor} - {*PREDICTORS})]
+        rows = rows.sort_values("predictor", key=lambda column: column.map(known.index), kind="stable")
+        means = curves(rows.rename(columns={"subject": "unit"}), "rating", seed=SEED)
+        names = list(means.predictor.unique())
+        by_predictor = rows.pivot_table(index="subject", columns="predictor", values="rating")[names]
+        by_weber = rows.pivot_table(index="subject", columns="weber", values="rating")
+        every = MultiIndex.from_product([names, by_weber.columns])
+        rates, ratings = (
+            rows.pivot(index="subject", columns=["predictor", "weber"], values=name)
+            .reindex(columns=every)
+            .to_numpy(float)
+            .reshape(len(rows.subject.unique()), len(names), -1)
+            for name in (RATE, "rating")
+        )
+        saved = savings(rates, ratings, self.level, [names.index(base) for base in BASES], seed=SEED)
+        return {
+            "simulated": plan.simulated,
+            "mark": f"{MARK}: {EXPLANATION}" if self.mark else None,
+            "subjects": [progress.plan.subject for progress in self.answers.complete],
+            "incomplete": [{"subject": subject, "rated": rated} for subject, rated in self.answers.incomplete.items()],
+            "duration_s": plan.duration_s,
+            "wording": {str(level): words for level, words in plan.wording.items()},
+            "configuration_digest": plan.digest,
+            "means": means.to_dict("records"),
+            "tests": {
+                "friedman_predictors": friedman(by_predictor),
+                "friedman_webers": friedman(by_weber),
+                f"signed_rank_against_{TESTED_AGAINST}": against(by_predictor, TESTED_AGAINST),
+            },
+            "savings": {
+                "level": self.level,
+                "predictors": [
+                    {"predictor": name, "reach": one["reach"], "packets_per_s": one["packets_per_s"]}
+                    | {f"fewer_than_{base}": one["fewer_than"][names.index(base)] for base in BASES}
+                    for name, one in zip(names, saved, strict=True)
+                ],
+            },
+        }
 
 
 def _tables(options: RatingsOptions, _rows: "DataFrame", _run_time_s: float, caption: str) -> RenderableType:
@@ -207,20 +281,20 @@ def _plots(options: RatingsOptions, _rows: "DataFrame", folder: Path, caption: s
     CurveFigures(data_frame(options.analysis["means"]), axis, caption, options.who, options.mark, units).write(folder)
 
 
-STUDY = Study("ratings", _cases, rows_of, _tables, _plots, lambda _: 0.0, _summary, SEED)
+STUDY: Study[RatingsOptions, SubjectProgress] = Study(
+    "ratings",
+    lambda options: options.answers.complete,
+    rows_of,
+    _tables,
+    _plots,
+    lambda _: 0.0,
+    lambda options, _: options.analysis,
+    SEED,
+)
 
 
 def run(folder: Path, *, level: float, only: str | None) -> FrameResult:
-    """Analyse a folder of ledgers.
-
-    Args:
-        folder: of `experiment --out`.
-        level: rating at which packets are compared.
-        only: "people" or "simulated"; None if there is one kind.
-
-    Raises:
-        ConfigurationError: for an argument or a ledger that cannot be used, or a missing package.
-    """
+    """Analyse a folder of ledgers."""
     if not folder.is_dir():
         raise ConfigurationError(f"{folder}: no such folder; expected the folder of experiment --out")
     if only not in {None, PEOPLE, SIMULATED}:

@@ -12,14 +12,12 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-LEAST_SUBJECTS = 6
-"""With fewer subjects a two-sided signed-rank test cannot reach 5 %: its smallest p is 2 / 2^n."""
+LEAST_SUBJECTS = 6  # with fewer subjects a two-sided signed-rank test cannot reach 5 %: its smallest p is 2 / 2^n
 APPROXIMATE_TO = 10
 """Up to this number of subjects the chi-squared distribution is a rough approximation of Friedman's statistic."""
 RESAMPLES = 2000
 CONFIDENCE = 0.95
-LEAST_SHARE = 0.95
-"""Share of the resamples that must have a saving to report an interval."""
+LEAST_SHARE = 0.95  # share of the resamples that must have a saving to report an interval
 CROSSES, BELOW, ABOVE = "crosses", "not reached", "above throughout"
 """Whether a curve reaches a level. Below: even at the smallest Weber factor. Above: even at the largest one, where the
 packet rate is an upper bound."""
@@ -61,10 +59,6 @@ def against(table: "DataFrame", base: str) -> list[dict[str, Any]]:
 
     Differences of 0 are left out (Wilcoxon); with ties and few subjects the distribution is exact over all signs.
 
-    Args:
-        table: a row for each subject.
-        base: name of a column.
-
     Returns:
         For each other column its name, median_difference, w (the smaller sum of signed ranks), p and p_holm; None
         without a test.
@@ -91,11 +85,6 @@ def crossing(rates: Sequence[float] | Table, ratings: Sequence[float] | Table, l
 
     Ratings become the nearest sequence in least squares that never rises with the Weber factor, and are interpolated
     linearly over the packet rate.
-
-    Args:
-        rates: packets per second, by rising Weber factor.
-        ratings: mean ratings, likewise.
-        level: of the scale.
 
     Returns:
         The rate, and `CROSSES`, `BELOW` or `ABOVE`.

@@ -21,13 +21,7 @@ BAR = 40
 
 
 class Person:
-    """A person at two text streams, such as a terminal.
-
-    Args:
-        source: of the input.
-        screen: for the output.
-        duration_s: length of a trial [s].
-    """
+    """A person at two text streams, such as a terminal."""
 
     def __init__(self, source: TextIO, screen: TextIO, duration_s: float) -> None:
         self._source = source
@@ -74,30 +68,19 @@ class Person:
         self._screen.flush()
 
 
-FELT = "error_rms_jnd"
-"""The figure that is rated."""
-SPREAD = 0.5
-"""Standard deviation of the noise on a level before rounding."""
+FELT = "error_rms_jnd"  # the figure that is rated
+SPREAD = 0.5  # standard deviation of the noise on a level before rounding
 
 
 class SimulatedSubject:
-    """A program that rates by the rule above.
-
-    Args:
-        progress: of a simulated subject, as the experiment advances.
-        report: receives the number of rated trials and of all trials.
-    """
+    """A program that rates by the rule above."""
 
     def __init__(self, progress: SubjectProgress, report: Callable[[int, int], None]) -> None:
         self._progress = progress
         self._report = report
 
     def answer(self, prompt: Prompt) -> str:
-        """The level of the felt error plus noise, rounded.
-
-        Raises:
-            ConductError: if the trial cannot be rated; a repetition in virtual time would have the same problem.
-        """
+        """The level of the felt error plus noise, rounded."""
         plan = self._progress.plan
         self._report(len(self._progress.rated), len(plan.trials))
         if prompt.felt is not None and prompt.felt.problem is not None:
@@ -127,12 +110,7 @@ class SimulatedSubject:
 
 
 def level_of(error: float, anchors: Sequence[tuple[float, int]]) -> float:
-    """The level of a felt error, monotone in it, within the scale.
-
-    Args:
-        error: RMS felt error [JND].
-        anchors: felt error and level of each reference, by rising error and falling level.
-    """
+    """The level of a felt error, monotone in it, within the scale."""
     for (least, best), (most, worst) in pairwise(anchors):
         level = best + (worst - best) * (error - least) / (most - least)
         if error <= most:

@@ -19,8 +19,7 @@ from weberlink_studies.experiment.conduct import Elapsed, FeltTrial, TrialResult
 from weberlink_studies.experiment.plan import REFERENCES, CodingCondition, TrialPlan
 from weberlink_studies.paper.claims import PREDICTORS
 
-STOPPED = ("interrupted", "terminated", "hung up")
-"""Outcomes of an interrupted session."""
+STOPPED = ("interrupted", "terminated", "hung up")  # outcomes of an interrupted session
 INTERRUPTING = ("silence", "device", "refused")
 """Faults that fade the force, so that the trial does not show the coding alone."""
 FIGURES = (
@@ -28,10 +27,8 @@ FIGURES = (
     "error_rms_jnd", "log_error_rms_jnd", "jump_median_jnd", "jump_p99_jnd", "jump_max_jnd",
 )  # fmt: skip
 """Figures of the force channel that are stored with each rating."""
-WHERE = ("listen", "slave", "key_file")
-"""Keys of the link that do not change the felt signal."""
-PER_TRIAL = ("predictor", "weber")
-"""Keys of `codec.force` that each trial sets."""
+WHERE = ("listen", "slave", "key_file")  # keys of the link that do not change the felt signal
+PER_TRIAL = ("predictor", "weber")  # keys of `codec.force` that each trial sets
 UNDISTURBED = (
     "codec.force.floor_n=0",
     "codec.force.deadband={shape: isotropic}",
@@ -52,21 +49,15 @@ UNDISTURBED_ROTATION = (
 )
 """The same of a file with six degrees of freedom."""
 
-Ports = Callable[[], Sequence[str]]
-"""Returns overrides with a free port, if the file leaves it open."""
+Ports = Callable[[], Sequence[str]]  # returns overrides with a free port, if the file leaves it open
 
 
 @dataclass(frozen=True)
 class TrialSignals:
-    """The configuration of the trials.
+    """The configuration of the trials."""
 
-    Args:
-        file: the configuration.
-        overrides: of the command line.
-    """
-
-    file: Path
-    overrides: tuple[str, ...]
+    file: Path  # the configuration
+    overrides: tuple[str, ...]  # of the command line
 
     @property
     def document(self) -> dict[str, Any]:
@@ -78,11 +69,7 @@ class TrialSignals:
         return _digest(self.document)
 
     def try_out(self) -> None:
-        """Check the file before the first trial.
-
-        Raises:
-            ConfigurationError: if it cannot run with every predictor and reference.
-        """
+        """Check the file before the first trial."""
         every = (CodingCondition(predictor, 0.1) for predictor in PREDICTORS)
         for condition in (*every, *(reference.condition for reference in REFERENCES)):
             dry_run(load(self.file, self.with_condition(condition)))
@@ -103,11 +90,7 @@ class TrialSignals:
         return ", ".join(differences(plan.configuration, document)) or "its files"
 
     def check(self, plan: TrialPlan) -> None:
-        """Check that the file was not edited during the experiment.
-
-        Raises:
-            ConfigurationError: if it was.
-        """
+        """Check that the file was not edited during the experiment."""
         if fields := self.changes(plan):
             raise ConfigurationError(
                 f"{self.file}: was changed during the experiment ({fields}); restore it and continue"

@@ -16,32 +16,22 @@ from weberlink.codec.predictors import HYBRID, HYBRID_BANK
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-PREDICTORS = (*HYBRID_BANK, HYBRID)
-"""The predictors of the paper."""
-WEBERS = (0.025, 0.05, 0.10, 0.15, 0.20, 0.30)
-"""The Weber factors of the paper."""
-WEBER = 0.10
-"""The paper compares packet rates at this Weber factor; the quality at it is the one that is held equal."""
-EASY = 0.95
-"""Saved share from which a signal is predicted almost without an error, so that it decides nothing."""
+PREDICTORS = (*HYBRID_BANK, HYBRID)  # the predictors of the paper
+WEBERS = (0.025, 0.05, 0.10, 0.15, 0.20, 0.30)  # the Weber factors of the paper
+WEBER = 0.10  # the paper compares packet rates at this Weber factor; the quality at it is the one that is held equal
+EASY = 0.95  # saved share from which a signal is predicted almost without an error, so that it decides nothing
 HOLDS, FAILS, TOO_EASY, NO_CLAIM, UNMEASURED = "holds", "fails", "too easy", "no claim", "not measured"
 
 
 @dataclass(frozen=True)
 class Claim:
-    """One predictor sends fewer packets than another.
+    """One predictor sends fewer packets than another."""
 
-    Args:
-        predictor: sends less.
-        reference: sends more.
-        at: what is held equal: the Weber factor (`WEBER`), or the quality of the reference at `WEBER`.
-        fewer: saved share of the packets of the reference.
-    """
-
-    predictor: str
-    reference: str
+    predictor: str  # sends less
+    reference: str  # sends more
+    # what is held equal: the Weber factor (`WEBER`), or the quality of the reference at `WEBER`
     at: Literal["weber", "quality"]
-    fewer: float
+    fewer: float  # saved share of the packets of the reference
 
 
 CLAIMS = (

@@ -42,14 +42,11 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 FLOOR_N = 0.02
-DURATION_S = 10.0
-"""Of a trial of the paper, and of a simulated run."""
-SEED = 1
-"""Of the hand's tremor."""
+DURATION_S = 10.0  # of a trial of the paper, and of a simulated run
+SEED = 1  # of the hand's tremor
 PAGE = "the-paper-and-us.md"
 STUDY = EvaluationStudy(PREDICTORS, WEBERS, FLOOR_N)
-SCENE_STUDY = replace(STUDY, position_step=2e-6)
-"""With the position step of the scene configurations."""
+SCENE_STUDY = replace(STUDY, position_step=2e-6)  # with the position step of the scene configurations
 RECORDED, CODED, WHOLE = "recordings", "scenes", "systems"
 TITLES = {CODED: "scenes, codec alone", WHOLE: "scenes, whole system"}
 
@@ -252,16 +249,7 @@ PAPER = Study("paper", _cases, _run, _tables, _plots, _seconds, _summary, SEED)
 
 
 def run(traces: Sequence[Path], *, workers: int | None, progress: Progress) -> FrameResult:
-    """Measure all claims, or what is done when Ctrl-C comes. The numbers do not depend on the number of workers.
-
-    Args:
-        traces: recordings of people; without any, every shipped one.
-        workers: as of `Study.result`; so is `progress`.
-
-    Raises:
-        ConfigurationError: for a trace that cannot be used, or a missing extra; nothing was computed then.
-        StudyError: a worker was lost.
-    """
+    """Measure all claims, or what is done when Ctrl-C comes. The numbers do not depend on the number of workers."""
     check_resources(workers, None)
     named = read_traces(traces or [Path("recordings")])
     return PAPER.result(PaperOptions(named), workers=workers, progress=progress)

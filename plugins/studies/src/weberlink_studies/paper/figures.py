@@ -22,14 +22,7 @@ PANEL_CM = 6.3
 
 
 def draw_curves(rows: "DataFrame", folder: Path, caption: str) -> None:
-    """Write Figs. 7 and 9: a panel for each source of recordings with a surface, and for all scenes of a condition.
-
-    Args:
-        rows: as of `judge`, with `panel`, the title.
-
-    Raises:
-        OSError: a file cannot be written.
-    """
+    """Write Figs. 7 and 9: a panel for each source of recordings with a surface, and for all scenes of a condition."""
     means = {
         title: curves(part.rename(columns={"signal": "unit"}), QUALITY.column, resamples=0)
         for title, part in rows.groupby("panel", sort=False)
@@ -53,10 +46,6 @@ def draw_curves(rows: "DataFrame", folder: Path, caption: str) -> None:
 
 
 def draw_forces(trace: Trace, channel: "Callable[[str], Channel]", stem: Path, caption: str) -> None:
-    """Write Figs. 2 and 3 of one signal.
-
-    Raises:
-        OSError: a file cannot be written.
-    """
+    """Write Figs. 2 and 3 of one signal."""
     runs = [CodedTrace(trace, channel(name)) for name in ("zoh", "linear")]
     draw_force(runs, stem, title="Force over time, hold and linear prediction", caption=caption)

@@ -16,11 +16,9 @@ from weberlink.geometry.vector import Vector, dot, norm, scale, subtract, unit
 from weberlink.slave.integrators.contract import ControlledMass
 from weberlink_studies.precision.problems import CoulombFriction, HalfSpace, Problem, ProblemSurface
 
-MotionState = Sequence[float]
-"""Position [m] and velocity [m/s], six numbers."""
+MotionState = Sequence[float]  # position [m] and velocity [m/s], six numbers
 
-BEYOND = 1e-15
-"""How far [m] a guard must be overstepped: below any accuracy asked for, above rounding."""
+BEYOND = 1e-15  # how far [m] a guard must be overstepped: below any accuracy asked for, above rounding
 
 
 class Guard(NamedTuple):

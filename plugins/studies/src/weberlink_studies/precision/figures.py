@@ -23,14 +23,7 @@ DIVERGED_AT = 8.0
 
 
 def work_precision(rows: "DataFrame", problems: Sequence[Problem], path: Path, caption: str) -> None:
-    """Errors over run time, a panel per problem: a solid line per integrator for position, a dotted one for force.
-
-    Args:
-        rows: of the study.
-        problems: of the rows.
-        path: of the picture, a PNG unless other formats are asked for.
-        caption: the environment of the measurement, printed below.
-    """
+    """Errors over run time, a panel per problem: a solid line per integrator for position, a dotted one for force."""
     colours = dict(zip(rows.integrator.unique(), COLOURS, strict=False))
     columns = min(COLUMNS, len(problems))
     lines = ceil(len(problems) / columns)

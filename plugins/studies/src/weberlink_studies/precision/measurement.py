@@ -14,10 +14,8 @@ from weberlink_studies.frame import Row
 from weberlink_studies.precision.problems import TICK, Problem
 from weberlink_studies.precision.reference import ReferenceSolution
 
-DIVERGED = 1.0
-"""Position error, relative to the extent of the motion, from which a run counts as diverged."""
-ENOUGH = 0.1
-"""CPU time [s] after which a run is not repeated again: a long run needs no average."""
+DIVERGED = 1.0  # position error, relative to the extent of the motion, from which a run counts as diverged
+ENOUGH = 0.1  # CPU time [s] after which a run is not repeated again: a long run needs no average
 
 
 @dataclass(frozen=True, order=True)

@@ -14,8 +14,7 @@ from weberlink.slave.scenes.contact import FrictionCone, SceneObject
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import PlaneShape, SphereShape
 
-TICK = 1e-3
-"""Tick of the recommendation and of the errors [s]."""
+TICK = 1e-3  # tick of the recommendation and of the errors [s]
 
 Quantity = Literal["position", "force"]
 
@@ -58,33 +57,21 @@ class ProblemSurface:
 
 @dataclass(frozen=True)
 class Problem:
-    """One body and some surfaces.
+    """One body and some surfaces."""
 
-    Args:
-        name: snake_case, stable.
-        about: the difficulty in a few words.
-        body: mass [kg], stiffness [N/m], damping [N s/m] of m a = k (goal - x) - c v + f.
-        surfaces: any number of half-spaces, or one ball.
-        goals: times [s] and positions [m] of the goals; the first at 0, the others at multiples of the coarsest step.
-        position: at the start [m]; not inside a surface.
-        velocity: at the start [m/s].
-        duration: [s], a whole number of ticks.
-        coarsest_ticks: the largest step, in ticks.
-        smooth: quantities without kink or jump after the start, whose order of convergence is fitted.
-        linear: whether the forces are linear in position and velocity between touch and release.
-    """
-
-    name: str
-    about: str
-    body: ControlledMass
-    surfaces: tuple[ProblemSurface, ...]
+    name: str  # snake_case, stable
+    about: str  # the difficulty in a few words
+    body: ControlledMass  # mass [kg], stiffness [N/m], damping [N s/m] of m a = k (goal - x) - c v + f
+    surfaces: tuple[ProblemSurface, ...]  # any number of half-spaces, or one ball
+    # times [s] and positions [m] of the goals; the first at 0, the others at multiples of the coarsest step
     goals: tuple[tuple[float, Vector], ...]
-    position: Vector
-    velocity: Vector = ZERO
-    duration: float = 0.1
-    coarsest_ticks: int = 4
+    position: Vector  # at the start [m]; not inside a surface
+    velocity: Vector = ZERO  # at the start [m/s]
+    duration: float = 0.1  # [s], a whole number of ticks
+    coarsest_ticks: int = 4  # the largest step, in ticks
+    # quantities without kink or jump after the start, whose order of convergence is fitted
     smooth: frozenset[Quantity] = frozenset()
-    linear: bool = True
+    linear: bool = True  # whether the forces are linear in position and velocity between touch and release
 
     def goal(self, at: float) -> Vector:
         """The goal at the time `at` [s]."""
@@ -120,8 +107,7 @@ def scene_object(surface: ProblemSurface) -> SceneObject:
 
 UP = (0.0, 0.0, 1.0)
 BOTH: frozenset[Quantity] = frozenset({"position", "force"})
-ROBOT = SimulatedRobot(SimulatedOptions(), None, TICK).body
-"""The simulated robot of a configuration without options."""
+ROBOT = SimulatedRobot(SimulatedOptions(), None, TICK).body  # the simulated robot of a configuration without options
 
 
 def floor(

@@ -23,43 +23,27 @@ from weberlink_studies.result import Column, frame_table, pareto
 if TYPE_CHECKING:
     from pandas import DataFrame, Series
 
-RESOLVED = 1e-12
-"""Relative errors below it are rounding errors and count as equal."""
-EXACT = 1e-9
-"""Largest relative error of an integrator that is exact on linear contact."""
-NOISE_LEAST = 0.05
-"""Run times that differ by less than this share count as equal."""
+RESOLVED = 1e-12  # relative errors below it are rounding errors and count as equal
+EXACT = 1e-9  # largest relative error of an integrator that is exact on linear contact
+NOISE_LEAST = 0.05  # run times that differ by less than this share count as equal
 ORDER_TOLERANCE = 0.2
-NEAR_FRONT = 1.5
-"""Largest error of the recommended integrator, over the smallest error in the same time."""
-GAINED = 1e-9
-"""Share of the energy up to which a gain is rounding."""
-COARSE = 0.03
-"""Relative errors above it are not asymptotic yet."""
-POINTS_LEAST, POINTS_MOST = 3, 4
-"""Of a fitted order."""
-GOAL = 1e-3
-"""Relative error whose run time is shown."""
-TIMED_TICKS = 3000
-"""Ticks of which the 99.9th percentile is taken."""
+NEAR_FRONT = 1.5  # largest error of the recommended integrator, over the smallest error in the same time
+GAINED = 1e-9  # share of the energy up to which a gain is rounding
+COARSE = 0.03  # relative errors above it are not asymptotic yet
+POINTS_LEAST, POINTS_MOST = 3, 4  # of a fitted order
+GOAL = 1e-3  # relative error whose run time is shown
+TIMED_TICKS = 3000  # ticks of which the 99.9th percentile is taken
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How fine and how often.
+    """How fine and how often."""
 
-    Args:
-        finest: most substeps per tick. Steps are halved from the coarsest of a problem down to this one.
-        repeats: most timed runs of each step.
-        problems: of the integrators.
-        schemes: integrators by name.
-        recommended: integrator and substeps for every problem; None for those that `integrator: auto` chooses.
-    """
-
-    finest: int = 64
-    repeats: int = 5
-    problems: Sequence[Problem] = PROBLEMS
-    schemes: Mapping[str, IntegrationScheme] | None = None
+    finest: int = 64  # most substeps per tick. Steps are halved from the coarsest of a problem down to this one.
+    repeats: int = 5  # most timed runs of each step
+    problems: Sequence[Problem] = PROBLEMS  # of the integrators
+    schemes: Mapping[str, IntegrationScheme] | None = None  # integrators by name
+    # integrator and substeps for every problem; None for those that `integrator: auto` chooses
     recommended: tuple[str, int] | None = None
 
     def steps(self, problem: Problem, also: int) -> list[StepSize]:
@@ -132,11 +116,6 @@ def resolved(rows: "DataFrame") -> float:
 def fitted_order(steps: Sequence[float], errors: Sequence[float], floor: float) -> float | None:
     """Least squares over the finest four of the steps whose errors are asymptotic.
 
-    Args:
-        steps: lengths, in any order and unit.
-        errors: relative; not finite where the run diverged.
-        floor: errors below it are rounding, or the reference's own.
-
     Returns:
         The order; None where fewer than three errors lie between `floor` and 3 %.
     """
@@ -179,10 +158,6 @@ def recommendation(rows: "DataFrame", floor: float | None = None) -> Row | None:
 
     `rival` has the smallest error, `error_excess` is the error over it (1 on the Pareto front), and
     `energy_gained_in_excess` what is gained beyond the row that gains least.
-
-    Args:
-        rows: of one problem.
-        floor: relative errors below it count as equal; by default what the reference resolves.
     """
     if not rows.recommended.any():
         return None
@@ -306,9 +281,5 @@ STUDY = Study(
 
 
 def run(effort: Effort, *, progress: Progress = lambda *_: None) -> FrameResult:
-    """Measure the integrators of the simulated robot on problems with known solutions, those done when Ctrl-C came.
-
-    Raises:
-        ConfigurationError: if a package is missing; nothing was computed then.
-    """
+    """Measure the integrators of the simulated robot on problems with known solutions, those done when Ctrl-C came."""
     return STUDY.result(effort, workers=1, progress=progress)  # others would disturb what is timed

@@ -1,16 +1,14 @@
-"""A cell of the stability map: the parameters of a whole system, its limits, and the ideal force of its wall."""
+"""A cell of the stability map: its whole system, its limits, the motion of its hand and the scene that it touches."""
 
 from dataclasses import dataclass
 from itertools import product
-from math import ceil
+from math import ceil, pi, sqrt
 from typing import Any, Literal
 
 from weberlink.session.composition.coupling import FIT_MARGIN
 from weberlink_studies.stability.wall import Grip, SampledWall, gain_limit, passivity_limit
 
-DEPTH = 0.015
-"""Intended depth of the press [m]."""
-
+DEPTH = 0.015  # intended depth of the press [m]
 COUPLING_N_M = 3000.0 / FIT_MARGIN
 """Stiffness of the robots towards their command [N/m]: their default with the `operator` device of the shipped file."""
 
@@ -18,8 +16,7 @@ CONTACT_LIMIT_N = 10.0
 """Largest force with which a robot should press [N], what the operator can be shown: the default of
 `slave.limits.contact_n` with the shipped `master.limits.force_n`."""
 
-SENSOR_RANGE_N = 30.0
-"""Range of the force sensor of the computed robots [N], their default `force_n`."""
+SENSOR_RANGE_N = 30.0  # range of the force sensor of the computed robots [N], their default `force_n`
 
 RobotName = Literal["point", "simulated", "tool", "arm"]
 """The last two are judged by torque: a stick with three points of contact, and an arm of joints (extra: mujoco)."""
@@ -30,60 +27,33 @@ Contact = Literal["plane", "ball", "box"]
 class SystemCell:
     """A whole system: an operator's hand, a link, a robot and what it touches. The defaults are those of the shipped
     files.
-
-    Args:
-        family: row of the map, or `extremes`.
-        scheme: of control, as in the configuration.
-        predictor: of the force channel.
-        position_predictor: of the position channel.
-        stiffness_n_m: of the object; of the joints with `arm` [N m/rad].
-        mass_kg: of device and hand, as the next two; of the arm alone with another grip than firm.
-        damping_n_s_m: of device and hand.
-        hand_stiffness_n_m: of the hand.
-        grip: how the hand holds the device.
-        robot: what touches the object; `tool` is turned by 10 degrees.
-        robot_mass_kg: of `simulated`.
-        robot_damping_n_s_m: of `simulated`; None for critical.
-        contact: the object; all are touched from above at z = 0.
-        friction: coefficient of the object, static and dynamic.
-        wall_damping_n_s_m: of the object.
-        wall_speed_m_s: speed at which the object goes up and down; 0 for one at rest.
-        rate_hz: of both sides.
-        round_trip_s: constant delay, half of it each way.
-        jitter_s: largest additional delay each way, uniform.
-        loss: share of datagrams lost.
-        weber: Weber factor of both channels.
-        floor_n: absolute threshold of the force.
-        bound_m: position error at rest that stays unsent.
-        seed: of the link.
-        case: name of an extreme.
     """
 
-    family: str
-    scheme: str = "bounded"
-    predictor: str = "hybrid"
-    position_predictor: str = "linear"
-    stiffness_n_m: float = 500.0
-    mass_kg: float = 0.3
-    damping_n_s_m: float = 8.0
-    hand_stiffness_n_m: float = 300.0
-    grip: Grip = "firm"
-    robot: RobotName = "point"
-    robot_mass_kg: float = 0.2
-    robot_damping_n_s_m: float | None = None
-    contact: Contact = "plane"
-    friction: float = 0.0
-    wall_damping_n_s_m: float = 0.0
-    wall_speed_m_s: float = 0.0
-    rate_hz: float = 1000.0
-    round_trip_s: float = 0.0
-    jitter_s: float = 0.0
-    loss: float = 0.0
-    weber: float = 0.1
-    floor_n: float = 0.02
-    bound_m: float = 0.0002
-    seed: int = 0
-    case: str = ""
+    family: str  # row of the map, or `extremes`
+    scheme: str = "bounded"  # of control, as in the configuration
+    predictor: str = "hybrid"  # of the force channel
+    position_predictor: str = "linear"  # of the position channel
+    stiffness_n_m: float = 500.0  # of the object; of the joints with `arm` [N m/rad]
+    mass_kg: float = 0.3  # of device and hand, as the next two; of the arm alone with another grip than firm
+    damping_n_s_m: float = 8.0  # of device and hand
+    hand_stiffness_n_m: float = 300.0  # of the hand
+    grip: Grip = "firm"  # how the hand holds the device
+    robot: RobotName = "point"  # what touches the object; `tool` is turned by 10 degrees
+    robot_mass_kg: float = 0.2  # of `simulated`
+    robot_damping_n_s_m: float | None = None  # of `simulated`; None for critical
+    contact: Contact = "plane"  # the object; all are touched from above at z = 0
+    friction: float = 0.0  # coefficient of the object, static and dynamic
+    wall_damping_n_s_m: float = 0.0  # of the object
+    wall_speed_m_s: float = 0.0  # speed at which the object goes up and down; 0 for one at rest
+    rate_hz: float = 1000.0  # of both sides
+    round_trip_s: float = 0.0  # constant delay, half of it each way
+    jitter_s: float = 0.0  # largest additional delay each way, uniform
+    loss: float = 0.0  # share of datagrams lost
+    weber: float = 0.1  # Weber factor of both channels
+    floor_n: float = 0.02  # absolute threshold of the force
+    bound_m: float = 0.0002  # position error at rest that stays unsent
+    seed: int = 0  # of the link
+    case: str = ""  # name of an extreme
 
     @property
     def wall(self) -> SampledWall:
@@ -173,12 +143,7 @@ EXTREMES: dict[str, dict[str, Any]] = {
 
 
 def cells(seed: int, *, full: bool) -> list[SystemCell]:
-    """All cells: every family with every scheme, then the extremes.
-
-    Args:
-        seed: of every link.
-        full: more stiffnesses and round trips, and every scheme on the extremes.
-    """
+    """All cells: every family with every scheme, then the extremes."""
     known, usual = (FULL_STIFFNESSES, (100.0, 500.0, 1e3, 1e4, 1e5, 1e7)) if full else (STIFFNESSES, (500.0, 1e7))
     mapped = [
         SystemCell(name, scheme, stiffness_n_m=stiffness, round_trip_s=trip, seed=seed, **family)
@@ -190,3 +155,120 @@ def cells(seed: int, *, full: bool) -> list[SystemCell]:
     schemes = SCHEMES if full else ("bounded",)
     extremes = product(EXTREMES.items(), schemes)
     return mapped + [SystemCell("extremes", scheme, case=c, seed=seed, **more) for (c, more), scheme in extremes]
+
+
+HEIGHT = 0.01  # start of the hand above the object [m]
+SWAY_M = 0.0125  # amplitude of a moving wall [m], slower than the hand's intended depth so that the contact can last
+FASTEST_SWAY_HZ = 50.0  # A faster wall has a larger amplitude; also the upper limit of the configuration
+
+Step = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class CellTiming:
+    """Times of the script [s]: pauses grow with delay and inertia, the motion is otherwise the same."""
+
+    press: float  # the hand begins to go down for the first time
+    hold: float  # its intended position is `DEPTH` from here on
+    release: float  # it begins to come up
+    end: float
+    steps: tuple[Step, ...]  # the motion as a script of the `operator` device
+
+
+def timing(cell: SystemCell) -> CellTiming:
+    """The script of a cell: wait for the session, press, hold, release, tap, wait for the link.
+
+    Other objects than a plane, and friction, are explored before the press instead of tapped after it. The hold lasts
+    0.6 s, four round trips and three periods of the hand, so that two windows of it show whether an oscillation dies
+    out.
+    """
+    trip = cell.round_trip_s + 2.0 * cell.jitter_s
+    period = 2.0 * pi * sqrt(cell.mass_kg / cell.hand_stiffness_n_m)
+    lead = 0.3 + 2.5 * trip + (1.5 if cell.loss else 0.0)
+    hold = 0.6 + 4.0 * trip + 3.0 * period
+    down = 0.4
+    wait: Step = {"motion": "rest", "duration_s": lead}
+    if cell.robot == "arm":
+        return _arm_timing(1.5 + lead, 1.0 + 4.0 * trip, 0.2 + trip)  # its arms are aligned first
+    exploration = _exploration(cell)
+    press = {
+        "motion": "press", "at_m": [0.0, 0.0, 0.0], "depth_m": DEPTH, "height_m": HEIGHT,
+        "duration_s": down, "hold_s": hold, "approach_s": 0.01,
+    }  # fmt: skip
+    tap = {
+        "motion": "tap", "at_m": [0.0, 0.0, 0.0], "depth_m": DEPTH, "height_m": HEIGHT,
+        "frequency_hz": 2.0, "count": 1, "approach_s": 0.01,
+    }  # fmt: skip
+    after = [] if exploration or cell.wall_speed_m_s else [tap]
+    first = lead + (0.0 if exploration else 0.01)
+    hold_at = sum(map(_length, (wait, *exploration))) + 0.01 + down
+    steps = (wait, *exploration, press, *after, {"motion": "rest", "duration_s": 0.2 + trip})
+    return CellTiming(first, hold_at, hold_at + hold, sum(map(_length, steps)), steps)
+
+
+def scene(cell: SystemCell) -> list[dict[str, Any]]:
+    """The scene of a cell without joints, as in a configuration file."""
+    shapes: dict[str, dict[str, Any]] = {
+        "plane": {"shape": "plane"},
+        "ball": {"shape": "sphere", "center_m": [0.0, 0.0, -BALL_M], "radius_m": BALL_M},
+        "box": {"shape": "box", "center_m": [0.0, 0.0, -EDGE_M], "size_m": [2.0 * EDGE_M] * 3},
+    }
+    thing = shapes[cell.contact] | {"stiffness_n_m": cell.stiffness_n_m}
+    if cell.wall_damping_n_s_m:
+        thing["damping_n_s_m"] = cell.wall_damping_n_s_m
+    if cell.friction:
+        thing["friction"] = {"static": cell.friction, "dynamic": cell.friction}
+    if cell.wall_speed_m_s:  # a triangle of 4 f a m/s
+        frequency = min(FASTEST_SWAY_HZ, 0.25 * cell.wall_speed_m_s / SWAY_M)
+        amplitude = 0.25 * cell.wall_speed_m_s / frequency
+        thing["motion"] = {"amplitude_m": amplitude, "frequency_hz": frequency, "wave": "triangle"}
+    return [thing]
+
+
+BALL_M = 0.03  # radius of the ball [m]
+EDGE_M = 0.02  # half an edge of the box [m]
+
+
+def _exploration(cell: SystemCell) -> list[Step]:
+    """Over a surface there and back, or off the edge of a box."""
+    if cell.contact == "box":
+        return [_slide([0.0, 0.3 * EDGE_M], [1.5 * EDGE_M, 0.3 * EDGE_M], 1), _reach(0.0)]
+    if cell.robot == "tool":
+        return [{"motion": "turn", "turn_deg": [0.0, 10.0, 0.0], "duration_s": 0.8}]
+    if cell.contact == "ball" or cell.friction:
+        return [_slide([-0.5 * BALL_M, 0.0], [0.5 * BALL_M, 0.0], 2), _reach(0.0)]
+    return []
+
+
+def _arm_timing(lead: float, hold: float, after: float) -> CellTiming:
+    """An arm presses a table, holds, and comes back. The motion of the arm lags: the contact is made within 0.6 s."""
+    home, low = [0.0, 0.018, -0.214, 1.597, 0.0], [0.0, 0.06, 0.335, 1.005, 0.0]
+    steps = (
+        {"motion": "hold", "duration_s": lead},
+        {"motion": "move", "duration_s": 1.0, "joints_rad": low},
+        {"motion": "hold", "duration_s": 0.6 + hold},
+        {"motion": "move", "duration_s": 0.7, "joints_rad": home},
+        {"motion": "hold", "duration_s": after},
+    )
+    return CellTiming(lead, lead + 1.6, lead + 1.6 + hold, lead + 2.3 + hold + after, steps)
+
+
+def _slide(begin: list[float], end: list[float], passes: int) -> Step:
+    points = [[*begin, 0.0], [*end, 0.0]]
+    return {"motion": "slide", "points_m": points, "depth_m": DEPTH, "duration_s": 0.8, "passes": passes,
+            "approach_s": 0.4}  # fmt: skip
+
+
+def _reach(x: float) -> Step:
+    return {"motion": "reach", "to_m": [x, 0.0, HEIGHT], "duration_s": 0.6}
+
+
+def _length(step: Step) -> float:
+    """Duration of a step [s]."""
+    if step["motion"] == "press":
+        return float(step["approach_s"] + 2.0 * step["duration_s"] + step["hold_s"])
+    if step["motion"] == "tap":
+        return float(step["approach_s"] + step["count"] / step["frequency_hz"])
+    if step["motion"] == "slide":
+        return float(step["approach_s"] + step["passes"] * step["duration_s"])
+    return float(step["duration_s"])

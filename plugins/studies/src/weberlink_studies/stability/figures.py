@@ -1,10 +1,9 @@
 """Figures of the stability study. Needs matplotlib (extra: studies)."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from matplotlib import colormaps
-from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -27,13 +26,7 @@ def verdict_of(state: str) -> str:
 
 
 def stability_map(systems: "DataFrame", path: Path, caption: str) -> None:
-    """Schemes by column, scenes by row, stiffness over round trip in each panel: the verdict, and what is felt in %.
-
-    Args:
-        systems: rows of systems; extremes are not drawn.
-        path: of the picture, a PNG unless other formats are asked for.
-        caption: the environment of the run, printed below.
-    """
+    """Schemes by column, scenes by row, stiffness over round trip in each panel: the verdict, and what is felt in %."""
     systems = systems[systems.family != "extremes"]
     families, schemes = systems.family.unique(), systems.scheme.unique()
     trips = sorted(systems.round_trip_s.unique())
@@ -45,7 +38,15 @@ def stability_map(systems: "DataFrame", path: Path, caption: str) -> None:
         up = sorted(mine.stiffness_n_m.unique())
         for axes, scheme in zip(line, schemes, strict=True):
             for cell in mine[mine.scheme == scheme].itertuples():
-                _draw_cell(axes, trips.index(cell.round_trip_s), up.index(cell.stiffness_n_m), cell)
+                x, y, colour = (
+                    trips.index(cell.round_trip_s),
+                    up.index(cell.stiffness_n_m),
+                    COLOURS[verdict_of(cell.state)],
+                )
+                box = Rectangle((x - 0.5, y - 0.5), 1.0, 1.0, facecolor=colour, edgecolor="white", linewidth=1.0)
+                axes.add_patch(box)
+                text = f"{100.0 * cell.felt:.0f}" if cell.felt == cell.felt else ""  # missing is NaN
+                axes.text(x, y, text, ha="center", va="center", fontsize=8.5)
             axes.set_xlim(-0.5, len(trips) - 0.5)
             axes.set_ylim(-0.5, len(up) - 0.5)
             axes.set_xticks([])
@@ -67,21 +68,8 @@ def stability_map(systems: "DataFrame", path: Path, caption: str) -> None:
     save(figure, path.with_suffix(""), dpi=110, usual=("png",))
 
 
-def _draw_cell(axes: Axes, x: int, y: int, cell: Any) -> None:
-    colour = COLOURS[verdict_of(cell.state)]
-    axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1.0, 1.0, facecolor=colour, edgecolor="white", linewidth=1.0))
-    text = f"{100.0 * cell.felt:.0f}" if cell.felt == cell.felt else ""  # missing is NaN
-    axes.text(x, y, text, ha="center", va="center", fontsize=8.5)
-
-
 def stability_wall(rows: "DataFrame", path: Path, caption: str) -> None:
-    """Measured stability limits of sampled walls over those of the eigenvalues, and Colgate's bound.
-
-    Args:
-        rows: of walls.
-        path: of the picture, a PNG unless other formats are asked for.
-        caption: the environment of the run, printed below.
-    """
+    """Measured stability limits of sampled walls over those of the eigenvalues, and Colgate's bound."""
     figure = Figure(figsize=(7.0, 4.4), layout="constrained")
     axes = figure.subplots()
     axes.axhspan(0.95, 1.05, color="0.88", label="5 %", linewidth=0.0)
@@ -109,18 +97,12 @@ def stability_wall(rows: "DataFrame", path: Path, caption: str) -> None:
     save(figure, path.with_suffix(""), dpi=110, usual=("png",))
 
 
-MOST_N = 0.5
-"""End of the colour scale [N]: the difference of the errors."""
+MOST_N = 0.5  # end of the colour scale [N]: the difference of the errors
 
 
 def display_map(judged: "DataFrame", path: Path, caption: str) -> None:
     """Scenes over delays, a panel for each scheme, link and hand: the felt error, coloured by its difference to that of
     the best scheme before.
-
-    Args:
-        judged: of the cells.
-        path: of the picture, a PNG unless other formats are asked for.
-        caption: the environment of the run, printed below.
     """
     panels = list(judged.groupby(["scheme", "link", "hand"], sort=False))
     columns = min(3, len(panels))

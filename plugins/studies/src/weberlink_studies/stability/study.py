@@ -10,13 +10,11 @@ from rich.console import Group, RenderableType
 
 from weberlink.config import Configuration, ConfigurationError, load
 from weberlink.session.composition.channels import account
-from weberlink_studies.baselines import BASELINES
+from weberlink_studies.baselines import BASELINES, recorded
 from weberlink_studies.frame import Row, Study
 from weberlink_studies.result import Column, frame_table
-from weberlink_studies.stability.cells import SystemCell, cells
-from weberlink_studies.stability.script import HEIGHT, CellTiming, scene, timing
-from weberlink_studies.stability.simulated import recorded
-from weberlink_studies.stability.survey import survey, walls
+from weberlink_studies.stability.cells import HEIGHT, CellTiming, SystemCell, cells, scene, timing
+from weberlink_studies.stability.measured_wall import survey, walls
 from weberlink_studies.stability.verdict import verdict
 from weberlink_studies.stability.wall import SampledWall
 
@@ -55,11 +53,7 @@ def judge(cell: SystemCell) -> Row:
 
 
 def configuration(cell: SystemCell, when: CellTiming) -> Configuration:
-    """The shipped default with the parameters of the cell and a scene of one object; the two arms for joints.
-
-    Raises:
-        ConfigurationError: if there can be no such system.
-    """
+    """The shipped default with the parameters of the cell and a scene of one object; the two arms for joints."""
     name = "arms" if cell.robot == "arm" else "loopback"
     return load(Path(str(files("weberlink.configs") / f"{name}.yaml")), overrides(cell, when))
 
@@ -108,15 +102,6 @@ def overrides(cell: SystemCell, when: CellTiming) -> list[str]:
         "slave.scene": scene(cell),
     }
     return [f"{path}={json.dumps(value)}" for path, value in values.items()]
-
-
-def _cases(options: MapOptions) -> list[SampledWall | SystemCell]:
-    return [*walls(full=options.full), *cells(SEED, full=options.full)]
-
-
-def _cost(case: SampledWall | SystemCell) -> float:
-    """Estimated run time [s]."""
-    return 1.5e-4 * timing(case).end * case.rate_hz if isinstance(case, SystemCell) else 1.0
 
 
 def span(scale: float, form: str) -> Any:
@@ -212,4 +197,13 @@ def _plots(options: MapOptions, rows: "DataFrame", folder: Path, caption: str) -
     stability_map(rows[rows.kind == "system"], folder / "stability_map.png", caption)
 
 
-STUDY = Study("stability", _cases, rows_of, _tables, _plots, _cost, lambda options, _: {"full": options.full}, SEED)
+STUDY: Study[MapOptions, SampledWall | SystemCell] = Study(
+    "stability",
+    lambda options: [*walls(full=options.full), *cells(SEED, full=options.full)],
+    rows_of,
+    _tables,
+    _plots,
+    lambda case: 1.5e-4 * timing(case).end * case.rate_hz if isinstance(case, SystemCell) else 1.0,
+    lambda options, _: {"full": options.full},
+    SEED,
+)

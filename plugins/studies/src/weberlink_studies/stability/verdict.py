@@ -13,25 +13,19 @@ from weberlink.protocol.states import State
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import FINITE
 from weberlink_studies.frame import Row
-from weberlink_studies.stability.cells import CONTACT_LIMIT_N, SENSOR_RANGE_N, SystemCell
-from weberlink_studies.stability.script import CellTiming
+from weberlink_studies.stability.cells import CONTACT_LIMIT_N, SENSOR_RANGE_N, CellTiming, SystemCell
 
 Floats = NDArray[np.float64]
 Phase = Literal["settled", "decaying", "lost", "oscillating", "growing", "driven", "failed", "refused"]
 
 CALM = ("settled", "decaying", "driven")
 
-SHARE = 0.05
-"""Swing of a steady force, as a share of it, beside that of the deadband."""
-
+SHARE = 0.05  # swing of a steady force, as a share of it, beside that of the deadband
 DECAYING, GROWING = 0.9, 1.5
 """Ratios of the later to the earlier variance below which an oscillation decays and above which it grows."""
 
-FAINTEST_N = 0.02
-"""Force below which there is no contact, where the cell has no threshold of its own."""
-
-AT_LIMIT = 0.999
-"""Share of a limit from which on a force counts as limited."""
+FAINTEST_N = 0.02  # force below which there is no contact, where the cell has no threshold of its own
+AT_LIMIT = 0.999  # share of a limit from which on a force counts as limited
 
 
 def verdict(
@@ -79,13 +73,6 @@ def verdict(
         tangential_ratio  the same of the horizontal components, for a plane with friction
         drift_m           distance of the robot's command from the hand in the last 0.1 s, at rest
         force_reduction   reduction of force updates relative to one per tick
-
-    Args:
-        cell: its parameters.
-        when: the times of its script.
-        records: of both sides.
-        account: what bounds the energy out of the hand; None where that is not judged.
-        failure: reason of an early end.
     """
     master, slave = records
     output, raw = master[f"{cell.torque}output"], slave[f"{cell.torque}raw"]
@@ -94,8 +81,8 @@ def verdict(
     begin = when.hold + 0.3 + cell.round_trip_s
     middle = 0.5 * (begin + when.release)
     early, late = (at >= begin) & (at < middle), (at >= middle) & (at < when.release)
-    failure = failure or _interruption(master[(at >= when.press) & (at < when.release)]) or _infinite(master, slave)
-    if failure is not None or not (early.any() and late.any()):
+    failure = failure or _failure(master, slave, master[(at >= when.press) & (at < when.release)])
+    if failure or not (early.any() and late.any()):
         return {"state": "failed", "bounded": False, "failure": failure or "the hold is shorter than two ticks"}
     holding, pressing = early | late, at >= when.press
     steady, pressed = float(felt[late].mean()), float(wall[late].mean())
@@ -105,6 +92,14 @@ def verdict(
     state = _state(cell, felt[early], felt[late], steady, clipped=bool(master["clipped"][late].any()))
     impulses = _lengths(output[pressing]), _lengths(raw[pressing])
     share = None if account is None or cell.torque else bound_share(master, account)
+    largest, last = float(_lengths(slave["raw"][holding]).max()), at > at[-1] - 0.1
+    ticks = int((slave["state"] == State.ENGAGED.value).sum())
+    met = {
+        "operator": bool(master["clipped"][holding].any()),
+        "sensor": largest >= AT_LIMIT * SENSOR_RANGE_N,
+        "contact": largest >= AT_LIMIT * CONTACT_LIMIT_N,
+    }
+    drift = None if cell.robot == "arm" else float(_lengths(slave["output"][last] - master["position"][last]).mean())
     row = {
         "state": state,
         "bounded": state in CALM,
@@ -120,14 +115,14 @@ def verdict(
         "felt": _ratio(*impulses) if ideal is None else steady / ideal,
         "felt_share": None if ideal is None else steady / ideal,
         "pressed_share": None if ideal is None else pressed / ideal,
-        "saturated": _saturated(master[holding], slave[holding]),
+        "saturated": [name for name, limited in met.items() if limited],
         "settle_s": settling_time(at, felt, when, steady, band),
         "impulse_ratio": _ratio(*impulses),
         "tangential_ratio": _ratio(_lengths(output[pressing, :2]), _lengths(raw[pressing, :2]))
         if cell.friction and cell.contact == "plane"
         else None,
-        "drift_m": None if cell.robot == "arm" else _drift(master, slave),
-        "force_reduction": _reduction(slave),
+        "drift_m": drift if drift is not None and np.isfinite(drift) else None,
+        "force_reduction": 1.0 - int(slave["updates_sent"][-1]) / ticks if ticks else None,
     }
     return {name: figure for name, figure in row.items() if figure is not None}
 
@@ -142,12 +137,7 @@ def settling_time(at: Floats, force: Floats, when: CellTiming, steady: float, ba
 
 
 def bound_share(master: Records, account: AccountParameters) -> float:
-    """The largest share of the bound that the hand got out by any tick, as a report has it, 0 or more.
-
-    Args:
-        master: records of the operator's side, shape (n,), n > 1.
-        account: in the frame of these records.
-    """
+    """The largest share of the bound that the hand got out by any tick, as a report has it, 0 or more."""
     ways = np.diff(master["position"], axis=0)
     works = -(master["output"][:-1] * ways).sum(axis=1)
     bound = EnergyBound([account])
@@ -158,19 +148,14 @@ def bound_share(master: Records, account: AccountParameters) -> float:
 def _state(cell: SystemCell, early: Floats, late: Floats, steady: float, *, clipped: bool) -> Phase:
     if cell.wall_speed_m_s:
         return "driven"
-    lost = min(early.min(), late.min()) < _faintest(cell)
+    faintest = cell.floor or FAINTEST_N  # nothing is lost where the ideal wall is fainter
+    lost = min(early.min(), late.min()) < faintest and (cell.ideal_n is None or cell.ideal_n > faintest)
     if float(np.ptp(late)) <= 2.0 * max(cell.weber * abs(steady), cell.floor) + SHARE * abs(steady):
         return "lost" if lost else "settled"
     before, after = float(early.var()), float(late.var())
     if after < DECAYING * before and np.ptp(late) < np.ptp(early) and not clipped:
         return "lost" if lost else "decaying"
     return "growing" if after > GROWING * before else "oscillating"
-
-
-def _faintest(cell: SystemCell) -> float:
-    """Force on the operator [N] below which contact is lost; nothing is lost where the ideal wall is fainter."""
-    floor = cell.floor or FAINTEST_N
-    return floor if cell.ideal_n is None or cell.ideal_n > floor else -np.inf
 
 
 def _energy(master: Records, slave: Records, pressing: NDArray[np.bool_]) -> tuple[float, float]:
@@ -185,16 +170,6 @@ def _energy(master: Records, slave: Records, pressing: NDArray[np.bool_]) -> tup
     return max(0.0, float(since[0] - since.min())), max(0.0, -float(np.cumsum(held).min(initial=0.0)))
 
 
-def _saturated(master: Records, slave: Records) -> list[str]:
-    largest = float(_lengths(slave["raw"]).max())
-    met = {
-        "operator": bool(master["clipped"].any()),
-        "sensor": largest >= AT_LIMIT * SENSOR_RANGE_N,
-        "contact": largest >= AT_LIMIT * CONTACT_LIMIT_N,
-    }
-    return [name for name, limited in met.items() if limited]
-
-
 def _lengths(vectors: Floats) -> Floats:
     return np.asarray(np.linalg.norm(vectors, axis=1))
 
@@ -204,28 +179,15 @@ def _ratio(felt: Floats, pressed: Floats) -> float | None:
     return float(felt.sum() / pressed.sum()) if pressed.max() > FAINTEST_N else None
 
 
-def _interruption(pressing: Records) -> str | None:
-    """Reason why press and hold did not test the loop; None if they did."""
+def _failure(master: Records, slave: Records, pressing: Records) -> str:
+    """Reason why press and hold did not test the loop; empty if they did."""
     if not len(pressing):
         return "ended before the hold"
     away = int((pressing["state"] != State.ENGAGED.value).sum())
     if away:
         return f"not engaged for {away} ticks of the press"
     faults = sorted({Fault(int(fault)).name.lower() for fault in np.unique(pressing["fault"]) if fault})
-    return f"faults during the press: {', '.join(faults)}" if faults else None
-
-
-def _infinite(master: Records, slave: Records) -> str | None:
+    if faults:
+        return f"faults during the press: {', '.join(faults)}"
     wrong = sorted({name for side in (master, slave) for name in FINITE if not np.isfinite(side[name]).all()})
-    return f"not finite: {', '.join(wrong)}" if wrong else None
-
-
-def _reduction(slave: Records) -> float | None:
-    ticks = int((slave["state"] == State.ENGAGED.value).sum())
-    return 1.0 - int(slave["updates_sent"][-1]) / ticks if ticks else None
-
-
-def _drift(master: Records, slave: Records) -> float | None:
-    last = master["at"] > master["at"][-1] - 0.1
-    away = np.linalg.norm(slave["output"][last] - master["position"][last], axis=1).mean()
-    return float(away) if np.isfinite(away) else None
+    return f"not finite: {', '.join(wrong)}" if wrong else ""

@@ -23,34 +23,21 @@ from weberlink.master.devices.hand_options import HandOptions
 Grip = Literal["firm", "pinch", "fingertip"]
 """How the hand holds the device: firmly, as one mass with it, or with a grasp between them."""
 
-PRECISION = 1e-9
-"""Relative precision of a limit."""
-
-STEPS_PER_DECADE = 1000
-"""Density of the frequencies of the loop gain."""
+PRECISION = 1e-9  # relative precision of a limit
+STEPS_PER_DECADE = 1000  # density of the frequencies of the loop gain
 
 
 @dataclass(frozen=True)
 class SampledWall:
-    """The loop without the stiffness of the wall.
+    """The loop without the stiffness of the wall."""
 
-    Args:
-        mass_kg: m, of device and hand, > 0; of the arm alone with a grasp, as the next two.
-        damping_n_s_m: b, of device and hand, > 0.
-        hand_stiffness_n_m: k, > 0; small values approach a free device.
-        tick_period: T [s].
-        delay_ticks: from the sampling of a position to the force that answers it, whole ticks.
-        wall_damping_n_s_m: B.
-        grip: the grasp.
-    """
-
-    mass_kg: float
-    damping_n_s_m: float
-    hand_stiffness_n_m: float
-    tick_period: float
-    delay_ticks: int = 0
-    wall_damping_n_s_m: float = 0.0
-    grip: Grip = "firm"
+    mass_kg: float  # m, of device and hand, > 0; of the arm alone with a grasp, as the next two
+    damping_n_s_m: float  # b, of device and hand, > 0
+    hand_stiffness_n_m: float  # k, > 0; small values approach a free device
+    tick_period: float  # T [s]
+    delay_ticks: int = 0  # from the sampling of a position to the force that answers it, whole ticks
+    wall_damping_n_s_m: float = 0.0  # B
+    grip: Grip = "firm"  # the grasp
 
     @property
     def hand(self) -> HandOptions:
@@ -117,11 +104,7 @@ def spectral_radius(wall: SampledWall, stiffness: float) -> float:
 
 
 def stability_limit(wall: SampledWall) -> float:
-    """The stiffness [N/m] at which the spectral radius passes 1, from below.
-
-    Raises:
-        ValueError: if no wall is stable, however soft.
-    """
+    """The stiffness [N/m] at which the spectral radius passes 1, from below."""
     start = passivity_limit(wall) or wall.damping_n_s_m / wall.tick_period
 
     def grows(stiffness: float) -> bool:
@@ -136,9 +119,6 @@ def gain_limit(wall: SampledWall) -> float:
 
     Without a wall the hand is stable, so the first stiffness that puts a pole on the unit circle, at exp(j w), is the
     smallest that solves 1 + K L(exp(j w)) = 0 where L is real and negative: K = -1 / L. Only for walls without damping.
-
-    Raises:
-        ValueError: for a wall with damping.
     """
     if wall.wall_damping_n_s_m:
         raise ValueError("the gain at which a damped wall becomes unstable is not that of its stiffness alone")
@@ -157,11 +137,7 @@ def passivity_limit(wall: SampledWall) -> float:
 
 
 def bracket(exceeds: Callable[[float], bool], start: float) -> tuple[float, float]:
-    """Two values a factor of two apart: `exceeds` is false at the lower one and true at the upper one.
-
-    Raises:
-        ValueError: if there are none within a factor of 1e9 from `start`.
-    """
+    """Two values a factor of two apart: `exceeds` is false at the lower one and true at the upper one."""
     factor = 0.5 if exceeds(start) else 2.0
     value = start
     while 1e-9 < value / start < 1e9:

@@ -1,4 +1,4 @@
-"""Pictures of the page for the documentation: `python -m plugins.page.tests.moving_picture FOLDER`.
+"""Pictures of the page for the documentation: `python -m trials.pictures FOLDER`.
 
 A moving one of a visitor who rubs the dome, and one of each size and theme that a page shows.
 """
