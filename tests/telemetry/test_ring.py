@@ -1,15 +1,21 @@
-"""The ring file and its writer."""
+"""The ring file, its writer and its readers: completeness, overrun, torn records, and the death of either end."""
 
 import os
 import resource
 import stat
 import struct
+import tempfile
 import time
+from pathlib import Path
 
+import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
-from weberlink.telemetry.reader import RingReader
-from weberlink.telemetry.record import COLUMNS, RECORD
+from tests.records import assert_whole
+from weberlink.telemetry.reader import DTYPE, RingReader
+from weberlink.telemetry.record import COLUMNS, FIELDS, HAND, RECORD, layout
 from weberlink.telemetry.ring import (
     RECORDS_AT,
     RingFormatError,
@@ -20,10 +26,7 @@ from weberlink.telemetry.ring import (
     read_header,
     slot_bytes,
 )
-
-
-def record(i):
-    return (i % 256,) * len(COLUMNS)
+from weberlink.telemetry.row import Row
 
 
 def create(path, **changes):
@@ -132,3 +135,144 @@ def test_a_process_is_known_by_its_start_and_not_by_its_number_alone(path):
         header = header_of(path)
     assert is_alive(header)
     assert not is_alive(header._replace(pid_started=header.pid_started + 1))
+
+
+def record(i):
+    return tuple(i % 256 if column in BYTES else i for column in COLUMNS)
+
+
+BYTES = {field.name for field in FIELDS if field.kind == "u1"}
+
+
+@given(
+    capacity=st.integers(2, 9),
+    before=st.integers(0, 25),
+    steps=st.lists(st.integers(0, 25), max_size=12),
+)
+def test_a_reader_gets_the_newest_records_without_a_gap_and_counts_the_rest(capacity, before, steps):
+    with tempfile.TemporaryDirectory() as directory, create(Path(directory) / "ring", capacity=capacity) as writer:
+        for i in range(before):
+            writer.write(record(i))
+        with RingReader(writer.path) as reader:
+            total, first, read = before, max(0, before - capacity + 1), 0
+            for step in [0, *steps]:
+                for i in range(total, total + step):
+                    writer.write(record(i))
+                total += step
+                ticks = reader.read()["tick"].tolist()
+                assert (reader.read().shape, reader.read().dtype) == ((0,), DTYPE)
+                assert ticks == list(range(total - len(ticks), total))
+                read += len(ticks)
+                assert first + read + reader.overrun == total
+                assert len(ticks) == min(step, capacity - 1) or step == 0
+
+
+def test_fields_of_parts_that_a_session_lacks_read_as_zero(path):
+    row = Row()
+    for field in FIELDS:
+        setattr(row, field.name, 1 if field.axes == 1 else (1.0,) * field.axes)
+    kept = layout(1)
+    with RingWriter.create(path, side="slave", rate_hz=4000.0, capacity=8, records=kept) as writer:
+        writer.write(row.values(kept))
+        with RingReader(path) as reader:
+            (record,) = reader.read()
+    for field in FIELDS:
+        assert np.all(record[field.name] == (field.part in ("", HAND)))
+
+
+def test_another_process_is_followed_while_it_writes_without_a_torn_record(path, start):
+    # So small a ring is lapped in microseconds: most copies are overwritten while they are made.
+    start("writer_process.py", path, "master", 0, 4, 0)
+    with RingReader(path) as reader:
+        first, last, got = None, -1, 0
+        for _ in range(20_000):
+            records = reader.read()
+            if len(records):
+                assert_whole(records)
+                ticks = records["tick"].astype(np.int64)
+                assert ticks[0] > last
+                assert np.all(np.diff(ticks) == 1)
+                first = int(ticks[0]) if first is None else first
+                last, got = int(ticks[-1]), got + len(ticks)
+        assert reader.alive
+        assert got > 0
+        assert reader.overrun > 0
+
+
+@given(
+    capacity=st.integers(2, 9),
+    written=st.integers(1, 25),
+    late=st.lists(st.tuples(st.integers(0, 10**6), st.integers(1, 700)), min_size=1, max_size=4),
+)
+@example(capacity=8, written=3, late=[(0, 10**6)])
+def test_a_record_is_read_when_all_of_it_is_visible_and_not_when_its_counter_is(capacity, written, late):
+    """A processor that reorders stores shows the counter first: some bytes of the slot are still those before it."""
+    with tempfile.TemporaryDirectory() as directory, create(Path(directory) / "ring", capacity=capacity) as writer:
+        for i in range(written - 1):
+            writer.write(record(i))
+        before = writer.path.read_bytes()
+        with RingReader(writer.path) as reader, writer.path.open("r+b") as file:
+            got = reader.read()["tick"].tolist()
+            writer.write(record(written - 1))
+            after = writer.path.read_bytes()
+            size = (len(after) - RECORDS_AT) // capacity
+            slot = RECORDS_AT + (written - 1) % capacity * size
+            seen = bytearray(after)
+            for start, length in late:
+                hidden = slice(slot + start % size, min(slot + start % size + length, slot + size))
+                seen[hidden] = before[hidden]
+            file.write(seen)
+            file.flush()
+            torn = reader.read()
+            assert len(torn) == (seen == after)
+            file.seek(0)
+            file.write(after)
+            file.flush()
+            last = reader.read()
+            assert len(torn) + len(last) == 1
+            assert_record_of(written - 1, np.concatenate([torn, last]))
+            assert got == list(range(max(0, written - capacity), written - 1))
+            assert reader.overrun == 0
+
+
+def assert_record_of(tick, records):
+    for each in records:
+        for field in FIELDS:
+            assert np.all(each[field.name] == (tick % 256 if field.kind == "u1" else tick))
+
+
+def test_a_killed_writer_leaves_all_that_it_published(path, start):
+    process = start("writer_process.py", path, "master", 0, 50, 0)
+    with RingReader(path) as reader:
+        while reader.written < 1000:
+            pass
+        assert reader.alive
+        process.kill()
+        process.wait()
+        assert not reader.alive
+        reader.read()
+    with RingReader(path) as late:
+        records = late.read()
+        assert len(records) == 49
+        assert records["tick"].tolist() == list(range(late.written - 49, late.written))
+        assert_whole(records)
+
+
+@pytest.mark.parametrize(
+    ("offset", "value", "message"),
+    [
+        (8, 99, "layout version 99, this program reads version 3"),
+        (12, 0, "other fields than those of this program"),
+        (16, 8, "other fields than those of this program"),
+        (32, 1, "too few for 1 records"),
+        (32, 2**32 - 1, "too few for 4294967295 records"),
+    ],
+)
+def test_a_ring_that_cannot_be_read_says_why(path, offset, value, message):
+    create(path).close(unlink=False)
+    data = bytearray(path.read_bytes())
+    struct.pack_into("<I", data, offset, value)
+    path.write_bytes(data)
+    with pytest.raises(RingFormatError, match=message) as error:
+        RingReader(path)
+    assert str(path) in str(error.value)

@@ -3,13 +3,10 @@
 import atexit
 import re
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from subprocess import DEVNULL, Popen
 from tempfile import TemporaryDirectory
 from typing import Self
-
-import pytest
 
 from tests.wait import until
 
@@ -69,11 +66,3 @@ class MailboxServer:
         self.stop()
         atexit.unregister(self.stop)
         self._folder.cleanup()
-
-
-@pytest.fixture(scope="session")
-def mailbox() -> Iterator[MailboxServer]:
-    """One for all tests of a run; import it in the tests that want it."""
-    pytest.importorskip("wormhole_mailbox_server")
-    with MailboxServer() as server:
-        yield server

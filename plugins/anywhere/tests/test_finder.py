@@ -1,6 +1,5 @@
 """Two hosts behind NATs find a path to each other, with the real relay and mailbox; `trials/anywhere` does the rest."""
 
-from collections.abc import Iterator
 from os import urandom
 from pathlib import Path
 from typing import Any
@@ -17,14 +16,6 @@ from weberlink.telemetry.ring import default_path
 from weberlink_anywhere.peers import KEY_BYTES, Peer, PeerStore
 
 pytestmark = [needs_testbed, pytest.mark.realtime]
-
-
-@pytest.fixture(scope="module")
-def internet() -> Iterator[Internet]:
-    with Internet() as internet:
-        internet.start_relay()
-        internet.start_mailbox()
-        yield internet
 
 
 @pytest.fixture

@@ -1,6 +1,8 @@
 """Messages between the process that finds paths and the daemon, over a real Unix socket."""
 
 import socket
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -49,14 +51,22 @@ NO_MESSAGES = [
 ]
 
 
+@contextmanager
+def channel(bound: int = 0) -> Iterator[Any]:
+    """Both ends of a channel, and so many UDP sockets."""
+    with ExitStack() as stack:
+        pair = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(bound)]
+        yield [stack.enter_context(each) for each in (*pair, *sockets)]
+
+
 def open_descriptors() -> int:
     return len(list(DESCRIPTORS.iterdir()))
 
 
 def passed(message: hand_over.Message) -> hand_over.Message:
     """Send a message, with a socket where it needs one, and receive it."""
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with ours, theirs, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bound:
+    with channel(1) as (ours, theirs, bound):
         assert hand_over.send(ours, message, bound if isinstance(message, PathFound) else None)
         received = hand_over.receive(theirs)
     assert received is not None and (received[1] is None) != isinstance(message, PathFound)
@@ -89,9 +99,8 @@ def test_news_of_any_text_arrive_as_one_printable_line(text: str, is_final: bool
 @example(bytes(LONGEST_MESSAGE + 1), False)
 @example(msgpack.packb([1, 3]) + bytes(LONGEST_MESSAGE), True)
 def test_any_bytes_are_a_message_or_refused(data: bytes, carries: bool) -> None:
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    before = open_descriptors()
-    with ours, theirs, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bound:
+    with channel(1) as (ours, theirs, bound):
+        before = open_descriptors()
         socket.send_fds(ours, [data], [bound.fileno()] if carries else [])
         try:
             received = hand_over.receive(theirs)
@@ -107,13 +116,12 @@ def test_any_bytes_are_a_message_or_refused(data: bytes, carries: bool) -> None:
             assert again is not None and again[0] == message
             if again[1] is not None:
                 again[1].close()
-    assert open_descriptors() == before - 2
+        assert open_descriptors() == before
 
 
 @pytest.mark.parametrize("content", NO_MESSAGES, ids=repr)
 def test_what_is_no_message_is_refused_at_both_ends(content: Any) -> None:
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with ours, theirs, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bound:
+    with channel(1) as (ours, theirs, bound):
         socket.send_fds(ours, [msgpack.packb(content)], [bound.fileno()])
         with pytest.raises(ValueError, match=r"message|no "):
             hand_over.receive(theirs)
@@ -131,8 +139,7 @@ def test_what_is_no_message_is_refused_at_both_ends(content: Any) -> None:
     ids=lambda message: type(message).__name__,
 )
 def test_message_that_would_be_refused_is_not_sent(message: hand_over.Message) -> None:
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with ours, theirs:
+    with channel() as (ours, theirs):
         with pytest.raises(ValueError, match="does not fit"):
             hand_over.send(ours, message)
         theirs.setblocking(False)
@@ -143,10 +150,8 @@ def test_message_that_would_be_refused_is_not_sent(message: hand_over.Message) -
 @pytest.mark.parametrize("kind", ["stream", "unix", "file", "none"])
 def test_path_without_a_udp_socket_is_refused(kind: str) -> None:
     data = msgpack.packb([0, *FOUND])
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with (
-        ours,
-        theirs,
+        channel() as (ours, theirs),
         socket.socket(socket.AF_INET, socket.SOCK_STREAM) as stream,
         socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as unix,
         Path(__file__).open("rb") as file,
@@ -160,8 +165,7 @@ def test_path_without_a_udp_socket_is_refused(kind: str) -> None:
 
 
 def test_a_socket_is_handed_over_and_lives_on() -> None:
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with ours, theirs:
+    with channel() as (ours, theirs):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bound:
             bound.bind(("127.0.0.1", 0))
             address = bound.getsockname()
@@ -176,8 +180,7 @@ def test_a_socket_is_handed_over_and_lives_on() -> None:
 
 
 def test_a_closed_end_is_no_message_and_a_full_one_refuses_and_does_not_wait() -> None:
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with ours, theirs:
+    with channel() as (ours, theirs):
         ours.setblocking(False)
         theirs.setblocking(False)
         sent = 0

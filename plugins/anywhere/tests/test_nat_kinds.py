@@ -1,6 +1,5 @@
 """Kinds of NAT of Linux routers, as doctor names them and as turnutils_natdiscovery of coturn does."""
 
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -13,13 +12,6 @@ from weberlink_anywhere.stun import WayOut, find_way_out
 pytestmark = needs_testbed
 INDEPENDENT, BOTH = Behaviour.INDEPENDENT, Behaviour.ADDRESS_AND_PORT
 KINDS = {NONE: (INDEPENDENT, INDEPENDENT), CONE: (INDEPENDENT, BOTH), SYMMETRIC: (BOTH, BOTH)}
-
-
-@pytest.fixture(scope="module")
-def internet() -> Iterator[Internet]:
-    with Internet() as internet:
-        internet.start_relay()
-        yield internet
 
 
 @pytest.fixture(scope="module")

@@ -10,14 +10,13 @@ from pathlib import Path
 import pytest
 
 from plugins.anywhere.tests import FILE
-from plugins.anywhere.tests.mailbox_server import MailboxServer, mailbox
+from plugins.anywhere.tests.mailbox_server import MailboxServer
 from tests.program import Program, free_port, weberlink
 from weberlink.config import ConfigurationError, load
 from weberlink_anywhere.pair import pair
 from weberlink_anywhere.peers import Peer, PeerStore
 
 pytest.importorskip("wormhole_mailbox_server")
-__all__ = ["mailbox"]
 
 
 class Hosts:

@@ -12,7 +12,7 @@ from time import monotonic
 import pytest
 from typer.testing import CliRunner, Result
 
-from plugins.anywhere.tests.mailbox_server import MailboxServer, mailbox
+from plugins.anywhere.tests.mailbox_server import MailboxServer
 from plugins.anywhere.tests.meetings import Pair
 from tests.strangers import NOBODY, as_stranger, needs_root, read_file
 from weberlink.cli import app
@@ -171,7 +171,6 @@ def test_of_many_at_once_one_adds(tmp_path: Path) -> None:
     assert [path.name for path in store.folder.iterdir()] == ["robot.json"]
 
 
-__all__ = ["mailbox"]
 NOWHERE = "ws://127.0.0.1:1/v1"
 
 

@@ -2,7 +2,7 @@
 
 import asyncio
 import time
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Coroutine
 from typing import Any
 
 import pytest
@@ -19,10 +19,8 @@ LIFE_S = 60.0
 
 
 @pytest.fixture(scope="module")
-def host() -> Iterator[Home]:
-    with Internet() as internet:
-        internet.start_relay()
-        yield internet.home(CONE)
+def host(internet: Internet) -> Home:
+    return internet.home(CONE)
 
 
 def valid(name: str = "op", since_s: float = 0.0, secret: str = SECRET) -> tuple[str, str]:

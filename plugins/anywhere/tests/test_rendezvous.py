@@ -4,13 +4,12 @@ import asyncio
 
 import pytest
 
-from plugins.anywhere.tests.mailbox_server import MailboxServer, mailbox
+from plugins.anywhere.tests.mailbox_server import MailboxServer
 from plugins.anywhere.tests.meetings import PATHS, PATIENCE, Host, Pair, ThirdParty, in_loop, running, waiting
 from weberlink_anywhere.peers import Peer
 from weberlink_anywhere.rendezvous import presence
 from weberlink_anywhere.signalling import Answer, Busy, MailboxUnreachable, Offer, PeerAbsent, Presence
 
-__all__ = ["mailbox"]
 pytestmark = pytest.mark.realtime
 
 
