@@ -261,6 +261,7 @@ def test_a_killed_writer_leaves_all_that_it_published(path, start):
         (12, 0, "other fields than those of this program"),
         (16, 8, "other fields than those of this program"),
         (32, 1, "too few for 1 records"),
+        (32, 1_000_000, "too few for 1000000 records"),
         (32, 2**32 - 1, "too few for 4294967295 records"),
     ],
 )
