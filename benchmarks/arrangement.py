@@ -93,11 +93,7 @@ class Rights:
 
 
 def granted(asked: RealtimeSettings) -> Rights:
-    """Ask the kernel for rights, in a process of its own because they outlive the question.
-
-    Raises:
-        BenchError: if that process fails.
-    """
+    """Ask the kernel for rights, in a process of its own because they outlive the question."""
     with child("arrangement", {"asked": asked.model_dump()}) as process:
         answer = answers([process], 30.0, "the check of real-time rights")[0]
     return Rights(
@@ -135,11 +131,7 @@ def child(module: str, order: Mapping[str, Any], rights: Rights | None = None) -
 
 
 def answers(processes: Sequence[subprocess.Popen[str]], timeout_s: float, what: str) -> list[Any]:
-    """The answers of processes that end by themselves.
-
-    Raises:
-        BenchError: if one of them fails, or does not end in time.
-    """
+    """The answers of processes that end by themselves."""
     try:
         texts = [process.communicate(timeout=timeout_s)[0] for process in processes]
     except subprocess.TimeoutExpired:

@@ -38,14 +38,7 @@ TREMBLE_M, TREMBLE_SHARE = 1e-4, 0.02
 
 
 class EchoEnd:
-    """One end of the echo: codec, endpoint, shell and moments.
-
-    Args:
-        configuration: of the system.
-        role: of its endpoint.
-        port: of the peer, for the initiator.
-        epoch: `time.monotonic` of tick 0 of both ends [s].
-    """
+    """One end of the echo: codec, endpoint, shell and moments."""
 
     def __init__(self, configuration: Configuration, role: Role, port: int, epoch: float) -> None:
         system = configuration.system

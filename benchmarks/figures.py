@@ -21,13 +21,7 @@ CAPTION_PT, CAPTION_LINE = 7, 150
 
 
 def lateness_figure(rates: Sequence[Lateness], path: Path, caption: str) -> None:
-    """Share of ticks that are later than the abscissa, a panel for each rate; daemons beside the limit.
-
-    Args:
-        rates: measured.
-        path: of the picture, a PNG unless other formats are asked for.
-        caption: environment of the run, printed below.
-    """
+    """Share of ticks that are later than the abscissa, a panel for each rate; daemons beside the limit."""
     figure = Figure(figsize=(WIDTH_IN, 4.4), layout="constrained")
     panels = figure.subplots(1, len(rates), sharex=True, sharey=True, squeeze=False).ravel().tolist()
     for axes, rate in zip(panels, rates, strict=True):

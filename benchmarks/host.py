@@ -12,12 +12,7 @@ NAMES = {"preemption", "throttling", "clock source", "isolation", "governor", "i
 
 
 def host(needs: Needs, machine: Machine | None = None) -> dict[str, Any]:
-    """Findings by the name of their check, and the load averages.
-
-    Args:
-        needs: of the system under test.
-        machine: to read; default: this one.
-    """
+    """Findings by the name of their check, and the load averages."""
     report = examine(needs, machine or Machine(), [row for row in CHECKS if row.name in NAMES])
     return {"findings": {each.check: each.found for each in report.findings}, "load_average": list(os.getloadavg())}
 

@@ -92,11 +92,7 @@ class Latency:
 
 
 def measure(arrangement: Arrangement, rights: Rights) -> Latency:
-    """Measure the limits, the updates, and the limits again.
-
-    Raises:
-        BenchError: if a program fails.
-    """
+    """Measure the limits, the updates, and the limits again."""
     version = programs.sockperf_version()
     half_s = LIMIT_SHARE * arrangement.duration_s
     order = {"file": str(arrangement.file), "overrides": arrangement.overrides(MAIN_RATE_HZ)}
@@ -128,9 +124,6 @@ def echo(module: str, order: Mapping[str, Any], rate_hz: float, duration_s: floa
         rate_hz: of questions [Hz].
         duration_s: of those that count [s].
         rights: of both processes; those of the master for the asking one.
-
-    Raises:
-        BenchError: if one of them fails.
     """
     common = dict(order) | {
         "rate_hz": rate_hz,

@@ -108,11 +108,7 @@ class Lateness:
 
 
 def measure(arrangement: Arrangement, rate_hz: float, rights: Rights) -> Lateness:
-    """Measure half of the limit, the daemons, and the other half.
-
-    Raises:
-        BenchError: if a program fails.
-    """
+    """Measure half of the limit, the daemons, and the other half."""
     half_s = LIMIT_SHARE * arrangement.duration_s
     before = limit(rate_hz, half_s, rights)
     sides = live_run(arrangement, rate_hz, arrangement.duration_s)
@@ -130,11 +126,7 @@ def limit(rate_hz: float, duration_s: float, rights: Rights) -> LatenessLimit:
 
 
 def bare_timer(rate_hz: float, duration_s: float, rights: Rights, processes: int) -> Series:
-    """Lateness of all wake-ups of some waiting processes [us].
-
-    Raises:
-        BenchError: if one of them fails.
-    """
+    """Lateness of all wake-ups of some waiting processes [us]."""
     with ExitStack() as stack:
         orders = [{"rate_hz": rate_hz, "duration_s": duration_s, "place": place} for place in range(processes)]
         running = [stack.enter_context(child("lateness", order, rights)) for order in orders]

@@ -46,11 +46,7 @@ class Session:
         self._rings: dict[str, RingReader] = {}
 
     def start_s(self) -> float:
-        """Wait until both sides are engaged; time from the start to the first such tick of the later one [s].
-
-        Raises:
-            BenchError: if there is no session.
-        """
+        """Wait until both sides are engaged; time from the start to the first such tick of the later one [s]."""
         firsts: dict[str, float] = {}
         while len(firsts) < len(SIDES):
             if self._program.poll() is not None:
@@ -72,15 +68,7 @@ class Session:
         return max(firsts.values()) - self._began
 
     def observe(self, duration_s: float, rate_hz: float = MAIN_RATE_HZ) -> dict[str, LiveSide]:
-        """Both sides over a time after a first second, in which caches and estimates settle.
-
-        Args:
-            duration_s: of the observation [s].
-            rate_hz: of their ticks [Hz].
-
-        Raises:
-            BenchError: if a side ends meanwhile.
-        """
+        """Both sides over a time after a first second, in which caches and estimates settle."""
         sleep(SETTLE_S)
         for ring in self._rings.values():
             ring.read()
@@ -104,11 +92,7 @@ class Session:
             raise BenchError(f"weberlink loopback: the {side} ended during the measurement") from None
 
     def end(self) -> dict[str, Any]:
-        """End it in order; its report.
-
-        Raises:
-            BenchError: if it fails, or does not end.
-        """
+        """End it in order; its report."""
         self._program.send_signal(SIGTERM)
         try:
             said, complaint = self._program.communicate(timeout=START_LIMIT_S)
@@ -136,11 +120,6 @@ class Session:
 
 def live_run(arrangement: Arrangement, rate_hz: float, duration_s: float) -> dict[str, LiveSide]:
     """Run both sides and observe them; returns them by name.
-
-    Args:
-        arrangement: of the run.
-        rate_hz: of the ticks [Hz].
-        duration_s: of the observation [s].
 
     Raises:
         BenchError: if a side ends by itself, or they do not connect.

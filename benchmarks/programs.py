@@ -49,14 +49,7 @@ class Histogram(NamedTuple):
 
 
 def cyclictest_line(rate_hz: float, duration_s: float, rights: Rights, threads: int) -> list[str]:
-    """Command line of cyclictest with the interval, class, priority and processors of the daemons.
-
-    Args:
-        rate_hz: of each thread [Hz].
-        duration_s: [s].
-        rights: of the daemons.
-        threads: number of threads.
-    """
+    """Command line of cyclictest with the interval, class, priority and processors of the daemons."""
     line = ["cyclictest", "-q", "-t", str(threads), "-d", "0", "-h", str(LONGEST_US)]
     line += ["-i", str(round(1e6 / rate_hz)), "-l", str(max(1, round(rate_hz * duration_s)))]
     line += [f"--policy={'fifo' if rights.priority else 'other'}"]

@@ -68,15 +68,6 @@ def run(
 ) -> StudyResult:
     """Measure everything.
 
-    Args:
-        file: configuration of the system.
-        overrides: of the user.
-        ports: finds a free port.
-        duration: of the live run at one rate [s]; other parts take their share of it.
-        quick: measure briefly.
-        plots: whether figures will be drawn.
-        progress: called before each part.
-
     Raises:
         ConfigurationError: for an argument that cannot be used; nothing was measured then.
         BenchError: if a measurement fails.
@@ -99,12 +90,7 @@ def run(
 
 
 def measure(arrangement: Arrangement, progress: Progress) -> Findings | dict[str, Any]:
-    """Measure one part after the other; the parts by name, if Ctrl-C comes before the last one is done.
-
-    Raises:
-        BenchError: if a measurement fails.
-        ConfigurationError: if the file or an override is wrong.
-    """
+    """Measure one part after the other; the parts by name, if Ctrl-C comes before the last one is done."""
     began = monotonic()
     configuration = arrangement.configuration(arrangement.overrides(MAIN_RATE_HZ))
     facts, taken = host(Needs.of(configuration)), steal()  # before the run, so that its own load does not count

@@ -6,7 +6,6 @@ import subprocess
 import sys
 import tomllib
 from collections import defaultdict
-from fnmatch import fnmatch
 from pathlib import Path
 
 import pytest
@@ -125,10 +124,3 @@ def test_every_event_of_the_log_and_every_fault_has_its_line() -> None:
         assert re.search(rf"^\| `{fault.name.lower()}` \|", rows, re.M), fault
     for event in wording.EVENTS:
         assert f"`{event}`" in rows, event
-
-
-def test_the_units_are_shipped() -> None:
-    patterns = PROJECT["tool"]["setuptools"]["package-data"]["weberlink.configs"]
-    for path in UNITS.iterdir():
-        name = str(path.relative_to(ROOT / "configs"))
-        assert any(fnmatch(name, pattern) for pattern in patterns), f"{name}: in no pattern of package-data"

@@ -29,13 +29,12 @@ class Meddler:
 
     def __init__(self, inner: Security, random: Random, rate: float) -> None:
         self.inner, self.random, self.rate = inner, random, rate
-        self.tag_size, self.overhead, self.private_size = inner.tag_size, inner.overhead, inner.private_size
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.inner, name)
 
     def call(self, prologue: bytes, private: bytes, payload: bytes) -> tuple[bytes, Any]:
         return self.inner.call(prologue, private, self.meddle(payload))
-
-    def hear(self, prologue: bytes, message: bytes) -> tuple[bytes, Any] | None:
-        return self.inner.hear(prologue, message)
 
     def answer(self, state: Any, private: bytes, payload: bytes) -> tuple[bytes, Any] | None:
         return self.keys(self.inner.answer(state, private, self.meddle(payload)))

@@ -33,19 +33,15 @@ _HARM = tuple(field.name for field in fields(LinkCounters))
 
 
 class Direction:
-    """One direction of the relay; pure.
-
-    Attributes:
-        counts: datagrams passed, replayed, and what the emulated links did.
-    """
+    """One direction of the relay; pure. `send` passes a datagram on, and says whether that was possible."""
 
     def __init__(self, send: Callable[[bytes], bool], uniform: Callable[[], float]) -> None:
-        self.counts: Counter[str] = Counter()
+        self.counts: Counter[str] = Counter()  # datagrams passed, replayed, and what the emulated links did
         self._send = send
         self._uniform = uniform
         self._links = [EmulatedLink[bytes](Emulation(), uniform)]
+        # Of this session: whoever sees a new one begin clears it.
         self.remembered: deque[tuple[float, bytes]] = deque(maxlen=REMEMBERED)
-        """Of this session: whoever sees a new one begin clears it."""
 
     def emulate(self, emulation: Emulation) -> None:
         """Other faults from now on; what is under way arrives as planned."""
@@ -66,8 +62,7 @@ class Direction:
 
     def _pass(self, data: bytes) -> bool:
         passed = self._send(data)
-        if passed:
-            self.counts["passed"] += 1
+        self.counts["passed"] += passed
         return passed
 
     def replay(self, count: int, since: float, until: float) -> int:

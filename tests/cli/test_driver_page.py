@@ -53,18 +53,6 @@ class PaddleBoard(Answering):
             self.answers.append(b"%d\n" % round(1e6 * position))
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    """The package of the page as pip would leave it."""
-    project = tomllib.loads(block("toml"))
-    groups = project["project"]["entry-points"]
-    entry_points = "\n".join(
-        f"[{group}]\n" + "\n".join(f"{name} = {value}" for name, value in entries.items())
-        for group, entries in groups.items()
-    )
-    return install(tmp_path, project["project"]["name"], {"paddle": block("python", "class Paddle(")}, entry_points)
-
-
 page: dict[str, Any] = {"PaddleBoard": PaddleBoard, "__name__": __name__}
 exec(block("python", "ForceDeviceContract"), page)
 
@@ -74,7 +62,14 @@ class TestPaddle(page["TestPaddle"]):  # type: ignore[misc, name-defined]
     """The test of the page, with its driver installed."""
 
     @pytest.fixture(autouse=True)
-    def _driver(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-        add_drivers(folder, monkeypatch)
+    def _driver(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+        """The package of the page as pip would leave it."""
+        project = tomllib.loads(block("toml"))["project"]
+        entry_points = "\n".join(
+            f"[{group}]\n" + "\n".join(f"{name} = {value}" for name, value in entries.items())
+            for group, entries in project["entry-points"].items()
+        )
+        modules = {"paddle": block("python", "class Paddle(")}
+        add_drivers(install(tmp_path, project["name"], modules, entry_points), monkeypatch)
         yield
         sys.modules.pop("paddle", None)

@@ -61,7 +61,7 @@ def test_serial_device_with_fault_commands_until_ctrl_c(tmp_path: Path) -> None:
         until(lambda: not path.is_symlink(), "the port to go")
 
 
-def test_command_ends_the_emulation_and_leaves_nothing(tmp_path: Path) -> None:
+def test_command_ends_the_emulation_and_leaves_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "here").symlink_to("/dev/pts/999999")  # of an emulation that was killed
     script = 'ls "$0" && read answer && test "$answer" = enough && exit 7'  # standard input is the command's
     command = [sys.executable, "-m", "weberlink", "device", "emulate", "polhem_serial", "--link", "here"]
@@ -72,9 +72,6 @@ def test_command_ends_the_emulation_and_leaves_nothing(tmp_path: Path) -> None:
     assert (ended.returncode, ended.stdout) == (7, f"{tmp_path / 'here'}\n")
     assert re.search(r" is at \S+; configure it as master.device: {driver: polhem_serial, port:", ended.stderr)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_what_cannot_be_run_is_one_line_and_leaves_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ConfigurationError, match="nowhere: cannot be run"):
         run("polhem_serial", None, [], ["nowhere"], out=io.StringIO(), source=None)

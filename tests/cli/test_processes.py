@@ -110,11 +110,11 @@ def test_command_of_another_distribution_runs(tmp_path: Path, group: str, words:
     assert python("-m", "weberlink", *words, LOOPBACK, PYTHONPATH=paths) == (0, "1000 Hz\n", "")
 
 
-def told(ended: Ended) -> str:
+def told(program: Program, lasts: float = 0.0) -> str:
     """What a command that failed says, without notes; no traceback."""
-    assert ended.status == 1, ended
-    assert "Traceback" not in ended.errors
-    return " ".join((ended.output + ended.errors).split())
+    status, output, errors = program.finish(lasts)
+    assert (status, "Traceback" in errors) == (1, False)
+    return " ".join((output + errors).split())
 
 
 @pytest.mark.realtime
@@ -130,10 +130,10 @@ def test_a_master_of_another_file_or_key_is_told_which(tmp_path: Path) -> None:
     with Program("slave", LAN, *arguments("a")) as slave:
         slave.telemetry("slave")
         with Program("slave", LAN, *arguments("a")) as other:
-            assert f"127.0.0.1:{port} is in use" in told(Ended(*other.finish()))
+            assert f"127.0.0.1:{port} is in use" in told(other)
         for key, further, part in (("a", ["codec.force.weber=0.2"], "codec.force.weber"), ("b", [], "keys")):
             with Program("master", LAN, *arguments(key, *further), "--duration", 3) as master:
-                assert part in told(Ended(*master.finish(3.0)))
+                assert part in told(master, 3.0)
 
 
 @pytest.mark.realtime

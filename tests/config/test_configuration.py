@@ -62,6 +62,9 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
         ("codec.force={deadband: {shape: level_crossing}, floor_n: 0}", "floor_n"),
         ("codec.position.bound_m=0.06", "codec.position.bound_m"),
         ("control={scheme: magic}", "control.scheme"),
+        ("link={finder: {driver: nobody}}", "link.finder.driver: no path finder is called 'nobody'"),
+        ("link.finder={driver: nobody}", "finder has the key; leave security out"),
+        ("link.stun=a:1", "options of a driver belong into link.finder"),
         ("link.slave=host:99999", "link.slave"),
         ("link.slave=10.0.0.2:47000", "link: security"),
         ("link.security=psk", "key_file"),
@@ -123,10 +126,10 @@ class WithButtons(OperatorDevice):
 
 @pytest.mark.parametrize(
     ("engage", "clutch", "is_refused"),
-    [(1, "null", False), (2, "null", True), (1, 0, False), (1, 1, True), (0, 2, True)],
+    [(1, None, False), (2, None, True), (1, 0, False), (1, 1, True), (0, 2, True)],
 )
-def test_a_button_is_there_and_has_one_use(engage: int, clutch: object, is_refused: bool) -> None:
-    mapping = "null" if clutch == "null" else f"{{clutch: {{button: {clutch}}}, walls: {{}}}}"
+def test_a_button_is_there_and_has_one_use(engage: int, clutch: int | None, is_refused: bool) -> None:
+    mapping = "null" if clutch is None else f"{{clutch: {{button: {clutch}}}, walls: {{}}}}"
     overrides = (f"master.engage={{button: {engage}}}", f"master.mapping={mapping}", "codec.position.step_m=1e-5")
     loaded = configuration(*overrides, device=WithButtons)
     with pytest.raises(ConfigurationError, match="button") if is_refused else nullcontext():
@@ -171,9 +174,8 @@ def test_a_file_that_is_not_there_or_not_text_is_named(tmp_path: Path) -> None:
 
 
 def test_a_minimal_file_is_complete_and_overrides_reach_into_it(tmp_path: Path) -> None:
-    path = write(tmp_path, MINIMAL + PLANE)
     assert load(write(tmp_path, MINIMAL)).system.slave.scene == ()
-    write(tmp_path, MINIMAL + PLANE)
+    path = write(tmp_path, MINIMAL + PLANE)
     overrides = ["codec.force.weber=0.2", "slave.scene.0.stiffness_n_m=700", "link.emulate.delay_ms=3", "rate_hz=500"]
     before, after = load(path).system, load(path, overrides).system
     assert (before.codec.force.weber, after.codec.force.weber) == (0.1, 0.2)

@@ -67,14 +67,6 @@ def configuration(side: str, **options: Any) -> Configuration:
     return replace(load(FILE, (), [side]), finder=Part(Finder, Options(**options)))
 
 
-def test_the_finder_has_the_key_and_the_names() -> None:
-    asked = configuration(SLAVE)
-    found: PathFinder | None = finder_of(asked, SLAVE)
-    assert found is not None and (found.own, found.expects) == (SLAVE, "robot")
-    assert isinstance(build_security(asked), PresharedKey)
-    assert finder_of(load(FILE), MASTER) is None
-
-
 def test_a_process_finds_paths_and_ends_with_the_daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "finder_of_a_stranger.py").write_text(PROGRAM)
     monkeypatch.syspath_prepend(tmp_path)
@@ -88,7 +80,12 @@ def test_a_process_finds_paths_and_ends_with_the_daemon(tmp_path: Path, monkeypa
         assert found.end.recv(100) == b"robot True"
 
 
-def test_without_a_path_to_find_no_process_is_started() -> None:
+def test_the_finder_has_the_key_and_the_names_and_no_process_without_a_path_to_find() -> None:
+    asked = configuration(SLAVE)
+    found: PathFinder | None = finder_of(asked, SLAVE)
+    assert found is not None and (found.own, found.expects) == (SLAVE, "robot")
+    assert isinstance(build_security(asked), PresharedKey)
+    assert finder_of(load(FILE), MASTER) is None
     for asked in (configuration(MASTER, finds=False), load(FILE)):
         with finding(asked, finder_of(asked, MASTER), take_over=False) as make:
             assert make is Paths
@@ -102,16 +99,3 @@ def test_who_asks_for_a_peer_needs_a_finder(side: str, label: str | None, pairs:
     assert acquainted(FILE, (), side, None, pairs=False) == []
     with pytest.raises(ConfigurationError, match=f"{asked}: needs link.finder in the file"):
         acquainted(FILE, (), side, label, pairs=pairs)
-
-
-@pytest.mark.parametrize(
-    ("override", "complaint"),
-    [
-        ("link={finder: {driver: nobody}}", "link.finder.driver: no path finder is called 'nobody'"),
-        ("link.finder={driver: nobody}", "finder has the key; leave security out"),
-        ("link.stun=a:1", "options of a driver belong into link.finder"),
-    ],
-)
-def test_a_wrong_section_is_one_line(override: str, complaint: str) -> None:
-    with pytest.raises(ConfigurationError, match=complaint):
-        load(FILE, [override])

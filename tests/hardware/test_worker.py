@@ -27,22 +27,15 @@ BAD, GONE = BadReply("torn"), HardwareFault("gone")
 
 
 class Rig:
-    """A worker in virtual time, and its exchange, in which it waits for the next step of the test.
-
-    Attributes:
-        calls: "open", "close", and every command.
-        outcomes: of the next exchanges; afterwards samples count on from 100.
-        openings: of the next openings; a callable is called.
-        closing: what `close` raises.
-    """
+    """A worker in virtual time, and its exchange, in which it waits for the next step of the test."""
 
     def __init__(self, **options: Any) -> None:
         self.now = 100.0
-        self.calls: list[Any] = []
+        self.calls: list[Any] = []  # "open", "close", and every command
         self.threads: set[int] = set()
-        self.outcomes: deque[Any] = deque()
-        self.openings: deque[Any] = deque()
-        self.closing: Exception | None = None
+        self.outcomes: deque[Any] = deque()  # of the next exchanges; afterwards samples count on from 100
+        self.openings: deque[Any] = deque()  # of the next ones; a callable is called
+        self.closing: Exception | None = None  # raised by `close`
         self.guardian: Any = None
         self._samples = count(101)
         self._inside, self._go = False, threading.Semaphore(0)
@@ -267,9 +260,6 @@ def test_a_session_begins_afresh(rig: Rig) -> None:
     assert (rig.worker.fault, rig.worker.trouble, rig.worker.bad_count) == (None, None, 0)
     assert [rig.step(1.0), rig.step(1.0, PUSH)] == [REST, STEP], "the command of the last session is forgotten"
     rig.worker.check(KeyError)
-
-
-def test_a_command_before_the_first_exchange_ramps_too(rig: Rig) -> None:
     rig.push()
     rig.let_go()
     rig.worker.stop()

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tests.examples import examples
 from tests.protocol.harness import KEY, MASTER, SLAVE, STRANGER, Pair, both, forms, make_endpoint, sample_update, suites
 from trials.fuzz import mutate
-from trials.soak import ammunition
+from trials.soak.volley import KINDS, load
 from weberlink.protocol import Address, Endpoint, Role, State
 from weberlink.protocol.security import Security
 from weberlink.protocol.wire import DirectionLayout, Kind, kind_of
@@ -95,7 +95,7 @@ def recorded() -> tuple[Pair, list[bytes]]:
 
 
 PAIR, SAID = recorded()
-MAGAZINES = {kind: ammunition.load(kind, SAID, Random(2), KEY) for kind in ammunition.KINDS}
+MAGAZINES = {kind: load(kind, SAID, Random(2), KEY) for kind in KINDS}
 PROVEN = ("said", "replayed", "calls")
 MEANS = st.lists(
     st.sampled_from(("mutated", "random", "forged", "truncated", "handshake", *PROVEN)), min_size=1, max_size=20

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from random import Random
 from typing import Any
 
-from weberlink.config import Configuration, System
+from weberlink.config import Configuration
 from weberlink.geometry.vector import is_finite, norm
 from weberlink.protocol import Endpoint, Role, State
 from weberlink.protocol.wire import CHANGE_TICK_BITS, Kind, pack
@@ -68,7 +68,7 @@ class Duel:
     def _begun(self) -> Endpoint:
         self._sessions += 1
         system, calls = self._configuration.system, self._hero == "slave"
-        forward, backward = all_streams(system)
+        forward, backward = streams(system)
         peer = build_endpoint(
             system,
             Role.INITIATOR if calls else Role.RESPONDER,
@@ -141,7 +141,7 @@ class Duel:
 
     @property
     def _forms(self) -> Any:
-        forward, backward = all_streams(self._configuration.system)
+        forward, backward = streams(self._configuration.system)
         return [channel.forms for channel in (forward if self._hero == "slave" else backward)]
 
     def change(self, number: int, ahead: int, body: bytes, *, is_answer: bool) -> None:
@@ -177,10 +177,6 @@ class Duel:
         for data, _ in left:
             self.side.endpoint.receive_datagram(data, self._peer_address, self.now)
         self.carry()
-
-
-def all_streams(system: System) -> tuple[Any, Any]:
-    return streams(system)
 
 
 def cut(levels: tuple[int, ...], size: int) -> tuple[int, ...]:

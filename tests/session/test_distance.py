@@ -54,21 +54,14 @@ def test_a_link_beyond_the_limit_is_refused_with_both_figures_and_works_with_a_h
 FILE = "rotation.yaml"
 MOST = 5.0
 SECONDS = 2.5
-CHANNELS = {
-    "force": "force",
-    "position": "position",
-    "torque": "rotation.torque",
-    "orientation": "rotation.orientation",
-}
+CHANNELS = {"force": "force", "position": "position"}
+CHANNELS |= {name: f"rotation.{name}" for name in ("torque", "orientation")}
 NARROW = (
     "codec.force.weber=0", "codec.force.floor_n=0.001", "codec.position.weber=0", "codec.position.bound_m=0.00001",
     "codec.rotation.torque.weber=0", "codec.rotation.torque.floor_nm=0.0001", "codec.rotation.orientation.weber=0",
     "codec.rotation.orientation.bound_rad=0.0001",
 )  # fmt: skip
-BOUNDED = tuple(
-    f"codec.{key}.max_updates_per_s={MOST:g}"
-    for key in ("force", "position", "rotation.torque", "rotation.orientation")
-)
+BOUNDED = tuple(f"codec.{key}.max_updates_per_s={MOST:g}" for key in CHANNELS.values())
 
 
 def test_every_channel_keeps_its_rate() -> None:

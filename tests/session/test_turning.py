@@ -50,14 +50,10 @@ def test_a_hand_that_turns_through_half_a_turn_is_followed(delay: int, loss: flo
     assert led.sum() > 2000 and away.max() <= 5.0 * TICK * late + 0.006, "at most 5 rad/s, and the deadband"
 
 
-def follows(held: Any, meant: Any) -> None:
-    """The tool is as the hand was a tick ago."""
-    assert np.linalg.norm(held[501:] - meant[500:-1], axis=1).max() < 0.02
-
-
 def test_the_stick_tells_by_torque_which_end_touches_until_it_is_laid_flat() -> None:
     ran = run(TURNING, 8.1)
-    follows(ran.slave["rotation_output"], ran.master["rotation_raw"])
+    held, meant = ran.slave["rotation_output"], ran.master["rotation_raw"]
+    assert np.linalg.norm(held[501:] - meant[500:-1], axis=1).max() < 0.02, "as the hand was a tick ago"
     force, measured, felt = ran.slave["raw"], ran.slave["rotation_raw"], ran.master["rotation_output"]
     # The end on +x is low and presses: the torque is about -y, that force times 3 cm times the cosine of 20 degrees.
     assert force[1650, 2] > 1.0

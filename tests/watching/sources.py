@@ -20,6 +20,7 @@ from weberlink.session.composition.channels import banks, channels
 from weberlink.session.control_socket import ControlSocket
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.ring import RingWriter
+from weberlink.watching.session import WatchedSession
 
 RATE = 1000.0
 WALL_OFFSET_S = 1_763_000_000.0
@@ -91,6 +92,16 @@ class HandSource:
 
     def close(self) -> None:
         self.is_closed = True
+
+
+def watched(*made: Records) -> WatchedSession:
+    """A session of the slave's side that was looked at after each of these records."""
+    source = HandSource("slave")
+    session = WatchedSession("7", source)
+    for piece in made:
+        source.put(piece)
+        session.look()
+    return session
 
 
 def pieces(made: Records, cuts: list[int]) -> list[Records]:

@@ -195,20 +195,14 @@ def main() -> int:
     ):
         say(f"--- {title}")
         for run in runs:
-            wrong += _report(run, passes=passes)
+            with TemporaryDirectory() as folder:
+                found = verify(run, Path(folder), is_quick=not passes)
+            is_right = found.holds is passes and (found.is_exhaustive or not passes)
+            result = "holds" if found.holds else f"fails: {found.failure}"
+            figures = f"{found.states:9,d} {found.depth:8,d} {found.seconds:6.1f}"
+            say(f"{run.name:64} {result[:22]:22} {figures}{'' if is_right else '  <-- WRONG'}")
+            wrong += not is_right
     return 1 if wrong else 0
-
-
-def _report(run: Run, *, passes: bool) -> bool:
-    with TemporaryDirectory() as folder:
-        found = verify(run, Path(folder), is_quick=not passes)
-    is_right = found.holds is passes and (found.is_exhaustive or not passes)
-    result = "holds" if found.holds else f"fails: {found.failure}"
-    say(
-        f"{run.name:64} {result[:22]:22} {found.states:9,d} {found.depth:8,d} {found.seconds:6.1f}"
-        f"{'' if is_right else '  <-- WRONG'}"
-    )
-    return not is_right
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ A fault returns what broke its own law. Whether the session must live through it
 the table `FAULTS`; what may last meanwhile is in `CONDITIONS`.
 """
 
-import json
 import os
 import signal
 import subprocess
@@ -305,13 +304,13 @@ def flood(at: Field) -> list[str]:
     source = (books.back if side == SLAVE else wire.front) if spoof else CALLER
     pid, began = rig.sides[side].daemon, monotonic()
     spent = cpu_seconds(pid)
-    with volley(rig.folder, datagrams, target, source, FLOOD_PER_S, at.lasting(1.0, 2.0, 5.0), spoof=spoof) as gun:
-        at.watch.until(lambda: gun.poll() is not None, RESTART_S)
-        output, _ = gun.communicate(timeout=RESTART_S)
+    with volley(datagrams, target, source, FLOOD_PER_S, at.lasting(1.0, 2.0, 5.0), spoof) as gun:
+        at.watch.until(gun.poll, RESTART_S)
+        shots = gun.recv()
     core = (cpu_seconds(pid) - spent) / (monotonic() - began)
     at.notes[f"% of a core of the {side} during {kind}"] = round(100 * core)
     found = [f"the {side} took {100 * core:.0f} % of a core during {kind}"] * (core > MOST_CORE)
-    return found + laws.answers_little(json.loads(output), is_proven=kind == "calls")
+    return found + laws.answers_little(shots, is_proven=kind == "calls")
 
 
 def many_calls(at: Field) -> list[str]:
@@ -331,14 +330,14 @@ def many_calls(at: Field) -> list[str]:
         rig.start(side)
     if not watch.until(lambda: all(side.last is not None for side in rig.sides.values()), RESTART_S):
         return ["a daemon did not start"]
-    with volley(rig.folder, recorded, rig.slave_address, CALLER, CALLS_PER_S, CALLS_S, spoof=False) as gun:
+    with volley(recorded, rig.slave_address, CALLER, CALLS_PER_S, CALLS_S, False) as gun:
         watch.wait(0.3)
         at.ended_at = opened = monotonic()
         wire.emulate(Emulation())
         is_back = watch.until(lambda: watch.engaged(opened), QUICK_S)
         at.notes["ms to the newest session"] = round(1e3 * (monotonic() - opened))
         if not at.short:
-            gun.wait(CALLS_S + 10.0)
+            gun.poll(CALLS_S + 10.0)
             at.ended_at = monotonic()
     return [] if is_back else [f"no new session within {QUICK_S} s while {CALLS_PER_S} recorded calls came a second"]
 

@@ -101,7 +101,10 @@ def engaged_alone(sides: Both, limit: float) -> list[str]:
 
 
 def wakes_gently(records: Records, side: str, *, most: float) -> list[str]:
-    """After it stood still for longer than the limit, a side names it, and begins from where it is."""
+    """After it stood still for longer than the limit, a side names it, and begins from where it is.
+
+    Within 0.1 s it has gone on by at most `most`: the force in N, or the robot in m.
+    """
     if len(records) < 3:
         return [f"the {side} wrote nothing"]
     done = done_at(records)

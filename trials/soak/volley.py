@@ -4,15 +4,13 @@ It sends to one address at a given rate, paced by the millisecond, and counts th
 and UDP headers itself, which takes root, so that the datagrams seem to come from `source`.
 """
 
-import json
 import os
 import socket
 import struct
-import subprocess
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from pathlib import Path
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from random import Random
 from time import monotonic, sleep
 from typing import Any
@@ -102,12 +100,11 @@ def spoofed(data: bytes, source: tuple[str, int], target: tuple[str, int]) -> by
     return head + struct.pack("!HHHH", source[1], target[1], size, 0) + data  # no UDP checksum, which IPv4 permits
 
 
-def fire(order: dict[str, Any]) -> dict[str, Any]:
-    """Send as ordered; returns what was sent, and what was answered."""
-    target, source = tuple(order["target"]), tuple(order["source"])
-    rate, seconds, hears = order["rate"], order["seconds"], not order["spoof"]
-    datagrams = [bytes.fromhex(text) for text in order["datagrams"]]
-    sizes = [len(data) for data in datagrams]
+def fire(
+    datagrams: Sequence[bytes], target: Address, source: Address, rate: int, seconds: float, spoof: bool
+) -> dict[str, Any]:
+    """Send for a time; returns what was sent, and what was answered."""
+    sizes, hears = [len(data) for data in datagrams], not spoof
     if hears:
         gun = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         gun.bind(source)
@@ -158,37 +155,24 @@ def _heard(gun: socket.socket) -> list[int]:
 
 
 @contextmanager
-def volley(
-    folder: Path,
-    datagrams: Sequence[bytes],
-    target: Address,
-    source: Address,
-    rate: int,
-    seconds: float,
-    *,
-    spoof: bool,
-) -> Iterator[subprocess.Popen[bytes]]:
-    """A process that fires; it has begun, and prints its figures as JSON when it ends by itself."""
-    order = {"target": target, "source": source, "spoof": spoof, "rate": rate, "seconds": seconds}
-    path = folder / "order.json"
-    path.write_text(json.dumps(order | {"datagrams": [data.hex() for data in datagrams]}), encoding="ascii")
-    with subprocess.Popen([sys.executable, "-m", "trials.soak.volley", str(path)], stdout=subprocess.PIPE) as gun:
-        try:
-            assert gun.stdout is not None
-            gun.stdout.readline()
-            yield gun
-        finally:
-            gun.kill()
+def volley(*order: object) -> Iterator[Connection]:
+    """A process that has begun to fire, with the arguments of `fire`; its figures come through the pipe."""
+    context = get_context("spawn")
+    figures, theirs = context.Pipe()
+    gun = context.Process(target=_serve, args=(theirs, *order), daemon=True)
+    gun.start()
+    theirs.close()
+    try:
+        figures.recv()
+        yield figures
+    finally:
+        gun.kill()
+        gun.join()
+        figures.close()
 
 
-def main() -> None:
-    order = json.loads(Path(sys.argv[1]).read_text(encoding="ascii"))
+def _serve(figures: Connection, *order: Any) -> None:
     with suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
-    sys.stdout.write("ready\n")
-    sys.stdout.flush()
-    sys.stdout.write(json.dumps(fire(order)))
-
-
-if __name__ == "__main__":
-    main()
+    figures.send("ready")
+    figures.send(fire(*order))

@@ -42,24 +42,14 @@ class Interruption:
 
 
 class Course:
-    """What one side did.
-
-    Args:
-        records: of it, with the fault in them.
-        failed: when the fault began, in a session [s].
-
-    Attributes:
-        gone: times of the ticks without a session since [s].
-        first: which ticks are from the fault until there is a session again.
-        again: which are in a session after the last ones without, in order.
-        moved: how far the output went in each tick.
-    """
+    """What one side did, by records with the fault in them; it began in a session at `failed` [s]."""
 
     def __init__(self, records: Records, failed: float) -> None:
         self.records, at = records, records["at"]
         self.is_engaged = records["state"] == ENGAGED
         self.after = at >= failed
-        self.gone = at[self.after & ~self.is_engaged]
+        self.gone = at[self.after & ~self.is_engaged]  # without a session since [s]
+        # ticks from the fault until there is a session again, and those in a session after the last ones without
         returns = at[(at > self.gone[0]) & self.is_engaged] if len(self.gone) else at[:0]
         self.first = self.after & (at < (returns[0] if len(returns) else np.inf)) & bool(len(self.gone))
         self.again = self.is_engaged & (at > (self.gone[-1] if len(self.gone) else np.inf))
@@ -124,7 +114,7 @@ def violated(found: Interruption, loaded: Configuration, effect: str) -> list[st
         ("no session after the fault", float(found.back_ms is None), 0.0, True),
         ("force was on the hand after the last datagram for [ms]", found.force_ms, most_ms, is_silence),
         ("the robot moved after the last datagram for [ms]", found.robot_ms, most_ms, is_silence),
-        ("change of the force in a tick [N]", found.step_n, wall_n, True),
+        ("change of the force in a tick [N]", found.step_n, wall_n * (1.0 + 1e-9), True),
         ("the force came back above its ramp [N]", found.early_n, rise, True),
         ("the robot came back in a tick by [mm]", found.step_mm, approach_mm, True),
         ("the robot backed off [mm]", found.backed_mm, 1e3 * system.slave.limits.retract_m + lag_mm, True),

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from tests.watching.sources import HandSource, description, records
+from tests.watching.sources import HandSource, records, watched
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
 from weberlink.watching.session import WatchedSession
@@ -23,15 +23,6 @@ def exposed(*sessions: WatchedSession) -> tuple[dict[str, Any], dict[tuple[str, 
         (sample.name, *(value for key, value in sorted(sample.labels.items()) if key != "session")): sample.value
         for sample in samples
     }
-
-
-def watched(made: Any, side: str = "slave", file: str = "loopback.yaml", **described: Any) -> WatchedSession:
-    source = HandSource(side)
-    source.description = description(side, file) | described
-    session = WatchedSession("7", source)
-    source.put(made)
-    session.look()
-    return session
 
 
 def test_metrics_have_names_units_and_labels() -> None:

@@ -235,12 +235,8 @@ def scaled(angles: Any) -> Any:
     return values.astype(np.float32)
 
 
-def ticks_of(dataset: Path) -> Any:
-    return np.rint(column(dataset, "session.time") * arms.RATE).astype(int)
-
-
 def test_frames_are_regular_and_their_values_those_of_the_ticks(dataset: Path, sides: Sides) -> None:
-    ticks = ticks_of(dataset)
+    ticks = np.rint(column(dataset, "session.time") * arms.RATE).astype(int)
     assert len(ticks) == int((TICKS - FRAME) / arms.RATE * 30) + 1
     np.testing.assert_allclose(column(dataset, "timestamp"), np.arange(len(ticks)) / 30, atol=1e-6)
     np.testing.assert_allclose(np.diff(column(dataset, "session.time")), 1 / 30, atol=1e-9)
@@ -286,11 +282,6 @@ def session(sides: Sides, **other: Any) -> RecordedSession:
     return RecordedSession(both["master"], both["slave"], Layout(arms.RATE, ("zoh",), arm=arm_in(arms.SYSTEM)))
 
 
-def values_of(frames: Any, key: str) -> Any:
-    (values,) = (each.values for each in frames.features if each.key == key)
-    return values
-
-
 def test_episodes_end_where_nobody_leads(sides: Sides) -> None:
     master, slave = sides["master"].copy(), sides["slave"].copy()
     master["ramping"][1000:1300] = 2
@@ -311,6 +302,7 @@ def test_missing_ticks_hold_and_long_gaps_end(sides: Sides) -> None:
     assert (len(frames.lengths), frames.held) == (2, 5)
     frame = int(np.searchsorted(frames.times, 0.505))
     tick = round(frames.times[frame] * arms.RATE)
-    first = values_of(frames, "observation.force_window").reshape(-1, 20, len(PLACES))[frame, :, 0]
+    (window,) = (each.values for each in frames.features if each.key == "observation.force_window")
+    first = window.reshape(-1, 20, len(PLACES))[frame, :, 0]
     held = [each if kept[each] else 499 for each in range(tick - 19, tick + 1)]
     np.testing.assert_array_equal(first, sides["slave"]["joint_raw"][held, 0])

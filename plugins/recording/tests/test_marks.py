@@ -9,6 +9,8 @@ from mcap.reader import make_reader
 from mcap_ros2._dynamic import serialize_dynamic
 
 from plugins.recording.tests.records import FACTS, MONOTONIC_S, WALL_S, noise, origin
+from tests.records import ticks
+from weberlink.protocol.states import State
 from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.recorders import BEGUN, DURING
@@ -54,7 +56,8 @@ def test_other_decoders_read_marks(tmp_path) -> None:
 
 def test_recording_of_a_part_counts_from_its_beginning(tmp_path) -> None:
     path = tmp_path / "part.mcap"
-    made = plausible(1000)
+    tick = np.arange(1000)
+    made = ticks(1000, start=MONOTONIC_S, tick=tick, state=State.ENGAGED.value, sent=tick % 5 == 0)
     made["updates_sent"] = 7000 + made["sent"].cumsum()
     made["datagrams_sent"] = 9000 + made["tick"]
     with RecordingWriter.create(path, {"bank": FACTS["bank"], BEGUN: DURING}) as writer:
@@ -67,18 +70,6 @@ def test_recording_of_a_part_counts_from_its_beginning(tmp_path) -> None:
     assert figures["link"]["sent"] == 999
     (mark,) = session.marks
     assert (round(mark.at, 6), mark.text) == (MONOTONIC_S + 0.25, "here")
-
-
-def plausible(count: int):
-    """Records of an engaged slave in which every fifth tick sends."""
-    made = noise(count, 1)
-    fresh = made.copy()
-    for name in made.dtype.names:
-        if name not in ("tick", "at"):
-            fresh[name] = 0
-    fresh["state"] = 4
-    fresh["sent"] = fresh["tick"] % 5 == 0
-    return fresh
 
 
 VECTOR = "=" * 80 + "\nMSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n"

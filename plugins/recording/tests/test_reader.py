@@ -10,7 +10,7 @@ from mcap.writer import CompressionType
 from plugins.recording.tests.records import FACTS, SIDES, frames_of, noise, origin, same, small_file, write_elsewhere
 from weberlink.telemetry.message import SCHEMA_TEXT
 from weberlink.telemetry.reader import DTYPE
-from weberlink_recording.reader import RecordingError, read_recording
+from weberlink_recording.reader import RecordingError, dtype_of, read_recording
 
 
 @pytest.fixture
@@ -114,28 +114,16 @@ def test_a_field_more_and_a_field_less_are_read_by_name(path):
     text = "".join(line for line in lines if " predicted " not in line)
     text = text.replace("float64 peer_at", "uint8 early\nfloat64 peer_at")
     names = [name for name in DTYPE.names if name != "predicted"]
-    layout = np.dtype({
-        "names": ["early", *names],
-        "formats": ["u1", *(DTYPE.fields[name][0] for name in names)],
-        "offsets": [8, 0, 16, *(offset_without(name) for name in names[2:])],
-    })  # fmt: skip
-    now = noise(20, 1)
-    old = np.zeros(20, layout)
+    now, old = noise(20, 1), np.zeros(20, dtype_of(text))
     for name in names:
         old[name] = now[name]
     old["early"] = np.arange(20)
-    write_elsewhere(path, {"slave": old.view(f"V{layout.itemsize}")}, text=text)
+    write_elsewhere(path, {"slave": old}, text=text)
     records = read_recording(path).records["slave"]
     assert set(records.dtype.names) == {"early", *names}
     assert records["early"].tolist() == list(range(20))
     for name in names:
         assert records[name].tobytes() == now[name].tobytes()
-
-
-def offset_without(name):
-    """Where a field is when eight bytes have come before it and `predicted` is not there."""
-    offset = DTYPE.fields[name][1]
-    return offset + 8 - (24 if offset > DTYPE.fields["predicted"][1] else 0)
 
 
 def test_nothing_and_a_folder(tmp_path):

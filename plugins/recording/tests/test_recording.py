@@ -91,16 +91,12 @@ def test_so_it_does_with_a_bounded_rate(tmp_path: Path) -> None:
 
 
 def test_the_same_seed_gives_the_same_file_with_the_whole_configuration(touch: Recording, tmp_path: Path) -> None:
-    assert load_text(touch, tmp_path) == load(LOOPBACK).system
-    path = tmp_path / "again.mcap"
+    restored, path = tmp_path / "restored.yaml", tmp_path / "again.mcap"
+    restored.write_text(touch.facts["configuration"], encoding="utf-8")
+    assert load(restored).system == load(LOOPBACK).system
     said("simulate", LOOPBACK, "--duration", 1, "--record", path)
     for side, records in read_recording(path).records.items():
         assert records[:900].tobytes() == touch.records[side][:900].tobytes()
-
-
-def load_text(recording: Recording, folder: Path) -> object:
-    (folder / "restored.yaml").write_text(recording.facts["configuration"], encoding="utf-8")
-    return load(folder / "restored.yaml").system
 
 
 def test_raw_sent_predicted_and_reconstructed_force_fit_together(touch: Recording) -> None:

@@ -27,6 +27,13 @@ TRIAL = RightsTrial(
 STRETCH: Stretch = {"p99_us": 60.0, "missed": 0.0, "steal": 0.001}
 HOST = HostTrial(asleep=[STRETCH] * 4, awake=[STRETCH] * 4)
 BUILD = {"number": "3.14.0", "is_debug": False, "is_free_threaded": False, "is_dev_mode": False}
+
+
+def idle_state(number: int, name: str, latency_us: int) -> dict[str, str]:
+    values = {"name": name, "latency": str(latency_us), "disable": "0"}
+    return {f"{CPU}/cpu0/cpuidle/state{number}/{file}": text for file, text in values.items()}
+
+
 FILES: Mapping[str, str] = {
     "proc/version": "Linux version 6.1.0-21-rt-amd64 (debian-kernel@lists.debian.org) #1 SMP PREEMPT_RT Debian",
     "proc/cmdline": "root=/dev/sda1 quiet",
@@ -38,14 +45,9 @@ FILES: Mapping[str, str] = {
     f"{CLOCK}/current_clocksource": "tsc\n",
     f"{CLOCK}/available_clocksource": "tsc hpet acpi_pm\n",
     f"{CPU}/isolated": "\n",
-    f"{CPU}/cpu0/cpufreq/scaling_governor": "performance\n",
-    f"{CPU}/cpu1/cpufreq/scaling_governor": "performance\n",
-    f"{CPU}/cpu0/cpuidle/state0/name": "POLL",
-    f"{CPU}/cpu0/cpuidle/state0/latency": "0",
-    f"{CPU}/cpu0/cpuidle/state0/disable": "0",
-    f"{CPU}/cpu0/cpuidle/state1/name": "C1",
-    f"{CPU}/cpu0/cpuidle/state1/latency": "2",
-    f"{CPU}/cpu0/cpuidle/state1/disable": "0",
+    **{f"{CPU}/cpu{number}/cpufreq/scaling_governor": "performance\n" for number in (0, 1)},
+    **idle_state(0, "POLL", 0),
+    **idle_state(1, "C1", 2),
     "proc/self/cgroup": "0::/user.slice/session-1.scope\n",
     "proc/self/status": "Name:\tpython\nCapEff:\t0000000000000000\n",
     "proc/swaps": "Filename\tType\tSize\tUsed\tPriority\n",

@@ -2,24 +2,23 @@
 
 import os
 import socket
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from errno import EADDRINUSE
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 
-from tests.cli.doctor.machines import BUILD, CLOCK, CPU, GRANTS, REFUSED, STRETCH, TRIAL, look, machine
-from weberlink.cli.devices import NO_EXTRA, NO_RULES, NOTHING, READY, UNSEEN, DriverStatus
+from tests.cli.doctor.machines import BUILD, CLOCK, CPU, GRANTS, REFUSED, STRETCH, TRIAL, idle_state, look, machine
+from weberlink.cli.devices import NO_RULES, READY, DriverStatus
 from weberlink.cli.doctor import CHECKS, Grade, Machine, Needs, examine
 from weberlink.cli.doctor.network import CHARGED_BYTES
-from weberlink.cli.doctor.trial import HostTrial, RightsTrial, Stretch
+from weberlink.cli.doctor.trial import HostTrial, RightsTrial
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.protocol.keys import generate
 from weberlink.telemetry.ring import slot_bytes
 
-Figures = Sequence[float | None]
 OK, ADVICE, PROBLEM, UNKNOWN = Grade.OK, Grade.ADVICE, Grade.PROBLEM, Grade.UNKNOWN
 DYNAMIC = "Linux version 6.1.0-21-amd64 (debian-kernel@lists.debian.org) #1 SMP PREEMPT_DYNAMIC Debian 6.1.90-1"
 NOT_RT = {"sys/kernel/realtime": None, "proc/version": DYNAMIC}
@@ -27,11 +26,7 @@ DEBUG = "sys/kernel/debug/sched/preempt"
 CONFIG = "boot/config-6.1.0-21-rt-amd64"
 OLD = NOT_RT | {"proc/version": "Linux version 5.10.0 (x) #1 SMP Debian", CONFIG: "CONFIG_PREEMPT_NONE=y\n"}
 RUNTIME = "proc/sys/kernel/sched_rt_runtime_us"
-DEEP = {
-    f"{CPU}/cpu0/cpuidle/state2/name": "C6",
-    f"{CPU}/cpu0/cpuidle/state2/latency": "133",
-    f"{CPU}/cpu0/cpuidle/state2/disable": "0",
-}
+DEEP = idle_state(2, "C6", 133)
 GOVERNOR = "cpufreq/scaling_governor"
 SLICE = "sys/fs/cgroup/user.slice"
 SWAP = {"proc/swaps": "Filename\tType\tSize\tUsed\tPriority\n/dev/sda2  partition\t2000000\t0\t-2\n"}
@@ -54,8 +49,8 @@ def failing(number: int, kind: type[OSError] = OSError) -> Any:
     return fail
 
 
-def at(*addresses: str) -> dict[str, Any]:
-    return {"resolve": lambda _name: list(addresses)}
+def at(address: str) -> dict[str, Any]:
+    return {"resolve": lambda _name: [address]}
 
 
 def rights(*refused: str, p99: float = 60.0, missed: int = 0, **answers: Any) -> dict[str, Any]:
@@ -65,41 +60,31 @@ def rights(*refused: str, p99: float = 60.0, missed: int = 0, **answers: Any) ->
     return {"rights_trial": lambda **_: trial, **answers}
 
 
-def on_host(asleep: Stretch, awake: Stretch) -> dict[str, Any]:
-    """A trial whose stretches are all alike."""
-    return {"host_trial": lambda **_: HostTrial([STRETCH | asleep] * 4, [STRETCH | awake] * 4)}
-
-
 def driver(side: str, name: str, state: str, *advice: str) -> dict[str, Any]:
-    """A machine with one driver."""
-    plugged = () if state in (NOTHING, UNSEEN, NO_EXTRA) else (PluggedDevice("/dev/ttyACM0", "Paddle"),)
-    status = DriverStatus(side, name, None, "hardware", None, state, plugged, advice)
+    """A machine with one driver, whose device is plugged in."""
+    status = DriverStatus(side, name, None, "hardware", None, state, (PluggedDevice("/dev/ttyACM0", "Paddle"),), advice)
     return {"drivers": lambda: [status]}
-
-
-def python(flag: str) -> dict[str, Any]:
-    return {"python": lambda: BUILD | {flag: True}}
 
 
 def has(*names: str) -> dict[str, Any]:
     return {"which": lambda name: f"/bin/{name}" if name in names else None}
 
 
-WORSE_AWAKE = on_host({"steal": 0.0}, {"steal": 0.03})
-MISSED_AWAKE = on_host({}, {"missed": 0.03})
+def awake(**stretch: float | None) -> dict[str, Any]:
+    """A trial whose stretches are all alike, but for these figures where processors stay awake."""
+    trial = HostTrial([STRETCH | {"steal": 0.0}] * 4, [STRETCH | stretch] * 4)
+    return {"host_trial": lambda **_: trial}
 
 
-@dataclass(frozen=True)
-class Case:
+class Case(NamedTuple):
     """An emulated machine, and the finding expected of one check."""
 
     check: str
     grade: Grade
-    words: str = ""
-    """In what was found or in the fix."""
-    files: Mapping[str, str | None] = field(default_factory=dict)
-    needs: Needs = Needs()  # noqa: RUF009 - frozen
-    answers: Mapping[str, Any] = field(default_factory=dict)
+    words: str = ""  # in what was found or in the fix
+    files: Mapping[str, str | None] = {}
+    needs: Needs = Needs()
+    answers: Mapping[str, Any] = {}
 
 
 CASES = [
@@ -109,7 +94,6 @@ CASES = [
     Case("preemption", ADVICE, f"echo full | sudo tee /{DEBUG} ", NOT_RT | {DEBUG: "none (voluntary) full"}),
     Case("preemption", ADVICE, "parameter preempt=full, then", NOT_RT | {CONFIG: "CONFIG_PREEMPT_VOLUNTARY=y\n"}),
     Case("preemption", ADVICE, "apt install linux-image-rt-amd64", OLD | {"etc/os-release": "ID=debian"}),
-    Case("timers", OK),
     Case("timers", PROBLEM, "4 ms", answers={"resolution_ns": lambda: 4e6}),
     Case("throttling", PROBLEM, "sched_rt_runtime_us=950000", {RUNTIME: "0"}),
     # clocks
@@ -120,18 +104,15 @@ CASES = [
         "dmesg",
         {f"{CLOCK}/current_clocksource": "hpet", f"{CLOCK}/available_clocksource": "hpet acpi_pm"},
     ),
-    Case("wall clock", OK),
     Case("wall clock", ADVICE, answers={"clock_is_synchronised": lambda: False}),
     # processors
     Case("processors", PROBLEM, "slave on 7", needs=Needs(cpus=(1, 7))),
     Case("processors", ADVICE, answers={"affinity": lambda: frozenset({0})}),
-    Case("governor", OK),
     Case("governor", ADVICE, f"tee /{CPU}/cpu*/{GOVERNOR}", {f"{CPU}/cpu1/{GOVERNOR}": "schedutil"}),
     Case("idle states", ADVICE, "realtime: {wakeful: true}", DEEP, Needs(wakeful=False)),
     Case("idle states", OK, files=DEEP, needs=Needs(wakeful=False, rate_hz=100.0)),
     Case("cpu quota", ADVICE, "50 %", {f"{SLICE}/cpu.max": "50000 100000"}),
     # rights
-    Case("scheduling", OK),
     Case("scheduling", PROBLEM, f"echo 'ann - rtprio 98' {LIMITS}", answers=rights("priority")),
     Case("memory lock", OK, "no limit"),
     Case("memory lock", PROBLEM, f"echo 'ann - memlock unlimited' {LIMITS}", answers=rights("memory")),
@@ -142,10 +123,10 @@ CASES = [
     Case("punctuality", PROBLEM, answers=rights(p99=1200.0)),
     Case("punctuality", PROBLEM, needs=Needs(rate_hz=4000.0), answers=rights(p99=300.0)),
     # host
-    Case("host", OK, needs=Needs(wakeful=False), answers=MISSED_AWAKE),  # the share is that of the setting in use
-    Case("host", ADVICE, "3.00 %", needs=Needs(wakeful=True), answers=MISSED_AWAKE),
+    Case("host", OK, needs=Needs(wakeful=False), answers=awake(missed=0.03)),  # the share is that of the setting in use
+    Case("host", ADVICE, "3.00 %", needs=Needs(wakeful=True), answers=awake(missed=0.03)),
     Case("wakeful", OK, "no clear difference"),
-    Case("wakeful", ADVICE, "in the file: realtime: {wakeful: false}", answers=WORSE_AWAKE),
+    Case("wakeful", ADVICE, "in the file: realtime: {wakeful: false}", answers=awake(steal=0.03)),
     # memory
     Case("swap", ADVICE, "2048 MB", SWAP, Needs(lock_memory=False)),
     Case("huge pages", ADVICE, f"echo madvise | sudo tee /{HUGE}", {HUGE: "[always] madvise never"}),
@@ -155,15 +136,26 @@ CASES = [
     Case("receive buffer", ADVICE, f"={int(2 * 0.1 * 4000 * CHARGED_BYTES)}", needs=Needs(rate_hz=4000.0)),
     Case("port", OK, needs=LISTENING),
     Case("port", PROBLEM, "UDP port 47000 is in use", SOCKETS, LISTENING, {"bind": failing(EADDRINUSE)}),
-    Case("slave address", PROBLEM, "link.slave: ROBOT:PORT", needs=CALLING, answers=at("2001:db8::5")),
+    Case(
+        "slave address",
+        PROBLEM,
+        "link.slave: ROBOT:PORT",
+        needs=CALLING,
+        answers=at("2001:db8::5"),
+    ),
     Case("slave address", PROBLEM, "not known", needs=CALLING, answers={"resolve": failing(-2, socket.gaierror)}),
-    Case("slave address", OK, "robot is this host", needs=CALLING, answers=at("127.0.0.1") | has("ping")),
+    Case(
+        "slave address",
+        OK,
+        "robot is this host",
+        needs=CALLING,
+        answers=at("127.0.0.1") | has("ping"),
+    ),
     Case("firewall", UNKNOWN, "sudo iptables -S INPUT | grep -w -e DROP", needs=LISTENING, answers=has("iptables")),
     # software
     Case("Python", OK, "Python 3."),
-    Case("Python", PROBLEM, "release build", answers=python("is_debug")),
+    Case("Python", PROBLEM, "release build", answers={"python": lambda: BUILD | {"is_debug": True}}),
     Case("build", OK, "is compiled", answers={"is_compiled": lambda: True}),
-    Case("uvloop", OK),
     Case("uvloop", PROBLEM, " uvloop", answers={"version": lambda _package: None}),
     # devices
     Case("driver", OK, "ready", needs=NAMED, answers=driver("master", "paddle", READY)),

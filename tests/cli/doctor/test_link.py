@@ -6,7 +6,6 @@ from math import sqrt
 from random import Random
 
 import pytest
-from pydantic import BaseModel
 
 from tests.protocol.harness import AGREEMENT, KEY, MASTER, SLAVE, TICK, Pair, Side, forms
 from tests.session.systems import CONFIGS
@@ -36,7 +35,11 @@ class _Master(Side):
 
 
 class MeasuredLink:
-    """The endpoint of a real slave behind known faults, and its measurement by the endpoint of the doctor."""
+    """The endpoint of a real slave behind known faults, and its measurement by the endpoint of the doctor.
+
+    Attributes:
+        was_encoding: whether the slave ever took this master for one that leads.
+    """
 
     def __init__(
         self, to_slave: Emulation, to_master: Emulation, *, seconds: float = 10.0, silence: float = 1.0, **slave: object
@@ -65,15 +68,10 @@ class MeasuredLink:
         self.pair.master = _Master(endpoint, MASTER)
         self.pair.slave.endpoint.connect(self.pair.slave.local(0.0))
         self.measurement = Measurement(endpoint, 0.0, seconds)
-        self._due = 0.0
-        self.was_encoding = False
-        """Whether the slave ever took this master for one that leads."""
-
-    def run(self) -> "MeasuredLink":
+        self._due, self.was_encoding = 0.0, False
         while not self.measurement.is_done:
             self.pair.run(0.1)
         self.pair.run(0.5)
-        return self
 
     def _on_tick(self, pair: Pair, now: float, _tick: int) -> None:
         if now >= self._due:
@@ -90,7 +88,7 @@ class MeasuredLink:
     ],
 )
 def test_known_link_is_measured_right_and_nobody_is_led(to_slave: Emulation, to_master: Emulation) -> None:
-    link = MeasuredLink(to_slave, to_master, seconds=6.0).run()
+    link = MeasuredLink(to_slave, to_master, seconds=6.0)
     found = figures(link.measurement.result())
     least = to_slave.delay_s + to_master.delay_s
     usual = least + 0.5 * (to_slave.jitter_s + to_master.jitter_s)
@@ -122,7 +120,7 @@ def _is_right(way: Way, true: Emulation, sent: int) -> None:
 )
 def test_outage_is_a_long_loop_age_and_past_the_limit_silence(cut_s: float, silence: float, silences: int) -> None:
     cut = Emulation(delay_s=0.001, blackouts=((2.0, cut_s),))
-    found = figures(MeasuredLink(cut, cut, seconds=2.5 + cut_s, silence=silence).run().measurement.result())
+    found = figures(MeasuredLink(cut, cut, seconds=2.5 + cut_s, silence=silence).measurement.result())
     assert 1e-3 * found.loop_age_ms == pytest.approx(cut_s, abs=max(3 * PERIOD_S, 0.05 * cut_s))
     assert found.silences == silences
     if cut_s > 1.0:
@@ -138,7 +136,7 @@ def test_outage_is_a_long_loop_age_and_past_the_limit_silence(cut_s: float, sile
     ids=["another file", "another key"],
 )
 def test_other_slave_is_a_failure(slave: dict[str, object], failure: str) -> None:
-    link = MeasuredLink(CLEAR, CLEAR, **slave).run()
+    link = MeasuredLink(CLEAR, CLEAR, **slave)
     assert (link.measurement.failure or "").startswith(failure)
 
 
@@ -168,10 +166,6 @@ NONE: WayOut = ({}, [])
 BLOCKED: WayOut = ({"nat": "blocked"}, [problem("UDP is blocked", "another network", "udp")])
 
 
-class Options(BaseModel):
-    pass
-
-
 class Finder:
     """Finds paths."""
 
@@ -180,13 +174,13 @@ class Finder:
 
 def report(trial: LinkTrial, way_out: WayOut, *overrides: str, finder: type | None = None) -> DoctorReport:
     configuration = load(LOOPBACK, overrides, [LEADS])
-    return judge(replace(configuration, finder=finder and Part(finder, Options())), way_out, trial)
+    return judge(replace(configuration, finder=finder and Part(finder, load(LOOPBACK).system)), way_out, trial)
 
 
 def test_report_advises_settings_and_its_document_is_json() -> None:
     faults = Emulation(delay_s=0.02, jitter_s=0.005, loss=0.45, burst=3.0)
     path = PathFacts(route="relayed", via="lab", interface="wifi", remote="a:1", dscp=0)
-    result = MeasuredLink(faults, faults, seconds=2.0).run().measurement.result((path,), "in real time: yes")
+    result = MeasuredLink(faults, faults, seconds=2.0).measurement.result((path,), "in real time: yes")
     trial = received(**json.loads(json.dumps(asdict(result))))  # as it comes from its process
     found = report(trial, NONE, "control.scheme=none", "link.playout_ms=5")
     fixes = [each.fix or "" for each in found.findings]

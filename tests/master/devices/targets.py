@@ -12,20 +12,13 @@ Path = Callable[[float], tuple[Vector, bool] | None]
 
 
 class Targets:
-    """A source that is asked once a tick.
-
-    Args:
-        path: what the visitor does.
-        rate_hz: of the targets.
-        jitter: by which share of the period each of them may come early or late.
-    """
+    """A source that is asked once a tick, of what a visitor does; each target may come early or late by the jitter."""
 
     def __init__(self, path: Path, rate_hz: float = 60.0, jitter: float = 0.0) -> None:
         self._path, self._period, self._jitter = path, 1.0 / rate_hz, jitter
         self._uniform = Random(1).uniform
-        self.opened = 0
+        self.opened = self._number = 0
         self.time = self._due = 0.0
-        self._number = 0
 
     def open(self) -> None:
         self.opened += 1

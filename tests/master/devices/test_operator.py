@@ -13,7 +13,6 @@ from tests.examples import examples
 from weberlink.geometry.rotation import quaternion, vector
 from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale, unit
 from weberlink.master.devices import DEVICES
-from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.devices.hand import modelled_hand
 from weberlink.master.devices.hand_options import HandOptions, WristOptions
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
@@ -33,15 +32,14 @@ def operator(**options: Any) -> OperatorDevice:
 
 
 def test_a_script_ends_unless_it_is_repeated() -> None:
-    def run(ticks: int, **options: Any) -> list[DeviceReading]:
-        script = [{"motion": "reach", "to_m": [0.03, 0, 0], "duration_s": 0.5}, {"motion": "rest", "duration_s": 0.5}]
-        device = operator(script=script, **options)
-        return [device.latest(tick * TICK) for tick in range(1, ticks + 1)]
-
-    steps = run(6000)
+    script = [{"motion": "reach", "to_m": [0.03, 0, 0], "duration_s": 0.5}, {"motion": "rest", "duration_s": 0.5}]
+    steps, once = (
+        [device.latest(tick * TICK) for tick in range(1, ticks + 1)]
+        for device, ticks in ((operator(script=script), 6000), (operator(script=script, repeat=False), 1100))
+    )
     assert not any(step.ended for step in steps)
-    assert [step.ended for step in run(1100, repeat=False)].index(True) in (999, 1000)
-    assert [distance(steps[i].position, (0.03, 0.0, 0.0)) < 1e-3 for i in (950, 2950, 4950)] == [True] * 3
+    assert [step.ended for step in once].index(True) in (999, 1000)
+    assert all(distance(steps[i].position, (0.03, 0.0, 0.0)) < 1e-3 for i in (950, 2950, 4950))
     assert distance(steps[2050].position, (0.0, 0.0, 0.03)) < 2e-3, "back home in between"
 
 

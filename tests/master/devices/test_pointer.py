@@ -6,7 +6,7 @@ import pytest
 
 from tests.master.devices.targets import Path, Targets
 from weberlink.geometry.rotation import IDENTITY, vector
-from weberlink.geometry.vector import ZERO, Vector, distance, norm
+from weberlink.geometry.vector import ZERO, Vector, distance
 from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
 from weberlink.master.devices.pointer import PointerDevice, PointerOptions
@@ -100,8 +100,7 @@ def test_nothing_moves_before_the_first_target_that_is_held(sent: tuple[Vector, 
 
 
 def test_script_moves_the_hand_until_it_is_held() -> None:
-    options = PointerOptions(scripted=True)
-    operator = OperatorDevice(OperatorOptions(hand=options.hand, tremor_m=0.0), TICK)
+    operator = OperatorDevice(OperatorOptions(hand=PointerOptions().hand, tremor_m=0.0), TICK)
     operator.open(10.0)
     seen = readings(lambda time: (LEFT, time < 2.5) if time > 2.0 else (RIGHT, False), 4.0, scripted=True)
     for tick, reading in enumerate(seen[:1999]):
@@ -110,7 +109,7 @@ def test_script_moves_the_hand_until_it_is_held() -> None:
     assert max(speeds(taken)) <= 0.5 * (1 + 1e-9)
     assert distance(taken[-1], LEFT) < 1e-3
     assert not any(reading.buttons for reading in seen[2550:]), "and never again"
-    assert norm((seen[-1].position[0] - LEFT[0], 0.0, 0.0)) < 1e-3
+    assert abs(seen[-1].position[0] - LEFT[0]) < 1e-3
 
 
 def test_pointer_without_a_socket_is_a_fault() -> None:

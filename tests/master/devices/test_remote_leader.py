@@ -29,8 +29,7 @@ class Program:
     """Targets by the time of the tick, at 30 Hz, between two times [s]."""
 
     def __init__(self, target: Joints, begins: float = 0.0, ends: float = inf) -> None:
-        self.target, self._begins, self.ends = target, begins, ends
-        self._tick = 0
+        self.target, self._begins, self.ends, self._tick = target, begins, ends, 0
 
     def open(self) -> None: ...
 
@@ -102,8 +101,7 @@ def test_jump_becomes_a_bounded_straight_motion() -> None:
     readings += led.go(1500)
     assert 1.8 < fastest(readings) <= 2.0 * (1 + 1e-9)
     assert readings[-1].angles == pytest.approx((0.5, -1.0, 0.25), abs=1e-6)
-    for reading in readings:
-        pan, lift, gripper = reading.angles
+    for pan, lift, gripper in (reading.angles for reading in readings):
         assert (2.0 * pan, 4.0 * gripper) == pytest.approx((-lift, -lift), abs=1e-9)
 
 

@@ -1,5 +1,6 @@
 """What is alike for all devices that block: limits, and the name in front of a fault."""
 
+from collections.abc import Iterator
 from contextlib import closing
 from time import monotonic
 from typing import Any
@@ -42,10 +43,12 @@ def exchange() -> Exchange:
     return Exchange()
 
 
-def made(kind: Any, exchange: Exchange, axes: str, **features: Any) -> Any:
-    """A device, closed at the end of the block."""
-    spec = DeviceSpec("thing", axes, 3.0, 500.0, BOX, 1.0 / TICK, force_feedback=True, **features)
-    return closing(kind(spec, exchange, TICK))
+@pytest.fixture
+def device(exchange: Exchange) -> Iterator[Any]:
+    spec = DeviceSpec("thing", "xz", 3.0, 500.0, BOX, 1.0 / TICK, force_feedback=True)
+    with closing(ThreadedDevice(spec, exchange, TICK)) as made:
+        made.open(0.0)
+        yield made
 
 
 @pytest.mark.parametrize(
@@ -56,22 +59,20 @@ def made(kind: Any, exchange: Exchange, axes: str, **features: Any) -> Any:
         ((0.3, 100.0, -0.4), (0.3, 0.0, -0.4)),  # what it cannot display takes away nothing
     ],
 )
-def test_limited_force_keeps_direction_within_axes(exchange: Exchange, force: Vector, told: Vector) -> None:
-    with made(ThreadedDevice, exchange, "xz") as device:
-        device.open(0.0)
-        drive(device, lambda: exchange.told == pytest.approx(told), force)
-        drive(device, lambda: exchange.told == ZERO, ZERO)
+def test_limited_force_keeps_direction_within_axes(
+    exchange: Exchange, device: Any, force: Vector, told: Vector
+) -> None:
+    drive(device, lambda: exchange.told == pytest.approx(told), force)
+    drive(device, lambda: exchange.told == ZERO, ZERO)
 
 
 @pytest.mark.parametrize("said", ["unplugged", "thing: unplugged"])
 @pytest.mark.parametrize("kind", [HardwareFault, BadReply])
-def test_a_fault_has_the_name_in_front_once(exchange: Exchange, kind: Any, said: str) -> None:
-    with made(ThreadedDevice, exchange, "xz") as device:
-        device.open(0.0)
-        exchange.trouble = kind(said)
-        assert fault_of(device) == "thing: unplugged"
-        assert exchange.closed > 0
-        assert refusal(device) == "thing: unplugged"
-        exchange.trouble = None
-        device.open(0.0)
-        assert device.latest(0.0).at <= monotonic()
+def test_a_fault_has_the_name_in_front_once(exchange: Exchange, device: Any, kind: Any, said: str) -> None:
+    exchange.trouble = kind(said)
+    assert fault_of(device) == "thing: unplugged"
+    assert exchange.closed > 0
+    assert refusal(device) == "thing: unplugged"
+    exchange.trouble = None
+    device.open(0.0)
+    assert device.latest(0.0).at <= monotonic()

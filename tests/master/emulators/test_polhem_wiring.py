@@ -168,13 +168,11 @@ def test_encoder_and_motor_signs_are_independent(signs: Signs) -> None:
 @pytest.mark.parametrize(
     "name", [name for board, name in SETS if board == "serial" and PARAMETERS[name].mechanism.linkage.masses]
 )
-def test_the_weight_of_the_links_is_carried(name: str) -> None:
-    """At rest the hand feels the links without it, and nearly nothing with it."""
+def test_the_weight_of_the_links_is_felt_at_rest_unless_it_is_carried(name: str) -> None:
     rig = Rig("serial", name, weight=True)
     mechanism = rig.parameters.mechanism
     counts = rig.carry(0, 20.0)
     assert rig.emulator.force[2] < -0.3
-    for carry in (False, True):
-        force = mechanism.carrying_force(counts) if carry else ZERO
+    for force, is_carried in ((ZERO, False), (mechanism.carrying_force(counts), True)):
         rig.command(mechanism.limited_currents_ma(force, counts, 5.0, 3000.0))
-        assert (norm(rig.emulator.force) < 0.02) == carry
+        assert (norm(rig.emulator.force) < 0.02) == is_carried

@@ -71,17 +71,16 @@ def test_no_bytes_at_no_time_break_a_board(board: str, pieces: list[tuple[bytes,
         ("polhem_hid", encode_command((500, -2999, 0), LONG), 0.5),
     ],
 )
-def test_a_board_that_hears_nothing_switches_its_motors_off(name: str, message: bytes, watchdog_s: float) -> None:
-    """And on again at the next message."""
+def test_a_board_that_hears_nothing_switches_its_motors_off_until_the_next_message(
+    name: str, message: bytes, watchdog_s: float
+) -> None:
     emulator_class: Any = EMULATORS.load(name)
     emulator, heard = emulator_class(emulator_class.Options()), 100.0
-    emulator.advance(heard)
     for turn in range(2):
+        emulator.advance(heard)
         emulator.receive(message, heard)
         emulator.advance(heard + watchdog_s - 0.005)
-        assert emulator.enabled
-        assert min(emulator.currents_ma) < -2990.0
+        assert emulator.enabled and min(emulator.currents_ma) < -2990.0
         emulator.advance(heard + watchdog_s + 0.005)
         assert (emulator.enabled, emulator.currents_ma, emulator.watchdog_trips) == (False, (0.0, 0.0, 0.0), turn + 1)
         heard += 10.0
-        emulator.advance(heard)

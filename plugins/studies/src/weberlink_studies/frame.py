@@ -152,7 +152,7 @@ def _on_cluster(
     work: Callable[[Case], Sequence[Row]], cases: Sequence[Case], address: str
 ) -> Iterator[tuple[int, Sequence[Row]]]:
     """Rows by the index of their case, as a cluster finishes them. A lost worker's cases run on another."""
-    from distributed import as_completed  # noqa: PLC0415 - heavy, an extra
+    from distributed import CancelledError, KilledWorker, as_completed  # noqa: PLC0415 - heavy, an extra
 
     with _connected(address) as client:
         threads = sum(client.nthreads().values())
@@ -173,18 +173,12 @@ def _on_cluster(
 
         under_way = cast("Any", as_completed)(submit(CASES_PER_THREAD * threads), loop=client.loop)
         for future in under_way:
-            yield indices[future.key], _rows_of(future, address)
+            try:
+                rows = future.result()
+            except (KilledWorker, CancelledError, OSError) as error:
+                raise StudyError(f"--dask: {address}: {_reason(error)}; the rest of the work is not done") from None
+            yield indices[future.key], rows
             under_way.update(submit(1))
-
-
-def _rows_of(future: Any, address: str) -> Any:
-    """The result of a finished future."""
-    from distributed import CancelledError, KilledWorker  # noqa: PLC0415
-
-    try:
-        return future.result()
-    except (KilledWorker, CancelledError, OSError) as error:
-        raise StudyError(f"--dask: {address}: {_reason(error)}; the rest of the work is not done") from None
 
 
 @contextmanager

@@ -21,10 +21,8 @@ class DelayedLine(Line):
     A message is the first of its currents; an answer has it as its model.
     """
 
-    def __init__(self, late: float = 0.001) -> None:
-        self.now = 100.0
-        self.late = late
-        self.lost = 0
+    def __init__(self) -> None:
+        self.now, self.late, self.lost = 100.0, 0.001, 0
         self.sent: list[tuple[float, int]] = []
         self.coming: list[tuple[float, int]] = []
 
@@ -35,14 +33,13 @@ class DelayedLine(Line):
         self.sent.append((self.now, message[0]))
         if self.lost:
             self.lost -= 1
-            return
-        self.coming.append((self.now + self.late, message[0]))
+        else:
+            self.coming.append((self.now + self.late, message[0]))
 
     def close(self) -> None: ...
 
     def hear(self, until: float) -> list[Sensors]:
-        due = min((at for at, _ in self.coming), default=float("inf"))
-        self.now = max(self.now, min(due, until))
+        self.now = max(self.now, min([until, *(at for at, _ in self.coming)]))
         answers = [Sensors((), model=answer) for at, answer in self.coming if at <= self.now]
         self.coming = [(at, answer) for at, answer in self.coming if at > self.now]
         return answers

@@ -160,11 +160,12 @@ def test_each_gimbal_axis_turns_the_handle(
     assert found == pytest.approx(orientation, abs=1e-4)
 
 
-components = st.tuples(*[st.floats(-1e6, 1e6)] * 3)
-
-
 @examples(60)
-@given(st.sampled_from(sorted(PARAMETERS)), components, st.tuples(*[st.integers(-40_000, 40_000)] * 3))
+@given(
+    st.sampled_from(sorted(PARAMETERS)),
+    st.tuples(*[st.floats(-1e6, 1e6)] * 3),
+    st.tuples(*[st.integers(-40_000, 40_000)] * 3),
+)
 def test_current_limit_holds_everywhere(name: str, force: Vector, counts: Counts) -> None:
     currents = PARAMETERS[name].mechanism.limited_currents_ma(force, counts, 5.0, 1500.0)
     assert all(isfinite(current) and abs(current) <= 1500 for current in currents)

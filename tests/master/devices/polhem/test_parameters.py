@@ -38,16 +38,18 @@ def wiring_of(**settings: Any) -> Wiring:
     return PolhemHidOptions(parameters="polhem_v3", **settings).wired().mechanism.drive.wiring
 
 
-@pytest.mark.parametrize("name", ["encoder_directions", "motor_directions", "home_counts", "gimbal_directions"])
-def test_signs_and_home_counts_are_replaced_separately(name: str) -> None:
-    value = (1, 2, 3) if name == "home_counts" else (-1, 1, -1)
-    changed: Any = {name.removesuffix("_directions"): value}
-    assert wiring_of(**{name: value}) == replace(wiring_of(), **changed) != wiring_of()
-
-
-def test_old_directions_key_sets_both_signs() -> None:
-    both = replace(wiring_of(), encoder=(-1, 1, 1), motor=(-1, 1, 1))
-    assert wiring_of(directions=(-1, 1, 1)) == both
+@pytest.mark.parametrize(
+    ("option", "fields", "value"),
+    [
+        ("encoder_directions", ["encoder"], (-1, 1, -1)),
+        ("motor_directions", ["motor"], (-1, 1, -1)),
+        ("gimbal_directions", ["gimbal"], (-1, 1, -1)),
+        ("directions", ["encoder", "motor"], (-1, 1, 1)),
+        ("home_counts", ["home_counts"], (1, 2, 3)),
+    ],
+)
+def test_an_option_replaces_the_signs_or_counts_that_it_names(option: str, fields: list[str], value: Any) -> None:
+    assert wiring_of(**{option: value}) == replace(wiring_of(), **dict.fromkeys(fields, value)) != wiring_of()
 
 
 PAGE = (Path(__file__).parents[4] / "docs" / "devices" / "polhem.md").read_text()

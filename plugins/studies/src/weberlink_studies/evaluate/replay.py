@@ -12,8 +12,6 @@ from weberlink.codec import Channel, Update
 from weberlink.codec.replay import code
 from weberlink.geometry.vector import Vector, distance, norm
 from weberlink.master.trace import Trace
-from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.wire import UpdateLayout
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -62,11 +60,6 @@ class ReplayResult:
     updates: Sequence[Update]  # those sent
     selected: Integers  # index in the bank of the predictor of each update, shape (packets,)
     tick_us: float  # median run time of encode plus decode
-
-    def payload_bytes(self, channel: Channel) -> int:
-        """UDP payload of all updates on a secured link without delay control."""
-        layout = UpdateLayout(channel.forms)
-        return sum(layout.length(update) + PresharedKey.tag_size for update in self.updates)
 
 
 def signal_of(trace: Trace) -> Signal:

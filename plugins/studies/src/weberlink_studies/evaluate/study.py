@@ -11,6 +11,8 @@ from weberlink.codec.deadband import DEADBANDS, ISOTROPIC, DeadbandSetup
 from weberlink.codec.rate import UpdateRate
 from weberlink.config.model import PositionCodecSettings
 from weberlink.figures.felt import WEBER_FRACTION, QualityStatistics, Threshold, longest_run
+from weberlink.protocol.psk import PresharedKey
+from weberlink.protocol.wire import UpdateLayout
 from weberlink_studies.evaluate.replay import Signal, replay, signal_of
 from weberlink_studies.evaluate.traces import FILES, NamedTrace
 from weberlink_studies.frame import Row
@@ -130,7 +132,7 @@ def evaluate(
     tell where the bounded rate of updates widened the deadband. The rest are measures of `QualityStatistics`, of forces
     alone; the errors of positions are in metres.
     """
-    run = replay(signal, channel)
+    run, layout = replay(signal, channel), UpdateLayout(channel.forms)
     samples, packets, duration = len(run.error_n), len(run.updates), signal.duration_s
     sends = np.bincount(run.selected, minlength=len(channel.bank)).tolist()
     outside, bounded = run.deviation_n > run.bound_n, run.bound_n > 0.0
@@ -150,7 +152,7 @@ def evaluate(
         "packets": packets,
         "packets_per_s": packets / duration,
         "reduction": 1.0 - packets / samples,
-        "bytes_per_s": run.payload_bytes(channel) / duration,
+        "bytes_per_s": sum(layout.length(update) + PresharedKey.tag_size for update in run.updates) / duration,
         f"error_rms_{unit}": float(np.sqrt(np.mean(np.square(run.error_n)))),
         f"error_max_{unit}": float(run.error_n.max()),
         "error_max_deadbands": float((run.deviation_n[bounded] / run.bound_n[bounded]).max(initial=0.0)),

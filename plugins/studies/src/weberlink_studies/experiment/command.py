@@ -45,15 +45,10 @@ class ExperimentRequest:
 def run(
     request: ExperimentRequest, *, ports: Ports, source: TextIO, screen: TextIO, report: Callable[[int, int], None]
 ) -> str:
-    """Start or continue an experiment.
+    """Start or continue an experiment; the last message, what was done or how to continue. No rating is ever lost.
 
-    Returns:
-        The last message: what was done, or how to continue.
-
-    Raises:
-        ConfigurationError: for a file, an argument or a ledger that cannot be used; no rating is lost.
-        ConductError: if a simulated subject cannot continue.
-        OSError: if a ledger cannot be written; it ends with the trial before.
+    A person answers at `source` and `screen`; `ports` is called before each live session, `report` with the number of
+    trials that a simulated subject has rated, and of all.
     """
     signals = TrialSignals(request.file, tuple(request.overrides))
     signals.try_out()

@@ -71,7 +71,10 @@ def rows_of(case: PrecisionCase) -> list[Row]:
     problem, effort = case
     known = reference(problem)
     schemes = INTEGRATORS if effort.schemes is None else effort.schemes
-    chosen = effort.recommended or automatic(problem)
+    mass, stiffness, damping = problem.body
+    options = SimulatedOptions(mass_kg=mass, stiffness_n_m=stiffness, damping_n_s_m=damping)
+    robot = SimulatedRobot(options, problem.scene(), TICK)  # with `integrator: auto`
+    chosen = effort.recommended or (robot.integrator, robot.substeps)
     rows = []
     for name, scheme in schemes.items():
         for step in effort.steps(problem, chosen[1] if name == chosen[0] else 1):
@@ -98,14 +101,6 @@ def tick_us(problem: Problem, scheme: IntegrationScheme, step: StepSize, start_f
             times.append(thread_time() - began)
     median, p999 = 1e6 * np.percentile(times, [50.0, 99.9])
     return {"median": float(median), "p999": float(p999)}
-
-
-def automatic(problem: Problem) -> tuple[str, int]:
-    """The choice of `integrator: auto` for a problem at the tick rate."""
-    mass, stiffness, damping = problem.body
-    options = SimulatedOptions(mass_kg=mass, stiffness_n_m=stiffness, damping_n_s_m=damping)
-    robot = SimulatedRobot(options, problem.scene(), TICK)
-    return robot.integrator, robot.substeps
 
 
 def resolved(rows: "DataFrame") -> float:

@@ -116,6 +116,11 @@ def _measure(cell: DisplayCell, scheme: str) -> Row:
     away = _lengths(command[delay:] - hand[: len(hand) - delay])[1000:]
     away = away[np.isfinite(away)]
     ripple = (sizes - np.convolve(sizes, np.ones(21) / 21.0, "same"))[20:-20]
+    count, span = len(felt), 2 * delay + 60  # shifted in about 80 steps
+    shifts = (
+        (felt[max(0, lag) : count + min(0, lag)], pressed[max(0, -lag) : count - max(0, lag)])
+        for lag in range(-span, span + 1, max(1, span // 40))
+    )
     return {
         "ideal_error_n": _rms(felt[:both] - ideal[:both]),
         "error_n": _rms(felt - pressed),
@@ -123,7 +128,7 @@ def _measure(cell: DisplayCell, scheme: str) -> Row:
         "ghost_s": 1e-3 * longest_run((sizes > 1.0) & (loads < 0.05)),
         "energy_out_j": float(given.max()),
         "tracking_m": float(np.sqrt(np.mean(away**2))) if len(away) else None,
-        "shifted_error_n": _shifted(felt, pressed, 2 * delay + 60),
+        "shifted_error_n": min(_rms(ours - theirs) for ours, theirs in shifts),
         "impulse_ratio": float(sizes.sum() / max(float(loads.sum()), 1e-9)),
         "peak_n": float(loads.max()),
         "ripple_n": float(np.sqrt(np.mean(ripple**2))),
@@ -151,16 +156,6 @@ def _simulated(cell: DisplayCell, scheme: str) -> tuple[tuple[Records, Records],
 def _reference(scene: str, hand: str) -> Floats:
     """The force felt under `none` without delay, shape (n, 3) [N]."""
     return np.asarray(_simulated(DisplayCell(scene, 0, hand=hand), "none")[0][0]["output"], np.float64)
-
-
-def _shifted(felt: Floats, pressed: Floats, span: int) -> float:
-    """The least RMS difference over a shift of at most `span` ticks, in about 80 steps."""
-    count = len(felt)
-    pairs = (
-        (felt[max(0, lag) : count + min(0, lag)], pressed[max(0, -lag) : count - max(0, lag)])
-        for lag in range(-span, span + 1, max(1, span // 40))
-    )
-    return min(_rms(ours - theirs) for ours, theirs in pairs)
 
 
 def _rms(vectors: Floats) -> float:
