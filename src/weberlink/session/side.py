@@ -127,6 +127,8 @@ class Side:
         self._rows = Rows(outgoing, incoming, leads=port.leads)
         self.layout = self._rows.layout
         """Of the records of this side."""
+        self._datagrams = -1
+        """Sent, received and refused, as in the row."""
         self._state: State | None = None
         """The one in the row."""
 
@@ -257,24 +259,27 @@ class Side:
         row.weber = self.tuning.settings.weber
         row.tick = self.index
         row.ticks_missed = missed
-        row.datagrams_sent = statistics.sent
-        row.datagrams_received = statistics.received
-        row.datagrams_lost = statistics.lost
-        row.datagrams_dropped = statistics.drops
-        row.bytes_sent = statistics.bytes_sent
-        row.updates_sent = statistics.updates_sent[0]
-        row.updates_received = statistics.updates_received[0]
-        row.repeats = statistics.repeats
-        row.heartbeats = statistics.heartbeats
         row.lateness_us = lateness_us
         row.work_us = work_us
         row.codec_us = self.codec_time * 1e6
-        row.rtt_us = nan if statistics.rtt is None else statistics.rtt * 1e6
-        row.one_way_us = nan if statistics.one_way is None else statistics.one_way * 1e6
-        row.jitter_us = nan if statistics.rtt is None else endpoint.clock.jitter * 1e6
-        row.incoming_loss = statistics.incoming_loss
-        row.outgoing_loss = statistics.outgoing_loss
-        row.peer_burst = statistics.incoming_burst
+        datagrams = statistics.sent + statistics.overflowed + statistics.received + statistics.drops
+        if datagrams != self._datagrams:  # else none of these has changed
+            self._datagrams = datagrams
+            row.datagrams_sent = statistics.sent
+            row.datagrams_received = statistics.received
+            row.datagrams_lost = statistics.lost
+            row.datagrams_dropped = statistics.drops
+            row.bytes_sent = statistics.bytes_sent
+            row.updates_sent = statistics.updates_sent[0]
+            row.updates_received = statistics.updates_received[0]
+            row.repeats = statistics.repeats
+            row.heartbeats = statistics.heartbeats
+            row.rtt_us = nan if statistics.rtt is None else statistics.rtt * 1e6
+            row.one_way_us = nan if statistics.one_way is None else statistics.one_way * 1e6
+            row.jitter_us = nan if statistics.rtt is None else endpoint.clock.jitter * 1e6
+            row.incoming_loss = statistics.incoming_loss
+            row.outgoing_loss = statistics.outgoing_loss
+            row.peer_burst = statistics.incoming_burst
         control = port.controls[0]
         row.energy, row.credit = control.energy, CREDIT_STEP * max(endpoint.credit.known, control.credit)
         if endpoint.state is not self._state:
