@@ -46,12 +46,16 @@ def commands() -> dict[str, set[str]]:
     return {name: {option for parameter in each.params for option in parameter.opts} for name, each in COMMANDS.items()}
 
 
+def assert_starts_a_command(path: Path) -> None:
+    program, command, *arguments = unit(path)["ExecStart"][0].split()
+    assert program == PROGRAM
+    assert {word for word in arguments if word.startswith("--")} <= commands()[command]
+
+
 @pytest.mark.parametrize("name", SIDES)
 def test_a_unit_starts_a_command_that_is_there_and_waits_for_longer_than_it(name: str) -> None:
     settings = unit(UNITS / name)
-    program, command, *arguments = settings["ExecStart"][0].split()
-    assert program == PROGRAM
-    assert {word for word in arguments if word.startswith("--")} <= commands()[command]
+    assert_starts_a_command(UNITS / name)
     # A recorder is waited for, told to finish, and waited for again.
     assert int(settings["TimeoutStopSec"][0]) > STOP_LIMIT_S + 2 * FINISH_LIMIT_S
     assert (settings["KillSignal"], settings["KillMode"]) == (["SIGTERM"], ["mixed"])
@@ -64,16 +68,21 @@ def systemd_analyze(*arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
 
 
-@pytest.mark.parametrize("name", SIDES)
-def test_systemd_accepts_a_unit_and_finds_it_little_exposed(name: str, tmp_path: Path) -> None:
-    path = tmp_path / name.replace("@", "@lan")
-    path.write_text((UNITS / name).read_text(encoding="utf-8").replace(PROGRAM, sys.executable), encoding="utf-8")
+def assert_accepted_and_little_exposed(unit_file: Path, folder: Path) -> None:
+    """By systemd, with a program that is there."""
+    path = folder / unit_file.name.replace("@", "@lan")
+    path.write_text(unit_file.read_text(encoding="utf-8").replace(PROGRAM, sys.executable), encoding="utf-8")
     verified = systemd_analyze("verify", "--man=no", path)
     assert (verified.returncode, [line for line in verified.stderr.splitlines() if path.name in line]) == (0, [])
     done = systemd_analyze("security", "--offline=true", "--threshold=25", "--no-pager", path)
     if "unrecognized option" in done.stderr:
         pytest.skip("this systemd-analyze does not look at files")
     assert done.returncode == 0, done.stdout.splitlines()[-1:]
+
+
+@pytest.mark.parametrize("name", SIDES)
+def test_systemd_accepts_a_unit_and_finds_it_little_exposed(name: str, tmp_path: Path) -> None:
+    assert_accepted_and_little_exposed(UNITS / name, tmp_path)
 
 
 CONFINED = """
