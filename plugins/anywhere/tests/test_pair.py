@@ -86,6 +86,7 @@ def test_the_person_at_the_robot_compares_two_words(hosts: Hosts, answer: str) -
     with Program(*hosts.command("slave", "--invite"), terminal=theirs) as slave, os.fdopen(user, "r+b", 0) as screen:
         os.close(theirs)
         code = until_shown(screen, r"Code: (\S+)\s")
+        screen.write(b"y\nn\n")  # typed before the question: neither counts
         with Program(*hosts.command("master", "--join", "--duration", "0.2"), given=f"{code}\n") as master:
             words = until_shown(screen, r"this one shows: (\w+ \w+)\s")
             assert until_shown(screen, r"(master of the test) asks to drive this robot\. .* \[y/N\]")

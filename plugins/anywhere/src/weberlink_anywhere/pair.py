@@ -3,6 +3,7 @@
 import json
 import shlex
 import sys
+import termios
 from select import select
 from subprocess import PIPE
 
@@ -53,7 +54,9 @@ def pair(configuration: Configuration, side: str, code: str, label: str | None, 
                     screen.note(f"paired with {event['paired']}; no code is needed from now on")
                     return str(event["paired"])
                 screen.show(event)
-                is_asked |= "asks" in event
+                if "asks" in event:
+                    is_asked = True
+                    termios.tcflush(sys.stdin, termios.TCIFLUSH)  # what was typed before is no answer
             if is_asked and select([sys.stdin], [], [], 0.0)[0]:
                 is_asked = False
                 child.write_line("yes" if sys.stdin.readline().strip().lower() in ("y", "yes") else "no")
