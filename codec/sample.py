@@ -50,11 +50,6 @@ class Quantizer:
         i, j, k = (axes.find(axis) for axis in "xyz")
         self._places: Final = (i, j, k)
 
-    def in_range(self, value: Vector) -> bool:
-        """Whether `confine` would leave a value as it is; False if it is not finite."""
-        low, high = self.lowest, self.highest
-        return low[0] <= value[0] <= high[0] and low[1] <= value[1] <= high[1] and low[2] <= value[2] <= high[2]
-
     def confine(self, value: Vector) -> Vector:
         """Saturate a value: 0 on the axes that are not sent, within the limit on the others. NaN stays NaN there."""
         low, high = self.lowest, self.highest

@@ -203,7 +203,7 @@ class Law:
             return error
         channel, band, bound = self.channel, self.deadband, self.encoder.bound
         actual = channel.value_quantizer.confine(value)
-        assert channel.value_quantizer.in_range(shown)
+        assert channel.value_quantizer.confine(shown) == shown
         near = max(half_step(channel), band.error(channel.value_quantizer.quantize(actual)[1], actual))
         if update is not None:
             if self.smoothing is not None:
