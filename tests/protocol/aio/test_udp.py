@@ -4,7 +4,7 @@ import asyncio
 import socket
 from collections.abc import Awaitable, Callable, Iterator
 from random import Random
-from time import monotonic, sleep
+from time import monotonic
 from typing import Any
 
 import pytest
@@ -181,19 +181,19 @@ async def test_a_send_that_the_system_refuses_is_a_loss() -> None:
 
 
 class SlowClock:
-    """`monotonic`; from `begin` on, time advances only with each datagram, by more than a slice."""
+    """`monotonic`; from `hold` on, time advances only by what the test adds, and with each datagram of an endpoint by
+    more than a slice. A stall of this machine is then no stall of the loop."""
 
     STEP_S = 3e-4
 
     def __init__(self) -> None:
         self._now: Callable[[], float] = monotonic
+        self.waited = 0.0
 
-    def begin(self, endpoint: Endpoint) -> float:
-        """Make each datagram of the endpoint slow from now on; returns the time."""
+    def hold(self, endpoint: Endpoint) -> None:
         began, told = monotonic(), endpoint.statistics
         before = told.received + told.drops
-        self._now = lambda: began + self.STEP_S * (told.received + told.drops - before)
-        return began
+        self._now = lambda: began + self.waited + self.STEP_S * (told.received + told.drops - before)
 
     def __call__(self) -> float:
         return self._now()
@@ -204,11 +204,12 @@ async def test_short_stall_is_no_silence_with_slow_reads() -> None:
     """Waiting datagrams are read before the loop age is judged, although each one takes a whole slice."""
     clock = SlowClock()
     master_shell, master, slave_shell, slave = await engage(silence=0.2, now=clock)
+    clock.hold(slave)
     for tick, wait in enumerate((0.0, 0.01, 0.01, 0.06, 0.0), 1):
-        sleep(wait)  # the loop stands still, and with it the slave
-        assert master.send_update(monotonic(), sample_update(tick))
-        master_shell.flush(monotonic())
-    slave_shell.service(clock.begin(slave))
+        clock.waited += wait  # the loop stands still, and with it the slave
+        assert master.send_update(clock(), sample_update(tick))
+        master_shell.flush(clock())
+    slave_shell.service(clock())
     assert slave.state is State.ENGAGED
     assert not any(isinstance(event, PeerSilent) for event in events(slave))
     assert slave.statistics.received > 1
@@ -220,13 +221,14 @@ async def test_flood_of_garbage_from_peer_counts_as_silence() -> None:
     clock = SlowClock()
     master_shell, _, slave_shell, slave = await engage(silence=0.2, now=clock)
     before = slave.statistics.drops
-    sleep(0.25)
+    clock.hold(slave)
+    clock.waited = 0.25
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as flood:
         flood.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
         flood.bind(master_shell.address)  # what the kernel takes for the peer
         for _ in range(100):
             flood.sendto(b"\x03" + bytes(60), slave_shell.address)
-        slave_shell.service(clock.begin(slave))
+        slave_shell.service(clock())
     assert slave.state is State.SILENT
     assert 1 < slave.statistics.drops - before <= 2.0 * MOST_S / SlowClock.STEP_S
 
