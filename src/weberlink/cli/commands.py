@@ -160,12 +160,20 @@ def keygen(
     out: Annotated[
         Path, typer.Argument(metavar="OUT", callback=file_target, help="Where to write the key, with mode 0600.")
     ],
+    right: Annotated[
+        Literal["drive", "watch", "stop"], typer.Option("--right", help="What it is good for; drive: for all three.")
+    ] = "drive",
+    name: Annotated[
+        str, typer.Option("--name", metavar="NAME", help="Of the host that holds it; no other name can use it then.")
+    ] = "",
 ) -> None:
-    """Write a new pre-shared key for one master and one slave."""
-    from weberlink.protocol.keys import generate  # noqa: PLC0415
+    """Write a new pre-shared key for one host and one slave."""
+    from weberlink.protocol.keys import Right, generate  # noqa: PLC0415
 
-    generate(out)
+    generate(out, Right(right), name)
     typer.echo(f"{out}: key written, readable by you alone; copy it to the other host over a channel you trust")
+    if name:
+        typer.echo(f"the robot's host may hold several: add this line to its key file, for {name} to {right}")
 
 
 def configs(

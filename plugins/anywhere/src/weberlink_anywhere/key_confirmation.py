@@ -23,8 +23,7 @@ from typing import Any, NamedTuple
 from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.kdf.hkdf import HKDF
 
-from weberlink.protocol.handshake import check_name
-from weberlink.protocol.keys import KEY_BYTES
+from weberlink.protocol.keys import KEY_BYTES, check_name
 from weberlink.text import one_line
 
 VERSION = 2

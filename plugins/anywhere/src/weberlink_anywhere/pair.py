@@ -12,7 +12,7 @@ from rich.text import Text
 
 from weberlink.child_process import Child, python
 from weberlink.config import SLAVE, Configuration, ConfigurationError
-from weberlink.session.description import default_name
+from weberlink.session.composition.link import default_name
 from weberlink.text import one_line
 from weberlink_anywhere.invitation import Invitation, read
 from weberlink_anywhere.options import AnywhereOptions

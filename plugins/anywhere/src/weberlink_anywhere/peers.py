@@ -6,12 +6,13 @@ A file `NAME.json` holds the fields of `Peer` and the key. NAME is what this use
 import json
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import mkstemp
 from typing import Literal
 
-from weberlink.protocol.keys import KEY_BYTES, KeyFileError, read_private
+from weberlink.protocol.keys import KEY_BYTES, HeldKey, KeyFileError, Right, read_private
 
 _SUFFIX = ".json"
 _LONGEST_FILE = 4096
@@ -32,6 +33,7 @@ class Peer:
         key: of the pair, `KEY_BYTES`.
         mailbox: address of the mailbox server by which the pair was made; "" for none.
         paired_at: seconds since 1970.
+        right: what the key is good for; what the robot's host holds counts.
     """
 
     label: str
@@ -41,6 +43,11 @@ class Peer:
     key: bytes
     mailbox: str = ""
     paired_at: float = 0.0
+    right: Right = Right.DRIVE
+
+    @property
+    def held_key(self) -> HeldKey:
+        return HeldKey(self.key, self.right, self.name)
 
 
 def default_folder() -> Path:
@@ -62,6 +69,12 @@ class PeerStore:
         """
         for label in self.labels():
             yield _read(self._path(label))
+
+    def usable(self) -> Iterator[Peer]:
+        """All peers whose file can be used; raises PeerError as `labels`."""
+        for label in self.labels():
+            with suppress(PeerError):
+                yield _read(self._path(label))
 
     def labels(self) -> list[str]:
         """What the peers are called, also those whose file cannot be used.
@@ -164,7 +177,8 @@ def _read(path: Path) -> Peer:
         raise PeerError(str(error)) from None
     try:
         fields = json.loads(content)
-        peer = Peer(**{**fields, "label": path.name.removesuffix(_SUFFIX), "key": bytes.fromhex(fields["key"])})
+        read = {"key": bytes.fromhex(fields["key"]), "right": Right(fields.get("right", Right.DRIVE))}
+        peer = Peer(**{**fields, **read, "label": path.name.removesuffix(_SUFFIX)})
         texts = (peer.name, peer.own, peer.mailbox)
         fits = all(isinstance(each, str) for each in texts) and isinstance(peer.paired_at, int | float)
     except (ValueError, TypeError, KeyError, RecursionError):
