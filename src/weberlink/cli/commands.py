@@ -163,9 +163,7 @@ def guardian(
     ),
     zero: Annotated[
         bool,
-        typer.Option(
-            "--zero", help="Take the force off devices whose guardian was killed (for ExecStopPost=)."
-        ),
+        typer.Option("--zero", help="Take the force off devices whose guardian was killed (for ExecStopPost=)."),
     ] = False,
 ) -> None:
     """Take the force off devices whose session dies, until a signal.
