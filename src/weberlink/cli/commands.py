@@ -3,6 +3,7 @@
 Each imports what it needs when it runs.
 """
 
+import os
 import sys
 from contextlib import nullcontext
 from pathlib import Path
@@ -154,6 +155,28 @@ def device_rules() -> None:
     from weberlink.cli.rules import install  # noqa: PLC0415
 
     typer.echo("\n".join(install()))
+
+
+def guardian(
+    socket: Annotated[Path, typer.Argument(metavar="[SOCKET]", help="Where sessions find it.")] = Path(
+        "/run/weberlink-guardian/socket"
+    ),
+    zero: Annotated[
+        bool,
+        typer.Option("--zero", help="Take the force off devices whose guardian was killed (for ExecStopPost=)."),
+    ] = False,
+) -> None:
+    """Take the force off devices whose session dies, until a signal.
+
+    A service that outlives sessions, containers and their control groups. Sessions use SOCKET where it is there; with
+    $WEBERLINK_GUARDIAN, that one alone.
+    """
+    from weberlink.child_process import isolated_python  # noqa: PLC0415
+    from weberlink.hardware import guardian_process  # noqa: PLC0415
+
+    words = ("zero", os.environ.get("RUNTIME_DIRECTORY", str(socket.parent))) if zero else ("serve", str(socket))
+    command = isolated_python(guardian_process.__file__, *words)
+    os.execv(command[0], command)  # noqa: S606 - our own, and all that it needs is the standard library
 
 
 def keygen(

@@ -12,10 +12,12 @@ from pathlib import Path
 from tempfile import mkstemp
 from typing import Literal
 
+from weberlink.bounded_json import parse
 from weberlink.protocol.keys import KEY_BYTES, HeldKey, KeyFileError, Right, read_private
 
 _SUFFIX = ".json"
 _LONGEST_FILE = 4096
+_LATEST_S = 1e11
 _LONGEST_NAME = 255
 """Bytes of a file name."""
 
@@ -176,12 +178,13 @@ def _read(path: Path) -> Peer:
     except KeyFileError as error:
         raise PeerError(str(error)) from None
     try:
-        fields = json.loads(content)
+        fields = parse(content, _LONGEST_FILE)
         read = {"key": bytes.fromhex(fields["key"]), "right": Right(fields.get("right", Right.DRIVE))}
         peer = Peer(**{**fields, **read, "label": path.name.removesuffix(_SUFFIX)})
         texts = (peer.name, peer.own, peer.mailbox)
         fits = all(isinstance(each, str) for each in texts) and isinstance(peer.paired_at, int | float)
-    except (ValueError, TypeError, KeyError, RecursionError):
+        fits = fits and 0.0 <= peer.paired_at < _LATEST_S
+    except (ValueError, TypeError, KeyError):
         fits = False
     if not fits or len(peer.key) != KEY_BYTES or peer.role not in ("master", "slave"):
         raise PeerError(f"{path} is not the file of a peer; remove it, and pair again")
