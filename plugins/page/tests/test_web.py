@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from functools import wraps
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import aiohttp
@@ -23,7 +24,7 @@ from weberlink_page.metrics import exposition
 from weberlink_page.requests import LONGEST_MESSAGE
 from weberlink_page.viewer import Viewer
 from weberlink_page.watch import SessionWatcher
-from weberlink_page.web import MOST_GUESTS, MOST_PAGES, REQUESTS_WAITING, Site
+from weberlink_page.web import BURST_S, MOST_GUESTS, MOST_PAGES, MOST_PER_S, REQUESTS_WAITING, Site
 
 Client = aiohttp.ClientSession
 EVIL = "http://evil.example"
@@ -211,6 +212,19 @@ async def test_emergency_overtakes_a_request_that_waits(client: Client, where: s
         assert "too many" in (await answered(page, {"type": "change"} | proof))["why"]
         go_on.set()
         assert (await heard(page))["to"] == "change"
+
+
+@visit
+async def test_pings_without_pause_are_answered_at_the_pace_of_requests(
+    client: Client, where: str, watch: SessionWatcher
+) -> None:
+    async with client.ws_connect(f"http://{where}/ws", autoping=False) as page:
+        began, pongs, most = monotonic(), 0, 100
+        for _ in range(most):
+            await page.ping(b"x")
+        while pongs < most:
+            pongs += (await page.receive()).type is aiohttp.WSMsgType.PONG
+            assert pongs <= 1 + (monotonic() - began + BURST_S) * MOST_PER_S
 
 
 # --- files

@@ -2,13 +2,13 @@
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from math import ceil, inf, nan
+from math import ceil, inf, isnan, nan
 from typing import Any, NamedTuple
 
 from weberlink.control.contract import CREDIT_STEP
 from weberlink.control.port import Port
 from weberlink.control.tuning import MARGIN_TICKS, Tuning, change_margin
-from weberlink.geometry.vector import ZERO
+from weberlink.geometry.vector import ZERO, norm
 from weberlink.order import EMERGENCY
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import (
@@ -21,6 +21,7 @@ from weberlink.protocol.events import (
     PeerReturned,
     PeerSilent,
     Refused,
+    StopAsked,
     TakenOver,
     UpdateLost,
     UpdateReceived,
@@ -133,6 +134,7 @@ class Side:
         """Sent, received and refused, as in the row."""
         self._state: State | None = None
         """The one in the row."""
+        endpoint.told = self.told
 
     @property
     def outcome(self) -> str | None:
@@ -231,16 +233,23 @@ class Side:
         self.failure = self.failure or why
         self.stop(now, why)
 
-    def emergency(self, now: float) -> None:
+    def emergency(self, now: float, by: str = "") -> None:
         """Zero force or hold at once, without a fade; leave in the next tick. The run ends as failed."""
         self.port.restart()  # closes the gate of the force
         self.port.halt(now)
-        self.give_up(now, EMERGENCY)
+        self.give_up(now, f"{EMERGENCY} by {by}" if by else EMERGENCY)
 
     def fail(self, now: float, error: BaseException) -> None:
         """Zero force or hold, and leave, at once; no tick follows."""
         self.port.halt(now)
         self._close(now, f"failed: {error}")
+
+    def told(self) -> dict[str, object]:
+        """What who watches over the link is told of this end, besides the session."""
+        row = self._row
+        force, round_trip = norm(row.raw), row.rtt_us * 1e-3
+        measured = {} if isnan(round_trip) else {"round_trip_ms": round(round_trip, 1)}
+        return {"fault": self._faults.active.name.lower(), "force_n": round(force, 3), **measured}
 
     def record(self) -> Record:
         """The telemetry of the tick just done, in virtual time, with the fields of all parts."""
@@ -348,13 +357,15 @@ class Side:
                 self._on_farewell(event, now)
 
     def _on_farewell(self, event: Event, now: float) -> None:
-        """An event that says why there is no session, or why it ended."""
+        """An event that says why there is no session, or why it ends."""
         match event:
             case PeerClosed(farewell):
                 self.peer = self.peer._replace(farewell=farewell)
             case DatagramDropped(reason):
                 if reason is DropReason.UNPROVEN and self.endpoint.state in _WITHOUT_SESSION:
                     self._faults.meet(Fault.UNPROVEN)
+            case StopAsked(name):
+                self.emergency(now, name)
             case TakenOver(name):
                 self._give_up(Fault.TAKEN_OVER, f"taken over by {name}", now)
             case Refused(message):

@@ -19,7 +19,7 @@ from weberlink_page.viewer import Viewer, to_json
 from weberlink_page.watch import SessionWatcher
 
 MOST_PER_S = 250.0
-"""Most requests of a page that are taken [1/s]; one that drives sends 125."""
+"""Most messages of a page that are taken [1/s], pings among them; one that drives sends 125."""
 BURST_S = 0.1
 """How long a page may have sent nothing to catch up afterwards [s]."""
 REQUESTS_WAITING = 16
@@ -92,7 +92,9 @@ class Site:
         if request.transport is None or self._pages[may_change] >= (MOST_PAGES if may_change else MOST_GUESTS):
             raise web.HTTPServiceUnavailable
         self._pages[may_change] += 1
-        socket = web.WebSocketResponse(max_msg_size=LONGEST_MESSAGE, heartbeat=HEARTBEAT_S, compress=False)
+        socket = web.WebSocketResponse(
+            max_msg_size=LONGEST_MESSAGE, heartbeat=HEARTBEAT_S, compress=False, autoping=False
+        )
         tasks: list[asyncio.Task[None]] = []
         viewer = Viewer(request.query.get("session"), may_change=may_change)
         try:
@@ -119,20 +121,28 @@ class Site:
         """Take the messages of a page until it leaves: answer those that are urgent, and queue the others."""
         due = 0.0
         async for message in socket:
-            if message.type is not WSMsgType.TEXT:
+            if message.type is WSMsgType.PING:
+                await socket.pong(message.data)
+            elif message.type is WSMsgType.TEXT:
+                await self._on_request(viewer, self._watch.requests.read(viewer, message.data), waiting)
+            elif message.type is not WSMsgType.PONG:
                 break
-            request = self._watch.requests.read(viewer, message.data)
-            if request["type"] == "answer":
-                viewer.answer(request)
-            elif request["type"] in URGENT:
-                await self._answer(viewer, request)
-            elif waiting.full():
-                viewer.answer(refusal("too many requests at once; this one is dropped"))
-            else:
-                waiting.put_nowait(request)
+            # One message a turn of the loop. What comes faster than may be waits in the page; what a busy loop has let
+            # wait is taken in the next turns.
             due = max(due, monotonic() - BURST_S) + 1.0 / MOST_PER_S
-            if due > monotonic():  # what comes faster waits in the page; what a busy loop has let wait is taken at once
-                await asyncio.sleep(due - monotonic())
+            await asyncio.sleep(max(0.0, due - monotonic()))
+
+    async def _on_request(
+        self, viewer: Viewer, request: dict[str, Any], waiting: "asyncio.Queue[dict[str, Any]]"
+    ) -> None:
+        if request["type"] == "answer":
+            viewer.answer(request)
+        elif request["type"] in URGENT:
+            await self._answer(viewer, request)
+        elif waiting.full():
+            viewer.answer(refusal("too many requests at once; this one is dropped"))
+        else:
+            waiting.put_nowait(request)
 
     async def _answer_in_turn(self, viewer: Viewer, waiting: "asyncio.Queue[dict[str, Any]]") -> None:
         while True:
