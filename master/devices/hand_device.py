@@ -1,7 +1,6 @@
 """The device of `operator` and `replay`: a modelled hand on a handle, moved by an intention."""
 
 from collections.abc import Callable
-from math import ceil
 from random import Random
 from typing import TYPE_CHECKING, ClassVar
 
@@ -21,7 +20,7 @@ LONGEST_GAP = 0.1  # [s] of model time per call; a longer silence makes the hand
 class HandDevice:
     """Moves a hand toward an intention, against the commanded force; with a wrist, turns it too.
 
-    Time is that of the model: it goes on with `now`, in equal steps no longer than a tick, by at most 0.1 s a call.
+    Time is that of the model: it goes on with `now`, in equal steps of about a tick, by at most 0.1 s a call.
     The handle stays within the workspace, as on a device with end stops.
 
     Args:
@@ -88,7 +87,7 @@ class HandDevice:
             return reading
         gap = now - reading.at
         gap = gap if gap < LONGEST_GAP else LONGEST_GAP
-        count = ceil(gap / self._tick_period - 1e-6) or 1
+        count = round(gap / self._tick_period) or 1  # the hand moves exactly at any step
         step = gap / count
         ended = reading.ended
         for _ in range(count):

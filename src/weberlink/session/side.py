@@ -293,10 +293,8 @@ class Side:
             row.outgoing_loss = statistics.outgoing_loss
             row.peer_burst = statistics.incoming_burst
         known = endpoint.credit.known
-        row.energy, row.credit = (
-            port.controls[0].energy,
-            CREDIT_STEP * (known if known > self._credit else self._credit),
-        )
+        row.energy = port.controls[0].energy
+        row.credit = CREDIT_STEP * (known if known > self._credit else self._credit)
         if endpoint.state is not self._state:
             self._state = endpoint.state
             row.state = endpoint.state.value
