@@ -87,10 +87,11 @@ class ContactLimiter:
         patience = self._longest if round_trip is None or round_trip > self._longest else round_trip
         patience += PATIENCE
         if asked > self.free:
-            self.lasted = min(self.lasted + elapsed, stated, patience + FADE + GRACE)
+            lasted = min(self.lasted + elapsed, patience + FADE + GRACE)
         else:
-            self.lasted = min(max(0.0, self.lasted - elapsed), stated)
-        left = patience - self.lasted + claimed
+            lasted = max(0.0, self.lasted - elapsed)
+        self.lasted = lasted = lasted if lasted < stated else stated
+        left = patience - lasted + claimed
         self.doubtful = left < FALL
         if not self.doubtful:
             self.unfounded = False
@@ -102,7 +103,7 @@ class ContactLimiter:
                 allowed = self._free * max(0.0, 1.0 + left / FADE)
                 self.unfounded = self.unfounded or -left >= GRACE
             self._bound = max(allowed, min(self._bound, self._most) - self._most * elapsed / FALL)
-        self.quiet = self._bound == inf and self.lasted == 0.0
+        self.quiet = self._bound == inf and lasted == 0.0
         return self._bound
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from weberlink.compiled import mypyc_attr
 from weberlink.geometry.vector import ZERO, Vector, add, cube, norm, within
-from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, Quaternion, check_finite
+from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, check_finite
 from weberlink.master.devices.hand import Tremor, modelled_hand
 from weberlink.master.devices.hand_options import HandDeviceOptions
 
@@ -77,7 +77,9 @@ class HandDevice:
         self._felt = self._torque = ZERO
         if self._turning is not None:
             self._turning.begin()
-        self._reading = DeviceReading(now, self._hand.position, False, self._orientation())
+        self._reading = DeviceReading(
+            now, self._hand.position, False, None if self._turning is None else self._turning.orientation
+        )
 
     def latest(self, now: float) -> DeviceReading:
         reading = self._reading
@@ -102,7 +104,9 @@ class HandDevice:
         x, y, z = position
         if not (-edge <= x <= edge and -edge <= y <= edge and -edge <= z <= edge):
             position = (min(max(x, -edge), edge), min(max(y, -edge), edge), min(max(z, -edge), edge))
-        self._reading = DeviceReading(now, position, ended, self._orientation())
+        self._reading = DeviceReading(
+            now, position, ended, None if self._turning is None else self._turning.orientation
+        )
         return self._reading
 
     def command(self, force: Vector, now: float) -> None:  # noqa: ARG002
@@ -119,6 +123,3 @@ class HandDevice:
     def close(self) -> None:
         self._reading = None
         self._felt = self._torque = ZERO
-
-    def _orientation(self) -> Quaternion | None:
-        return None if self._turning is None else self._turning.orientation
