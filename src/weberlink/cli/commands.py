@@ -4,6 +4,7 @@ configs).
 Each imports what it needs when it runs.
 """
 
+import os
 import sys
 from contextlib import nullcontext
 from math import inf
@@ -189,16 +190,46 @@ def device_rules() -> None:
     typer.echo("\n".join(install()))
 
 
+def guardian(
+    socket: Annotated[Path, typer.Argument(metavar="[SOCKET]", help="Where sessions find it.")] = Path(
+        "/run/weberlink-guardian/socket"
+    ),
+    zero: Annotated[
+        bool,
+        typer.Option("--zero", help="Take the force off devices whose guardian was killed (for ExecStopPost=)."),
+    ] = False,
+) -> None:
+    """Take the force off devices whose session dies, until a signal.
+
+    A service that outlives sessions, containers and their control groups. Sessions use SOCKET where it is there; with
+    $WEBERLINK_GUARDIAN, that one alone.
+    """
+    from weberlink.child_process import isolated_python  # noqa: PLC0415
+    from weberlink.hardware import guardian_process  # noqa: PLC0415
+
+    words = ("zero", os.environ.get("RUNTIME_DIRECTORY", str(socket.parent))) if zero else ("serve", str(socket))
+    command = isolated_python(guardian_process.__file__, *words)
+    os.execv(command[0], command)  # noqa: S606 - our own, and all that it needs is the standard library
+
+
 def keygen(
     out: Annotated[
         Path, typer.Argument(metavar="OUT", callback=file_target, help="Where to write the key, with mode 0600.")
     ],
+    right: Annotated[
+        Literal["drive", "watch", "stop"], typer.Option("--right", help="What it is good for; drive: for all three.")
+    ] = "drive",
+    name: Annotated[
+        str, typer.Option("--name", metavar="NAME", help="Of the host that holds it; no other name can use it then.")
+    ] = "",
 ) -> None:
-    """Write a new pre-shared key for one master and one slave."""
-    from weberlink.protocol.keys import generate  # noqa: PLC0415
+    """Write a new pre-shared key for one host and one slave."""
+    from weberlink.protocol.keys import Right, generate  # noqa: PLC0415
 
-    generate(out)
+    generate(out, Right(right), name)
     typer.echo(f"{out}: key written, readable by you alone; copy it to the other host over a channel you trust")
+    if name:
+        typer.echo(f"the robot's host may hold several: add this line to its key file, for {name} to {right}")
 
 
 def configs(

@@ -29,6 +29,7 @@ if TYPE_CHECKING:  # who only asks needs no event loop
     from weberlink.control.tuning import Tuning
     from weberlink.realtime.loop import Transport
     from weberlink.session.daemon import LiveLink
+    from weberlink.session.key_watch import KeyWatch
     from weberlink.session.side import Side
 
 LONGEST_QUESTION = 1024
@@ -316,9 +317,9 @@ class ControlSocket:
 
 
 class WithControlSocket:
-    """A transport with a control socket that is open as long as it is."""
+    """A transport with a control socket, or something else that is open as long as it is."""
 
-    def __init__(self, transport: "Transport", control: ControlSocket) -> None:
+    def __init__(self, transport: "Transport", control: "ControlSocket | KeyWatch") -> None:
         self._transport = transport
         self._control = control
         self.service = transport.service  # bound here, so that a tick pays nothing for the control socket
