@@ -81,7 +81,8 @@ def test_key_exchanges_are_rate_limited(is_engaged: bool, pace: float) -> None:
         pair.run(0.001)
         slave.receive_datagram(hello, STRANGER, pair.now)
         answered += answers(slave)
-    assert 1 <= answered <= 1 + 0.4 / (REFUSAL_PACE if is_engaged else pace)
+    most = 1 + 0.4 / (REFUSAL_PACE if is_engaged else pace)
+    assert 0.8 * most <= answered <= most
     assert slave.statistics.dropped[DropReason.OVERLOADED] == 400 - answered
 
 
