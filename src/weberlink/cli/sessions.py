@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from weberlink.cli.arguments import Duration, File, Json, Log, OptionalFile, Record, Set, file_target
-from weberlink.cli.output import attempt, errors, fail, finish, progress_bar, tell
+from weberlink.cli.output import attempt, errors, fail, finish, progress_bar, tell, write
 from weberlink.order import MASTER, MISCONFIGURED, NOTE, SIDES, SLAVE
 from weberlink.session.targets import STANDARD_OUTPUT
 
@@ -134,6 +134,28 @@ def one_host(path: Path, overrides: Sequence[str]) -> list[str]:
         port = probe.getsockname()[1]
     address = json.dumps(f"[{host}]:{port}" if is_v6 else f"{host}:{port}")  # quoted, for YAML
     return [f"link.listen={address}", f"link.slave={address}"]
+
+
+def remote(
+    file: File,
+    stop: Annotated[bool, typer.Option("--stop", help="Stop the robot at once; its side ends.")] = False,
+    peer: PeerLabel = None,
+    json_out: Json = None,
+    set_: Set = None,
+) -> None:
+    """Ask the robot's side over the link whom it serves, or stop it.
+
+    The key of this host must be good for it (weberlink keygen --right). FILE is the master's; no device is opened.
+    """
+    from weberlink.cli.remote import ask  # noqa: PLC0415
+    from weberlink.config import load  # noqa: PLC0415
+    from weberlink.protocol.keys import Right  # noqa: PLC0415
+    from weberlink.text import one_line  # noqa: PLC0415
+
+    overrides = [*(set_ or ()), *acquainted(file, set_ or (), MASTER, peer, pairs=False)]
+    told = ask(load(file, overrides, [MASTER]), Right.STOP if stop else Right.WATCH)
+    lines = [f"{name}: {one_line(str(value))}" for name, value in told.items()]
+    write({**told, "stopped": stop}, json_out, lambda console: console.print("\n".join(lines), markup=False))
 
 
 def simulate(

@@ -16,6 +16,7 @@ from socket import socket
 from typing import Protocol
 
 from weberlink.protocol.keys import KeyFileError
+from weberlink.realtime.process import conceal_memory
 from weberlink_anywhere import hand_over
 from weberlink_anywhere.master_finder import MasterFinder
 from weberlink_anywhere.order import FinderOrder
@@ -101,6 +102,7 @@ async def find(order: FinderOrder, end: socket) -> None:
 
 def main(arguments: Sequence[str]) -> None:
     text, descriptor = arguments
+    conceal_memory()
     with socket(fileno=int(descriptor)) as end, asyncio.Runner(loop_factory=SocketLoop) as runner:
         end.setblocking(False)
         os.set_inheritable(end.fileno(), False)

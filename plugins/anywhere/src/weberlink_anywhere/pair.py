@@ -12,7 +12,8 @@ from rich.text import Text
 
 from weberlink.child_process import Child, python
 from weberlink.config import SLAVE, Configuration, ConfigurationError
-from weberlink.session.description import default_name
+from weberlink.realtime.process import forbid_core_dumps
+from weberlink.session.composition.link import default_name
 from weberlink.text import one_line
 from weberlink_anywhere.invitation import Invitation, read
 from weberlink_anywhere.options import AnywhereOptions
@@ -33,6 +34,7 @@ def pair(configuration: Configuration, side: str, code: str, label: str | None, 
     Raises:
         ConfigurationError: there is no mailbox in the file, or the two did not pair; says why.
     """
+    forbid_core_dumps()
     asked = "--join" if code else "--invite"
     order = _order(configuration, side, code, label, asked, accept)
     if side == SLAVE and not accept and not sys.stdin.isatty():

@@ -25,6 +25,7 @@ from wormhole import create, errors
 from wormhole._wordlist import byte_to_even_word, byte_to_odd_word, even_words_lowercase, odd_words_lowercase
 
 from weberlink.protocol.keys import KEY_BYTES
+from weberlink.realtime.process import conceal_memory
 from weberlink.text import one_line
 from weberlink_anywhere import key_confirmation
 from weberlink_anywhere.key_confirmation import (
@@ -255,6 +256,7 @@ def events_out() -> TextIO:
 
 
 def main() -> None:
+    conceal_memory()
     order, out = PairingOrder.from_json(sys.stdin.readline()), events_out()
     # Python reads ahead: what follows the order is read from the descriptor, and a parent writes it later, when asked.
 

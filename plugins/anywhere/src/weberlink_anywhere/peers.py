@@ -6,15 +6,18 @@ A file `NAME.json` holds the fields of `Peer` and the key. NAME is what this use
 import json
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import mkstemp
 from typing import Literal
 
-from weberlink.protocol.keys import KEY_BYTES, KeyFileError, read_private
+from weberlink.bounded_json import parse
+from weberlink.protocol.keys import KEY_BYTES, HeldKey, KeyFileError, Right, read_private
 
 _SUFFIX = ".json"
 _LONGEST_FILE = 4096
+_LATEST_S = 1e11
 _LONGEST_NAME = 255
 """Bytes of a file name."""
 
@@ -32,6 +35,7 @@ class Peer:
         key: of the pair, `KEY_BYTES`.
         mailbox: address of the mailbox server by which the pair was made; "" for none.
         paired_at: seconds since 1970.
+        right: what the key is good for; what the robot's host holds counts.
     """
 
     label: str
@@ -41,6 +45,11 @@ class Peer:
     key: bytes
     mailbox: str = ""
     paired_at: float = 0.0
+    right: Right = Right.DRIVE
+
+    @property
+    def held_key(self) -> HeldKey:
+        return HeldKey(self.key, self.right, self.name)
 
 
 def default_folder() -> Path:
@@ -62,6 +71,12 @@ class PeerStore:
         """
         for label in self.labels():
             yield _read(self._path(label))
+
+    def usable(self) -> Iterator[Peer]:
+        """All peers whose file can be used; raises PeerError as `labels`."""
+        for label in self.labels():
+            with suppress(PeerError):
+                yield _read(self._path(label))
 
     def labels(self) -> list[str]:
         """What the peers are called, also those whose file cannot be used.
@@ -163,11 +178,13 @@ def _read(path: Path) -> Peer:
     except KeyFileError as error:
         raise PeerError(str(error)) from None
     try:
-        fields = json.loads(content)
-        peer = Peer(**{**fields, "label": path.name.removesuffix(_SUFFIX), "key": bytes.fromhex(fields["key"])})
+        fields = parse(content, _LONGEST_FILE)
+        read = {"key": bytes.fromhex(fields["key"]), "right": Right(fields.get("right", Right.DRIVE))}
+        peer = Peer(**{**fields, **read, "label": path.name.removesuffix(_SUFFIX)})
         texts = (peer.name, peer.own, peer.mailbox)
         fits = all(isinstance(each, str) for each in texts) and isinstance(peer.paired_at, int | float)
-    except (ValueError, TypeError, KeyError, RecursionError):
+        fits = fits and 0.0 <= peer.paired_at < _LATEST_S
+    except (ValueError, TypeError, KeyError):
         fits = False
     if not fits or len(peer.key) != KEY_BYTES or peer.role not in ("master", "slave"):
         raise PeerError(f"{path} is not the file of a peer; remove it, and pair again")
