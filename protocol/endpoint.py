@@ -67,6 +67,7 @@ class Endpoint:
         clock: mapping to the peer's clock, round trip and jitter of the session; of nothing measured without one.
         credit: counts that each end has granted to the other in the session (`grant`).
         statistics: counters over all sessions, and present measurements.
+        events: that wait to be taken, the oldest first.
         peer_grant: what the key of the master of the session, or of the last one, is good for.
         told: gives what the owner adds to what a watcher is told; texts and numbers.
     """
@@ -161,7 +162,7 @@ class Endpoint:
         self._agreement = handshake.read_map(packed) or {}
         self._lengths = backward.lengths(security.tag_size)
         self._datagrams: list[tuple[bytes, Address]] = []
-        self._events: deque[Event] = deque()
+        self.events: deque[Event] = deque()
         self._session: Session | None = None
         self._former: Session | None = None
         self._address: AddressCheck | None = None
@@ -187,7 +188,7 @@ class Endpoint:
 
     def next_event(self) -> Event | None:
         """Take the oldest event; None if there is none."""
-        return self._events.popleft() if self._events else None
+        return self.events.popleft() if self.events else None
 
     def datagrams_to_send(self) -> list[tuple[bytes, Address]]:
         """Take everything to be sent, oldest first."""
@@ -325,7 +326,9 @@ class Endpoint:
 
     def handle_timer(self, now: float) -> None:
         """Do what is due: silence, calls, repeats, heartbeats. Early calls do no harm."""
-        due = self.next_timer()
+        due = self._due  # of most ticks it is known
+        if due is None:
+            due = self.next_timer()
         if due is None or now < due:
             return
         self._due = None
@@ -541,8 +544,8 @@ class Endpoint:
         if not self._calls:
             quiet = min(LONGEST_QUIET, QUIET_SHARE * self._end.silence)
             self._address = AddressCheck(address, self._end.entropy, quiet)
-        self._events.clear()  # what has not been read of the session before is void
-        self._events.append(events.Connected(address, self._agreement))
+        self.events.clear()  # what has not been read of the session before is void
+        self.events.append(events.Connected(address, self._agreement))
 
     def _leave(self, why: events.SessionExpired | events.PeerClosed, now: float) -> None:
         """End the session, and call or listen again."""
@@ -580,9 +583,9 @@ class Endpoint:
         statistics.bytes_sent += len(datagram)
 
     def _tell(self, event: Event) -> None:
-        if len(self._events) >= QUEUED_EVENTS:
-            self._events.popleft()
-        self._events.append(event)
+        if len(self.events) >= QUEUED_EVENTS:
+            self.events.popleft()
+        self.events.append(event)
 
     def _count(self, data: bytes) -> None:
         """Count an authentic datagram."""
@@ -592,5 +595,5 @@ class Endpoint:
     def _drop(self, reason: DropReason) -> None:
         self.statistics.dropped[reason] += 1
         self.statistics.drops += 1
-        if len(self._events) < QUEUED_EVENTS // 2:
-            self._events.append(events.DatagramDropped(reason))
+        if len(self.events) < QUEUED_EVENTS // 2:
+            self.events.append(events.DatagramDropped(reason))
