@@ -11,7 +11,7 @@ This module and `weberlink.protocol.noise` load `cryptography`; they are importe
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable
 from hmac import digest
 from typing import ClassVar, Final
 
@@ -21,6 +21,7 @@ from cryptography.hazmat.primitives.ciphers.aead import AESCCM
 from weberlink.compiled import mypyc_attr
 from weberlink.protocol import noise
 from weberlink.protocol.handshake import HELLO_HEADER, identity_of
+from weberlink.protocol.keys import Grant, HeldKey
 from weberlink.protocol.noise import OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Heard, Secrets, Waiting
 from weberlink.protocol.security import Protection
 from weberlink.protocol.wire import CLEAR_BYTES
@@ -53,12 +54,17 @@ class PresharedKey:
         if len(key) != PSK_BYTES:
             raise ValueError(f"a pre-shared key has {PSK_BYTES} bytes, not {len(key)}")
         self._shared = noise.shared_key(key)
+        self._grant = HeldKey(key).grant
 
     def call(self, prologue: bytes, private: bytes, payload: bytes) -> tuple[bytes, Waiting]:
         return noise.call(self._shared, prologue, private, payload)
 
-    def hear(self, prologue: bytes, message: bytes) -> tuple[bytes, Heard] | None:
-        return noise.hear(self._shared, prologue, message)
+    def hear(self, prologue: bytes, message: bytes) -> tuple[bytes, Heard, Grant] | None:
+        heard = noise.hear(self._shared, prologue, message)
+        return None if heard is None else (*heard, self._grant)
+
+    def holds(self, grant: Grant) -> bool:
+        return grant == self._grant
 
     def answer(self, state: Heard, private: bytes, payload: bytes) -> tuple[bytes, Protection] | None:
         answered = noise.answer(state, private, payload)
@@ -74,22 +80,34 @@ class PresharedKey:
 
 
 class Keyring(PresharedKey):
-    """The `Security` of a responder that holds a key for each of several peers, by name.
+    """The `Security` of a responder that holds several keys, each with its right, and most for one peer by name.
 
-    The header of a HELLO names its sender by a hash, which chooses the key. The name in the sealed payload must have
-    that hash, so the key of one peer opens no session under the name of another.
+    The header of a HELLO names its sender by a hash, which chooses the key; a name that no key has is served by the key
+    without a name, if there is one. The name in the sealed payload must have that hash, so the key of one peer opens no
+    session under the name of another.
     """
 
-    def __init__(self, keys: Mapping[str, bytes]) -> None:
+    def __init__(self, keys: Iterable[HeldKey]) -> None:
         # Without a key of its own: `PresharedKey.__init__` is not called, and what needs one fails.
-        self._suites = {identity_of(name): PresharedKey(key) for name, key in keys.items()}
+        self.replace(keys)
+
+    def replace(self, keys: Iterable[HeldKey]) -> None:
+        """Hold these keys from now on; what began under another one goes on until it is asked about (`holds`)."""
+        suites = {key.name: (PresharedKey(key.key), key.grant) for key in keys}
+        self._nameless = suites.pop("", None)
+        self._named = {identity_of(name): held for name, held in suites.items()}
 
     def call(self, prologue: bytes, private: bytes, payload: bytes) -> tuple[bytes, Waiting]:  # noqa: ARG002 - of the contract
         raise TypeError("a keyring is for the end that is called")
 
-    def hear(self, prologue: bytes, message: bytes) -> tuple[bytes, Heard] | None:
-        suite = self._suites.get(HELLO_HEADER.unpack_from(prologue)[2])
-        return None if suite is None else suite.hear(prologue, message)
+    def hear(self, prologue: bytes, message: bytes) -> tuple[bytes, Heard, Grant] | None:
+        held = self._named.get(HELLO_HEADER.unpack_from(prologue)[2], self._nameless)
+        heard = None if held is None else held[0].hear(prologue, message)
+        return None if heard is None or held is None else (heard[0], heard[1], held[1])
+
+    def holds(self, grant: Grant) -> bool:
+        held = self._named.get(identity_of(grant.name)) if grant.name else self._nameless
+        return held is not None and held[1] == grant
 
 
 def _ciphers(secrets: Secrets) -> "tuple[CcmCipher, CcmCipher]":

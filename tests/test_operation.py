@@ -12,6 +12,7 @@ import pytest
 
 from tests.program import COMMANDS, Program, document
 from weberlink.figures import wording
+from weberlink.hardware.guardian import SOCKET
 from weberlink.installation import guests
 from weberlink.order import MISCONFIGURED
 from weberlink.protocol.states import State
@@ -22,6 +23,7 @@ from weberlink.telemetry.fault import Fault
 ROOT = Path(__file__).parents[1]
 UNITS = ROOT / "configs" / "systemd"
 SIDES = ["weberlink-master@.service", "weberlink-slave@.service"]
+GUARDIAN = "weberlink-guardian.service"
 PROGRAM = "/opt/weberlink/bin/weberlink"
 PAGE = "\n".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs" / "operation").glob("*.md")))
 CONTAINER = (ROOT / "Containerfile").read_text(encoding="utf-8")
@@ -80,7 +82,25 @@ def assert_accepted_and_little_exposed(unit_file: Path, folder: Path) -> None:
     assert done.returncode == 0, done.stdout.splitlines()[-1:]
 
 
-@pytest.mark.parametrize("name", SIDES)
+def test_the_guardian_outlives_the_units_that_insist_on_it() -> None:
+    """It is in no control group of theirs and another user's, and its end writes the zeros that are left."""
+    guardian = unit(UNITS / GUARDIAN)
+    assert_starts_a_command(UNITS / GUARDIAN)
+    socket = next(each.default for each in COMMANDS["guardian"].params if each.name == "socket")
+    assert str(socket) == SOCKET == f"/run/{guardian['RuntimeDirectory'][0]}/socket"
+    (post,) = guardian["ExecStopPost"]
+    assert post.split() == [PROGRAM, "guardian", "--zero"]
+    assert {"--zero"} <= commands()["guardian"]
+    assert (guardian["Type"], guardian["KillMode"], guardian["Restart"]) == (["notify"], ["control-group"], ["always"])
+    for name in SIDES:
+        settings = unit(UNITS / name)
+        assert f"WEBERLINK_GUARDIAN={SOCKET}" in settings["Environment"]
+        assert all(GUARDIAN in settings[order][0].split() for order in ("Wants", "After"))
+        assert settings["User"] != guardian["User"]
+        assert settings["SupplementaryGroups"] == guardian["Group"], "which may use the socket"
+
+
+@pytest.mark.parametrize("name", [*SIDES, GUARDIAN])
 def test_systemd_accepts_a_unit_and_finds_it_little_exposed(name: str, tmp_path: Path) -> None:
     assert_accepted_and_little_exposed(UNITS / name, tmp_path)
 

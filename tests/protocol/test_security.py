@@ -10,6 +10,7 @@ import pytest
 from tests.protocol.harness import KEY, Pair, exchanged, suites
 from weberlink.protocol import Connected, DropReason, Refused, State
 from weberlink.protocol.checksum import Checksum
+from weberlink.protocol.keys import HeldKey
 from weberlink.protocol.psk import Keyring, PresharedKey
 from weberlink.protocol.security import Security
 from weberlink.protocol.wire import CLEAR_BYTES, Kind, pack, sequence_of
@@ -17,6 +18,7 @@ from weberlink.protocol.wire import CLEAR_BYTES, Kind, pack, sequence_of
 CLEAR = b"\x03\x01\x00\x00"[:CLEAR_BYTES]
 DATAGRAM = CLEAR + b"what follows is hidden"
 KEYS = {name: Random(name).randbytes(32) for name in ("ann@desk", "bob@desk")}
+HELD = [HeldKey(key, name=name) for name, key in KEYS.items()]
 STRANGER = Random("eve@desk").randbytes(32)
 by_suite = pytest.mark.parametrize("security", suites())
 
@@ -129,7 +131,7 @@ def test_a_slave_with_a_key_for_each_master_serves_each_under_its_own_name_alone
     name: str, key: bytes, is_served: bool
 ) -> None:
     ends = {"name": name, "security": PresharedKey(key)}
-    pair = Pair(master=ends, slave={"name": "robot", "security": Keyring(KEYS)}).connect().run(0.5)
+    pair = Pair(master=ends, slave={"name": "robot", "security": Keyring(HELD)}).connect().run(0.5)
     if is_served:
         assert pair.slave.endpoint.state is State.ENGAGED and pair.slave.endpoint.peer_name == name
     else:

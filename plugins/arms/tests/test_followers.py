@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 
 from plugins.arms.tests.benches import FOLLOWERS, ArmBench, only, opened
-from plugins.arms.tests.virtual import KilledError
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import HardwareFault
+from weberlink.testing.stepping import KilledError
 from weberlink_arms.dynamixel import registers
 from weberlink_arms.emulators.feetech import FeetechEmulator
 from weberlink_arms.feetech.arm import SO101
