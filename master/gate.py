@@ -215,12 +215,11 @@ class Bound:
     Attributes:
         most, slew, width: as given.
         asked: largest length of what is wanted, within its limit, before fade and slew limit.
-        output: what left last.
         clipped: whether a part was longer than its limit.
-        approach: takes the output to what is wanted; says whether the slew limit held it back.
+        approach: has what left last, and takes it to what is wanted; says whether the slew limit held it back.
     """
 
-    __slots__ = ("_nothing", "approach", "asked", "clipped", "contact", "most", "output", "slew", "width")
+    __slots__ = ("_nothing", "approach", "asked", "clipped", "contact", "most", "slew", "width")
 
     def __init__(
         self, most: Joints, slew: Joints, ramp: float, *, width: int = 3, contact: ContactWatch | None = None
@@ -233,47 +232,18 @@ class Bound:
         self._nothing: Joints = (0.0,) * (width * len(most))
         growth = [max(limit, 1e-300) * ROUNDING / ramp for limit in most]
         self.approach = Approach(self._nothing, [width] * len(most), slew, growth, grows=True)
-        self.output = self._nothing
         self.asked = 0.0
         self.clipped = False
 
     def reset(self) -> None:
         """Nothing leaves, and what comes next is approached."""
-        self.output = self.approach.held = self._nothing
+        self.approach.held = self._nothing
         self.approach.arrived = False
         if self.contact is not None:
             self.contact.reset()
 
-    def passed(
-        self, wanted: Joints, decoded: Joints, gain: float, kept: float, step: float, *, was_open: bool
-    ) -> Joints:
-        """What leaves in this tick of what is wanted; what is not finite counts as nothing.
-
-        Args: `gain` is the share that the fade lets through, `kept` that which it leaves of the last output, and
-            `was_open` tells whether anything could leave before: a closed gate asks for no contact.
-        """
-        goal = self._limited(wanted)
-        approach, contact, most = self.approach, self.contact, inf
-        if was_open and contact is not None and not (contact.limiter.quiet and self.asked <= contact.limiter.free):
-            most = contact.bound(self.asked, decoded, step)
-        # Fade and contact take away at once, of what is wanted and of what left last; the slew limit is for the rest.
-        held = approach.held
-        if kept != 1.0:
-            held = tuple([value * kept for value in held])
-        if gain != 1.0:
-            goal = tuple([value * gain for value in goal])
-        if most < inf:
-            goal, held = self._within(goal, most), self._within(held, most)
-        if gain != 1.0 or most < inf:
-            approach.arrived = False
-        faded = held if kept != 1.0 or most < inf else None
-        self.output = approach.advance(goal, step, faded)
-        if gain != 1.0 or most < inf:
-            approach.arrived = False
-        return self.output
-
-    def _limited(self, wanted: Joints) -> Joints:
-        """The parts, shortened to their limits."""
+    def limited(self, wanted: Joints) -> Joints:
+        """The parts of what is wanted, shortened to their limits; nothing for one that is not finite."""
         if len(self.most) == 1:  # of a hand; nothing is to be done in most ticks
             length = hypot(*wanted)
             if length <= self.most[0]:
@@ -297,7 +267,7 @@ class Bound:
             first += width
         return limited
 
-    def _within(self, values: Joints, most: float) -> Joints:
+    def within(self, values: Joints, most: float) -> Joints:
         """All parts as much shorter as the largest needs it."""
         width = self.width
         largest = max([hypot(*values[first : first + width]) for first in range(0, len(values), width)])
@@ -360,5 +330,34 @@ class OutputGate:
         self.ramping = not engaged or self.gain < min(1.0, heard)
 
     def passed(self, index: int, wanted: Joints, decoded: Joints, step: float) -> Joints:
-        """What leaves of a channel in this tick; arguments as of `Bound.passed`."""
-        return self.bounds[index].passed(wanted, decoded, self.gain, self._kept, step, was_open=self._was_open)
+        """What leaves of a channel in this tick.
+
+        Args:
+            index: of the channel.
+            wanted: what the control scheme asks for; what is not finite counts as nothing.
+            decoded: as received.
+            step: time since the last tick [s].
+        """
+        bound, gain, kept, most = self.bounds[index], self.gain, self._kept, inf
+        goal = bound.limited(wanted)
+        approach, contact = bound.approach, bound.contact
+        # A closed gate asks for no contact.
+        if (
+            self._was_open
+            and contact is not None
+            and not (contact.limiter.quiet and bound.asked <= contact.limiter.free)
+        ):
+            most = contact.bound(bound.asked, decoded, step)
+        if gain == 1.0 == kept and most == inf:
+            return approach.advance(goal, step)
+        # Fade and contact take away at once, of what is wanted and of what left last; the slew limit is for the rest.
+        held = tuple([value * kept for value in approach.held])
+        goal = tuple([value * gain for value in goal])
+        if most < inf:
+            goal, held = bound.within(goal, most), bound.within(held, most)
+        if gain != 1.0 or most < inf:
+            approach.arrived = False
+        moved = approach.advance(goal, step, held if kept != 1.0 or most < inf else None)
+        if gain != 1.0 or most < inf:
+            approach.arrived = False
+        return moved

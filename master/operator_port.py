@@ -10,7 +10,7 @@ from weberlink.control.ends import AxesMaster, Control, MasterControl
 from weberlink.control.port import Port
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.joints import is_finite as all_finite
-from weberlink.geometry.vector import ZERO, Vector, is_finite
+from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading
 from weberlink.master.gate import HandContact, OutputGate
 from weberlink.protocol.endpoint import Endpoint
@@ -46,8 +46,8 @@ class HandPosition:
         self._free = free
 
     def complaint(self, reading: DeviceReading) -> str | None:
-        position = reading.position
-        return None if is_finite(position) else f"reports the position {position}"
+        x, y, z = reading.position
+        return None if x - x == y - y == z - z == 0.0 else f"reports the position {reading.position}"
 
     def take(self, reading: DeviceReading) -> None:
         self.value = reading.position

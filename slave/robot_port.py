@@ -9,7 +9,7 @@ from weberlink.compiled import mypyc_attr
 from weberlink.control.ends import Control, SlaveControl
 from weberlink.control.port import Port
 from weberlink.geometry.joints import Joints
-from weberlink.geometry.vector import ZERO, Vector, is_finite
+from weberlink.geometry.vector import ZERO, Vector
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.slave.guard import Guard
 from weberlink.slave.robots.contract import OrientedRobot, Robot, RobotFault, RobotReading
@@ -58,14 +58,6 @@ class TeleoperatorPort(Port):
     def follows(self) -> bool:
         """Whether no contact that was too strong keeps the robot from following."""
         return not (self.is_overloaded or self.tripped)
-
-    @property
-    def clipped(self) -> bool:
-        return self.guard.clipped
-
-    @property
-    def ramping(self) -> bool:
-        return self.guard.ramping
 
     def open(self, now: float) -> None:
         super().open(now)
@@ -130,8 +122,9 @@ class TeleoperatorPort(Port):
         self._command(self.applied, now)
 
     def report(self, row: Row, *, is_led: bool) -> None:
-        row.contact_ticks, row.clipped = self.guard.contact_ticks, self.clipped
-        row.ramping = self.ramping if is_led or not self._by_button else RELEASED
+        guard = self.guard
+        row.contact_ticks, row.clipped = guard.contact_ticks, guard.clipped
+        row.ramping = guard.share < 1.0 if is_led or not self._by_button else RELEASED
 
     def halt(self, now: float) -> None:
         self._command(self.applied, now)
@@ -156,9 +149,10 @@ class ContactForce:
         self._compliance = 1.0 / stiffness
 
     def complaint(self, reading: RobotReading) -> str | None:
-        if not is_finite(reading.position):
+        (x, y, z), (u, v, w) = reading.position, reading.force
+        if not x - x == y - y == z - z == 0.0:
             return f"reports the position {reading.position}"
-        return None if is_finite(reading.force) else f"reports the force {reading.force}"
+        return None if u - u == v - v == w - w == 0.0 else f"reports the force {reading.force}"
 
     def take(self, reading: RobotReading) -> None:
         self.value = reading.force
@@ -200,14 +194,6 @@ class RobotPort(TeleoperatorPort):
         """Where the operator leads the robot in an incoming channel, whether it follows or not; None for nowhere."""
         led: Vector | None = self._led[channel] if self._led else None
         return led
-
-    @property
-    def clipped(self) -> bool:
-        return self.guard.clipped or (self.tool is not None and self.tool.clipped)
-
-    @property
-    def ramping(self) -> bool:
-        return self.guard.ramping or (self.tool is not None and self.tool.ramping)
 
     def shown(self, felt: Vector) -> Vector:
         """What may be shown of a force or torque: all, once the robot is where the operator is in every channel."""
@@ -272,8 +258,10 @@ class RobotPort(TeleoperatorPort):
         super().report(row, is_led=is_led)
         applied: Any = self.applied
         row.position, row.output = self.commanded, applied
-        if self.tool is not None:
-            row.rotation_output = self.tool.applied
+        tool = self.tool
+        if tool is not None:
+            row.rotation_output = tool.applied
+            row.clipped, row.ramping = row.clipped or tool.clipped, row.ramping or tool.ramping
 
     def halt(self, now: float) -> None:
         super().halt(now)

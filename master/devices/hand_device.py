@@ -6,7 +6,7 @@ from random import Random
 from typing import TYPE_CHECKING, ClassVar
 
 from weberlink.compiled import mypyc_attr
-from weberlink.geometry.vector import ZERO, Vector, add, cube, within
+from weberlink.geometry.vector import ZERO, Vector, add, cube, norm, within
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, Quaternion, check_finite
 from weberlink.master.devices.hand import Tremor, modelled_hand
 from weberlink.master.devices.hand_options import HandDeviceOptions
@@ -86,8 +86,9 @@ class HandDevice:
             raise DeviceFault(f"{self.spec.name}: not open")
         if now <= reading.at:
             return reading
-        gap = min(now - reading.at, LONGEST_GAP)
-        count = max(1, ceil(gap / self._tick_period - 1e-6))
+        gap = now - reading.at
+        gap = gap if gap < LONGEST_GAP else LONGEST_GAP
+        count = ceil(gap / self._tick_period - 1e-6) or 1
         step = gap / count
         ended = reading.ended
         for _ in range(count):
@@ -99,15 +100,17 @@ class HandDevice:
             if self._turning is not None:
                 self._turning.advance(self._elapsed, self._torque, step)
         position, edge = self._hand.position, self._options.workspace_m
-        if not -edge <= min(position) <= max(position) <= edge:
-            x, y, z = position
+        x, y, z = position
+        if not (-edge <= x <= edge and -edge <= y <= edge and -edge <= z <= edge):
             position = (min(max(x, -edge), edge), min(max(y, -edge), edge), min(max(z, -edge), edge))
         self._reading = DeviceReading(now, position, ended, self._orientation())
         return self._reading
 
     def command(self, force: Vector, now: float) -> None:  # noqa: ARG002
-        check_finite(self.spec.name, "force", force)
-        self._felt = within(force, self.spec.force_n)
+        if not norm(force) <= self.spec.force_n:
+            check_finite(self.spec.name, "force", force)
+            force = within(force, self.spec.force_n)
+        self._felt = force
 
     def turn(self, torque: Vector, now: float) -> None:  # noqa: ARG002
         """Has no effect without a wrist."""

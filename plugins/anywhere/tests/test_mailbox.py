@@ -112,7 +112,7 @@ async def test_daemon_hears_of_a_long_refusal_and_the_finder_lives_on(side: str,
         pair = Pair(url)
         peer = pair.slave if side == "master" else pair.master
         PeerStore(tmp_path).add(peer)
-        order = FinderOrder(side, (peer.label,), str(tmp_path), url)
+        order = FinderOrder(side, (peer.label,), str(tmp_path), peer.own, url)
         with running(("weberlink_anywhere.finder", order.to_json())) as end:
             end.setblocking(True)
             received = await asyncio.to_thread(hand_over.receive, end)

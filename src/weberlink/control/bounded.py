@@ -196,14 +196,17 @@ class BoundedMaster(MasterControl):
         self._contact.normal = None
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
-        robot = self._sent.ago(self._rtt) if self._sent else position
+        robot = self._sent.ago(self._rtt) if self._sent.known else position
         self._contact.learn(surface, force, position, robot)
 
     def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, rtt: float | None) -> None:
-        (x, y, z), held = subtract(position, self._position or position), self._held
-        supplied = max(0, peer_credit - self._credit) * CREDIT_STEP
+        last, held = self._position or position, self._held
+        x, y, z = position[0] - last[0], position[1] - last[1], position[2] - last[2]
+        supplied = 0.0
+        if peer_credit > self._credit:
+            supplied = (peer_credit - self._credit) * CREDIT_STEP
+            self._credit = peer_credit
         self._account.book(held[0] * x + held[1] * y + held[2] * z, x * x + y * y + z * z, elapsed, supplied)
-        self._credit = max(self._credit, peer_credit)
         self._position, self._elapsed, self._tick = position, elapsed, tick
         if rtt is not None:
             self._rtt = rtt + self._delay
@@ -225,7 +228,7 @@ class BoundedMaster(MasterControl):
         return position
 
     def render(self, force: Vector) -> Vector:
-        if self._position is not None and self._sent:
+        if self._position is not None and self._sent.known:
             force = self._contact.at(self._position, force, self._sent.ago(self._rtt), self._tick)
         self._stated = force
         size, contact = hypot(force[0], force[1], force[2]), self._contact

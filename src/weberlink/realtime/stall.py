@@ -48,7 +48,7 @@ class StallDetector:
         self.settling = self._ticks_to_settle > 0
         if self.settling:
             self._ticks_to_settle -= 1
-        self.step = min(elapsed, self._longest_step)
+        self.step = elapsed if elapsed < self._longest_step else self._longest_step
         return elapsed
 
 
