@@ -10,6 +10,7 @@ This module and `weberlink.protocol.noise` load `cryptography`; they are importe
   salt for the direction and the full sequence number (8 bytes), which never repeats under a key.
 """
 
+import os
 from collections.abc import Iterable
 from hmac import digest
 from typing import ClassVar, Final
@@ -29,6 +30,15 @@ SECRET_BYTES: Final = 32
 _CCM_KEY: Final = 16
 _SALT: Final = 5
 _TAG: Final = 8
+_copies: Final = [0]
+"""How often this process was copied since its beginning: a copy would seal other datagrams under the same numbers."""
+
+
+def _on_copied() -> None:
+    _copies[0] += 1
+
+
+os.register_at_fork(after_in_child=_on_copied)
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -115,8 +125,12 @@ class CcmCipher:
         self._encrypt, self._decrypt = cipher.encrypt, cipher.decrypt
         self._salt = material[_CCM_KEY:]
         self._secret = secret
+        self._copies = _copies[0]
 
     def seal(self, sequence: int, clear: bytes) -> bytes:
+        """Raises RuntimeError in a copy of the process that made the keys."""
+        if self._copies != _copies[0]:
+            raise RuntimeError("a copied process cannot go on with the session of another one; begin a new session")
         head = clear[:CLEAR_BYTES]
         return head + self._encrypt(self._salt + sequence.to_bytes(8, "little"), clear[CLEAR_BYTES:], head)
 
@@ -128,7 +142,9 @@ class CcmCipher:
             return None
 
     def next(self) -> "CcmCipher":
-        return CcmCipher(_expand(self._secret, b"weberlink key update", SECRET_BYTES))
+        made = CcmCipher(_expand(self._secret, b"weberlink key update", SECRET_BYTES))
+        made._copies = self._copies
+        return made
 
 
 def _expand(secret: bytes, info: bytes, length: int) -> bytes:

@@ -1,5 +1,6 @@
 """The contract of a security suite, on each of them, and what only the keyed ones promise."""
 
+import os
 import subprocess
 import sys
 from random import Random
@@ -43,6 +44,26 @@ def test_every_flipped_bit_and_every_other_number_direction_and_session_is_found
     sealed = sealing.seal(number, pack((number & 0xFFFF, 0, 1, 2, (None,)), Kind.PATH, bytes(8)), 0.0)
     for damaged in flipped(sealed, 1, CLEAR_BYTES):  # under the number that it then seems to have
         assert opening.open(number & ~0xFFFF | sequence_of(damaged), damaged, 0) is None
+
+
+def test_a_copied_process_seals_nothing_also_under_the_next_keys() -> None:
+    security = PresharedKey(KEY)
+    (sealing, _), (rekeying, _) = exchanged(security), exchanged(security)
+    rekeying.begin(0.0, 0, 1)
+    told, tells = os.pipe()
+    if (child := os.fork()) == 0:  # in which nothing of pytest may run
+        for one in (sealing, rekeying):
+            try:
+                one.seal(7, DATAGRAM, 0.0)
+            except RuntimeError:
+                os.write(tells, b"refused ")
+        os.write(tells, b"fresh" if exchanged(security)[0].seal(7, DATAGRAM, 0.0) else b"")
+        os._exit(0)
+    os.waitpid(child, 0)
+    os.close(tells)
+    assert os.read(told, 100) == b"refused refused fresh"
+    os.close(told)
+    assert sealing.seal(7, DATAGRAM, 0.0)
 
 
 @by_suite

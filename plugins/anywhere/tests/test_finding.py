@@ -142,7 +142,7 @@ def test_waiting_slave_fails_once_its_finder_has_ended(store: PeerStore) -> None
 
 @pytest.mark.usefixtures("executed")
 def test_no_process_imports_from_the_working_directory(tmp_path: Path) -> None:
-    order = FinderOrder("master", ("nobody",), str(tmp_path), NOWHERE)
+    order = FinderOrder("master", ("nobody",), str(tmp_path), "here", NOWHERE)
     with running(("weberlink_anywhere.finder", order.to_json())) as end:
         end.setblocking(True)
         received = hand_over.receive(end)

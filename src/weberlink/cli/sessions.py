@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -72,23 +72,34 @@ def slave(
     accept: Annotated[
         bool, typer.Option("--accept", help="With --invite: keep the operator's key without a question.")
     ] = False,
+    right: Annotated[
+        Literal["drive", "watch", "stop"] | None,
+        typer.Option("--right", help="With --invite: what the host that pairs may do; drive: all three."),
+    ] = None,
     peer: PeerLabel = None,
 ) -> None:
     """Run the teleoperator side."""
-    added = partial(acquainted, file, set_ or (), SLAVE, peer, pairs=invite, accept=accept)
+    added = partial(acquainted, file, set_ or (), SLAVE, peer, pairs=invite, accept=accept, right=right)
     _live("slave", file, set_, added, [SLAVE], duration, json_out, record, log)
 
 
 def acquainted(
-    path: Path, overrides: Sequence[str], side: str, label: str | None, *, pairs: bool, accept: bool = False
+    path: Path,
+    overrides: Sequence[str],
+    side: str,
+    label: str | None,
+    *,
+    pairs: bool,
+    accept: bool = False,
+    right: str | None = None,
 ) -> list[str]:
     """Overrides by which the path finder of the file meets a peer; the two hosts are paired first if `pairs`."""
-    if not pairs and label is None and not accept:
+    if not pairs and label is None and not accept and right is None:
         return []
     from weberlink.config import ConfigurationError, load  # noqa: PLC0415
 
-    if accept and not pairs:
-        raise ConfigurationError("--accept: goes with --invite")
+    if (accept or right is not None) and not pairs:
+        raise ConfigurationError(f"{'--accept' if accept else '--right'}: goes with --invite")
     asked = "--peer" if not pairs else "--join" if side == MASTER else "--invite"
     configuration = load(path, overrides, [side])
     if configuration.finder is None:
@@ -102,7 +113,8 @@ def acquainted(
             code = sys.stdin.readline().strip()
             if not code:
                 raise ConfigurationError("--join: standard input gave no code; the robot's host shows it")
-        label = configuration.finder.driver.pair(configuration, side, code, label, accept=accept)
+        pair = configuration.finder.driver.pair
+        label = pair(configuration, side, code, label, accept=accept, right=right or "drive")
         if side == SLAVE:  # which waits for all that it knows
             return []
     return [f"link.finder.peer={json.dumps(label)}"]

@@ -62,13 +62,16 @@ class PathFinder(Protocol):
         """Whether paths are found; else the two meet at the addresses of the file."""
 
     @staticmethod
-    def pair(configuration: "Configuration", side: str, code: str, label: str | None, *, accept: bool) -> str:
+    def pair(
+        configuration: "Configuration", side: str, code: str, label: str | None, *, accept: bool, right: str = "drive"
+    ) -> str:
         """Make the two hosts known to each other by a code; returns what to call the peer as `peer`.
 
         Args:
             code: that the other host shows; "" to make one and show it.
             label: what to call the peer; None for its own name.
             accept: whether the robot's host keeps the key without asking a person.
+            right: what the robot's host lets the key be good for (`weberlink.protocol.keys.Right`).
         """
 
     @staticmethod

@@ -11,6 +11,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from random import Random
 from signal import SIG_SETMASK, SIG_UNBLOCK, SIGHUP, Signals, pthread_sigmask, signal
+from socket import socket
 from time import monotonic, perf_counter, time_ns
 from traceback import format_exception, print_exception
 from types import FrameType
@@ -20,7 +21,7 @@ from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError, S
 from weberlink.config.errors import trace_of, validated
 from weberlink.config.finders import finder_of, finding
 from weberlink.config.model import DirectionFaults, split_address
-from weberlink.order import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS
+from weberlink.order import COMPLETED, EMERGENCY, FAILED, MISCONFIGURED, STOP_SIGNALS
 from weberlink.protocol.aio.udp import UdpShell, peer_address
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.protocol.events import Address
@@ -49,7 +50,7 @@ class StartError(Exception):
 
 
 class Stopped(Exception):  # noqa: N818 - an end like any other
-    """A signal came while the device or the robot was being opened; the message is the outcome."""
+    """A signal or a stop came while the device or the robot was being opened; the message is the outcome."""
 
 
 def main(text: str) -> int:
@@ -126,16 +127,17 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
         )
         # Launcher and recorder may be slow to start: the launcher removes the file when both have read it.
         stack.callback(lambda: ring.close(unlink=os.getppid() != order.parent))
+        control = ControlSocket(socket(fileno=order.control), side, link, order.ordered_at)
         try:
-            with _interruptible():
+            with _interruptible(), control.opening(Stopped):
                 side.open(monotonic())
         except side.port.fault as fault:
             raise StartError(str(fault)) from fault
         except Stopped as stopped:
             side.close()
-            return failure(str(stopped)) | {"failed": False, "realtime": grants.as_dict()}
+            return failure(str(stopped)) | {"failed": str(stopped) == EMERGENCY, "realtime": grants.as_dict()}
         stack.callback(side.close)
-        transport: Transport = WithControlSocket(udp, ControlSocket(order.ring, side, link))
+        transport: Transport = WithControlSocket(udp, control)
         if order.side == SLAVE and (watch := key_watch(configuration, finder, met.security, side.endpoint)) is not None:
             transport = WithControlSocket(transport, watch)
         ran = TickLoop(

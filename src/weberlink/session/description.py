@@ -7,9 +7,10 @@ the side knows of its peer and of the paths to it. It is written before the ring
 import json
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import mkstemp
+from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from weberlink.bounded_json import parse
@@ -40,6 +41,8 @@ class DaemonOrder(Order):
         ring: where to write telemetry.
         duration_s: length of the run; None to run until it is stopped.
         take_over: whether a master replaces another one that the slave serves.
+        control: descriptor of the control socket, which the daemon inherits.
+        ordered_at: when the run was ordered, on `time.monotonic` [s]: an earlier stop does not concern it.
     """
 
     side: str
@@ -48,6 +51,8 @@ class DaemonOrder(Order):
     ring: str
     duration_s: float | None = None
     take_over: bool = False
+    control: int = -1
+    ordered_at: float = field(default_factory=monotonic)
 
 
 def failure(outcome: str, trace: Sequence[str] = ()) -> dict[str, Any]:

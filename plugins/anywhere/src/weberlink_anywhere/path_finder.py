@@ -68,10 +68,12 @@ class Anywhere:
 
     def order(self, *, take_over: bool) -> FinderOrder:
         """What the process that finds paths is to do."""
+        asked_for = self._options.peer
         asked = self._options.model_dump(mode="json", exclude={"peer", "peer_store", "path"})
-        peers = tuple(peer.label for peer in self.peers)
+        peers = () if self._side == SLAVE and asked_for is None else tuple(peer.label for peer in self.peers)
         asked |= {"mailbox": asked["mailbox"] or "", "interfaces": self._options.interfaces}
-        return FinderOrder(self._side, peers, str(self._store.folder), dscp=self._dscp, take_over=take_over, **asked)
+        asked |= {"store": str(self._store.folder), "own": self.own, "dscp": self._dscp, "take_over": take_over}
+        return FinderOrder(self._side, peers, **asked)
 
     def process(self, *, take_over: bool) -> Sequence[str]:
         return "weberlink_anywhere.finder", self.order(take_over=take_over).to_json()
@@ -86,10 +88,12 @@ class Anywhere:
         return options.path == "ice"
 
     @staticmethod
-    def pair(configuration: Configuration, side: str, code: str, label: str | None, *, accept: bool) -> str:
+    def pair(
+        configuration: Configuration, side: str, code: str, label: str | None, *, accept: bool, right: str = "drive"
+    ) -> str:
         from weberlink_anywhere.pair import pair  # noqa: PLC0415 - for two options of the command line
 
-        return pair(configuration, side, code, label, accept=accept)
+        return pair(configuration, side, code, label, accept=accept, right=right)
 
     @staticmethod
     def examine(options: AnywhereOptions) -> tuple[Any, Sequence[Any]]:

@@ -6,8 +6,8 @@ A file `NAME.json` holds the fields of `Peer` and the key. NAME is what this use
 import json
 import os
 from collections.abc import Iterator
-from contextlib import suppress
-from dataclasses import asdict, dataclass
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import mkstemp
 from typing import Literal
@@ -116,24 +116,43 @@ class PeerStore:
             PeerError: one of this label is known, or the folder cannot be written.
         """
         path = self._path(peer.label)
-        text = json.dumps({**asdict(peer), "label": None, "key": peer.key.hex()})
-        draft: Path | None = None
         try:
             self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-            descriptor, name = mkstemp(prefix=".", dir=self.folder)  # mode 0600
-            draft = Path(name)
-            with os.fdopen(descriptor, "w", encoding="ascii") as file:
-                file.write(text)
-            path.hardlink_to(draft)  # fails where there is one, so that no key is overwritten
+            with self._draft(peer) as draft:
+                path.hardlink_to(draft)  # fails where there is one, so that no key is overwritten
         except FileExistsError:
             raise PeerError(
                 f"{peer.label} is known already; remove it first: weberlink peer {peer.label} --remove"
             ) from None
         except OSError as problem:
             raise PeerError(f"{path} cannot be written: {problem.strerror}") from None
+
+    @contextmanager
+    def _draft(self, peer: Peer) -> Iterator[Path]:
+        """The file of a peer under a name of its own, which is gone afterwards."""
+        descriptor, name = mkstemp(prefix=".", dir=self.folder)  # mode 0600
+        try:
+            with os.fdopen(descriptor, "w", encoding="ascii") as file:
+                file.write(json.dumps({**asdict(peer), "label": None, "key": peer.key.hex()}))
+            yield Path(name)
         finally:
-            if draft is not None:
-                draft.unlink(missing_ok=True)
+            Path(name).unlink(missing_ok=True)
+
+    def allow(self, label: str, right: Right) -> None:
+        """Let the key of a peer be good for something else.
+
+        Raises:
+            PeerError: there is no such peer, or it is a robot, whose own host keeps that.
+        """
+        peer = self.find(label)
+        if peer.role == "slave":
+            raise PeerError(f"{label} is a robot: what this host may do there is for its own host to say")
+        path = self._path(label)
+        try:
+            with self._draft(replace(peer, right=right)) as draft:
+                draft.replace(path)
+        except OSError as problem:
+            raise PeerError(f"{path} cannot be written: {problem.strerror}") from None
 
     def rename(self, label: str, new: str) -> None:
         """Call a peer by another label.
