@@ -4,7 +4,7 @@ It engages without a jump, bounds speed, place and contact, and stops the robot 
 """
 
 from collections.abc import Callable, Sequence
-from math import hypot, inf, isfinite
+from math import hypot, inf
 from typing import Any
 
 from weberlink.compiled import mypyc_attr
@@ -401,7 +401,7 @@ class Guard(Follower):
             force: of the environment on the robot.
             step: time since the last tick [s].
         """
-        if not isfinite(hypot(*commanded)):
+        if not hypot(*commanded) < inf:
             return self.hold(step)
         bounded: Joints = ()
         held, presses = self.held, self._presses

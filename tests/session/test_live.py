@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.program import ENGAGED, PATIENT, Program, Records, document, faults_of
+from tests.program import ENGAGED, PATIENT, Program, Records, document, faults_of, weberlink
 from tests.session.systems import configuration
 from tests.strangers import as_stranger, read_file
 from tests.terminals import WIDTH, on_terminal
@@ -254,13 +254,15 @@ def test_stopped_daemons_go_on_softly_and_hear_their_peer() -> None:
     assert np.diff(felt[first : first + 50]).max() <= 2.0 * LIMIT * 1e-3 / RAMP + 0.5  # a late tick counts as two
 
 
-def test_an_emergency_from_another_process_ends_force_and_motion_at_once() -> None:
+def test_a_stop_from_another_process_ends_force_and_motion_at_once_also_where_the_directory_was_emptied() -> None:
     with Program("loopback", *sets("control.scheme=none"), *PATIENT) as program:
         master, slave = program.engaged("master"), program.engaged("slave")
         until(lambda: sizes(master.records)[-1] > 1.0, "contact")
-        told = ask(default_path(f"{program.pid}-master"), {"emergency": True}, PATIENCE)
+        for path in default_path("any").parent.glob(f"weberlink-{program.pid}-*"):
+            path.unlink()
+        told = weberlink("stop", program.pid)
         status, _, errors = program.finish()
-        assert (told["accepted"], status, errors) == (True, 1, "")
+        assert (told, status, errors) == ((0, f"stopped: {program.pid}\n", ""), 1, "")
         assert not master.records["output"][-1].any()
         held = slave.records["output"]
-        assert (held[-1] == held[-20:]).all()
+        assert (held[-1] == held[-2]).all()

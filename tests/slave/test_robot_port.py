@@ -101,7 +101,7 @@ class Following:
         """Follows, and shows all that it feels."""
         for _ in range(10_000):
             self.tick(place, turn)
-            if not self.port.ramping:
+            if not self.row().ramping:
                 return self
         raise AssertionError("it never arrived")
 
@@ -162,7 +162,7 @@ def test_force_and_torque_fade_in_once_the_robot_is_there_in_every_channel() -> 
     assert max(b[0] - a[0] for a, b in pairwise(shown)) <= 2.0 * TICK / RAMP * 1.05
     assert shown[-1] == pytest.approx((2.0, 0.1))
     assert following.torque.sample()[1:] == (turn, inf)
-    assert not following.port.ramping
+    assert not following.row().ramping
 
 
 def test_a_force_above_the_limit_trips_once_and_hand_and_tool_hold() -> None:
@@ -258,10 +258,10 @@ def test_it_is_a_port_and_its_record_says_what_it_did() -> None:
     assert (row.position, row.output) == ((9.0, 0.0, 0.0), following.port.applied)
     assert row.clipped
     assert row.rotation_output == pytest.approx((0.0, 0.0, 0.3))
-    assert following.row().ramping is following.port.ramping is False
+    assert following.row().ramping is False
     assert following.row(is_led=False).ramping == RELEASED
     following.tick(following.port.applied, (0.0, 0.0, 2.0))
-    assert following.port.clipped, "the tool is limited"
+    assert following.row().clipped, "the tool is limited"
     shown = following.port.shown(UP)
     following.port.halt(following.now)
     assert following.robot.turns[-1] == following.robot.turns[-2]

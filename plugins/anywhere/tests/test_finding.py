@@ -64,7 +64,7 @@ def test_slave_waits_for_all_operators_or_for_one(store: PeerStore) -> None:
     with pytest.raises(ConfigurationError, match="ann, bob know this host by different names: here, here:47001"):
         met(store, SLAVE)
     found = met(store, SLAVE, "peer=bob")
-    assert (found.own, found.expects) == ("here:47001", "bob's own name")
+    assert (found.own, found.expects) == ("here:47001", "")
     store.remove("bob")
     store.add(peer("bob", "master"))
     found = met(store, SLAVE)
@@ -142,7 +142,7 @@ def test_waiting_slave_fails_once_its_finder_has_ended(store: PeerStore) -> None
 
 @pytest.mark.usefixtures("executed")
 def test_no_process_imports_from_the_working_directory(tmp_path: Path) -> None:
-    order = FinderOrder("master", ("nobody",), str(tmp_path), NOWHERE)
+    order = FinderOrder("master", ("nobody",), str(tmp_path), "here", NOWHERE)
     with running(("weberlink_anywhere.finder", order.to_json())) as end:
         end.setblocking(True)
         received = hand_over.receive(end)

@@ -71,6 +71,7 @@ async def flooding(message: str) -> AsyncIterator[str]:
         with suppress(ConnectionClosed):
             while True:
                 await client.send(message)
+                await asyncio.sleep(0)  # for whoever hears it in this process
 
     async with serve(flood, "127.0.0.1", 0, close_timeout=0.1) as server:
         yield f"ws://127.0.0.1:{server.sockets[0].getsockname()[1]}/v1"
@@ -111,7 +112,7 @@ async def test_daemon_hears_of_a_long_refusal_and_the_finder_lives_on(side: str,
         pair = Pair(url)
         peer = pair.slave if side == "master" else pair.master
         PeerStore(tmp_path).add(peer)
-        order = FinderOrder(side, (peer.label,), str(tmp_path), url)
+        order = FinderOrder(side, (peer.label,), str(tmp_path), peer.own, url)
         with running(("weberlink_anywhere.finder", order.to_json())) as end:
             end.setblocking(True)
             received = await asyncio.to_thread(hand_over.receive, end)

@@ -76,13 +76,13 @@ async def find(order: FinderOrder, end: socket) -> None:
     daemon = DaemonEnd(end)
     try:
         store = PeerStore(Path(order.store))
-        peers = [store.find(label) for label in order.peers]
-        paths = Paths(order, ServerNames(order, peers[0].own), daemon.tell)
+        paths = Paths(order, ServerNames(order, order.own), daemon.tell)
         policy: Policy
         if order.side == "master":
-            policy = MasterFinder(order, peers[0], Caller(peers[0], order.mailbox), paths)
+            peer = store.find(*order.peers)
+            policy = MasterFinder(order, peer, Caller(peer, order.mailbox), paths)
         else:
-            policy = SlaveFinder(order, peers, paths)
+            policy = SlaveFinder(order, store, paths)
     except (PeerError, KeyFileError) as problem:
         daemon.tell(hand_over.PathNews.of(order.peers[0] if order.peers else "", str(problem), True))
         return

@@ -24,8 +24,7 @@ from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.kdf.hkdf import HKDF
 
 from weberlink.bounded_json import parse
-from weberlink.protocol.handshake import check_name
-from weberlink.protocol.keys import KEY_BYTES
+from weberlink.protocol.keys import KEY_BYTES, check_name
 from weberlink.text import one_line
 
 VERSION = 2

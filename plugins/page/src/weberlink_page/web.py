@@ -14,6 +14,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from weberlink.watching.control import refusal
 from weberlink_page import access
+from weberlink_page.front import Crowd
 from weberlink_page.requests import LONGEST_MESSAGE, URGENT
 from weberlink_page.viewer import Viewer, to_json
 from weberlink_page.watch import SessionWatcher
@@ -28,6 +29,8 @@ MOST_PAGES = 16
 """Pages with the token; nobody without it can take their places."""
 MOST_GUESTS = 12
 """Pages without it, which only look."""
+MOST_UNPROVEN = 64
+"""Connections without it, those of guests among them."""
 HEARTBEAT_S = 20.0
 GOODBYE_S = 0.5
 """How long a page may take to close its WebSocket."""
@@ -35,17 +38,21 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class Site:
-    """Routes of the web server and their limits. The emergency stop is a request to `weberlink_page.listener`.
+    """Routes of the web server and their limits. The emergency stop is a request to `weberlink_page.front`.
 
     Args:
         watch: sessions to show.
         allowed: names in the Host header, see `access.names`.
         exposition: makes the text for Prometheus, and its content type.
+
+    Attributes:
+        unproven: connections that have not shown the key.
     """
 
     def __init__(
         self, watch: SessionWatcher, allowed: Collection[str] | None, exposition: Callable[[], tuple[bytes, str]]
     ) -> None:
+        self.unproven = Crowd[asyncio.Transport](MOST_UNPROVEN)
         self._watch = watch
         self._allowed = allowed
         self._exposition = exposition
@@ -73,7 +80,7 @@ class Site:
             response = _error(error.status, error.reason)
         if not response.prepared:
             response.headers.update(access.HEADERS)
-            response.force_close()  # the next request may be the emergency stop, see the listener
+            response.force_close()  # the next request may be the emergency stop, see the front
         return response
 
     async def _index(self, _request: web.Request) -> web.StreamResponse:
@@ -92,6 +99,8 @@ class Site:
         if request.transport is None or self._pages[may_change] >= (MOST_PAGES if may_change else MOST_GUESTS):
             raise web.HTTPServiceUnavailable
         self._pages[may_change] += 1
+        if may_change:
+            self.unproven.remove(request.transport)
         socket = web.WebSocketResponse(
             max_msg_size=LONGEST_MESSAGE, heartbeat=HEARTBEAT_S, compress=False, autoping=False
         )
