@@ -133,7 +133,8 @@ def test_after_any_interruption_the_robot_holds_and_the_next_command_is_approach
     for _ in range(ticks):
         assert following.tick(None, None, engaged=interruption != "idle") == (0.0105, 0.0, 0.0)
     assert ticks == 0 or port.shown(UP) == ZERO
-    assert following.tick((0.09, 0.0, 0.0))[0] == pytest.approx(0.0105 + APPROACH * TICK)
+    assert following.tick((0.09, 0.0, 0.0), (0.0, 0.0, 1.0))[0] == pytest.approx(0.0105 + APPROACH * TICK)
+    assert angle_between(IDENTITY, following.robot.turns[-1]) == pytest.approx(TURN_APPROACH * TICK)
 
 
 def test_the_control_is_told_what_is_encoded_and_gives_its_credit() -> None:
