@@ -44,6 +44,7 @@ AT_ONCE = frozenset({"emergency", "stop", "delay_ms", "jitter_ms", "loss"})
 """Requests that concern one side alone, and are done when they are answered."""
 NO_EMULATION = "this session emulates no link: add emulate: {} under link in its file"
 IS_NEWER = "this run was ordered after that stop"
+IS_STOPPED = "this run is over by an emergency stop"
 NOT_A_MOMENT = "emergency must be the moment of the command [s], as of time.monotonic"
 _OPENING = "its device or robot is being opened; ask again"
 _NAME = re.compile(r"weberlink-(\d+)-[a-z]+\.ask")
@@ -187,6 +188,7 @@ class ControlSocket:
         self._side: Side | _Opening = side
         self._link = link
         self._ordered_at = ordered_at
+        self._is_stopped = False
         self._loop: asyncio.AbstractEventLoop | None = None
         self._waiting: str | bytes | None = None
         """Who waits for the answer of the peer; there is one at most, because there is one change at a time."""
@@ -267,17 +269,21 @@ class ControlSocket:
         now = monotonic()
         if "emergency" in request:  # first, and whatever else is asked for
             return self._emergency(request["emergency"], now)
+        if self._is_stopped:
+            return IS_STOPPED
         if "stop" in request:
-            reason = request["stop"]
-            if len(request) > 1:
-                return "ask for stop alone"
-            if not (isinstance(reason, str) and 0 < len(reason) <= LONGEST_REASON and reason.isprintable()):
-                return f"stop must be the outcome in words, 1 to {LONGEST_REASON} printable characters"
-            self._side.stop(now, reason)
-        elif set(request).isdisjoint(AT_ONCE):
+            return self._stop(request, now)
+        if set(request).isdisjoint(AT_ONCE):
             return self._side.propose(request, now)
-        else:
-            return NO_EMULATION if self._link is None else self._link.change(request)
+        return NO_EMULATION if self._link is None else self._link.change(request)
+
+    def _stop(self, request: dict[str, object], now: float) -> str | None:
+        reason = request["stop"]
+        if len(request) > 1:
+            return "ask for stop alone"
+        if not (isinstance(reason, str) and 0 < len(reason) <= LONGEST_REASON and reason.isprintable()):
+            return f"stop must be the outcome in words, 1 to {LONGEST_REASON} printable characters"
+        self._side.stop(now, reason)
         return None
 
     def _emergency(self, at: object, now: float) -> str | None:
@@ -285,6 +291,7 @@ class ControlSocket:
             return NOT_A_MOMENT
         if at < self._ordered_at:
             return IS_NEWER
+        self._is_stopped = True
         self._side.emergency(now)
         return None
 
