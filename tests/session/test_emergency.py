@@ -4,8 +4,10 @@ import json
 import os
 import socket
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import Timer
 from time import monotonic, sleep
 from typing import Any, cast
@@ -13,9 +15,10 @@ from typing import Any, cast
 import pytest
 
 from tests.session.test_control_socket import ORDERED_AT, Unchanging, daemon
+from tests.strangers import as_stranger, needs_root
 from tests.wait import PATIENCE, until
 from weberlink.order import EMERGENCY
-from weberlink.session.control_socket import ControlSocket, ask, path_beside, reserved
+from weberlink.session.control_socket import ControlSocket, ask, control_sockets, path_beside, reserved
 from weberlink.session.daemon import Stopped
 from weberlink.session.emergency import FIND_S, NO_SESSION, EmergencyStop, Scope
 
@@ -69,6 +72,34 @@ def test_a_daemon_is_reached_when_its_directory_was_emptied(tmp_path: Path) -> N
         assert finish(stop) == {"accepted": True, "sessions": [name]}
     os.close(held)
     assert set(side.stops) == {"emergency"}
+
+
+def squat_sockets(folder: Path, names: list[str], ready: int, over: int) -> None:
+    held = []
+    for number in range(50):
+        (folder / str(number)).mkdir()
+        for name in names:
+            held.append(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM))
+            held[-1].bind(str(folder / str(number) / name))
+    os.write(ready, b"x")
+    os.read(over, 1)
+
+
+@needs_root
+def test_sockets_that_another_user_calls_so_are_not_asked(tmp_path: Path) -> None:
+    names = [f"weberlink-{session}-slave.ask" for session in (os.getpid(), FIRST)]
+    (is_ready, ready), (over, end) = os.pipe(), os.pipe()
+    with TemporaryDirectory() as folder, daemon(ring_of(tmp_path, FIRST)), ThreadPoolExecutor() as pool:
+        Path(folder).chmod(0o1777)
+        squatted = pool.submit(as_stranger, squat_sockets, Path(folder), names, ready, over)
+        os.read(is_ready, 1)
+        found = control_sockets()
+        os.write(end, b"x")
+        squatted.result()
+    for each in (is_ready, ready, over, end):
+        os.close(each)
+    assert path_beside(ring_of(tmp_path, FIRST)) in found
+    assert not [path for path in found if path.is_relative_to(folder)]
 
 
 def test_a_stop_is_repeated_until_it_is_acknowledged_or_the_side_has_ended(tmp_path: Path) -> None:
