@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from select import select
-from socket import AF_UNIX, send_fds, socket
+from socket import AF_UNIX, SOCK_DGRAM, send_fds, socket
 from time import monotonic, monotonic_ns, sleep
 from types import SimpleNamespace
 from typing import Any
@@ -126,16 +126,18 @@ class Service:
 
 @contextmanager
 def serving(folder: Path) -> Iterator[Service]:
-    """A service with its runtime directory."""
-    command = isolated_python(guardian_process.__file__, "serve", str(folder / "socket"))
-    environment = {**os.environ, "RUNTIME_DIRECTORY": str(folder)}
-    with subprocess.Popen(command, env=environment, text=True, stderr=subprocess.PIPE) as process:
-        service = Service(process, folder)
-        try:
-            until(service.socket.exists, "the service")
-            yield service
-        finally:
-            process.terminate()
+    """A service with its runtime directory, as a unit of systemd has it."""
+    with socket(AF_UNIX, SOCK_DGRAM) as manager:
+        manager.bind(str(folder / "notify"))
+        manager.settimeout(PATIENCE)
+        command = (sys.executable, "-m", "weberlink", "guardian", str(folder / "socket"))
+        told = {"RUNTIME_DIRECTORY": str(folder), "NOTIFY_SOCKET": str(folder / "notify")}
+        with subprocess.Popen(command, env={**os.environ, **told}, text=True, stderr=subprocess.PIPE) as process:
+            try:
+                assert manager.recv(100) == b"READY=1"
+                yield Service(process, folder)
+            finally:
+                process.terminate()
 
 
 @pytest.fixture(scope="module")
