@@ -388,10 +388,10 @@ def test_where_all_were_killed_the_end_of_the_unit_writes_the_zero(
         for pid in (process.pid, killed.process.pid, guard):
             os.kill(pid, signal.SIGKILL)
         process.wait()
-        left = b""
+        left = FORCE
         while select((near,), (), (), WHILE_S)[0]:
             left += os.read(near, 1000)
-        assert ZERO not in left, "nobody was left to write it"
+        assert left.endswith(FORCE), "nobody was left to write a zero"
         done = subprocess.run((sys.executable, *TAKE_OFF, str(tmp_path)), check=True, capture_output=True, text=True)
         read_until(near, ZERO)
         assert "takes the force off" in done.stderr
@@ -405,6 +405,10 @@ def test_a_client_with_another_clock_is_refused(service: Service) -> None:
             client.connect(str(service.socket))
             send_fds(client, [HELLO.pack(monotonic_ns() + ahead)], [0])
             assert client.recv(1000) == OTHER_CLOCK
+
+
+def test_the_socket_is_for_user_and_group_alone(service: Service) -> None:
+    assert service.socket.stat().st_mode & 0o777 == 0o660
 
 
 def test_who_says_nothing_of_use_is_left_and_the_service_goes_on(service: Service) -> None:
