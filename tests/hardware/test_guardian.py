@@ -21,6 +21,7 @@ from typing import Any
 
 import pytest
 
+from conftest import may_use_fifo
 from tests.confined import NAMESPACE, control_group, namespaces
 from tests.hardware import pushing_client
 from tests.hardware.helpers import descriptors
@@ -542,3 +543,21 @@ def test_what_the_device_has_not_taken_makes_room_for_the_message(monkeypatch: p
     monkeypatch.setattr(guardian_process, "termios", flush)
     guardian_process.write(5, ZERO)
     assert done == [(5, ZERO), 5, (5, ZERO)]
+
+
+GO_FIRST = """
+import os
+from weberlink.hardware.guardian_process import _go_first
+for policy, priority in ((os.SCHED_FIFO, 20), (os.SCHED_RR, 30), (os.SCHED_FIFO, 99), (os.SCHED_OTHER, 0)):
+    os.sched_setscheduler(0, policy, os.sched_param(priority))
+    _go_first()
+    print(os.sched_getscheduler(0) == os.SCHED_FIFO, os.sched_getparam(0).sched_priority, os.nice(0))
+"""
+
+
+@pytest.mark.skipif(os.geteuid() != 0 or not may_use_fifo(), reason="needs root and the right to SCHED_FIFO")
+def test_it_goes_before_its_client() -> None:
+    told = subprocess.run([sys.executable, "-c", GO_FIRST], capture_output=True, text=True, check=True, cwd=ROOT).stdout
+    real_time, normal = told.splitlines()[:3], told.splitlines()[3]
+    assert [line.rpartition(" ")[0] for line in real_time] == ["True 21", "True 31", "True 99"]
+    assert normal == "False 0 -10"
