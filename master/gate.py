@@ -87,10 +87,11 @@ class ContactLimiter:
         patience = self._longest if round_trip is None or round_trip > self._longest else round_trip
         patience += PATIENCE
         if asked > self.free:
-            self.lasted = min(self.lasted + elapsed, stated, patience + FADE + GRACE)
+            lasted = min(self.lasted + elapsed, patience + FADE + GRACE)
         else:
-            self.lasted = min(max(0.0, self.lasted - elapsed), stated)
-        left = patience - self.lasted + claimed
+            lasted = max(0.0, self.lasted - elapsed)
+        self.lasted = lasted = lasted if lasted < stated else stated
+        left = patience - lasted + claimed
         self.doubtful = left < FALL
         if not self.doubtful:
             self.unfounded = False
@@ -102,7 +103,7 @@ class ContactLimiter:
                 allowed = self._free * max(0.0, 1.0 + left / FADE)
                 self.unfounded = self.unfounded or -left >= GRACE
             self._bound = max(allowed, min(self._bound, self._most) - self._most * elapsed / FALL)
-        self.quiet = self._bound == inf and self.lasted == 0.0
+        self.quiet = self._bound == inf and lasted == 0.0
         return self._bound
 
 
@@ -290,9 +291,13 @@ class OutputGate:
     Attributes:
         gain: the share, 0 to 1; without a jump, but for `close`.
         ramping: whether the beginning or the end of a session reduces the force; False for silence.
+        held_back: whether a slew limit held something back since the last `fade`.
+        clipped: whether something was longer than its limit since then.
     """
 
-    __slots__ = ("_fade_from", "_kept", "_was_open", "bounds", "gain", "ramp", "ramping", "silence")
+    __slots__ = (
+        "_fade_from", "_kept", "_was_open", "bounds", "clipped", "gain", "held_back", "ramp", "ramping", "silence",
+    )  # fmt: skip
 
     def __init__(self, bounds: Sequence[Bound], *, ramp: float, silence: float, fade_share: float) -> None:
         self.bounds = bounds
@@ -300,7 +305,7 @@ class OutputGate:
         self.silence = silence
         self._fade_from = fade_share * silence
         self.gain, self._kept = 0.0, 1.0
-        self._was_open = False
+        self._was_open = self.held_back = self.clipped = False
         self.ramping = True
 
     def close(self) -> None:
@@ -317,6 +322,7 @@ class OutputGate:
             age: how long the ends have been out of touch [s].
             step: time since the last tick [s].
         """
+        self.held_back = self.clipped = False
         before, self._kept = self.gain, 1.0
         self._was_open = before > 0.0
         if engaged and before == 1.0 and age <= self._fade_from:
@@ -348,16 +354,17 @@ class OutputGate:
             and not (contact.limiter.quiet and bound.asked <= contact.limiter.free)
         ):
             most = contact.bound(bound.asked, decoded, step)
-        if gain == 1.0 == kept and most == inf:
-            return approach.advance(goal, step)
         # Fade and contact take away at once, of what is wanted and of what left last; the slew limit is for the rest.
-        held = tuple([value * kept for value in approach.held])
-        goal = tuple([value * gain for value in goal])
-        if most < inf:
-            goal, held = bound.within(goal, most), bound.within(held, most)
+        faded: Joints | None = None
+        if kept != 1.0 or most < inf:
+            faded = tuple([value * kept for value in approach.held])
+        if gain != 1.0 or most < inf:
+            goal, approach.arrived = tuple([value * gain for value in goal]), False
+        if most < inf and faded is not None:
+            goal, faded = bound.within(goal, most), bound.within(faded, most)
+        output = approach.advance(goal, step, faded)
         if gain != 1.0 or most < inf:
             approach.arrived = False
-        moved = approach.advance(goal, step, held if kept != 1.0 or most < inf else None)
-        if gain != 1.0 or most < inf:
-            approach.arrived = False
-        return moved
+        self.held_back = self.held_back or approach.held_back
+        self.clipped = self.clipped or bound.clipped
+        return output

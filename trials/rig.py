@@ -59,7 +59,7 @@ class Ring(Telemetry):
         """What is new since the last call, and is not kept."""
         self._read()
         with self._one_at_a_time:
-            taken, self._records = self._records, NOTHING
+            taken, self._count = self._buffer[: self._count].copy(), 0
         return taken
 
     @property

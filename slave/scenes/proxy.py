@@ -166,21 +166,22 @@ class Proxy:
         if not touching:
             return target, ()
         x, y, z = target[0] - here[0], target[1] - here[1], target[2] - here[2]
+        planes = self._shapes[touching[0]].linearise(here)
+        if len(planes) == len(touching) == 1:
+            ((gap, n),) = planes
+            depth = -(n[0] * x + n[1] * y + n[2] * z + gap)
+            if depth <= 0.0:
+                return target, ()
+            self.parts = ((touching[0], depth, n),)
+            return (target[0] + depth * n[0], target[1] + depth * n[1], target[2] + depth * n[2]), self.parts
         owners: list[int] = []
         violations: list[float] = []
         normals: list[Vector] = []
         for index in touching:
-            for gap, n in self._shapes[index].linearise(here):
+            for gap, n in planes if index == touching[0] else self._shapes[index].linearise(here):
                 owners.append(index)
                 violations.append(-(n[0] * x + n[1] * y + n[2] * z + gap))
                 normals.append(n)
-        if len(owners) == 1:
-            if violations[0] <= 0.0:
-                return target, ()
-            depth, n = violations[0], normals[0]
-            goal = (target[0] + depth * n[0], target[1] + depth * n[1], target[2] + depth * n[2])
-            self.parts = ((owners[0], depth, n),)
-            return goal, self.parts
         pushes = smallest_push(violations, normals)
         x, y, z = displacement(pushes, normals)
         goal = (target[0] + x, target[1] + y, target[2] + z)

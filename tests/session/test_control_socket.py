@@ -21,7 +21,7 @@ from weberlink.config.model import DirectionFaults
 from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.session import description
-from weberlink.session.control_socket import ControlSocket, ask, path_beside
+from weberlink.session.control_socket import IS_STOPPED, ControlSocket, ask, path_beside
 from weberlink.session.daemon import STOP_SLACK_S, LiveLink, stop_limit_s
 from weberlink.session.launcher import STOP_LIMIT_S
 from weberlink.telemetry.runtime_directory import listening_socket
@@ -115,6 +115,15 @@ def test_a_request_is_done_or_refused_with_a_reason(
         assert (answer["accepted"], side.stops) == (accepted, stops or [])
         assert answer["link"] == (None if link is None else FILE | (request_ if accepted else {}))
         assert accepted or answer["why"]
+
+
+@pytest.mark.parametrize("request_", [{"weber": 0.2}, {"delay_ms": 20}, {"stop": "enough"}])
+def test_nothing_is_done_after_an_emergency_stop(tmp_path: Path, request_: dict[str, Any]) -> None:
+    faults = DirectionFaults()
+    with daemon(tmp_path / "x.ring", LiveLink(faults, EmulatedLink(faults.emulation(), lambda: 0.5, 0.0))) as side:
+        assert ask(tmp_path / "x.ring", {"emergency": ORDERED_AT}, PATIENCE)["accepted"]
+        told = ask(tmp_path / "x.ring", request_, PATIENCE)
+        assert (told["accepted"], told["why"], side.stops) == (False, IS_STOPPED, ["emergency"])
 
 
 @pytest.mark.parametrize("fixed", ["fixed by the file", ""])

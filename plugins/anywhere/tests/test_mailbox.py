@@ -71,6 +71,7 @@ async def flooding(message: str) -> AsyncIterator[str]:
         with suppress(ConnectionClosed):
             while True:
                 await client.send(message)
+                await asyncio.sleep(0)  # for whoever hears it in this process
 
     async with serve(flood, "127.0.0.1", 0, close_timeout=0.1) as server:
         yield f"ws://127.0.0.1:{server.sockets[0].getsockname()[1]}/v1"

@@ -121,7 +121,8 @@ class FeltContact:
         if n is None:
             return force
         there = force if model is None else model.at(tick, robot)
-        along, place = dot(n, there), dot(n, robot)
+        (a, b, c), (x, y, z) = n, robot
+        along, place = a * there[0] + b * there[1] + c * there[2], a * x + b * y + c * z
         if norm(there) >= LEAST_CONTACT:
             if model is not None and self._place is not None:
                 way = place - self._place
@@ -138,14 +139,14 @@ class FeltContact:
         touches = norm(force) >= LEAST_CONTACT
         if touches and self._surface is not None:
             return force
-        push = self.stiffness * (self._offset - dot(n, hand))
+        push = self.stiffness * (self._offset - (a * hand[0] + b * hand[1] + c * hand[2]))
         if push <= 0.0:
             return ZERO
         if not touches:
             return scale(n, push)
         share = min(1.0, push / along) if along > 0.0 else 0.0  # of what friction adds
         push -= share * along
-        return (share * force[0] + push * n[0], share * force[1] + push * n[1], share * force[2] + push * n[2])
+        return (share * force[0] + push * a, share * force[1] + push * b, share * force[2] + push * c)
 
 
 class BoundedMaster(MasterControl):
@@ -214,7 +215,8 @@ class BoundedMaster(MasterControl):
     def command(self, position: Vector) -> Vector:
         n, goal = self._contact.normal, ZERO
         if n is not None:
-            stated, lack = dot(n, self._stated), dot(n, subtract(self._stated, self._held))
+            (a, b, c), (x, y, z), (u, v, w) = n, self._stated, self._held
+            stated, lack = a * x + b * y + c * z, a * (x - u) + b * (y - v) + c * (z - w)
             if 0.0 < lack <= stated:  # a share of the depth: whatever the fit of the stiffness, not out of the contact
                 goal = scale(n, min(FARTHEST, lack / self.stiffness, lack / stated * self._contact.depth(position)))
         back = self._back
@@ -292,7 +294,7 @@ class BoundedSlave(SlaveControl):
             self._stored = 0.0
             return
         p, f = before
-        x, y, z = subtract(position, p)
+        x, y, z = position[0] - p[0], position[1] - p[1], position[2] - p[2]
         self._stored -= 0.5 * ((force[0] + f[0]) * x + (force[1] + f[1]) * y + (force[2] + f[2]) * z)
         if self._stored < 0.0:
             self._given -= self._stored

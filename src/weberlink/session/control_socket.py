@@ -44,6 +44,7 @@ AT_ONCE = frozenset({"emergency", "stop", "delay_ms", "jitter_ms", "loss"})
 """Requests that concern one side alone, and are done when they are answered."""
 NO_EMULATION = "this session emulates no link: add emulate: {} under link in its file"
 IS_NEWER = "this run was ordered after that stop"
+IS_STOPPED = "this run is over by an emergency stop"
 NOT_A_MOMENT = "emergency must be the moment of the command [s], as of time.monotonic"
 _OPENING = "its device or robot is being opened; ask again"
 _NAME = re.compile(r"weberlink-(\d+)-[a-z]+\.ask")
@@ -63,11 +64,25 @@ def session_of(path: Path) -> str | None:
     return None if found is None else found[1]
 
 
-def control_sockets() -> list[Path]:
-    """Those of all daemons of this host, whoever runs them, also where the files were removed."""
+def control_sockets() -> set[Path]:
+    """Those of all daemons of this user or of root on this host, also where the files were removed.
+
+    The kernel lists what everybody calls so: only a file of this user, or a descriptor in such a process, counts.
+    """
     lines = Path("/proc/self/net/unix").read_text(encoding="utf-8", errors="surrogateescape").splitlines()
-    paths = (Path(fields[7]) for line in lines if len(fields := line.split(maxsplit=7)) == 8)
-    return [path for path in paths if session_of(path) is not None]
+    listed = {Path(fields[7]) for line in lines if len(fields := line.split(maxsplit=7)) == 8}
+    named = {path: session for path in listed if (session := session_of(path)) is not None}
+    there = {path for path in named if _is_ours(path)}
+    held = {path for session in {named[path] for path in named.keys() - there} for path in _held(session)}
+    return there | (held & listed)
+
+
+def _is_ours(path: Path) -> bool:
+    try:
+        check(path, path.lstat(), stat.S_IFSOCK)
+    except OSError:
+        return False
+    return True
 
 
 @contextmanager
@@ -93,19 +108,22 @@ def connect(asker: socket.socket, path: Path) -> None:
     try:
         status = path.lstat()
     except FileNotFoundError:
-        path = _held(path)
+        path = _held(session_of(path)).get(path, path)
         status = path.stat()
     check(path, status, stat.S_IFSOCK)
     asker.connect(str(path))  # from here on the kernel takes answers of this daemon alone
 
 
-def _held(path: Path) -> Path:
-    """The descriptor of a removed socket in its launcher. Raises OSError."""
-    for each in Path(f"/proc/{session_of(path)}/fd").iterdir():
-        with suppress(OSError):  # closed meanwhile
-            if str(each.readlink()) == f"{path} (deleted)":
-                return each
-    raise FileNotFoundError(2, os.strerror(2))
+def _held(session: str | None) -> dict[Path, Path]:
+    """The removed control sockets of a session, each with the descriptor in the launcher by which it is reached."""
+    found = {}
+    with suppress(OSError):  # no such process, or that of somebody else
+        for each in Path(f"/proc/{session}/fd").iterdir():
+            with suppress(OSError):  # closed meanwhile
+                name, is_removed, _ = str(each.readlink()).partition(" (deleted)")
+                if is_removed and session_of(Path(name)) == session:
+                    found[Path(name)] = each
+    return found
 
 
 def ask(ring: str | Path, request: Mapping[str, Any], patience_s: float = 2.0) -> dict[str, Any]:
@@ -187,6 +205,7 @@ class ControlSocket:
         self._side: Side | _Opening = side
         self._link = link
         self._ordered_at = ordered_at
+        self._is_stopped = False
         self._loop: asyncio.AbstractEventLoop | None = None
         self._waiting: str | bytes | None = None
         """Who waits for the answer of the peer; there is one at most, because there is one change at a time."""
@@ -267,17 +286,21 @@ class ControlSocket:
         now = monotonic()
         if "emergency" in request:  # first, and whatever else is asked for
             return self._emergency(request["emergency"], now)
+        if self._is_stopped:
+            return IS_STOPPED
         if "stop" in request:
-            reason = request["stop"]
-            if len(request) > 1:
-                return "ask for stop alone"
-            if not (isinstance(reason, str) and 0 < len(reason) <= LONGEST_REASON and reason.isprintable()):
-                return f"stop must be the outcome in words, 1 to {LONGEST_REASON} printable characters"
-            self._side.stop(now, reason)
-        elif set(request).isdisjoint(AT_ONCE):
+            return self._stop(request, now)
+        if set(request).isdisjoint(AT_ONCE):
             return self._side.propose(request, now)
-        else:
-            return NO_EMULATION if self._link is None else self._link.change(request)
+        return NO_EMULATION if self._link is None else self._link.change(request)
+
+    def _stop(self, request: dict[str, object], now: float) -> str | None:
+        reason = request["stop"]
+        if len(request) > 1:
+            return "ask for stop alone"
+        if not (isinstance(reason, str) and 0 < len(reason) <= LONGEST_REASON and reason.isprintable()):
+            return f"stop must be the outcome in words, 1 to {LONGEST_REASON} printable characters"
+        self._side.stop(now, reason)
         return None
 
     def _emergency(self, at: object, now: float) -> str | None:
@@ -285,6 +308,7 @@ class ControlSocket:
             return NOT_A_MOMENT
         if at < self._ordered_at:
             return IS_NEWER
+        self._is_stopped = True
         self._side.emergency(now)
         return None
 

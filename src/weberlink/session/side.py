@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from weberlink.control.contract import CREDIT_STEP
 from weberlink.control.port import Port
-from weberlink.control.tuning import MARGIN_TICKS, Tuning, change_margin
+from weberlink.control.tuning import MARGIN_TICKS, LiveSettings, Tuning, change_margin
 from weberlink.geometry.vector import ZERO, norm
 from weberlink.order import EMERGENCY
 from weberlink.protocol.endpoint import Endpoint
@@ -136,7 +136,8 @@ class Side:
         self._datagrams = -1
         """Sent, received and refused, as in the row."""
         self._state: State | None = None
-        """The one in the row."""
+        """The one in the row, and so `_settings`."""
+        self._settings: LiveSettings | None = None
         endpoint.told = self.told
 
     @property
@@ -271,7 +272,6 @@ class Side:
         peer_at = endpoint.clock.peer_time(self.deadline)
         row.at = self.deadline
         row.peer_at = nan if peer_at is None else peer_at
-        row.weber = self.tuning.settings.weber
         row.tick = self.index
         row.ticks_missed = missed
         row.lateness_us = lateness_us
@@ -296,15 +296,15 @@ class Side:
             row.outgoing_loss = statistics.outgoing_loss
             row.peer_burst = statistics.incoming_burst
         known = endpoint.credit.known
-        row.energy, row.credit = (
-            port.controls[0].energy,
-            CREDIT_STEP * (known if known > self._credit else self._credit),
-        )
+        row.energy = port.controls[0].energy
+        row.credit = CREDIT_STEP * (known if known > self._credit else self._credit)
         if endpoint.state is not self._state:
             self._state = endpoint.state
             row.state = endpoint.state.value
         row.fault = self._faults.active
-        row.settings = self.tuning.generation & 0xFF
+        if self.tuning.settings is not self._settings:
+            self._settings = self.tuning.settings
+            row.weber, row.settings = self._settings.weber, self.tuning.generation & 0xFF
         port.report(row, is_led=self.engaged or self.pace.settling or endpoint.state is not _ENGAGED)
 
     def _leave(self, now: float, reason: str) -> None:
