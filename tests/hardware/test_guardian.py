@@ -14,13 +14,14 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from select import select
-from socket import AF_UNIX, send_fds, socket
+from socket import AF_UNIX, SOCK_DGRAM, send_fds, socket
 from time import monotonic, monotonic_ns, sleep
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from conftest import may_use_fifo
 from tests.confined import NAMESPACE, control_group, namespaces
 from tests.hardware import pushing_client
 from tests.hardware.helpers import descriptors
@@ -126,16 +127,18 @@ class Service:
 
 @contextmanager
 def serving(folder: Path) -> Iterator[Service]:
-    """A service with its runtime directory."""
-    command = isolated_python(guardian_process.__file__, "serve", str(folder / "socket"))
-    environment = {**os.environ, "RUNTIME_DIRECTORY": str(folder)}
-    with subprocess.Popen(command, env=environment, text=True, stderr=subprocess.PIPE) as process:
-        service = Service(process, folder)
-        try:
-            until(service.socket.exists, "the service")
-            yield service
-        finally:
-            process.terminate()
+    """A service with its runtime directory, as a unit of systemd has it."""
+    with socket(AF_UNIX, SOCK_DGRAM) as manager:
+        manager.bind(str(folder / "notify"))
+        manager.settimeout(PATIENCE)
+        command = (sys.executable, "-m", "weberlink", "guardian", str(folder / "socket"))
+        told = {"RUNTIME_DIRECTORY": str(folder), "NOTIFY_SOCKET": str(folder / "notify")}
+        with subprocess.Popen(command, env={**os.environ, **told}, text=True, stderr=subprocess.PIPE) as process:
+            try:
+                assert manager.recv(100) == b"READY=1"
+                yield Service(process, folder)
+            finally:
+                process.terminate()
 
 
 @pytest.fixture(scope="module")
@@ -386,10 +389,10 @@ def test_where_all_were_killed_the_end_of_the_unit_writes_the_zero(
         for pid in (process.pid, killed.process.pid, guard):
             os.kill(pid, signal.SIGKILL)
         process.wait()
-        left = b""
+        left = FORCE
         while select((near,), (), (), WHILE_S)[0]:
             left += os.read(near, 1000)
-        assert ZERO not in left, "nobody was left to write it"
+        assert left.endswith(FORCE), "nobody was left to write a zero"
         done = subprocess.run((sys.executable, *TAKE_OFF, str(tmp_path)), check=True, capture_output=True, text=True)
         read_until(near, ZERO)
         assert "takes the force off" in done.stderr
@@ -403,6 +406,10 @@ def test_a_client_with_another_clock_is_refused(service: Service) -> None:
             client.connect(str(service.socket))
             send_fds(client, [HELLO.pack(monotonic_ns() + ahead)], [0])
             assert client.recv(1000) == OTHER_CLOCK
+
+
+def test_the_socket_is_for_user_and_group_alone(service: Service) -> None:
+    assert service.socket.stat().st_mode & 0o777 == 0o660
 
 
 def test_who_says_nothing_of_use_is_left_and_the_service_goes_on(service: Service) -> None:
@@ -536,3 +543,21 @@ def test_what_the_device_has_not_taken_makes_room_for_the_message(monkeypatch: p
     monkeypatch.setattr(guardian_process, "termios", flush)
     guardian_process.write(5, ZERO)
     assert done == [(5, ZERO), 5, (5, ZERO)]
+
+
+GO_FIRST = """
+import os
+from weberlink.hardware.guardian_process import _go_first
+for policy, priority in ((os.SCHED_FIFO, 20), (os.SCHED_RR, 30), (os.SCHED_FIFO, 99), (os.SCHED_OTHER, 0)):
+    os.sched_setscheduler(0, policy, os.sched_param(priority))
+    _go_first()
+    print(os.sched_getscheduler(0) == os.SCHED_FIFO, os.sched_getparam(0).sched_priority, os.nice(0))
+"""
+
+
+@pytest.mark.skipif(os.geteuid() != 0 or not may_use_fifo(), reason="needs root and the right to SCHED_FIFO")
+def test_it_goes_before_its_client() -> None:
+    told = subprocess.run([sys.executable, "-c", GO_FIRST], capture_output=True, text=True, check=True, cwd=ROOT).stdout
+    real_time, normal = told.splitlines()[:3], told.splitlines()[3]
+    assert [line.rpartition(" ")[0] for line in real_time] == ["True 21", "True 31", "True 99"]
+    assert normal == "False 0 -10"

@@ -62,7 +62,7 @@ def test_a_stop_ends_the_named_session_or_all_if_it_does_not_run(
 
 
 def test_a_daemon_is_reached_when_its_directory_was_emptied(tmp_path: Path) -> None:
-    folder, name = tmp_path / "of the user", str(os.getpid())
+    folder, name = tmp_path / "u", str(os.getpid())  # a path of a socket has 107 bytes
     folder.mkdir()
     ring = ring_of(folder, name)
     with reserved(ring) as (listener, held), stopping(folder) as stop, daemon(ring, listener=listener.dup()) as side:
