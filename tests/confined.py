@@ -32,9 +32,12 @@ class ControlGroup:
         """All that is in it, at once."""
         (self._folder / "cgroup.kill").write_text("1")
 
+    def freeze(self) -> None:
+        (self._folder / "cgroup.freeze").write_text("1")
+
     @property
-    def is_empty(self) -> bool:
-        return not (self._folder / "cgroup.procs").read_text()
+    def processes(self) -> list[int]:
+        return [int(pid) for pid in (self._folder / "cgroup.procs").read_text().split()]
 
 
 @contextmanager
@@ -54,5 +57,5 @@ def control_group() -> Iterator[ControlGroup | None]:
     finally:
         with suppress(OSError):
             group.kill()
-        until(lambda: group.is_empty, "the control group to be empty")
+        until(lambda: not group.processes, "the control group to be empty")
         folder.rmdir()

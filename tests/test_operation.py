@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.hardware.test_guardian import TAKE_OFF
 from tests.program import COMMANDS, Program, document
 from weberlink.figures import wording
 from weberlink.hardware.guardian import SOCKET
@@ -24,7 +25,7 @@ ROOT = Path(__file__).parents[1]
 UNITS = ROOT / "configs" / "systemd"
 SIDES = ["weberlink-master@.service", "weberlink-slave@.service"]
 GUARDIAN = "weberlink-guardian.service"
-PROGRAM = "/opt/weberlink/bin/weberlink"
+PROGRAM, PYTHON = "/opt/weberlink/bin/weberlink", "/opt/weberlink/bin/python"
 PAGE = "\n".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs" / "operation").glob("*.md")))
 CONTAINER = (ROOT / "Containerfile").read_text(encoding="utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -73,7 +74,8 @@ def systemd_analyze(*arguments: object) -> subprocess.CompletedProcess[str]:
 def assert_accepted_and_little_exposed(unit_file: Path, folder: Path) -> None:
     """By systemd, with a program that is there."""
     path = folder / unit_file.name.replace("@", "@lan")
-    path.write_text(unit_file.read_text(encoding="utf-8").replace(PROGRAM, sys.executable), encoding="utf-8")
+    text = re.sub(rf"{PROGRAM}|{PYTHON}", sys.executable, unit_file.read_text(encoding="utf-8"))
+    path.write_text(text, encoding="utf-8")
     verified = systemd_analyze("verify", "--man=no", path)
     assert (verified.returncode, [line for line in verified.stderr.splitlines() if path.name in line]) == (0, [])
     done = systemd_analyze("security", "--offline=true", "--threshold=25", "--no-pager", path)
@@ -89,8 +91,7 @@ def test_the_guardian_outlives_the_units_that_insist_on_it() -> None:
     socket = next(each.default for each in COMMANDS["guardian"].params if each.name == "socket")
     assert str(socket) == SOCKET == f"/run/{guardian['RuntimeDirectory'][0]}/socket"
     (post,) = guardian["ExecStopPost"]
-    assert post.split() == [PROGRAM, "guardian", "--zero"]
-    assert {"--zero"} <= commands()["guardian"]
+    assert post.split() == [PYTHON, *TAKE_OFF, str(Path(SOCKET).parent)]
     assert (guardian["Type"], guardian["KillMode"], guardian["Restart"]) == (["notify"], ["control-group"], ["always"])
     for name in SIDES:
         settings = unit(UNITS / name)

@@ -203,9 +203,11 @@ class Scene:
         proxy, presses = self._proxy.follow(position)
         if presses:
             self.penetration_depth = distance(proxy, position)
-            touched = frozenset([index for index, _, _ in presses])
-            if touched != self._touched:
-                self._hold(touched)
+            same = len(presses) == len(self._touched)
+            for press in presses:
+                same = same and press[0] in self._touched
+            if not same:
+                self._hold(frozenset([index for index, _, _ in presses]))
         else:
             self.penetration_depth = 0.0
             if self._touched:

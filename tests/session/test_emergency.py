@@ -4,8 +4,10 @@ import json
 import os
 import socket
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import Timer
 from time import monotonic, sleep
 from typing import Any, cast
@@ -13,14 +15,16 @@ from typing import Any, cast
 import pytest
 
 from tests.session.test_control_socket import ORDERED_AT, Unchanging, daemon
+from tests.strangers import as_stranger, needs_root
 from tests.wait import PATIENCE, until
 from weberlink.order import EMERGENCY
-from weberlink.session.control_socket import ControlSocket, ask, path_beside, reserved
+from weberlink.session.control_socket import LONGEST_ANSWER, ControlSocket, ask, control_sockets, path_beside, reserved
 from weberlink.session.daemon import Stopped
-from weberlink.session.emergency import FIND_S, NO_SESSION, EmergencyStop, Scope
+from weberlink.session.emergency import FIND_S, NO_SESSION, REPEAT_S, EmergencyStop, Scope
 
 FIRST, SECOND = "7", "8"
 SIDES = ("master", "slave")
+LONG = b" " * LONGEST_ANSWER + b"1"
 
 
 def ring_of(folder: Path, session: str, side: str = "master") -> Path:
@@ -58,7 +62,7 @@ def test_a_stop_ends_the_named_session_or_all_if_it_does_not_run(
 
 
 def test_a_daemon_is_reached_when_its_directory_was_emptied(tmp_path: Path) -> None:
-    folder, name = tmp_path / "of the user", str(os.getpid())
+    folder, name = tmp_path / "u", str(os.getpid())  # a path of a socket has 107 bytes
     folder.mkdir()
     ring = ring_of(folder, name)
     with reserved(ring) as (listener, held), stopping(folder) as stop, daemon(ring, listener=listener.dup()) as side:
@@ -71,20 +75,52 @@ def test_a_daemon_is_reached_when_its_directory_was_emptied(tmp_path: Path) -> N
     assert set(side.stops) == {"emergency"}
 
 
+def squat_sockets(folder: Path, names: list[str], ready: int, over: int) -> None:
+    held = []
+    for number in range(50):
+        (folder / str(number)).mkdir()
+        for name in names:
+            held.append(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM))
+            held[-1].bind(str(folder / str(number) / name))
+    os.write(ready, b"x")
+    os.read(over, 1)
+
+
+@needs_root
+def test_sockets_that_another_user_calls_so_are_not_asked(tmp_path: Path) -> None:
+    names = [f"weberlink-{session}-slave.ask" for session in (os.getpid(), FIRST)]
+    (is_ready, ready), (over, end) = os.pipe(), os.pipe()
+    with TemporaryDirectory() as folder, daemon(ring_of(tmp_path, FIRST)), ThreadPoolExecutor() as pool:
+        Path(folder).chmod(0o1777)
+        squatted = pool.submit(as_stranger, squat_sockets, Path(folder), names, ready, over)
+        os.read(is_ready, 1)
+        found = control_sockets()
+        os.write(end, b"x")
+        squatted.result()
+    for each in (is_ready, ready, over, end):
+        os.close(each)
+    assert path_beside(ring_of(tmp_path, FIRST)) in found
+    assert not [path for path in found if path.is_relative_to(folder)]
+
+
 def test_a_stop_is_repeated_until_it_is_acknowledged_or_the_side_has_ended(tmp_path: Path) -> None:
-    path, refused = path_beside(ring_of(tmp_path, FIRST)), {"accepted": False, "why": "not yet"}
+    path, unreadable = path_beside(ring_of(tmp_path, FIRST)), "its answer cannot be read: "
+    answers = [(b"", "does not answer"), (b'{"accepted": false, "why": "not yet"}', "not yet"), (b"", "not yet")]
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as side, stopping(tmp_path) as stop:
         side.bind(str(path))
-        side.settimeout(PATIENCE)
-        for answer, why in ((None, "does not answer"), (refused, "not yet"), (None, "not yet"), (None, "not yet")):
-            assert not stop.advance(monotonic())
+        side.setblocking(False)
+        for number, (answer, why) in enumerate((*answers, (b"[", unreadable), (LONG, unreadable), (b"7", "7"))):
+            now = ORDERED_AT + number * REPEAT_S
+            assert not stop.advance(now)
             request, asker = side.recvfrom(100)
             assert json.loads(request) == {"emergency": ORDERED_AT}
-            if answer is not None:
-                side.sendto(json.dumps(answer).encode(), asker)
-                assert not stop.advance(monotonic())
-            assert stop.answer() == {"accepted": False, "why": f"{FIRST}-master: {why}"}
-            sleep(0.02)
+            if answer:
+                side.sendto(answer, asker)
+            assert not stop.advance(now + 0.9 * REPEAT_S)
+            with pytest.raises(BlockingIOError):
+                side.recv(100)
+            told = stop.answer()
+            assert (told["accepted"], told["why"].startswith(f"{FIRST}-master: {why}")) == (False, True)
         side.close()
         assert finish(stop) == {"accepted": True, "sessions": [FIRST]}
 

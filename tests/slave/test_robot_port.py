@@ -133,7 +133,8 @@ def test_after_any_interruption_the_robot_holds_and_the_next_command_is_approach
     for _ in range(ticks):
         assert following.tick(None, None, engaged=interruption != "idle") == (0.0105, 0.0, 0.0)
     assert ticks == 0 or port.shown(UP) == ZERO
-    assert following.tick((0.09, 0.0, 0.0))[0] == pytest.approx(0.0105 + APPROACH * TICK)
+    assert following.tick((0.09, 0.0, 0.0), (0.0, 0.0, 1.0))[0] == pytest.approx(0.0105 + APPROACH * TICK)
+    assert angle_between(IDENTITY, following.robot.turns[-1]) == pytest.approx(TURN_APPROACH * TICK)
 
 
 def test_the_control_is_told_what_is_encoded_and_gives_its_credit() -> None:
@@ -178,6 +179,8 @@ def test_a_force_above_the_limit_trips_once_and_hand_and_tool_hold() -> None:
     assert following.port.applied == pytest.approx((0.0, 0.0, TRIP_RETRACT), abs=1e-6)
     assert following.robot.turns[-1] == turned
     following.robot.force = ZERO
+    following.tick((0.0, 0.0, -0.05))
+    assert not following.port.follows, "not led out yet"
     following.tick((0.0, 0.0, 2.0 * TRIP_RETRACT))
     assert following.tick((0.0, 0.0, 2.0 * TRIP_RETRACT))
     assert following.port.follows, "led out, after the pause"
@@ -225,9 +228,10 @@ def test_after_a_pause_the_press_limit_acts_as_a_new_one() -> None:
 
 def test_after_a_stall_it_holds_with_the_force_that_it_presses_with() -> None:
     following = Following().there((0.0, 0.0, 0.02))
-    following.robot.at, following.robot.force = (0.01, 0.0, 0.0), (0.0, 0.0, 5.0)
+    following.robot.at, following.robot.force = (0.01, 0.0, 0.0), (1.0, -2.0, 5.0)
     following.port.settle(following.now)
-    assert following.tick(None, None, engaged=False) == pytest.approx((0.01, 0.0, -5.0 / COUPLING))
+    pressing = pytest.approx((0.01 - 1.0 / COUPLING, 2.0 / COUPLING, -5.0 / COUPLING))
+    assert following.tick(None, None, engaged=False) == pressing
     before = following.port.applied
     for force in ((nan, 0.0, 0.0), (inf, 0.0, 0.0)):
         following.robot.force = force

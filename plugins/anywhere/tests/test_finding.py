@@ -99,7 +99,7 @@ def test_of_several_robots_one_must_be_named(store: PeerStore) -> None:
 def test_order_holds_what_the_file_says(store: PeerStore) -> None:
     order = met(store, MASTER, "paths=2", 'interfaces=["wlan0","usb0"]').order(take_over=True)
     assert (order.side, order.peers, order.store) == (MASTER, ("arm",), str(store.folder))
-    assert (order.mailbox, order.stun) == ("ws://relay.example:4000/v1", "relay.example:3478")
+    assert (order.mailbox, order.stun) == ("wss://relay.example:4000/v1", "relay.example:3478")
     assert order.turn is not None and order.turn["server"] == "relay.example:3478"
     assert (order.turn["secret_file"], order.turn["credentials_file"]) == (str(FILE.parent / "turn.secret"), None)
     assert (order.paths, order.interfaces, order.dscp, order.take_over) == (2, ("wlan0", "usb0"), 46, True)

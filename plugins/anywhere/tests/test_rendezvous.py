@@ -1,16 +1,20 @@
 """Known peers meet at the real mailbox server, whatever it and others do."""
 
 import asyncio
+import json
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
 import pytest
 
+from plugins.anywhere.tests import certificates
 from plugins.anywhere.tests.mailbox_server import MailboxServer
 from plugins.anywhere.tests.meetings import PATHS, PATIENCE, Host, Pair, ThirdParty, in_loop, running, waiting
 from weberlink.protocol.keys import Right
-from weberlink_anywhere.order import FinderOrder
+from weberlink_anywhere.order import FinderOrder, PairingOrder
+from weberlink_anywhere.pair import start
 from weberlink_anywhere.peers import Peer, PeerStore
 from weberlink_anywhere.rendezvous import presence
 from weberlink_anywhere.signalling import Answer, Busy, MailboxUnreachable, Offer, PeerAbsent, Presence
@@ -49,6 +53,43 @@ async def test_unreachable_server_is_said_in_one_line(mailbox: MailboxServer, ur
         await pair.call(timeout=0.3)
     assert "\n" not in str(raised.value)
     assert (await presence(pair.slave, 0.3)).note == str(raised.value)
+
+
+@pytest.fixture(scope="module")
+def tls(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[MailboxServer, Path]]:
+    """A mailbox server with TLS, by the options of its unit, and the file of the authority behind its certificate."""
+    folder = tmp_path_factory.mktemp("tls")
+    authority = certificates.write(folder)
+    with MailboxServer(tls=folder) as server:
+        yield server, authority
+
+
+@pytest.mark.parametrize("is_trusted", [True, False])
+@in_loop
+async def test_peers_meet_and_pair_by_a_server_with_a_certificate_and_not_by_one_that_nobody_signed(
+    tls: tuple[MailboxServer, Path], is_trusted: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    server, authority = tls
+    assert server.url.startswith("wss://")
+    if is_trusted:
+        monkeypatch.setenv("SSL_CERT_FILE", str(authority))
+    pair = Pair(server.url)
+    async with waiting(pair):
+        if is_trusted:
+            assert await pair.call() == Answer(PATHS)
+        else:
+            with pytest.raises(MailboxUnreachable, match=r"certificate of .* is not accepted: self-signed"):
+                await pair.call(timeout=1.0)
+    inviting = start(PairingOrder("slave", "robot", str(tmp_path), server.url, patience_s=60.0 if is_trusted else 5.0))
+    try:
+        told: dict[str, str] = {}
+        while not {"code", "refused"} & told.keys():
+            for line in await asyncio.to_thread(inviting.lines, 0.2):
+                told |= json.loads(line)
+        assert ("code" in told) is is_trusted, told
+        assert is_trusted or "cannot be reached" in told["refused"], told
+    finally:
+        inviting.end(5.0)
 
 
 @in_loop

@@ -51,8 +51,8 @@ FAMILIES = {
 
 
 @contextmanager
-def pushing(family: Family, folder: Path) -> Iterator[tuple[subprocess.Popen[str], Any]]:
-    """The process and the emulated arm, once it has pushed for `SETTLES_S`."""
+def arm_that_is_led(family: Family, folder: Path) -> Iterator[tuple[list[str], Any]]:
+    """A command that pushes with an emulated arm, and this."""
     emulator_class: Any = EMULATORS.load(family.driver)
     wall = {"joint": SO101.axes[family.axis], "angle_rad": WALL_RAD, "stiffness_nm_rad": STIFFNESS_NM_RAD}
     weightless = {"weight": False} if "weight" in emulator_class.Options.model_fields else {}
@@ -61,7 +61,13 @@ def pushing(family: Family, folder: Path) -> Iterator[tuple[subprocess.Popen[str
     values[family.axis] = 0.3 if family.leads else GOAL_RAD
     with PtyDevice(emulator, folder / "arm") as wire:
         options = json.dumps({"port": str(wire.path), **family.options})
-        command = [sys.executable, "-m", "plugins.arms.tests.pushing", family.driver, options, json.dumps(values)]
+        yield [sys.executable, "-m", "plugins.arms.tests.pushing", family.driver, options, json.dumps(values)], emulator
+
+
+@contextmanager
+def pushing(family: Family, folder: Path) -> Iterator[tuple[subprocess.Popen[str], Any]]:
+    """The process and the emulated arm, once it has pushed for `SETTLES_S`."""
+    with arm_that_is_led(family, folder) as (command, emulator):
         process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
         try:
             pushes = lasting(lambda: push(emulator, family) > family.push, SETTLES_S)

@@ -28,13 +28,14 @@ from weberlink_page.front import EMERGENCY, MOST_SILENT, PROOF_HEADER
 
 PAGES, IDLE = 4, 1200
 FLOOD = f"""
-import asyncio, resource, socket, sys, aiohttp
+import asyncio, contextlib, resource, socket, sys, aiohttp
 host, port, name = sys.argv[1:]
 _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
 resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
 def idle(number):
     connection = socket.create_connection((host, int(port)))
-    connection.send(b"GET / HTTP/1.1\\r\\nHost: localhost" if number % 2 else b"")
+    with contextlib.suppress(OSError):  # closed already for a newer one
+        connection.send(b"GET / HTTP/1.1\\r\\nHost: localhost" if number % 2 else b"")
     return connection
 async def flood(client, kind):
     async with client.ws_connect(f"http://{{host}}:{{port}}/ws?session={{name}}", autoping=False) as page:

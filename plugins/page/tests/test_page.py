@@ -308,7 +308,7 @@ def test_controls_ask_and_show_the_answer(page: Browser, server: ScriptedServer)
         page.click(selector)
     page.wait(lambda: len(server.asked) >= 8, "all requests")
     assert asked(server, "change") == [{"weber": 0.2}, {"predictor": "plane"}, {"delay_ms": 20}]
-    assert asked(server, "session") == [{"do": "start", "scene": "box"}, {"do": "stop"}]
+    assert asked(server, "session") == [{"do": "start", "scene": "box", "stops": 0}, {"do": "stop"}]
     assert asked(server, "record") == [{"do": "start", "name": "a wall"}, {"do": "mark", "text": ""}, {"do": "stop"}]
     page.choose("session", "5678")
     page.wait(lambda: server.followed[-1] == "5678", "the other session")

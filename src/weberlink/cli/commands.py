@@ -194,10 +194,6 @@ def guardian(
     socket: Annotated[Path, typer.Argument(metavar="[SOCKET]", help="Where sessions find it.")] = Path(
         "/run/weberlink-guardian/socket"
     ),
-    zero: Annotated[
-        bool,
-        typer.Option("--zero", help="Take the force off devices whose guardian was killed (for ExecStopPost=)."),
-    ] = False,
 ) -> None:
     """Take the force off devices whose session dies, until a signal.
 
@@ -207,8 +203,7 @@ def guardian(
     from weberlink.child_process import isolated_python  # noqa: PLC0415
     from weberlink.hardware import guardian_process  # noqa: PLC0415
 
-    words = ("zero", os.environ.get("RUNTIME_DIRECTORY", str(socket.parent))) if zero else ("serve", str(socket))
-    command = isolated_python(guardian_process.__file__, *words)
+    command = isolated_python(guardian_process.__file__, "serve", str(socket))
     os.execv(command[0], command)  # noqa: S606 - our own, and all that it needs is the standard library
 
 

@@ -19,7 +19,7 @@ from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.guardian_process import APART, BEATS, HELLO, LEASE, MEMORY_SIZE, PID, WRITES, put_message
 
 SOCKET = "/run/weberlink-guardian/socket"
-"""Of the service; `$WEBERLINK_GUARDIAN` names another one, which must answer."""
+"""Of the service; `$WEBERLINK_GUARDIAN` names another one, which must answer, or none where it is empty."""
 OF_THE_HOST = {"pid": 0xEFFFFFFC, "cgroup": 0xEFFFFFFB}
 """Numbers of the namespaces that no container has made (<linux/proc_ns.h>)."""
 LEASE_S = 0.05
@@ -188,8 +188,7 @@ class Guardian:
 
 def _connected() -> tuple[socket, bool]:
     """A connection to a guardian that begins, and whether it is of this process alone; raises HardwareFault."""
-    path = os.environ.get("WEBERLINK_GUARDIAN") or (SOCKET if Path(SOCKET).exists() else None)
-    if path is not None:
+    if path := os.environ.get("WEBERLINK_GUARDIAN", SOCKET if Path(SOCKET).exists() else ""):
         connection = socket(AF_UNIX)
         try:
             connection.connect(path)
@@ -203,9 +202,11 @@ def _connected() -> tuple[socket, bool]:
         raise HardwareFault(IN_A_CONTAINER)
     ours, theirs = socketpair()
     with theirs:
-        command = isolated_python(guardian_process.__file__, "one", str(theirs.fileno()))
+        number = theirs.fileno()
+        command = isolated_python(guardian_process.__file__, "one", str(number))
+        plain = {name: value for name, value in os.environ.items() if name != "LD_PRELOAD"}  # no code of others
         try:
-            Child(command, pass_fds=(theirs.fileno(),), stderr=DEVNULL, cwd=Path("/")).end(START_S)
+            Child(command, pass_fds=(number,), stderr=DEVNULL, cwd=Path("/"), env=plain).end(START_S)
         except OSError as error:
             ours.close()
             raise HardwareFault(f"its guardian process cannot be started: {error.strerror}") from None

@@ -67,18 +67,19 @@ def main(kind: str, where: str) -> None:
     if kind == "one" and os.fork():  # so that it is nobody's child, and no end of a tree of processes reaches it
         return
     _go_first()
-    apart = "RUNTIME_DIRECTORY" in os.environ or leave_cgroup()
     if kind == "serve":
-        serve(where, apart)
+        serve(where)
         return
     # Whoever stops the client may send the same to all around it; this one ends with the client, not before.
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
         signal.signal(number, signal.SIG_IGN)
-    attend(socket(fileno=int(where)), apart)
+    attend(socket(fileno=int(where)), leave_cgroup())
 
 
-def serve(path: str, apart: bool) -> None:
+def serve(path: str) -> None:
     """Fork a guardian for each connection, until a signal ends all of them; they take the force off then."""
+    folder = os.environ.get("RUNTIME_DIRECTORY")  # so this is a unit, with a control group of its own
+    apart = folder is not None or leave_cgroup()
     if not apart:
         sys.stderr.write("in the cgroup of what started it: it ends with that; start it as a service\n")
     with socket(AF_UNIX) as other, suppress(ConnectionRefusedError, FileNotFoundError):
@@ -99,22 +100,25 @@ def serve(path: str, apart: bool) -> None:
         connection, _ = listener.accept()
         with connection, suppress(OSError):  # no more processes: the client is refused, the others stay guarded
             if os.fork() == 0:
-                _attend_alone(connection, listener, apart)
+                _attend_alone(connection, listener, apart, folder)
 
 
-def _attend_alone(connection: socket, listener: socket, apart: bool) -> None:
+def _attend_alone(connection: socket, listener: socket, apart: bool, folder: str | None) -> None:
     """In a process of the service, which the service's end ends too, with the force off."""
     try:
         listener.close()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: connection.shutdown(SHUT_RDWR))
-        attend(connection, apart)
+        attend(connection, apart, folder)
     finally:
         os._exit(0)
 
 
-def attend(connection: socket, apart: bool) -> None:
-    """Guard the device of the client at the other end of a connection, until one of them ends."""
+def attend(connection: socket, apart: bool, folder: str | None = None) -> None:
+    """Guard the device of the client at the other end of a connection, until one of them ends.
+
+    The memory is a file in `folder`, if there is one, for `take_off`.
+    """
     connection.settimeout(HELLO_S)
     try:
         told, (device,), _, _ = recv_fds(connection, HELLO.size, 1)
@@ -124,7 +128,6 @@ def attend(connection: socket, apart: bool) -> None:
     if not 0 <= monotonic_ns() - then < OLDEST_NS:
         connection.sendall(OTHER_CLOCK)
         return
-    folder = os.environ.get("RUNTIME_DIRECTORY")
     left = Path(f"{folder}/{os.getpid()}.lease")
     memory = os.open(left, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600) if folder else os.memfd_create(CGROUP)
     os.ftruncate(memory, MEMORY_SIZE)

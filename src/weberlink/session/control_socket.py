@@ -64,11 +64,25 @@ def session_of(path: Path) -> str | None:
     return None if found is None else found[1]
 
 
-def control_sockets() -> list[Path]:
-    """Those of all daemons of this host, whoever runs them, also where the files were removed."""
+def control_sockets() -> set[Path]:
+    """Those of all daemons of this user or of root on this host, also where the files were removed.
+
+    The kernel lists what everybody calls so: only a file of this user, or a descriptor in such a process, counts.
+    """
     lines = Path("/proc/self/net/unix").read_text(encoding="utf-8", errors="surrogateescape").splitlines()
-    paths = (Path(fields[7]) for line in lines if len(fields := line.split(maxsplit=7)) == 8)
-    return [path for path in paths if session_of(path) is not None]
+    listed = {Path(fields[7]) for line in lines if len(fields := line.split(maxsplit=7)) == 8}
+    named = {path: session for path in listed if (session := session_of(path)) is not None}
+    there = {path for path in named if _is_ours(path)}
+    held = {path for session in {named[path] for path in named.keys() - there} for path in _held(session)}
+    return there | (held & listed)
+
+
+def _is_ours(path: Path) -> bool:
+    try:
+        check(path, path.lstat(), stat.S_IFSOCK)
+    except OSError:
+        return False
+    return True
 
 
 @contextmanager
@@ -94,19 +108,22 @@ def connect(asker: socket.socket, path: Path) -> None:
     try:
         status = path.lstat()
     except FileNotFoundError:
-        path = _held(path)
+        path = _held(session_of(path)).get(path, path)
         status = path.stat()
     check(path, status, stat.S_IFSOCK)
     asker.connect(str(path))  # from here on the kernel takes answers of this daemon alone
 
 
-def _held(path: Path) -> Path:
-    """The descriptor of a removed socket in its launcher. Raises OSError."""
-    for each in Path(f"/proc/{session_of(path)}/fd").iterdir():
-        with suppress(OSError):  # closed meanwhile
-            if str(each.readlink()) == f"{path} (deleted)":
-                return each
-    raise FileNotFoundError(2, os.strerror(2))
+def _held(session: str | None) -> dict[Path, Path]:
+    """The removed control sockets of a session, each with the descriptor in the launcher by which it is reached."""
+    found = {}
+    with suppress(OSError):  # no such process, or that of somebody else
+        for each in Path(f"/proc/{session}/fd").iterdir():
+            with suppress(OSError):  # closed meanwhile
+                name, is_removed, _ = str(each.readlink()).partition(" (deleted)")
+                if is_removed and session_of(Path(name)) == session:
+                    found[Path(name)] = each
+    return found
 
 
 def ask(ring: str | Path, request: Mapping[str, Any], patience_s: float = 2.0) -> dict[str, Any]:

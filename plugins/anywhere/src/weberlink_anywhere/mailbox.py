@@ -14,6 +14,7 @@ import os
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from socket import IPPROTO_TCP, TCP_QUICKACK
+from ssl import SSLCertVerificationError
 from typing import Any, Final, NamedTuple, Self
 
 from websockets.asyncio.client import ClientConnection, connect
@@ -194,6 +195,9 @@ async def _connected(url: str, side: str) -> AsyncIterator[Connection]:
 
 
 def _unreachable(url: str, problem: Exception) -> MailboxUnreachable:
+    if isinstance(problem, SSLCertVerificationError):  # its number is none of the system
+        why = one_line(problem.verify_message)
+        return MailboxUnreachable(f"the certificate of the mailbox server {url} is not accepted: {why} (docs/relay.md)")
     code = getattr(problem, "errno", None) or 0
     reason = os.strerror(code) if code > 0 else getattr(problem, "strerror", None) or str(problem) or "no answer"
     return MailboxUnreachable(f"the mailbox server {url} cannot be reached: {one_line(reason)}")
