@@ -64,4 +64,4 @@ class Requests:
         if handler is None:
             return refusal(f"{kind}: this monitor does not do that") | {"to": kind}
         answer = await handler(viewer, {key: value for key, value in request.items() if key not in ("type", "token")})
-        return None if answer is None else {"type": "answer", "to": kind} | answer
+        return answer if answer is None or answer.get("type") == "handle" else {"type": "answer", "to": kind} | answer
