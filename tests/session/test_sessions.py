@@ -243,8 +243,8 @@ def test_a_pause_of_the_peers_news_takes_no_energy_from_a_hand_that_holds_on() -
 
     def pause(simulation: Simulation) -> None:
         endpoint = simulation.master.endpoint
-        hears = endpoint.is_peer_encoding
-        endpoint.is_peer_encoding = lambda now: not paused and hears(now)  # type: ignore[method-assign]
+        hears = endpoint.may_follow
+        endpoint.may_follow = lambda now: not paused and hears(now)  # type: ignore[method-assign]
         paused.append(True)
 
     ran = run(
