@@ -50,6 +50,7 @@ class Decoder:
         self._late = channel.lookahead
         self.is_arm = channel.joints > 0
         self._places = channel.position_quantizer
+        self._lowest, self._highest = channel.value_quantizer.lowest, channel.value_quantizer.highest
         self.parts: list[Decoder] = [self, *[Decoder(part) for part in channel.more]]
         # Levels of each part in those of an update; what the last part gets too much, it refuses.
         starts = range(0, PART * len(self.parts), PART)
@@ -138,7 +139,7 @@ class Decoder:
         if self._smoothing is not None:
             if self._noted is not None and self._noted[0] == newest.tick:
                 self._memory = self._noted[1]  # a mirror was asked in this tick already: that change is undone
-            before = self.predict(newest.tick, newest.position)
+            before = self.value(newest.tick + self._late, newest.position)
         self.model, self.newest, self.selected, self._applied = model, newest, update.selector, update
         self.first = first
         self.record = model.record()
@@ -156,13 +157,39 @@ class Decoder:
         Returns:
             Force [N] or position [m]; the channel's `rest` before the first update.
         """
-        return self.predict(tick - self._late, position)
+        newest, model, channel = self.newest, self.model, self._channel
+        if newest is None or model is None:
+            return channel.rest
+        tick -= self._late
+        if tick == newest.tick:
+            value = self.first
+        else:
+            if self._places is not None:
+                position = self._places.confine(position)
+            if self._memory is None:
+                value = model.at(tick, position)
+            else:
+                if self._noted is None or self._noted[0] != tick:
+                    self._noted = tick, self._memory
+                value, self._memory = model.advance(tick, position, self._memory)
+            (x, y, z), low, high = value, self._lowest, self._highest
+            if not (low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]):
+                value = channel.displayable(value, newest)
+        ramp, smoothing = self._ramp, self._smoothing
+        if ramp is None or smoothing is None:
+            return value
+        left = smoothing.remaining(tick - newest.tick)
+        if left == 0.0:
+            self._ramp = None
+            return value
+        shown = (value[0] + left * ramp[0], value[1] + left * ramp[1], value[2] + left * ramp[2])
+        return channel.displayable(shown, newest)
 
     def joints(self, tick: float, position: Vector = ZERO) -> Joints | None:  # noqa: ARG002 - as `value`
         """As `value`, of all joints of an arm [rad or N m]."""
         values: list[Vector] = []
         for part in self.parts:
-            value = part.predict(tick, ZERO)
+            value = part.value(tick)
             if value is None:
                 return None
             values.append(value)
@@ -174,33 +201,6 @@ class Decoder:
         if newest is None or model is None:
             return ZERO
         return channel.displayable(model.at(tick - self._late, channel.place(position)), newest)
-
-    def predict(self, tick: float, position: Vector) -> Vector | None:
-        """The value of the first part for a tick of the signal, which look-ahead displays later."""
-        newest, model, channel = self.newest, self.model, self._channel
-        if newest is None or model is None:
-            return channel.rest
-        if tick == newest.tick:
-            value = self.first
-        else:
-            if self._places is not None:
-                position = self._places.confine(position)
-            if self._memory is None:
-                value = channel.displayable(model.at(tick, position), newest)
-            else:
-                if self._noted is None or self._noted[0] != tick:
-                    self._noted = tick, self._memory
-                predicted, self._memory = model.advance(tick, position, self._memory)
-                value = channel.displayable(predicted, newest)
-        ramp, smoothing = self._ramp, self._smoothing
-        if ramp is None or smoothing is None:
-            return value
-        left = smoothing.remaining(tick - newest.tick)
-        if left == 0.0:
-            self._ramp = None
-            return value
-        shown = (value[0] + left * ramp[0], value[1] + left * ramp[1], value[2] + left * ramp[2])
-        return channel.displayable(shown, newest)
 
     def _ramp_from(self, before: Vector) -> Vector | None:
         """The ramp starts within a share of the deadband around the sample, even if the model starts elsewhere."""

@@ -196,14 +196,7 @@ class Encoder:
             ValueError: the sample has another number of values than the channel.
         """
         if self._joints:
-            if len(value) != self._joints:
-                raise ValueError(f"a sample has {len(value)} axes, expected {self._joints}")
-            if not is_finite(value):
-                self.rejected += 1
-                return None
-            for part, each in zip(self._parts, parts(value), strict=True):
-                part.actual = part.quantizer.confine(each)
-            return self._code(tick, tick, value, ZERO, most, NOTHING)
+            return self._encode_axes(tick, value, most)
         x, y, z = value
         vector = (x, y, z)
         u, v, w = position
@@ -211,7 +204,10 @@ class Encoder:
             self.rejected += 1
             return self.decide(tick)
         first = self._parts[0]
-        first.actual = actual = first.quantizer.confine(vector)
+        low, high, actual = first.quantizer.lowest, first.quantizer.highest, vector
+        if not (low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]):
+            actual = first.quantizer.confine(vector)
+        first.actual = actual
         if self._lookahead == 0:
             return self._code(tick, tick, value, position, most, NOTHING)
         pending = self._pending
@@ -226,6 +222,16 @@ class Encoder:
             self._choice.learn(tick, actual, self._channel.place(position), bound)
         pending.append(PendingSample(tick, vector, actual, position, most, bound))
         return self.decide(tick)
+
+    def _encode_axes(self, tick: int, value: Joints, most: float) -> Update | None:
+        if len(value) != self._joints:
+            raise ValueError(f"a sample has {len(value)} axes, expected {self._joints}")
+        if not is_finite(value):
+            self.rejected += 1
+            return None
+        for part, each in zip(self._parts, parts(value), strict=True):
+            part.actual = part.quantizer.confine(each)
+        return self._code(tick, tick, value, ZERO, most, NOTHING)
 
     def decide(self, tick: int) -> Update | None:
         """Code the sample of L ticks ago in a tick that has none itself, as `encode` does.
@@ -258,7 +264,7 @@ class Encoder:
         first = self._parts[0]
         error = inf if self._forced else 0.0
         for part in self._parts:
-            part.shown = shown = part.mirror.predict(now - self._lookahead, position)
+            part.shown = shown = part.mirror.value(now, position)
             apart = inf if shown is None else part.error(shown, part.actual)
             if not apart <= error:
                 error = apart

@@ -87,10 +87,11 @@ class ContactLimiter:
         patience = self._longest if round_trip is None or round_trip > self._longest else round_trip
         patience += PATIENCE
         if asked > self.free:
-            self.lasted = min(self.lasted + elapsed, stated, patience + FADE + GRACE)
+            lasted = min(self.lasted + elapsed, patience + FADE + GRACE)
         else:
-            self.lasted = min(max(0.0, self.lasted - elapsed), stated)
-        left = patience - self.lasted + claimed
+            lasted = max(0.0, self.lasted - elapsed)
+        self.lasted = lasted = lasted if lasted < stated else stated
+        left = patience - lasted + claimed
         self.doubtful = left < FALL
         if not self.doubtful:
             self.unfounded = False
@@ -102,7 +103,7 @@ class ContactLimiter:
                 allowed = self._free * max(0.0, 1.0 + left / FADE)
                 self.unfounded = self.unfounded or -left >= GRACE
             self._bound = max(allowed, min(self._bound, self._most) - self._most * elapsed / FALL)
-        self.quiet = self._bound == inf and self.lasted == 0.0
+        self.quiet = self._bound == inf and lasted == 0.0
         return self._bound
 
 
@@ -215,12 +216,11 @@ class Bound:
     Attributes:
         most, slew, width: as given.
         asked: largest length of what is wanted, within its limit, before fade and slew limit.
-        output: what left last.
         clipped: whether a part was longer than its limit.
-        approach: takes the output to what is wanted; says whether the slew limit held it back.
+        approach: has what left last, and takes it to what is wanted; says whether the slew limit held it back.
     """
 
-    __slots__ = ("_nothing", "approach", "asked", "clipped", "contact", "most", "output", "slew", "width")
+    __slots__ = ("_nothing", "approach", "asked", "clipped", "contact", "most", "slew", "width")
 
     def __init__(
         self, most: Joints, slew: Joints, ramp: float, *, width: int = 3, contact: ContactWatch | None = None
@@ -233,47 +233,18 @@ class Bound:
         self._nothing: Joints = (0.0,) * (width * len(most))
         growth = [max(limit, 1e-300) * ROUNDING / ramp for limit in most]
         self.approach = Approach(self._nothing, [width] * len(most), slew, growth, grows=True)
-        self.output = self._nothing
         self.asked = 0.0
         self.clipped = False
 
     def reset(self) -> None:
         """Nothing leaves, and what comes next is approached."""
-        self.output = self.approach.held = self._nothing
+        self.approach.held = self._nothing
         self.approach.arrived = False
         if self.contact is not None:
             self.contact.reset()
 
-    def passed(
-        self, wanted: Joints, decoded: Joints, gain: float, kept: float, step: float, *, was_open: bool
-    ) -> Joints:
-        """What leaves in this tick of what is wanted; what is not finite counts as nothing.
-
-        Args: `gain` is the share that the fade lets through, `kept` that which it leaves of the last output, and
-            `was_open` tells whether anything could leave before: a closed gate asks for no contact.
-        """
-        goal = self._limited(wanted)
-        approach, contact, most = self.approach, self.contact, inf
-        if was_open and contact is not None and not (contact.limiter.quiet and self.asked <= contact.limiter.free):
-            most = contact.bound(self.asked, decoded, step)
-        # Fade and contact take away at once, of what is wanted and of what left last; the slew limit is for the rest.
-        held = approach.held
-        if kept != 1.0:
-            held = tuple([value * kept for value in held])
-        if gain != 1.0:
-            goal = tuple([value * gain for value in goal])
-        if most < inf:
-            goal, held = self._within(goal, most), self._within(held, most)
-        if gain != 1.0 or most < inf:
-            approach.arrived = False
-        faded = held if kept != 1.0 or most < inf else None
-        self.output = approach.advance(goal, step, faded)
-        if gain != 1.0 or most < inf:
-            approach.arrived = False
-        return self.output
-
-    def _limited(self, wanted: Joints) -> Joints:
-        """The parts, shortened to their limits."""
+    def limited(self, wanted: Joints) -> Joints:
+        """The parts of what is wanted, shortened to their limits; nothing for one that is not finite."""
         if len(self.most) == 1:  # of a hand; nothing is to be done in most ticks
             length = hypot(*wanted)
             if length <= self.most[0]:
@@ -297,7 +268,7 @@ class Bound:
             first += width
         return limited
 
-    def _within(self, values: Joints, most: float) -> Joints:
+    def within(self, values: Joints, most: float) -> Joints:
         """All parts as much shorter as the largest needs it."""
         width = self.width
         largest = max([hypot(*values[first : first + width]) for first in range(0, len(values), width)])
@@ -320,9 +291,13 @@ class OutputGate:
     Attributes:
         gain: the share, 0 to 1; without a jump, but for `close`.
         ramping: whether the beginning or the end of a session reduces the force; False for silence.
+        held_back: whether a slew limit held something back since the last `fade`.
+        clipped: whether something was longer than its limit since then.
     """
 
-    __slots__ = ("_fade_from", "_kept", "_was_open", "bounds", "gain", "ramp", "ramping", "silence")
+    __slots__ = (
+        "_fade_from", "_kept", "_was_open", "bounds", "clipped", "gain", "held_back", "ramp", "ramping", "silence",
+    )  # fmt: skip
 
     def __init__(self, bounds: Sequence[Bound], *, ramp: float, silence: float, fade_share: float) -> None:
         self.bounds = bounds
@@ -330,7 +305,7 @@ class OutputGate:
         self.silence = silence
         self._fade_from = fade_share * silence
         self.gain, self._kept = 0.0, 1.0
-        self._was_open = False
+        self._was_open = self.held_back = self.clipped = False
         self.ramping = True
 
     def close(self) -> None:
@@ -347,6 +322,7 @@ class OutputGate:
             age: how long the ends have been out of touch [s].
             step: time since the last tick [s].
         """
+        self.held_back = self.clipped = False
         before, self._kept = self.gain, 1.0
         self._was_open = before > 0.0
         if engaged and before == 1.0 and age <= self._fade_from:
@@ -360,5 +336,35 @@ class OutputGate:
         self.ramping = not engaged or self.gain < min(1.0, heard)
 
     def passed(self, index: int, wanted: Joints, decoded: Joints, step: float) -> Joints:
-        """What leaves of a channel in this tick; arguments as of `Bound.passed`."""
-        return self.bounds[index].passed(wanted, decoded, self.gain, self._kept, step, was_open=self._was_open)
+        """What leaves of a channel in this tick.
+
+        Args:
+            index: of the channel.
+            wanted: what the control scheme asks for; what is not finite counts as nothing.
+            decoded: as received.
+            step: time since the last tick [s].
+        """
+        bound, gain, kept, most = self.bounds[index], self.gain, self._kept, inf
+        goal = bound.limited(wanted)
+        approach, contact = bound.approach, bound.contact
+        # A closed gate asks for no contact.
+        if (
+            self._was_open
+            and contact is not None
+            and not (contact.limiter.quiet and bound.asked <= contact.limiter.free)
+        ):
+            most = contact.bound(bound.asked, decoded, step)
+        # Fade and contact take away at once, of what is wanted and of what left last; the slew limit is for the rest.
+        faded: Joints | None = None
+        if kept != 1.0 or most < inf:
+            faded = tuple([value * kept for value in approach.held])
+        if gain != 1.0 or most < inf:
+            goal, approach.arrived = tuple([value * gain for value in goal]), False
+        if most < inf and faded is not None:
+            goal, faded = bound.within(goal, most), bound.within(faded, most)
+        output = approach.advance(goal, step, faded)
+        if gain != 1.0 or most < inf:
+            approach.arrived = False
+        self.held_back = self.held_back or approach.held_back
+        self.clipped = self.clipped or bound.clipped
+        return output

@@ -1,6 +1,7 @@
 """The operator's end of the link: the hand's motion is sensed, received forces and torques are displayed."""
 
 from collections.abc import Callable, Sequence
+from itertools import zip_longest
 from math import hypot, inf
 from typing import Any, ClassVar
 
@@ -9,8 +10,7 @@ from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
 from weberlink.control.ends import AxesMaster, Control, MasterControl
 from weberlink.control.port import Port
 from weberlink.geometry.joints import Joints
-from weberlink.geometry.joints import is_finite as all_finite
-from weberlink.geometry.vector import ZERO, Vector, is_finite
+from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading
 from weberlink.master.gate import HandContact, OutputGate
 from weberlink.protocol.endpoint import Endpoint
@@ -46,8 +46,8 @@ class HandPosition:
         self._free = free
 
     def complaint(self, reading: DeviceReading) -> str | None:
-        position = reading.position
-        return None if is_finite(position) else f"reports the position {position}"
+        x, y, z = reading.position
+        return None if x - x == y - y == z - z == 0.0 else f"reports the position {reading.position}"
 
     def take(self, reading: DeviceReading) -> None:
         self.value = reading.position
@@ -90,24 +90,32 @@ class Display:
 
     def show(self, values: Sequence[Joints | None], gate: OutputGate, now: float, step: float) -> None:
         """Display what was decoded of all channels, as far as the gate lets it pass."""
-        decoded: Joints = ()
-        index, count = self._first, len(values)
-        for nothing in self._nothing:
-            value = values[index] if index < count else None
-            decoded += nothing if value is None or not all_finite(value) else value
-            index += 1
-        self.decoded = decoded
-        wanted: Joints = self._control.render(decoded)
-        output: Joints = ()
-        index, axis = self._first, 0
-        for nothing in self._nothing:
-            last = axis + len(nothing)
-            output += gate.passed(index, wanted[axis:last], decoded[axis:last], step)
-            index, axis = index + 1, last
-        self.output = output
+        first, decoded = self._first, self._none
+        if len(self._nothing) == 1:
+            value = values[first]
+            if value is not None and hypot(*value) < inf:
+                decoded = value
+            output = gate.passed(first, self._control.render(decoded), decoded, step)
+        else:
+            decoded, output = self._passed(values, gate, step)
+        self.decoded, self.output = decoded, output
         self._control.displayed(output)
         if self._write is not None:
             self._write(output, now)
+
+    def _passed(self, values: Sequence[Joints | None], gate: OutputGate, step: float) -> tuple[Joints, Joints]:
+        """What was decoded of several channels, and what leaves of them."""
+        decoded: Joints = ()
+        for nothing, value in zip_longest(self._nothing, values):
+            decoded += nothing if value is None or not hypot(*value) < inf else value
+        wanted: Joints = self._control.render(decoded)
+        output: Joints = ()
+        axis = 0
+        for index, nothing in enumerate(self._nothing):
+            last = axis + len(nothing)
+            output += gate.passed(index, wanted[axis:last], decoded[axis:last], step)
+            axis = last
+        return decoded, output
 
     def halt(self, now: float) -> None:
         """Display nothing, at once."""
@@ -130,7 +138,6 @@ class OperatorPort(Port):
     Attributes:
         buttons: that are pressed, a bit each.
         slew_ticks: ticks in which a slew limit held force or torque back.
-        clipped: whether a limit shortened what was displayed in this tick.
     """
 
     kind: ClassVar[str] = "device"
@@ -151,7 +158,6 @@ class OperatorPort(Port):
         self.displays, self.gate = displays, gate
         self.enabled = button is None
         self.buttons = self.slew_ticks = 0
-        self.clipped = False
         self._endpoint = endpoint
         self._button = button
         self._contacts = [bound.contact for bound in gate.bounds if bound.contact is not None]
@@ -191,12 +197,8 @@ class OperatorPort(Port):
         gate.fade(engaged=engaged, age=now - self._endpoint.liveness.in_touch_at, step=step)
         for display in self.displays:
             display.show(values, gate, now, step)
-        held_back = clipped = unfounded = False
-        for bound in gate.bounds:
-            held_back = held_back or bound.approach.held_back
-            clipped = clipped or bound.clipped
-        self.slew_ticks += held_back
-        self.clipped = clipped
+        self.slew_ticks += gate.held_back
+        unfounded = False
         for contact in self._contacts:
             unfounded = unfounded or contact.limiter.unfounded
         if unfounded and not self.unfounded:  # at fault, the scheme begins anew
@@ -204,7 +206,7 @@ class OperatorPort(Port):
         self.unfounded = unfounded
 
     def report(self, row: Row, *, is_led: bool) -> None:  # noqa: ARG002 - this end leads
-        row.slew_ticks, row.clipped = self.slew_ticks, self.clipped
+        row.slew_ticks, row.clipped = self.slew_ticks, self.gate.clipped
         row.ramping = self.gate.ramping if self.enabled else RELEASED
         row.buttons = self.buttons & 0xFF
 

@@ -18,6 +18,8 @@ FEWEST_ROWS = 2
 LIMIT = 1e12
 """Times, positions and forces in SI units must be smaller; squares of such values can be summed."""
 GAP_FACTOR = 5.0
+LARGEST_ARRAYS = 1 << 30
+"""Bytes of an npz file when unpacked: five hours at 1 kHz."""
 
 Array = NDArray[np.float64]
 Side = Literal["master", "slave"]
@@ -151,6 +153,8 @@ def _arrays(path: Path) -> Array:
     """The rows of an npz file, shape (n, 7)."""
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as held:  # np.load leaves a damaged file open
+            if sum(entry.file_size for entry in held.zip.infolist()) > LARGEST_ARRAYS:
+                raise ValueError(f"it unpacks to more than {LARGEST_ARRAYS} bytes")  # noqa: TRY301
             table = np.array([held[name] for name in COLUMNS], dtype=np.float64).T
     except Exception as error:  # zipfile, zlib and numpy have many for a damaged file
         why = " ".join(str(error).split())

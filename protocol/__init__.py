@@ -19,10 +19,13 @@ from weberlink.protocol.events import (
     Refused,
     SessionExpired,
     Statistics,
+    StopAsked,
     TakenOver,
+    Told,
     UpdateLost,
     UpdateReceived,
 )
+from weberlink.protocol.keys import Right
 from weberlink.protocol.states import Role, State, StateError
 
 __all__ = [
@@ -38,12 +41,15 @@ __all__ = [
     "PeerReturned",
     "PeerSilent",
     "Refused",
+    "Right",
     "Role",
     "SessionExpired",
     "State",
     "StateError",
     "Statistics",
+    "StopAsked",
     "TakenOver",
+    "Told",
     "UpdateLost",
     "UpdateReceived",
 ]

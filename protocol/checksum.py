@@ -8,6 +8,7 @@ from hashlib import sha256
 from typing import ClassVar, Final
 from zlib import crc32
 
+from weberlink.protocol.keys import Grant
 from weberlink.protocol.security import Protection
 from weberlink.protocol.wire import CLEAR_BYTES
 
@@ -27,9 +28,12 @@ class Checksum:
         message = _sealed(prologue, private + payload)
         return message, prologue + message
 
-    def hear(self, prologue: bytes, message: bytes) -> tuple[bytes, bytes] | None:
+    def hear(self, prologue: bytes, message: bytes) -> tuple[bytes, bytes, Grant] | None:
         payload = _opened(prologue, message)
-        return None if payload is None else (payload, prologue + message)
+        return None if payload is None else (payload, prologue + message, Grant())
+
+    def holds(self, grant: Grant) -> bool:
+        return grant == Grant()
 
     def answer(self, state: bytes, private: bytes, payload: bytes) -> tuple[bytes, Protection]:
         message = _sealed(state, private + payload)

@@ -9,11 +9,12 @@ from collections.abc import Callable, Mapping, Sequence
 from math import inf
 from typing import Final
 
-from weberlink.protocol import events, handshake, wire
+from weberlink.protocol import events, handshake, keys, wire
 from weberlink.protocol.address import AddressCheck
 from weberlink.protocol.counters import Credit
 from weberlink.protocol.events import Address, DropReason, Event, Statistics
 from weberlink.protocol.handshake import Dialer, Hello, Listener
+from weberlink.protocol.keys import Grant, Right
 from weberlink.protocol.liveness import FADE_SHARE, Liveness
 from weberlink.protocol.negotiation import LONGEST
 from weberlink.protocol.retransmission import copies_needed
@@ -38,6 +39,10 @@ LONGEST_QUIET: Final = 0.05
 longest time [s]."""
 TAKEN_OVER: Final = "taken over by "
 """First words of the farewell to a master that another one has replaced; its name follows."""
+WITHDRAWN: Final = "the key of this master may not drive any more"
+"""Farewell to a master whose key was removed, or has another right now."""
+STOP_COPIES: Final = 3
+"""Answers to who asked to stop: none is asked for again, as this end is gone then."""
 _HANDSHAKE = frozenset((int(Kind.HELLO), int(Kind.WELCOME)))
 # The class of an enumeration is slow to ask for a member.
 _ENGAGED, _SILENT = State.ENGAGED, State.SILENT
@@ -62,6 +67,9 @@ class Endpoint:
         clock: mapping to the peer's clock, round trip and jitter of the session; of nothing measured without one.
         credit: counts that each end has granted to the other in the session (`grant`).
         statistics: counters over all sessions, and present measurements.
+        events: that wait to be taken, the oldest first.
+        peer_grant: what the key of the master of the session, or of the last one, is good for.
+        told: gives what the owner adds to what a watcher is told; texts and numbers.
     """
 
     def __init__(
@@ -84,6 +92,7 @@ class Endpoint:
         expects: str = "",
         take_over: bool = False,
         stamp: Callable[[float], int] | None = None,
+        asks: Right = Right.DRIVE,
     ) -> None:
         """Compose one end.
 
@@ -105,6 +114,7 @@ class Endpoint:
             expects: name of the only peer that is accepted; "" for any. An initiator keeps to the first that answers.
             take_over: whether an initiator replaces another master that the slave serves, in its first session.
             stamp: wall clock [ns] at `now` [s]; a responder remembers the stamps of calls. None to count `now`.
+            asks: what an initiator wants; other than to drive, it gets `Told` instead of a session.
 
         Raises:
             ValueError: naming the argument.
@@ -137,8 +147,8 @@ class Endpoint:
             entropy=entropy,
             agreement=packed,
             version=version,
-            name=handshake.check_name(name or role.value),
-            expects=handshake.check_name(expects) if expects else "",
+            name=keys.check_name(name or role.value),
+            expects=keys.check_name(expects) if expects else "",
             calls=self._calls,
             outgoing=forward,
             incoming=backward,
@@ -152,11 +162,15 @@ class Endpoint:
         self._agreement = handshake.read_map(packed) or {}
         self._lengths = backward.lengths(security.tag_size)
         self._datagrams: list[tuple[bytes, Address]] = []
-        self._events: deque[Event] = deque()
+        self.events: deque[Event] = deque()
         self._session: Session | None = None
         self._former: Session | None = None
         self._address: AddressCheck | None = None
         self._served: Hello | None = None  # the master of the present session
+        self.peer_grant = Grant()
+        self.told: Callable[[], Mapping[str, object]] = dict
+        self._stopper: tuple[bytes, Address] | None = None
+        """The answer to who asked to stop, and where to."""
         self._encoding_reported_at: float | None = None
         self._is_encoding = True
         self._is_peer_heard = False  # true while silent if datagrams of the peer still came as silence fell
@@ -166,6 +180,7 @@ class Endpoint:
             entropy(handshake.INSTANCE_BYTES),
             takes_over=take_over,
             stamp=stamp or (lambda now: max(0, round(now * 1e9))),
+            asks=asks,
         )
         self._listener = Listener(end)
 
@@ -173,7 +188,7 @@ class Endpoint:
 
     def next_event(self) -> Event | None:
         """Take the oldest event; None if there is none."""
-        return self._events.popleft() if self._events else None
+        return self.events.popleft() if self.events else None
 
     def datagrams_to_send(self) -> list[tuple[bytes, Address]]:
         """Take everything to be sent, oldest first."""
@@ -289,8 +304,21 @@ class Endpoint:
             # Nothing is heard or repeated from here on, so a lossy link gets copies at once.
             for _ in range(1 + copies_needed(self.statistics.outgoing_loss, self.statistics.outgoing_burst)):
                 self._post(self._session.send(now, wire.BYE, wire.cut(reason)))
+        if self._stopper is not None:
+            for _ in range(STOP_COPIES):
+                self._post(*self._stopper)
         self._end_session()
         self._listener.settle()
+
+    def check_keys(self, now: float) -> None:
+        """End what began under keys that the suite does not hold any more, or that are not good for driving now."""
+        self._due = None
+        self._listener.settle()
+        if self._calls or self._session is None or self._end.security.holds(self.peer_grant):
+            return
+        for _ in range(1 + copies_needed(self.statistics.outgoing_loss, self.statistics.outgoing_burst)):
+            self._post(self._session.send(now, wire.BYE, wire.cut(WITHDRAWN)))
+        self._leave(events.PeerClosed(WITHDRAWN), now)
 
     def next_timer(self) -> float | None:
         """Time of the next action of `handle_timer` [s]; None if there is none."""
@@ -307,7 +335,9 @@ class Endpoint:
 
     def handle_timer(self, now: float) -> None:
         """Do what is due: silence, calls, repeats, heartbeats. Early calls do no harm."""
-        due = self.next_timer()
+        due = self._due  # of most ticks it is known
+        if due is None:
+            due = self.next_timer()
         if due is None or now < due:
             return
         self._due = None
@@ -395,11 +425,17 @@ class Endpoint:
             self._on_welcome(data, address, now)
             return
         serving = None if self._session is None else self._served
-        reply = self._listener.on_hello(data, address, now, serving=serving, is_engaged=self.state is _ENGAGED)
+        is_engaged, told = self.state is _ENGAGED, self._told
+        reply = self._listener.on_hello(data, address, now, serving=serving, is_engaged=is_engaged, told=told)
         if isinstance(reply, DropReason):
             self._drop(reply)
             return
-        welcome, refusal = reply
+        welcome, refusal, stopper = reply
+        if stopper:
+            self._stopper = welcome, address
+            self._count(data)
+            self._tell(events.StopAsked(stopper))
+            return
         self._post(welcome, address)
         if refusal is None:
             self._count(data)
@@ -407,6 +443,11 @@ class Endpoint:
         self._drop(DropReason.REFUSED)
         if self._session is None:
             self._tell(events.Refused(refusal))
+
+    def _told(self) -> dict[str, object]:
+        """What a watcher is told, besides our name."""
+        serves = self._served if self._session is not None else None
+        return {"state": self.state.name.lower(), "serves": "" if serves is None else serves.name, **self.told()}
 
     def _on_welcome(self, data: bytes, address: Address, now: float) -> None:
         answer = self._dialer.on_welcome(data, now)
@@ -417,6 +458,8 @@ class Endpoint:
         elif isinstance(answer, Session):
             self._establish(answer, address)
             self._post(answer.send_heartbeat(now))
+        elif isinstance(answer, events.Told):
+            self._close(answer)
         elif answer is not None:
             self._close(events.Refused(answer))
 
@@ -442,7 +485,7 @@ class Endpoint:
             self._drop(outcome if isinstance(outcome, DropReason) else DropReason.STALE)
             return
         self._listener.confirm(pending)
-        self._served = caller
+        self._served, self.peer_grant = caller, pending.grant
         if self._session is not None and replaced is not None and caller.instance != replaced.instance:
             self._post(self._session.send(now, wire.BYE, wire.cut(TAKEN_OVER + caller.name)))
         # The master has received the WELCOME at the address that it called from, and so has proved that address.
@@ -492,6 +535,8 @@ class Endpoint:
         elif isinstance(outcome, events.PeerClosed):
             if self._calls and outcome.reason.startswith(TAKEN_OVER):  # calling again would take the slave back
                 self._close(events.TakenOver(outcome.reason.removeprefix(TAKEN_OVER)))
+            elif self._calls and outcome.reason == WITHDRAWN:
+                self._close(events.Refused(outcome.reason))
             else:
                 self._leave(outcome, now)
         else:
@@ -512,8 +557,8 @@ class Endpoint:
         if not self._calls:
             quiet = min(LONGEST_QUIET, QUIET_SHARE * self._end.silence)
             self._address = AddressCheck(address, self._end.entropy, quiet)
-        self._events.clear()  # what has not been read of the session before is void
-        self._events.append(events.Connected(address, self._agreement))
+        self.events.clear()  # what has not been read of the session before is void
+        self.events.append(events.Connected(address, self._agreement))
 
     def _leave(self, why: events.SessionExpired | events.PeerClosed, now: float) -> None:
         """End the session, and call or listen again."""
@@ -522,7 +567,7 @@ class Endpoint:
         self._tell(why)
         self.connect(now)
 
-    def _close(self, why: events.Refused | events.TakenOver) -> None:
+    def _close(self, why: events.Refused | events.TakenOver | events.Told) -> None:
         """End for good, because of the peer."""
         self.state = moved(self.state, State.CLOSED)
         self._end_session()
@@ -551,9 +596,9 @@ class Endpoint:
         statistics.bytes_sent += len(datagram)
 
     def _tell(self, event: Event) -> None:
-        if len(self._events) >= QUEUED_EVENTS:
-            self._events.popleft()
-        self._events.append(event)
+        if len(self.events) >= QUEUED_EVENTS:
+            self.events.popleft()
+        self.events.append(event)
 
     def _count(self, data: bytes) -> None:
         """Count an authentic datagram."""
@@ -563,5 +608,5 @@ class Endpoint:
     def _drop(self, reason: DropReason) -> None:
         self.statistics.dropped[reason] += 1
         self.statistics.drops += 1
-        if len(self._events) < QUEUED_EVENTS // 2:
-            self._events.append(events.DatagramDropped(reason))
+        if len(self.events) < QUEUED_EVENTS // 2:
+            self.events.append(events.DatagramDropped(reason))

@@ -111,6 +111,19 @@ class Refused(NamedTuple):
     message: str
 
 
+class StopAsked(NamedTuple):
+    """The end of this name, whose key allows it, asks to stop. The owner stops, then closes the endpoint, which answers
+    that it is done."""
+
+    name: str
+
+
+class Told(NamedTuple):
+    """To an initiator that does not ask to drive: what the responder has answered, texts and numbers; final."""
+
+    body: Mapping[str, object]
+
+
 class PathProbe(NamedTuple):
     """The peer asks whether this end is at the address that received the datagram, or answers such a question; handled
     by the endpoint itself."""
@@ -150,6 +163,8 @@ Event = (
     | PeerClosed
     | TakenOver
     | Refused
+    | StopAsked
+    | Told
     | ChangeProposed
     | ChangeAnswered
     | DatagramDropped

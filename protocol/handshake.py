@@ -7,7 +7,8 @@
 
 Little endian. The header of the HELLO is the prologue of the key exchange (`weberlink.protocol.security`), so a changed
 header opens no session. The payload of both messages is a msgpack map: that of a HELLO is `Hello`; that of a WELCOME is
-`WELCOME_FIELDS`, or `refusal` (text: why there is no session), or `newest` (the stamp that the next HELLO must exceed).
+`WELCOME_FIELDS`, or `refusal` (text: why there is no session), or `newest` (the stamp that the next HELLO must exceed),
+or to a call that does not ask to drive `told` (a map: how the responder is) or `epoch`.
 Header and `refusal` are the same in every version from 2 on, so that two versions can tell each other apart.
 
 The identity is a hash of the master's name. The stamp [ns] rises with every HELLO of a master, so that a responder
@@ -17,6 +18,11 @@ already map the clocks.
 The initiator calls until the responder answers. Each HELLO is a key exchange of its own, with a fresh ephemeral key,
 because one key must not seal two different HELLOs. The exchanges of the latest HELLOs stay open: on a long path the
 answer to one arrives after the next ones have left.
+
+A key has a right (`weberlink.protocol.keys.Right`), which the responder keeps; a call says what it asks for. Who asks
+to watch is told in the WELCOME. Who asks to stop is told the epoch: random bytes of this run of the responder, which
+the next HELLO must carry, so that no recorded call stops a later run. The WELCOME to that one leaves when the responder
+has stopped. Neither needs an equal configuration.
 
 An answer opens a pending session. It becomes the session of the endpoint when the first datagram under its keys
 arrives, which only the sender of the HELLO can make: a replayed HELLO opens nothing.
@@ -42,7 +48,8 @@ from typing import Any, Final, NamedTuple
 
 import msgpack
 
-from weberlink.protocol.events import Address, DropReason
+from weberlink.protocol.events import Address, DropReason, Told
+from weberlink.protocol.keys import Grant, Right, is_name
 from weberlink.protocol.negotiation import in_ms, rounded_up
 from weberlink.protocol.session import LocalEnd, Session
 from weberlink.protocol.states import Role
@@ -52,8 +59,7 @@ PROTOCOL_VERSION: Final = 5
 PADDED_HELLO: Final = 512
 """A HELLO is at least this long, so that an answer with a reason need not be longer than the HELLO."""
 INSTANCE_BYTES: Final = 8
-LONGEST_NAME: Final = 64
-"""Characters of the name of an end."""
+EPOCH_BYTES: Final = 16
 LARGEST_STAMP: Final = (1 << 63) - 1
 HELLO_HEADER = Struct("<BB8sQ")
 WELCOME_HEADER = Struct("<BBQ")
@@ -89,17 +95,6 @@ STALE_PACE: Final = 0.25
 
 def identity_of(name: str) -> bytes:
     return sha256(name.encode()).digest()[:8]
-
-
-def _is_name(name: object) -> bool:
-    return isinstance(name, str) and 1 <= len(name) <= LONGEST_NAME and name.isprintable()
-
-
-def check_name(name: str) -> str:
-    """The name of an end; ValueError if it is empty, too long, or not printable."""
-    if not _is_name(name):
-        raise ValueError(f"a name has 1 to {LONGEST_NAME} printable characters, not {name!r}")
-    return name
 
 
 def pack_map(body: Mapping[str, object]) -> bytes:
@@ -166,6 +161,8 @@ class Hello(NamedTuple):
         takes_over: whether a master that the slave serves now is to be replaced.
         longest_round_trip_us: largest one that the sender allows.
         round_trip_us: the one that the sender has measured, if it is longer than what both ends allow; else 0.
+        asks: for which `Right`; left out where it is to drive.
+        epoch: of the responder, from who asks to stop; left out where it is empty.
     """
 
     agreement: bytes
@@ -176,6 +173,11 @@ class Hello(NamedTuple):
     takes_over: bool
     longest_round_trip_us: int
     round_trip_us: int
+    asks: str = Right.DRIVE.value
+    epoch: bytes = b""
+
+
+OPTIONAL: Final[Mapping[str, object]] = {"asks": Right.DRIVE.value, "epoch": b""}
 
 
 def _is_clock(value: object) -> bool:
@@ -189,17 +191,19 @@ def _is_duration(value: object) -> bool:
 HELLO_FIELDS: Final[Mapping[str, Callable[[object], bool]]] = {
     "agreement": lambda value: isinstance(value, bytes),
     "clock_us": _is_clock,
-    "name": _is_name,
+    "name": is_name,
     "instance": lambda value: isinstance(value, bytes) and len(value) == INSTANCE_BYTES,
-    "expects": lambda value: value == "" or _is_name(value),
+    "expects": lambda value: value == "" or is_name(value),
     "takes_over": lambda value: isinstance(value, bool),
     "longest_round_trip_us": _is_duration,
     "round_trip_us": _is_duration,
+    "asks": lambda value: value in tuple(Right),
+    "epoch": lambda value: isinstance(value, bytes) and len(value) in (0, EPOCH_BYTES),
 }
 WELCOME_FIELDS: Final[Mapping[str, Callable[[object], bool]]] = {
     "clock_us": _is_clock,
     "delta_us": _is_clock,
-    "name": _is_name,
+    "name": is_name,
     "longest_round_trip_us": _is_duration,
 }
 """Checks of each field; `delta_us` is the raw delay of the HELLO as the responder saw it."""
@@ -207,13 +211,14 @@ WELCOME_FIELDS: Final[Mapping[str, Callable[[object], bool]]] = {
 
 def read_fields(body: Mapping[str, object], checks: Mapping[str, Callable[[object], bool]]) -> list[Any] | None:
     """The fields of a message in the order of their checks, or None if one of them fails."""
-    values = [body.get(name) for name in checks]
+    values = [body.get(name, OPTIONAL.get(name)) for name in checks]
     return values if all(check(value) for check, value in zip(checks.values(), values, strict=True)) else None
 
 
 def pack_hello(hello: Hello, overhead: int) -> bytes:
     """The payload of a HELLO, padded so that the datagram has `PADDED_HELLO` bytes."""
-    body = {**hello._asdict(), "padding": b""}
+    body = {name: value for name, value in hello._asdict().items() if value != OPTIONAL.get(name, _NOTHING)}
+    body["padding"] = b""
     short = PADDED_HELLO - HELLO_HEADER.size - overhead - len(pack_map(body))
     return pack_map({**body, "padding": bytes(max(0, short))})
 
@@ -235,10 +240,16 @@ class Dialer:
     `expects` is the name of the slave that is called; the first one that answers sets it."""
 
     def __init__(
-        self, end: LocalEnd, instance: bytes, *, stamp: Callable[[float], int], takes_over: bool = False
+        self,
+        end: LocalEnd,
+        instance: bytes,
+        *,
+        stamp: Callable[[float], int],
+        takes_over: bool = False,
+        asks: Right = Right.DRIVE,
     ) -> None:
         """Prepare to call. `instance` are random bytes of this run. `stamp` gives the wall clock [ns] at `now` [s]; if
-        it goes back, stamps go on rising by one.
+        it goes back, stamps go on rising by one. `asks` says for what.
 
         `takes_over` is to replace a master that the slave serves, until `confirm`: otherwise two masters would take the
         slave from each other for ever. A slave that has served this run ignores it in any case.
@@ -258,6 +269,8 @@ class Dialer:
         self._has_served = False
         self.expects = end.expects
         self._takes_over = takes_over
+        self._asks = asks.value
+        self._epoch = b""
         self.due = inf
 
     def start(self, now: float) -> None:
@@ -293,6 +306,8 @@ class Dialer:
             takes_over=self._takes_over,
             longest_round_trip_us=round(end.longest_round_trip * 1e6),
             round_trip_us=round(self._too_long * 1e6) if is_too_long else 0,
+            asks=self._asks,
+            epoch=self._epoch,
         )
         header = HELLO_HEADER.pack(Kind.HELLO, end.version, identity_of(end.name), self._newest)
         payload = pack_hello(hello, security.overhead)
@@ -303,9 +318,9 @@ class Dialer:
 
     def on_welcome(  # noqa: C901, PLR0911 - each reason to drop
         self, data: bytes, now: float
-    ) -> Session | str | DropReason | None:
-        """Take a WELCOME: the session that it opens, the text of a refusal, the reason to drop it, or None if it only
-        makes the next HELLO due at once."""
+    ) -> Session | Told | str | DropReason | None:
+        """Take a WELCOME: the session that it opens, what a call was told that does not ask to drive, the text of a
+        refusal, the reason to drop it, or None if it only makes the next HELLO due at once."""
         if len(data) < WELCOME_HEADER.size:
             return DropReason.UNEXPECTED
         state = self._open.get(WELCOME_HEADER.unpack_from(data)[2])
@@ -327,6 +342,8 @@ class Dialer:
             self._newest = newest
             self.due = -inf
             return None
+        if self._asks != Right.DRIVE:
+            return self._on_told(body)
         welcome = read_fields(body, WELCOME_FIELDS)
         if welcome is None:
             return DropReason.MALFORMED
@@ -350,13 +367,35 @@ class Dialer:
         session.measure()
         return session
 
+    def _on_told(self, body: dict[str, object]) -> Told | DropReason | None:
+        """The answer to a call that does not ask to drive."""
+        told, epoch = body.get("told"), body.get("epoch")
+        if isinstance(told, dict) and all(isinstance(value, str | int | float) for value in told.values()):
+            return Told({str(key): value for key, value in told.items()})
+        if not isinstance(epoch, bytes) or len(epoch) != EPOCH_BYTES:
+            return DropReason.MALFORMED
+        if epoch != self._epoch:  # else an earlier HELLO is answered again
+            self._epoch = epoch
+            self.due = -inf
+        return None
+
 
 class Pending(NamedTuple):
-    """A session that no datagram has confirmed yet, with the HELLO that asked for it and where that came from."""
+    """A session that no datagram has confirmed yet, with the HELLO that asked for it, where that came from, and what
+    its key is good for."""
 
     session: Session
     hello: Hello
     address: Address
+    grant: Grant
+
+
+class Reply(NamedTuple):
+    """The WELCOME to a HELLO, never longer than that; why it refuses; who asks to stop, by its own epoch."""
+
+    welcome: bytes
+    refusal: str | None = None
+    stopper: str = ""
 
 
 @dataclass(slots=True)
@@ -374,6 +413,7 @@ class Listener:
 
     def __init__(self, end: LocalEnd) -> None:
         self._end = end
+        self._epoch = b""
         self._agreement = read_map(end.agreement) or {}
         self._masters: dict[bytes, _Master] = {}
         self._floor = 0
@@ -394,10 +434,17 @@ class Listener:
             master.pending.clear()
 
     def on_hello(  # noqa: C901, PLR0911, PLR0912 - each reason to drop
-        self, data: bytes, address: Address, now: float, *, serving: Hello | None = None, is_engaged: bool = False
-    ) -> tuple[bytes, str | None] | DropReason:
-        """Take a HELLO: the answer to send, never longer than the HELLO, and its text if it refuses; or the reason to
-        drop it. `serving` is the master of the present session, `is_engaged` whether it is heard."""
+        self,
+        data: bytes,
+        address: Address,
+        now: float,
+        *,
+        serving: Hello | None = None,
+        is_engaged: bool = False,
+        told: Callable[[], Mapping[str, object]] = dict,
+    ) -> Reply | DropReason:
+        """Take a HELLO: the reply, or the reason to drop it. `serving` is the master of the present session,
+        `is_engaged` whether it is heard; `told` gives what is told to who watches."""
         if len(data) < PADDED_HELLO:
             return DropReason.TRUNCATED
         _, version, identity, stamp = HELLO_HEADER.unpack_from(data)
@@ -411,28 +458,23 @@ class Listener:
         heard = security.hear(data[: HELLO_HEADER.size], data[HELLO_HEADER.size :])
         if heard is None:
             return DropReason.UNPROVEN
-        payload, state = heard
+        payload, state, grant = heard
         hello: Hello | None = None
         refusal: str | None = None
         if is_stale:
             reply = pack_map({"newest": newest})
         else:
             master = self._remember(identity, stamp)
-            if now < master.exchanged_at + (EXCHANGE_PACE_ENGAGED if is_engaged else EXCHANGE_PACE):
+            # Who may only stop is kept waiting by nobody.
+            is_busy = is_engaged and grant.right is not Right.STOP
+            if now < master.exchanged_at + (EXCHANGE_PACE_ENGAGED if is_busy else EXCHANGE_PACE):
                 return DropReason.OVERLOADED
-            judged = self._judge(payload, version, identity, serving, is_engaged=is_engaged)
+            judged = self._judge(payload, version, identity, grant, serving, is_engaged=is_engaged)
             if isinstance(judged, DropReason):
                 return judged
             if isinstance(judged, Hello):
                 hello, master.exchanged_at = judged, now
-                clock = now - end.epoch
-                welcome = {
-                    "clock_us": round(clock * 1e6),
-                    "delta_us": round((clock - hello.clock_us * 1e-6) * 1e6),
-                    "name": end.name,
-                    "longest_round_trip_us": round(end.longest_round_trip * 1e6),
-                }
-                reply = pack_map(welcome)
+                reply = pack_map(self._answer(hello, now, told))
             else:
                 if now < self._refused_at + REFUSAL_PACE:
                     return DropReason.OVERLOADED
@@ -442,11 +484,32 @@ class Listener:
         if answered is None:
             return DropReason.MALFORMED
         message, protection = answered
-        if hello is not None and master is not None:
+        welcome = WELCOME_HEADER.pack(Kind.WELCOME, version, stamp) + message
+        if hello is None or master is None:
+            return Reply(welcome, refusal)
+        if hello.asks == Right.STOP:
+            return Reply(welcome, stopper=hello.name if hello.epoch == self._epoch else "")
+        if hello.asks == Right.DRIVE:
             longest = min(end.longest_round_trip, hello.longest_round_trip_us * 1e-6)
             session = Session(end, protection, hello.clock_us * 1e-6, now, longest_round_trip=longest)
-            master.pending.append(Pending(session, hello, address))
-        return WELCOME_HEADER.pack(Kind.WELCOME, version, stamp) + message, refusal
+            master.pending.append(Pending(session, hello, address, grant))
+        return Reply(welcome)
+
+    def _answer(self, hello: Hello, now: float, told: Callable[[], Mapping[str, object]]) -> dict[str, object]:
+        """What a call is answered that is not refused."""
+        end = self._end
+        if hello.asks == Right.WATCH:
+            return {"told": {"name": end.name, **told()}}
+        if hello.asks == Right.STOP:
+            self._epoch = self._epoch or end.entropy(EPOCH_BYTES)
+            return {"told": {"name": end.name}} if hello.epoch == self._epoch else {"epoch": self._epoch}
+        clock = now - end.epoch
+        return {
+            "clock_us": round(clock * 1e6),
+            "delta_us": round((clock - hello.clock_us * 1e-6) * 1e6),
+            "name": end.name,
+            "longest_round_trip_us": round(end.longest_round_trip * 1e6),
+        }
 
     def _remember(self, identity: bytes, stamp: int) -> _Master:
         """Record a stamp as proven. Of too many masters the one with the oldest stamp is forgotten; unknown masters
@@ -460,8 +523,8 @@ class Listener:
         master.stamp = stamp
         return master
 
-    def _judge(  # noqa: PLR0911 - each reason to refuse
-        self, payload: bytes, version: int, identity: bytes, serving: Hello | None, *, is_engaged: bool
+    def _judge(  # noqa: C901, PLR0911 - each reason to refuse
+        self, payload: bytes, version: int, identity: bytes, grant: Grant, serving: Hello | None, *, is_engaged: bool
     ) -> Hello | str | DropReason:
         """The content of a HELLO; why its master gets no session, for the user; or the reason to drop it."""
         end, body = self._end, read_map(payload)
@@ -474,6 +537,10 @@ class Listener:
             return DropReason.MALFORMED
         if hello.expects and hello.expects != end.name:
             return _unexpected_slave(hello.expects, end.name)
+        if not grant.right.allows(hello.asks):
+            return f"slave {end.name!r}: the key of {hello.name!r} is to {grant.right}, and it asks to {hello.asks}"
+        if hello.asks != Right.DRIVE:
+            return hello
         if end.expects and hello.name != end.expects:
             return f"slave {end.name!r} serves master {end.expects!r} only, and {hello.name!r} called"
         if message := differences(Role.RESPONDER, self._agreement, agreement):

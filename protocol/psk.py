@@ -10,7 +10,8 @@ This module and `weberlink.protocol.noise` load `cryptography`; they are importe
   salt for the direction and the full sequence number (8 bytes), which never repeats under a key.
 """
 
-from collections.abc import Mapping
+import os
+from collections.abc import Iterable
 from hmac import digest
 from typing import ClassVar, Final
 
@@ -20,6 +21,7 @@ from cryptography.hazmat.primitives.ciphers.aead import AESCCM
 from weberlink.compiled import mypyc_attr
 from weberlink.protocol import noise
 from weberlink.protocol.handshake import HELLO_HEADER, identity_of
+from weberlink.protocol.keys import Grant, HeldKey
 from weberlink.protocol.noise import OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Heard, Secrets, Waiting
 from weberlink.protocol.security import Protection
 from weberlink.protocol.wire import CLEAR_BYTES
@@ -28,6 +30,15 @@ SECRET_BYTES: Final = 32
 _CCM_KEY: Final = 16
 _SALT: Final = 5
 _TAG: Final = 8
+_copies: Final = [0]
+"""How often this process was copied since its beginning: a copy would seal other datagrams under the same numbers."""
+
+
+def _on_copied() -> None:
+    _copies[0] += 1
+
+
+os.register_at_fork(after_in_child=_on_copied)
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -43,12 +54,17 @@ class PresharedKey:
         if len(key) != PSK_BYTES:
             raise ValueError(f"a pre-shared key has {PSK_BYTES} bytes, not {len(key)}")
         self._shared = noise.shared_key(key)
+        self._grant = HeldKey(key).grant
 
     def call(self, prologue: bytes, private: bytes, payload: bytes) -> tuple[bytes, Waiting]:
         return noise.call(self._shared, prologue, private, payload)
 
-    def hear(self, prologue: bytes, message: bytes) -> tuple[bytes, Heard] | None:
-        return noise.hear(self._shared, prologue, message)
+    def hear(self, prologue: bytes, message: bytes) -> tuple[bytes, Heard, Grant] | None:
+        heard = noise.hear(self._shared, prologue, message)
+        return None if heard is None else (*heard, self._grant)
+
+    def holds(self, grant: Grant) -> bool:
+        return grant == self._grant
 
     def answer(self, state: Heard, private: bytes, payload: bytes) -> tuple[bytes, Protection] | None:
         answered = noise.answer(state, private, payload)
@@ -64,22 +80,34 @@ class PresharedKey:
 
 
 class Keyring(PresharedKey):
-    """The `Security` of a responder that holds a key for each of several peers, by name.
+    """The `Security` of a responder that holds several keys, each with its right, and most for one peer by name.
 
-    The header of a HELLO names its sender by a hash, which chooses the key. The name in the sealed payload must have
-    that hash, so the key of one peer opens no session under the name of another.
+    The header of a HELLO names its sender by a hash, which chooses the key; a name that no key has is served by the key
+    without a name, if there is one. The name in the sealed payload must have that hash, so the key of one peer opens no
+    session under the name of another.
     """
 
-    def __init__(self, keys: Mapping[str, bytes]) -> None:
+    def __init__(self, keys: Iterable[HeldKey]) -> None:
         # Without a key of its own: `PresharedKey.__init__` is not called, and what needs one fails.
-        self._suites = {identity_of(name): PresharedKey(key) for name, key in keys.items()}
+        self.replace(keys)
+
+    def replace(self, keys: Iterable[HeldKey]) -> None:
+        """Hold these keys from now on; what began under another one goes on until it is asked about (`holds`)."""
+        suites = {key.name: (PresharedKey(key.key), key.grant) for key in keys}
+        self._nameless = suites.pop("", None)
+        self._named = {identity_of(name): held for name, held in suites.items()}
 
     def call(self, prologue: bytes, private: bytes, payload: bytes) -> tuple[bytes, Waiting]:  # noqa: ARG002 - of the contract
         raise TypeError("a keyring is for the end that is called")
 
-    def hear(self, prologue: bytes, message: bytes) -> tuple[bytes, Heard] | None:
-        suite = self._suites.get(HELLO_HEADER.unpack_from(prologue)[2])
-        return None if suite is None else suite.hear(prologue, message)
+    def hear(self, prologue: bytes, message: bytes) -> tuple[bytes, Heard, Grant] | None:
+        held = self._named.get(HELLO_HEADER.unpack_from(prologue)[2], self._nameless)
+        heard = None if held is None else held[0].hear(prologue, message)
+        return None if heard is None or held is None else (heard[0], heard[1], held[1])
+
+    def holds(self, grant: Grant) -> bool:
+        held = self._named.get(identity_of(grant.name)) if grant.name else self._nameless
+        return held is not None and held[1] == grant
 
 
 def _ciphers(secrets: Secrets) -> "tuple[CcmCipher, CcmCipher]":
@@ -97,8 +125,12 @@ class CcmCipher:
         self._encrypt, self._decrypt = cipher.encrypt, cipher.decrypt
         self._salt = material[_CCM_KEY:]
         self._secret = secret
+        self._copies = _copies[0]
 
     def seal(self, sequence: int, clear: bytes) -> bytes:
+        """Raises RuntimeError in a copy of the process that made the keys."""
+        if self._copies != _copies[0]:
+            raise RuntimeError("a copied process cannot go on with the session of another one; begin a new session")
         head = clear[:CLEAR_BYTES]
         return head + self._encrypt(self._salt + sequence.to_bytes(8, "little"), clear[CLEAR_BYTES:], head)
 
@@ -110,7 +142,9 @@ class CcmCipher:
             return None
 
     def next(self) -> "CcmCipher":
-        return CcmCipher(_expand(self._secret, b"weberlink key update", SECRET_BYTES))
+        made = CcmCipher(_expand(self._secret, b"weberlink key update", SECRET_BYTES))
+        made._copies = self._copies
+        return made
 
 
 def _expand(secret: bytes, info: bytes, length: int) -> bytes:

@@ -7,6 +7,7 @@ This file imports neither, so that a side without a key never loads a crypto lib
 from math import inf
 from typing import Any, Final, Protocol
 
+from weberlink.protocol.keys import Grant
 from weberlink.protocol.wire import PHASE
 
 REKEY_AFTER_S: Final = 120.0
@@ -97,9 +98,12 @@ class Security(Protocol):
         The prologue is sent in clear beside the messages; the exchange fails if the two ends see different ones.
         """
 
-    def hear(self, prologue: bytes, message: bytes) -> tuple[bytes, Any] | None:
-        """The payload of the first message, whose sender holds or held the secret, and the state of the responder; None
-        if it is not authentic."""
+    def hear(self, prologue: bytes, message: bytes) -> tuple[bytes, Any, Grant] | None:
+        """The payload of the first message, whose sender holds or held the secret, the state of the responder, and what
+        that secret is good for; None if it is not authentic."""
+
+    def holds(self, grant: Grant) -> bool:
+        """Whether the secret of a call is still held, and good for the same."""
 
     def answer(self, state: Any, private: bytes, payload: bytes) -> tuple[bytes, Protection] | None:
         """The second message and the keys of the session; only once. None if the first held no valid public key."""

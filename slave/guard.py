@@ -4,12 +4,12 @@ It engages without a jump, bounds speed, place and contact, and stops the robot 
 """
 
 from collections.abc import Callable, Sequence
-from math import hypot, inf, isfinite
+from math import hypot, inf
 from typing import Any
 
 from weberlink.compiled import mypyc_attr
 from weberlink.control.gate import Approach, toward
-from weberlink.geometry.joints import Joints
+from weberlink.geometry.joints import PART, Joints
 from weberlink.geometry.vector import Vector
 
 Workspace = tuple[Vector, Vector]
@@ -232,24 +232,42 @@ class PressLimit:
         length = hypot(*force)
         touches = length >= self._contact
         if touches:
-            self._out, self._left = tuple([value / length for value in force]), REBOUND
+            x, y, z = force if len(force) == PART else (force[0], 0.0, 0.0)
+            self._out, self._left = (x / length, y / length, z / length)[: len(force)], REBOUND
         elif self._left <= 0.0 and not self._step.catches_up:
             self._step.rest()
             return target
         out = self._out
-        depth = _along(target, where, out)
+        depth, press, before, went = _depths(out, target, held, where, former, left)
         if depth <= 0.0 and not touches:
             self._left = 0.0
             self._step.rest()
             return target
         self._left -= elapsed
-        press, before, went = _along(held, where, out), _along(former, left, out), _along(held, former, out)
         wanted = depth - press
         retreats = length >= self._retreats_from
         excess = wanted - self._step.allowed(wanted, press, before, went, elapsed, retreats=retreats)
         if excess <= 0.0:
             return target
         return tuple([value + excess * way for value, way in zip(target, out, strict=True)])
+
+
+def _depths(
+    out: Joints, target: Joints, held: Joints, where: Joints, former: Joints, left: Joints
+) -> tuple[float, float, float, float]:
+    """How deep target and command are below the robot, how deep the former one was, and how far it went in since."""
+    if len(out) != PART:
+        ways = (target, where), (held, where), (former, left), (held, former)
+        depth, press, before, went = [_along(start, end, out) for start, end in ways]
+        return depth, press, before, went
+    (a, b, c), (x, y, z), (u, v, w), (p, q, r) = out, held, where, former
+    i, j, k = left
+    return (
+        (u - target[0]) * a + (v - target[1]) * b + (w - target[2]) * c,
+        (u - x) * a + (v - y) * b + (w - z) * c,
+        (i - p) * a + (j - q) * b + (k - r) * c,
+        (p - x) * a + (q - y) * b + (r - z) * c,
+    )
 
 
 def _along(start: Joints, end: Joints, direction: Joints) -> float:
@@ -401,7 +419,7 @@ class Guard(Follower):
             force: of the environment on the robot.
             step: time since the last tick [s].
         """
-        if not isfinite(hypot(*commanded)):
+        if not hypot(*commanded) < inf:
             return self.hold(step)
         bounded: Joints = ()
         held, presses = self.held, self._presses

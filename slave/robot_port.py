@@ -9,7 +9,7 @@ from weberlink.compiled import mypyc_attr
 from weberlink.control.ends import Control, SlaveControl
 from weberlink.control.port import Port
 from weberlink.geometry.joints import Joints
-from weberlink.geometry.vector import ZERO, Vector, is_finite
+from weberlink.geometry.vector import ZERO, Vector
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.slave.guard import Guard
 from weberlink.slave.robots.contract import OrientedRobot, Robot, RobotFault, RobotReading
@@ -30,6 +30,8 @@ class TeleoperatorPort(Port):
         command: takes a command, and the time [s].
         controls: this end of the control scheme.
         by_button: whether the operator leads only while holding a button; for telemetry.
+        tool: turns with the hand, as the second incoming channel says; None without six degrees of freedom.
+        point: takes its orientation, and the time [s].
 
     Attributes:
         applied: the last command.
@@ -48,24 +50,20 @@ class TeleoperatorPort(Port):
         command: Callable[[Any, float], None],
         controls: Sequence[Control],
         by_button: bool = False,
+        tool: "ToolOrientation | None" = None,
+        point: Any = None,
     ) -> None:
         super().__init__(robot, controls)
         self.guard, self._command, self._by_button = guard, command, by_button
         self.applied = self.where = self.felt = guard.held
         self.is_overloaded = False
+        self.tool, self._point = tool, point
+        self._led: Sequence[Any] = ()
 
     @property
     def follows(self) -> bool:
         """Whether no contact that was too strong keeps the robot from following."""
         return not (self.is_overloaded or self.tripped)
-
-    @property
-    def clipped(self) -> bool:
-        return self.guard.clipped
-
-    @property
-    def ramping(self) -> bool:
-        return self.guard.ramping
 
     def open(self, now: float) -> None:
         super().open(now)
@@ -89,11 +87,13 @@ class TeleoperatorPort(Port):
     def accept(self, reading: Any) -> bool:
         self._take(reading)
         self.is_overloaded = self.guard.is_overloaded(self.felt)
-        trips = self.is_overloaded and not self.guard.tripped
-        if trips:
-            self.guard.trip(self.felt, self.where)
-            self.tripped = True
-        return trips
+        if not self.is_overloaded or self.guard.tripped:
+            return False
+        self.guard.trip(self.felt, self.where)
+        self.tripped = True
+        if self.tool is not None:
+            self.tool.release()
+        return True
 
     def settle(self, now: float) -> None:
         """Hold the robot where it is now: in contact, with the force that it presses with."""
@@ -102,6 +102,8 @@ class TeleoperatorPort(Port):
             if self._complaint(reading) is None:
                 self._take(reading)
                 self.guard.place(self._settled(reading))
+        if self.tool is not None:
+            self.tool.reset()
 
     def _settled(self, reading: Any) -> Joints:
         """The command that holds the robot where it is."""
@@ -109,18 +111,23 @@ class TeleoperatorPort(Port):
 
     def reset(self) -> None:
         self.guard.reset()
+        if self.tool is not None:
+            self.tool.reset()
 
     def release(self, *, retreat: bool) -> None:
         if retreat:
             self.guard.retreat(self.felt, self.where)
         else:
             self.guard.release()
+        if self.tool is not None:
+            self.tool.release()
 
     def _wanted(self, values: Sequence[Any], elapsed: float) -> Joints | None:
         """What the operator commands; None for nothing."""
         raise NotImplementedError
 
     def actuate(self, values: Sequence[Any], now: float, elapsed: float, step: float, *, engaged: bool) -> None:
+        self._led = values if engaged else ()
         wanted = self._wanted(values, elapsed) if engaged and not self.is_overloaded else None
         if wanted is None:
             self.applied = self.guard.hold(step)
@@ -128,13 +135,18 @@ class TeleoperatorPort(Port):
             self.applied = self.guard.follow(wanted, self.where, self.felt, step)
             self.tripped = self.guard.tripped
         self._command(self.applied, now)
+        if self.tool is not None:
+            self._point(self.tool.move(values[1] if engaged and self.follows else None, step), now)
 
     def report(self, row: Row, *, is_led: bool) -> None:
-        row.contact_ticks, row.clipped = self.guard.contact_ticks, self.clipped
-        row.ramping = self.ramping if is_led or not self._by_button else RELEASED
+        guard = self.guard
+        row.contact_ticks, row.clipped = guard.contact_ticks, guard.clipped
+        row.ramping = guard.share < 1.0 if is_led or not self._by_button else RELEASED
 
     def halt(self, now: float) -> None:
         self._command(self.applied, now)
+        if self.tool is not None:
+            self._point(self.tool.hold(0.0), now)
 
 
 class ContactForce:
@@ -156,9 +168,10 @@ class ContactForce:
         self._compliance = 1.0 / stiffness
 
     def complaint(self, reading: RobotReading) -> str | None:
-        if not is_finite(reading.position):
+        (x, y, z), (u, v, w) = reading.position, reading.force
+        if not x - x == y - y == z - z == 0.0:
             return f"reports the position {reading.position}"
-        return None if is_finite(reading.force) else f"reports the force {reading.force}"
+        return None if u - u == v - v == w - w == 0.0 else f"reports the force {reading.force}"
 
     def take(self, reading: RobotReading) -> None:
         self.value = reading.force
@@ -175,7 +188,6 @@ class RobotPort(TeleoperatorPort):
     Args: as of `TeleoperatorPort`, and these.
         control: the teleoperator's end of the control scheme.
         endpoint: measures the link.
-        tool: turns with the hand; None without six degrees of freedom.
     """
 
     def __init__(
@@ -188,26 +200,19 @@ class RobotPort(TeleoperatorPort):
         tool: "ToolOrientation | None" = None,
         by_button: bool = False,
     ) -> None:
-        super().__init__(robot, guard=guard, command=robot.command, controls=(control,), by_button=by_button)
-        self._control, self._endpoint, self.tool = control, endpoint, tool
-        self._point: Any = robot.point if isinstance(robot, OrientedRobot) else None
+        point = robot.point if isinstance(robot, OrientedRobot) else None
+        super().__init__(
+            robot, guard=guard, command=robot.command, controls=(control,), by_button=by_button, tool=tool, point=point
+        )
+        self._control, self._endpoint = control, endpoint
         self.force = ContactForce(self, robot.spec.stiffness_n_m)
         self.commanded: Any = ZERO
         """The decoded position that was last followed [m]."""
-        self._led: Sequence[Any] = ()
 
     def led(self, channel: int) -> Vector | None:
         """Where the operator leads the robot in an incoming channel, whether it follows or not; None for nowhere."""
         led: Vector | None = self._led[channel] if self._led else None
         return led
-
-    @property
-    def clipped(self) -> bool:
-        return self.guard.clipped or (self.tool is not None and self.tool.clipped)
-
-    @property
-    def ramping(self) -> bool:
-        return self.guard.ramping or (self.tool is not None and self.tool.ramping)
 
     def shown(self, felt: Vector) -> Vector:
         """What may be shown of a force or torque: all, once the robot is where the operator is in every channel."""
@@ -222,30 +227,9 @@ class RobotPort(TeleoperatorPort):
     def _take(self, reading: RobotReading) -> None:
         self.where, self.felt = reading.position, reading.force
 
-    def accept(self, reading: RobotReading) -> bool:
-        trips = super().accept(reading)
-        if trips and self.tool is not None:
-            self.tool.release()
-        return trips
-
-    def settle(self, now: float) -> None:
-        super().settle(now)
-        if self.tool is not None:
-            self.tool.reset()
-
     def _settled(self, reading: RobotReading) -> Joints:
         self.force.take(reading)
         return self.force.rest
-
-    def reset(self) -> None:
-        super().reset()
-        if self.tool is not None:
-            self.tool.reset()
-
-    def release(self, *, retreat: bool) -> None:
-        super().release(retreat=retreat)
-        if self.tool is not None:
-            self.tool.release()
 
     def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002
         if encodes:
@@ -262,20 +246,11 @@ class RobotPort(TeleoperatorPort):
         applied: Any = self.applied
         return self._control.follow(commanded, applied, elapsed, endpoint.credit.known, endpoint.clock.rtt)
 
-    def actuate(self, values: Sequence[Any], now: float, elapsed: float, step: float, *, engaged: bool) -> None:
-        self._led = values if engaged else ()
-        super().actuate(values, now, elapsed, step, engaged=engaged)
-        if self.tool is not None:
-            self._point(self.tool.move(values[1] if engaged and self.follows else None, step), now)
-
     def report(self, row: Row, *, is_led: bool) -> None:
         super().report(row, is_led=is_led)
         applied: Any = self.applied
         row.position, row.output = self.commanded, applied
-        if self.tool is not None:
-            row.rotation_output = self.tool.applied
-
-    def halt(self, now: float) -> None:
-        super().halt(now)
-        if self.tool is not None:
-            self._point(self.tool.hold(0.0), now)
+        tool = self.tool
+        if tool is not None:
+            row.rotation_output = tool.applied
+            row.clipped, row.ramping = row.clipped or tool.clipped, row.ramping or tool.ramping

@@ -92,7 +92,8 @@ class Telemetry:
     def __init__(self, path: Path) -> None:
         until(path.exists, f"{path}")
         self._reader = RingReader(path)
-        self._records: Records = np.empty(0, DTYPE)
+        self._buffer: Records = np.empty(1000, DTYPE)  # twice as long whenever it is full
+        self._count = 0
         self._closed = Event()
         self._one_at_a_time = Lock()
         Thread(target=self._keep_reading, daemon=True).start()
@@ -107,7 +108,14 @@ class Telemetry:
             if self._closed.is_set():
                 return False
             alive = self._reader.alive
-            self._records = np.concatenate([self._records, self._reader.read()])
+            new, count = self._reader.read(), self._count
+            end = count + len(new)
+            if end > len(self._buffer):
+                longer = np.empty(2 * end, DTYPE)
+                longer[:count] = self._buffer[:count]
+                self._buffer = longer
+            self._buffer[count:end] = new
+            self._count = end  # last: another thread may look
             return alive
 
     @property
@@ -124,7 +132,7 @@ class Telemetry:
     def records(self) -> Records:
         self._read()
         assert self._reader.overrun == 0
-        return self._records
+        return self._buffer[: self._count]
 
     @property
     def last(self) -> Any:

@@ -10,8 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.hardware.test_guardian import TAKE_OFF
 from tests.program import COMMANDS, Program, document
 from weberlink.figures import wording
+from weberlink.hardware.guardian import SOCKET
 from weberlink.installation import guests
 from weberlink.order import MISCONFIGURED
 from weberlink.protocol.states import State
@@ -22,7 +24,8 @@ from weberlink.telemetry.fault import Fault
 ROOT = Path(__file__).parents[1]
 UNITS = ROOT / "configs" / "systemd"
 SIDES = ["weberlink-master@.service", "weberlink-slave@.service"]
-PROGRAM = "/opt/weberlink/bin/weberlink"
+GUARDIAN = "weberlink-guardian.service"
+PROGRAM, PYTHON = "/opt/weberlink/bin/weberlink", "/opt/weberlink/bin/python"
 PAGE = "\n".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs" / "operation").glob("*.md")))
 CONTAINER = (ROOT / "Containerfile").read_text(encoding="utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -71,7 +74,8 @@ def systemd_analyze(*arguments: object) -> subprocess.CompletedProcess[str]:
 def assert_accepted_and_little_exposed(unit_file: Path, folder: Path) -> None:
     """By systemd, with a program that is there."""
     path = folder / unit_file.name.replace("@", "@lan")
-    path.write_text(unit_file.read_text(encoding="utf-8").replace(PROGRAM, sys.executable), encoding="utf-8")
+    text = re.sub(rf"{PROGRAM}|{PYTHON}", sys.executable, unit_file.read_text(encoding="utf-8"))
+    path.write_text(text, encoding="utf-8")
     verified = systemd_analyze("verify", "--man=no", path)
     assert (verified.returncode, [line for line in verified.stderr.splitlines() if path.name in line]) == (0, [])
     done = systemd_analyze("security", "--offline=true", "--threshold=25", "--no-pager", path)
@@ -80,7 +84,24 @@ def assert_accepted_and_little_exposed(unit_file: Path, folder: Path) -> None:
     assert done.returncode == 0, done.stdout.splitlines()[-1:]
 
 
-@pytest.mark.parametrize("name", SIDES)
+def test_the_guardian_outlives_the_units_that_insist_on_it() -> None:
+    """It is in no control group of theirs and another user's, and its end writes the zeros that are left."""
+    guardian = unit(UNITS / GUARDIAN)
+    assert_starts_a_command(UNITS / GUARDIAN)
+    socket = next(each.default for each in COMMANDS["guardian"].params if each.name == "socket")
+    assert str(socket) == SOCKET == f"/run/{guardian['RuntimeDirectory'][0]}/socket"
+    (post,) = guardian["ExecStopPost"]
+    assert post.split() == [PYTHON, *TAKE_OFF, str(Path(SOCKET).parent)]
+    assert (guardian["Type"], guardian["KillMode"], guardian["Restart"]) == (["notify"], ["control-group"], ["always"])
+    for name in SIDES:
+        settings = unit(UNITS / name)
+        assert f"WEBERLINK_GUARDIAN={SOCKET}" in settings["Environment"]
+        assert all(GUARDIAN in settings[order][0].split() for order in ("Wants", "After"))
+        assert settings["User"] != guardian["User"]
+        assert settings["SupplementaryGroups"] == guardian["Group"], "which may use the socket"
+
+
+@pytest.mark.parametrize("name", [*SIDES, GUARDIAN])
 def test_systemd_accepts_a_unit_and_finds_it_little_exposed(name: str, tmp_path: Path) -> None:
     assert_accepted_and_little_exposed(UNITS / name, tmp_path)
 

@@ -62,9 +62,8 @@ class MeddledProtection:
         if random.random() < self._owner.rate:
             changed = bytearray(clear)
             for _ in range(random.randint(1, 4)):
-                changed[random.choice([0, *range(4, len(clear))])] = random.choice(
-                    [0, 0x7F, 0x80, 0xFF, random.getrandbits(8)]
-                )
+                place = random.choice([0, *range(4, len(clear))])
+                changed[place] = random.choice([0, 0x7F, 0x80, 0xFF, random.getrandbits(8)])
             clear = bytes(changed)
         return self._inner.seal(sequence, clear, now)
 
@@ -141,11 +140,7 @@ def sessions(seed: int) -> Iterator[Counter[str]]:
             "carries_credit": random.random() < 0.5,
             "silence": random.choice([0.1, 10.0]),
         }
-        pair = Pair(
-            seed=random.getrandbits(32),
-            master=changes,
-            slave=changes,
-        ).connect()
+        pair = Pair(seed=random.getrandbits(32), master=changes, slave=changes).connect()
         for _ in range(150):
             pair.run(0.004)
             recorded += [data for _, _, data in pair.tap[-4:]]

@@ -9,14 +9,13 @@ long as the sources are the same. The tests of another checkout are judged with 
 
 import argparse
 import ast
-import json
 import os
 import subprocess
 import sys
 import tempfile
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
 from random import Random
@@ -256,7 +255,6 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     parser.add_argument("--tests", type=Path, default=ROOT, help="checkout whose tests are judged")
-    parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     mutants = drawn(arguments.count, arguments.seed)
     results: list[tuple[Mutant, str]] = []
@@ -274,16 +272,12 @@ def main() -> None:
 
         for mutant, test in pool.map(work, mutants):
             results.append((mutant, test))
-            print(
-                f"{mutant.path}:{mutant.line}:\n  - {mutant.was}\n  + {mutant.becomes}\n  {test or 'SURVIVES'}",
-                flush=True,
-            )
+            place = f"{mutant.path}:{mutant.line}:"
+            print(place, f"- {mutant.was}", f"+ {mutant.becomes}", test or "SURVIVES", sep="\n  ", flush=True)
     tried, caught = Counter(m.group for m, _ in results), Counter(m.group for m, test in results if test)
     for group, count in tried.items():
         print(f"{group:18} {caught[group]:3} of {count:3} caught")
     print(f"{'all':18} {sum(caught.values()):3} of {len(results):3} caught, seed {arguments.seed}")
-    if arguments.json is not None:
-        arguments.json.write_text(json.dumps([{**asdict(m), "caught_by": test} for m, test in results], indent=1))
 
 
 if __name__ == "__main__":

@@ -37,7 +37,6 @@ def main(folder: Path) -> None:
         page.wait(lambda: page.data("state") in ("engaged", "released"), "the session")
         page.run("document.getElementById('anywhere').click()")
         moving(page, folder / "demo.gif")
-        moving(page, folder / "demo.gif")
         for size, (width, height, schemes) in SIZES.items():
             page.size(width, height)
             for scheme in schemes:

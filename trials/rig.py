@@ -8,7 +8,7 @@ import os
 import re
 import shutil
 import signal
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -59,18 +59,13 @@ class Ring(Telemetry):
         """What is new since the last call, and is not kept."""
         self._read()
         with self._one_at_a_time:
-            taken, self._records = self._records, NOTHING
+            taken, self._count = self._buffer[: self._count].copy(), 0
         return taken
 
     @property
     def overrun(self) -> int:
         """Records that nobody read in time."""
         return self._reader.overrun
-
-    @property
-    def started_wall_s(self) -> float:
-        """When the daemon made it, by its own wall clock."""
-        return self._reader.started_wall_s
 
 
 class Command(Program):
@@ -252,7 +247,6 @@ class Session:
     Attributes:
         wire: the relay.
         sides: those that are running, by name.
-        changes: of the environment of daemons that are started.
     """
 
     def __init__(
@@ -262,10 +256,8 @@ class Session:
         seed: int = 1,
         silence_ms: float = SILENCE_MS,
         overrides: tuple[str, ...] = (),
-        changes: Mapping[str, str] | None = None,
     ) -> None:
         self._origin, self._seed, self._silence_ms, self._overrides = file, seed, silence_ms, overrides
-        self.changes = dict(changes or {})
         self.sides: dict[str, Side] = {}
         self._stack = ExitStack()
 
@@ -314,8 +306,7 @@ class Session:
         if side in self.sides:
             self.sides.pop(side).__exit__(None, None, None)
         words = [word for each in (*self._overrides, *settings) for word in ("--set", each)]
-        environment = ("env", *(f"{name}={value}" for name, value in self.changes.items()))
-        started = self.sides[side] = Side(side, self.file, *words, prefix=environment)
+        started = self.sides[side] = Side(side, self.file, *words)
         return started
 
     def kill(self, side: str) -> Side:

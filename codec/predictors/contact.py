@@ -1,12 +1,14 @@
 """Estimates the surface in contact, tick by tick, with exponentially weighted sums.
 
 Let p be the position of the probe, f the force, n the normal, s the stiffness and c = 1/s. The contact point on the
-surface is q = p + c f. Each of three hypotheses estimates c:
+surface is q = p + c f. Each of four hypotheses estimates c:
 
 - The surface is at rest and has no friction: the force is along the normal, and n.dp = -c n.df over a few ticks.
 - It is at rest and has friction: the force without its part along dq, the direction of sliding, gives the normal, which
   is averaged. The slow part of n.dp and n.df (sliding over a surface that is not flat) is removed before they are
   compared.
+- It is at rest and damps, with the time T = damping / stiffness: n.dp = -c n.df - T n.dv, where v is the change of p
+  in a tick. The normal is that with friction.
 - It moves: third differences of n.p and n.f are compared, to which a slow motion contributes little.
 
 Curvature is the turn of the normal per displacement of q. The frequency w of a motion follows from second differences
@@ -48,6 +50,8 @@ LEAST_WAY = 3e-5
 LEAST_CHANGE = 1e-7
 """Smallest integral of squared changes of force that gives an estimate [N^2 s]; `LEAST_THIRD` likewise."""
 LEAST_THIRD = 1e-5
+LEAST_INDEPENDENCE = 1e-6
+"""Smallest share of the change of speed, in squares, that the change of force leaves unexplained."""
 MOST_COMPLIANT, STIFFEST = 1e-1, 1e-6
 """Range of accepted compliance [m/N]."""
 LARGEST_FRICTION = 1.5
@@ -75,6 +79,33 @@ class ComplianceEstimator:
         if self._xx > self._least:
             compliance = -self._xy / self._xx
             self.compliance = compliance if STIFFEST < compliance < MOST_COMPLIANT else 0.0
+
+
+class DampedEstimator:
+    """Compliance and damping by weighted least squares over changes of force [N], position [m] and speed [m/tick]."""
+
+    __slots__ = ("_forget", "_least", "_xx", "_xy", "_xz", "_yz", "_zz", "compliance", "damping")
+
+    def __init__(self, forget: float, least: float) -> None:
+        self._forget = forget
+        self._least = least
+        self._xx = self._xy = self._xz = self._yz = self._zz = 0.0
+        self.compliance = self.damping = 0.0
+        """[m/N] and [N per m/tick]; 0 while unknown."""
+
+    def add(self, x: float, y: float, z: float) -> None:
+        forget = self._forget
+        self._xx = xx = self._xx * forget + x * x
+        self._xy = xy = self._xy * forget + x * y
+        self._xz = xz = self._xz * forget + x * z
+        self._yz = yz = self._yz * forget + y * z
+        self._zz = zz = self._zz * forget + z * z
+        determinant = xx * zz - xz * xz
+        self.compliance = self.damping = 0.0
+        if xx > self._least and determinant > LEAST_INDEPENDENCE * xx * zz:
+            compliance, time = (xz * yz - xy * zz) / determinant, (xz * xy - yz * xx) / determinant
+            if STIFFEST < compliance < MOST_COMPLIANT and time > 0.0:
+                self.compliance, self.damping = compliance, time / compliance
 
 
 class CurvatureEstimator:
@@ -121,11 +152,11 @@ class FrequencyEstimator:
 
 
 class ContactEstimator:
-    """Estimates the surface in contact by three hypotheses, tick by tick, and remembers it for the next contact.
+    """Estimates the surface in contact by four hypotheses, tick by tick, and remembers it for the next contact.
 
     `age` counts the ticks since the contact or a gap in the samples, 0 without contact. While the probe sticks,
     `friction` is a lower bound of the coefficient. `curvature` and `frictional_curvature` go with `frictionless` and
-    `frictional`, `frequency` with `moving`.
+    `frictional`, `frequency` with `moving`; `damped` has its own damping.
     """
 
     def __init__(self, signal: Signal) -> None:
@@ -142,6 +173,7 @@ class ContactEstimator:
         forget = exp(-period / MEMORY_STIFFNESS_S)
         self.frictionless = ComplianceEstimator(forget, LEAST_CHANGE / period)
         self.frictional = ComplianceEstimator(forget, LEAST_CHANGE / period)
+        self.damped = DampedEstimator(forget, LEAST_CHANGE / period)
         self.moving = ComplianceEstimator(exp(-every / MEMORY_THIRD_S), LEAST_THIRD / every)
         forget = exp(-every / MEMORY_CURVATURE_S)
         self.curvature, self.frictional_curvature = CurvatureEstimator(forget), CurvatureEstimator(forget)
@@ -179,11 +211,19 @@ class ContactEstimator:
         self.frictionless.add(u * a + v * b + w * c, x * a + y * b + z * c)
         a, b, c = self.normal
         force, way = u * a + v * b + w * c, x * a + y * b + z * c
+        damped, speed = self.damped, 0.0
+        if self.age > self._step + 2:  # the first tick of a contact has no speed in it
+            last, first = history.places[-2], history.places[-2 - self._step]
+            speed = way - (a * (last[0] - first[0]) + b * (last[1] - first[1]) + c * (last[2] - first[2]))
+            damped.add(force, way, speed)
         self._slow_force += self._slow * (force - self._slow_force)
         self._slow_way += self._slow * (way - self._slow_way)
         frictional = self.frictional
         frictional.add(force - self._slow_force, way - self._slow_way)
         compliance = frictional.compliance
+        if damped.compliance > 0.0:  # the contact point of a surface that damps
+            compliance, push = damped.compliance, damped.damping * speed
+            u, v, w = u + push * a, v + push * b, w + push * c
         x, y, z = x + compliance * u, y + compliance * v, z + compliance * w
         slid = sqrt(x * x + y * y + z * z)
         if slid > LEAST_WAY:

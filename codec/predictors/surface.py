@@ -1,9 +1,12 @@
-"""A patch of a contact surface with stiffness, curvature, Coulomb friction and motion, estimated by the sender.
+"""A patch of a contact surface with stiffness, curvature, friction, damping and motion, estimated by the sender.
 
 Both ends compute the force by the god-object method: the god-object, a point that stays on the surface, pulls the probe
 with the stiffness. It sticks while the pull is inside the friction cone and otherwise slides after the probe. So both
 ends compute it from the positions alone. The friction cone on its displacement is that of Harwin and Melder, "Improved
 haptic rendering for multi-finger manipulation using friction cone based god-objects", Eurohaptics 2002.
+
+Damping along the normal adds D d(depth)/dt, with the depths of the last two ticks, and never pulls. In the first tick
+after an update both ends take the rate at its sample: where the probe was then, they do not know alike.
 
 The patch oscillates along its normal: s(t) = v sin(w t) / w + a (1 - cos(w t)) / w^2; for w = 0 it moves by
 v t + a t^2 / 2.
@@ -56,14 +59,21 @@ class SurfacePatch(Model):
     """a along the normal [m/tick^2]."""
     frequency: float = 0.0
     """w [rad/tick]."""
+    damping: float = 0.0
+    """D along the normal [N per m/tick]."""
+    rate: float = 0.0
+    """d(depth)/dt at the newest sample [m/tick]."""
 
     @property
-    def memory(self) -> Vector | None:
-        """The initial god-object [m]; None without friction."""
+    def memory(self) -> Any:
+        """The initial god-object [m]; with damping also depth [m] and tick of the last position, here unknown; None
+        with neither."""
+        if self.damping > 0.0:
+            return self.point, None, 0.0
         return self.point if self.friction > 0.0 else None
 
     def at(self, tick: float, position: Vector) -> Vector:
-        """The force without friction."""
+        """The force without friction and damping."""
         normal, height = self._normal_and_height(tick, position)
         if not height < 0.0:
             return ZERO
@@ -71,6 +81,18 @@ class SurfacePatch(Model):
         return (push * normal[0], push * normal[1], push * normal[2])
 
     def advance(self, tick: float, position: Vector, memory: Any) -> tuple[Vector, Any]:
+        """The force with friction and damping [N], and the new memory."""
+        if self.damping == 0.0:
+            return self._rub(tick, position, memory)
+        held, before, then = memory
+        (x, y, z), held = self._rub(tick, position, held)
+        (a, b, c), height = self._normal_and_height(tick, position)
+        depth = max(0.0, -height)
+        rate = self.rate if before is None else (depth - before) / max(1.0, tick - then)
+        push = max(self.damping * rate, -self.stiffness * depth) if depth > 0.0 else 0.0
+        return (x + push * a, y + push * b, z + push * c), (held, depth, tick)
+
+    def _rub(self, tick: float, position: Vector, memory: Vector) -> tuple[Vector, Vector]:
         """The force with friction [N], and the new god-object [m]."""
         normal, height = self._normal_and_height(tick, position)
         if not height < 0.0:
@@ -131,7 +153,7 @@ class SurfacePatch(Model):
 
 
 def patch(
-    newest: Sample, normal: Vector, compliance: float, curvature: float, limits: FitLimits, **motion: float
+    newest: Sample, normal: Vector, compliance: float, curvature: float, limits: FitLimits, **others: float
 ) -> SurfacePatch | None:
     """The patch through a sample, with a unit normal, a compliance [m/N] and a curvature [1/m]; None beyond limits."""
     if not limits.accepts_compliance(compliance):
@@ -139,8 +161,11 @@ def patch(
     if curvature != 0.0 and not limits.accepts_radius(1.0 / curvature):
         return None
     force, place = newest.value, newest.position
+    damped = others.get("damping", 0.0) * others.get("rate", 0.0)
+    if damped != 0.0:
+        force = subtract(force, scale(normal, damped))
     point = (place[0] + compliance * force[0], place[1] + compliance * force[1], place[2] + compliance * force[2])
-    return SurfacePatch(normal, point, newest.tick, 1.0 / compliance, curvature, **motion)
+    return SurfacePatch(normal, point, newest.tick, 1.0 / compliance, curvature, **others)
 
 
 class SurfaceHypothesis(metaclass=ABCMeta):
@@ -177,6 +202,23 @@ class FrictionalHypothesis(SurfaceHypothesis):
         return patch(newest, normal, compliance, curvature, self._limits, friction=friction)
 
 
+class DampedHypothesis(SurfaceHypothesis):
+    """At rest, with damping, with friction if there is any, and flat."""
+
+    def model(self, context: EncodeContext) -> SurfacePatch | None:
+        contact, newest, places = self._contact, context.newest, context.history.places
+        compliance, damping = contact.damped.compliance, contact.damped.damping
+        if min(contact.age, len(places)) < 2 or compliance == 0.0 or norm(newest.value) == 0.0:
+            return None
+        normal, friction = contact.normal, contact.friction
+        if friction < LEAST_FRICTION:
+            normal, friction = unit(newest.value), 0.0
+        rate = dot(normal, subtract(places[-2], places[-1]))
+        if dot(normal, newest.value) <= max(0.0, damping * rate):
+            return None
+        return patch(newest, normal, compliance, 0.0, self._limits, friction=friction, damping=damping, rate=rate)
+
+
 class MovingHypothesis(SurfaceHypothesis):
     """Moving along its normal, without friction, and flat."""
 
@@ -199,9 +241,13 @@ class MovingHypothesis(SurfaceHypothesis):
         return patch(newest, normal, compliance, 0.0, self._limits, **motion)
 
 
-def _layout(normal: Uniform, frequency: Uniform, *, curved: bool) -> tuple[Uniform, dict[str, Float | Uniform]]:
-    """The format of each component of the normal, and the formats of the other parameters by name."""
-    fields: dict[str, Float | Uniform] = {
+_HYPOTHESES = (FrictionlessHypothesis, FrictionalHypothesis, MovingHypothesis, DampedHypothesis)
+_Formats = dict[str, Float | Uniform]
+
+
+def _layout(normal: Uniform, frequency: Uniform, *, curved: bool) -> tuple[Uniform, _Formats, _Formats]:
+    """The format of each component of the normal; those of the other parameters, and of a surface that damps."""
+    fields: _Formats = {
         "stiffness": Float(1.0, 5, 7),
         "curvature": Float(1e-2, 5, 6, signed=True),
         "friction": Uniform(0.0, 2.0**-7, 8),
@@ -211,7 +257,9 @@ def _layout(normal: Uniform, frequency: Uniform, *, curved: bool) -> tuple[Unifo
     }
     if not curved:
         del fields["curvature"], fields["friction"]
-    return normal, fields
+    # It is at rest: rate and damping have the bits of a motion.
+    instead = {"velocity": ("rate", fields["velocity"]), "acceleration": ("damping", Float(1.0, 5, 7))}
+    return normal, fields, dict(instead.get(name, (name, form)) for name, form in fields.items())
 
 
 _LAYOUTS = {
@@ -228,17 +276,19 @@ class SurfacePredictor(EstimatedPredictor):
     describes_contact: ClassVar[bool] = True
 
     def candidates(self, signal: Signal) -> Sequence[Candidate]:
-        return [hypothesis(signal) for hypothesis in (FrictionlessHypothesis, FrictionalHypothesis, MovingHypothesis)]
+        return [hypothesis(signal) for hypothesis in _HYPOTHESES]
 
     def packed(self, model: SurfacePatch, newest: Sample, grid: SampleGrid) -> ModelParameters:  # noqa: ARG002
-        normal, others = _LAYOUTS[grid.value.size]
-        levels = [normal.level(each) for each in grid.value.components(model.normal)]
-        levels += [field.level(getattr(model, name)) for name, field in others.items()]
+        damps = model.damping > 0.0
+        normal, *others = _LAYOUTS[grid.value.size]
+        levels = [int(damps), *(normal.level(each) for each in grid.value.components(model.normal))]
+        levels += [field.level(getattr(model, name)) for name, field in others[damps].items()]
         return ModelParameters(pack(levels, widths_of(grid)))
 
     def unpacked(self, data: bytes, newest: Sample, grid: SampleGrid, limits: FitLimits) -> SurfacePatch | None:
-        (each, others), size = _LAYOUTS[grid.value.size], grid.value.size
-        fields = unpack(data, widths_of(grid))
+        each, *layouts = _LAYOUTS[grid.value.size]
+        damps, *fields = unpack(data, widths_of(grid))
+        others, size = layouts[damps], grid.value.size
         x, y, z = grid.value.vector([each.number(field) for field in fields[:size]])
         length = sqrt(x * x + y * y + z * z)
         if not length > 0.0:
@@ -250,8 +300,8 @@ class SurfacePredictor(EstimatedPredictor):
 
 def widths_of(grid: SampleGrid) -> tuple[int, ...]:
     """Bits of each field of a surface's parameters."""
-    normal, others = _LAYOUTS[grid.value.size]
-    return (normal.width,) * grid.value.size + tuple([field.width for field in others.values()])
+    normal, others, _ = _LAYOUTS[grid.value.size]
+    return (1, *(normal.width,) * grid.value.size, *(field.width for field in others.values()))
 
 
 SURFACE = SurfacePredictor()

@@ -198,14 +198,18 @@ class Tremor:
         uniform: Draws from [0, 1).
     """
 
-    __slots__ = ("_x", "_y", "_z")
+    __slots__ = ("_axes",)
 
     def __init__(self, rms: float, hand: Oscillator | HandOptions, uniform: Callable[[], float]) -> None:
-        self._x, self._y, self._z = [_drawn(rms, hand, uniform) for _ in range(3)]
+        self._axes = [_drawn(rms, hand, uniform) for _ in range(3)]
 
     def at(self, time: float) -> Vector:
         """Displacement [m] or [rad] of the intention at `time` [s]."""
-        return (_sum(self._x, time), _sum(self._y, time), _sum(self._z, time))
+        x, y, z = [  # written out for speed
+            a * sin(w * time + p) + b * sin(x * time + q) + c * sin(y * time + r) + d * sin(z * time + s)
+            for a, w, p, b, x, q, c, y, r, d, z, s in self._axes
+        ]
+        return (x, y, z)
 
 
 def _drawn(rms: float, hand: Oscillator | HandOptions, uniform: Callable[[], float]) -> Waves:
@@ -215,9 +219,3 @@ def _drawn(rms: float, hand: Oscillator | HandOptions, uniform: Callable[[], flo
         waves += (rms * sqrt(2.0 / COMPONENTS) / hand.gain(omega), omega, 2.0 * pi * uniform())
     a, w, p, b, x, q, c, y, r, d, z, s = waves
     return a, w, p, b, x, q, c, y, r, d, z, s
-
-
-def _sum(waves: Waves, time: float) -> float:
-    """Written out for speed: it runs three times a tick."""
-    a, w, p, b, x, q, c, y, r, d, z, s = waves
-    return a * sin(w * time + p) + b * sin(x * time + q) + c * sin(y * time + r) + d * sin(z * time + s)

@@ -1,13 +1,12 @@
 """The device of `operator` and `replay`: a modelled hand on a handle, moved by an intention."""
 
 from collections.abc import Callable
-from math import ceil
 from random import Random
 from typing import TYPE_CHECKING, ClassVar
 
 from weberlink.compiled import mypyc_attr
-from weberlink.geometry.vector import ZERO, Vector, add, cube, within
-from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, Quaternion, check_finite
+from weberlink.geometry.vector import ZERO, Vector, add, cube, norm, within
+from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, check_finite
 from weberlink.master.devices.hand import Tremor, modelled_hand
 from weberlink.master.devices.hand_options import HandDeviceOptions
 
@@ -21,7 +20,7 @@ LONGEST_GAP = 0.1  # [s] of model time per call; a longer silence makes the hand
 class HandDevice:
     """Moves a hand toward an intention, against the commanded force; with a wrist, turns it too.
 
-    Time is that of the model: it goes on with `now`, in equal steps no longer than a tick, by at most 0.1 s a call.
+    Time is that of the model: it goes on with `now`, in equal steps of about a tick, by at most 0.1 s a call.
     The handle stays within the workspace, as on a device with end stops.
 
     Args:
@@ -78,7 +77,9 @@ class HandDevice:
         self._felt = self._torque = ZERO
         if self._turning is not None:
             self._turning.begin()
-        self._reading = DeviceReading(now, self._hand.position, False, self._orientation())
+        self._reading = DeviceReading(
+            now, self._hand.position, False, None if self._turning is None else self._turning.orientation
+        )
 
     def latest(self, now: float) -> DeviceReading:
         reading = self._reading
@@ -86,8 +87,9 @@ class HandDevice:
             raise DeviceFault(f"{self.spec.name}: not open")
         if now <= reading.at:
             return reading
-        gap = min(now - reading.at, LONGEST_GAP)
-        count = max(1, ceil(gap / self._tick_period - 1e-6))
+        gap = now - reading.at
+        gap = gap if gap < LONGEST_GAP else LONGEST_GAP
+        count = round(gap / self._tick_period) or 1  # the hand moves exactly at any step
         step = gap / count
         ended = reading.ended
         for _ in range(count):
@@ -99,15 +101,19 @@ class HandDevice:
             if self._turning is not None:
                 self._turning.advance(self._elapsed, self._torque, step)
         position, edge = self._hand.position, self._options.workspace_m
-        if not -edge <= min(position) <= max(position) <= edge:
-            x, y, z = position
+        x, y, z = position
+        if not (-edge <= x <= edge and -edge <= y <= edge and -edge <= z <= edge):
             position = (min(max(x, -edge), edge), min(max(y, -edge), edge), min(max(z, -edge), edge))
-        self._reading = DeviceReading(now, position, ended, self._orientation())
+        self._reading = DeviceReading(
+            now, position, ended, None if self._turning is None else self._turning.orientation
+        )
         return self._reading
 
     def command(self, force: Vector, now: float) -> None:  # noqa: ARG002
-        check_finite(self.spec.name, "force", force)
-        self._felt = within(force, self.spec.force_n)
+        if not norm(force) <= self.spec.force_n:
+            check_finite(self.spec.name, "force", force)
+            force = within(force, self.spec.force_n)
+        self._felt = force
 
     def turn(self, torque: Vector, now: float) -> None:  # noqa: ARG002
         """Has no effect without a wrist."""
@@ -117,6 +123,3 @@ class HandDevice:
     def close(self) -> None:
         self._reading = None
         self._felt = self._torque = ZERO
-
-    def _orientation(self) -> Quaternion | None:
-        return None if self._turning is None else self._turning.orientation

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import accumulate
 from math import cos, pi, sin
 
-from weberlink.geometry.vector import Vector, interpolate
+from weberlink.geometry.vector import Vector
 
 
 def minimum_jerk(share: float) -> float:
@@ -24,7 +24,9 @@ class StraightLeg:
 
     def at(self, share: float) -> Vector:
         """Position [m] after this share of the duration [s], 0 to 1; at rest at both ends."""
-        return interpolate(self.start, self.end, minimum_jerk(share))
+        share = minimum_jerk(share)
+        (x, y, z), (u, v, w) = self.start, self.end
+        return (x + share * (u - x), y + share * (v - y), z + share * (w - z))
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +70,9 @@ class LegSequence:
         if not self._repeat and time >= self.duration:
             return self._legs[-1].at(1.0), True
         time = time % self.duration if self._repeat else max(time, 0.0)
-        index = min(bisect_right(self._ends, time), len(self._legs) - 1)
-        leg = self._legs[index]
-        began = self._ends[index] - leg.duration
-        return leg.at(min(1.0, max(0.0, (time - began) / leg.duration))), False
+        leg, ends_at = self._legs[-1], self.duration
+        if time < ends_at:  # else by a rounding of what is left
+            index = bisect_right(self._ends, time)
+            leg, ends_at = self._legs[index], self._ends[index]
+        share = (time - (ends_at - leg.duration)) / leg.duration
+        return leg.at(0.0 if share < 0.0 else share if share < 1.0 else 1.0), False

@@ -34,17 +34,29 @@ def smallest_push(violations: Sequence[float], normals: Sequence[Vector]) -> tup
     if not order or violations[order[0]] <= 0.0:
         return ()
     slack = 1e-12 + 1e-9 * violations[order[0]]
-    for size in (1, 2, 3):
+    least = [(normals[i], violations[i] - slack) for i in order]
+    for i in order:
+        depth, (x, y, z) = violations[i], normals[i]
+        if depth >= 0.0 and _clears((depth * x, depth * y, depth * z), least):
+            return ((i, depth),)
+    for size in (2, 3):
         for active in combinations(order, size):
             found = multipliers([violations[i] for i in active], [normals[i] for i in active])
             if found is None or min(found) < 0.0:
                 continue
             pushes = tuple(zip(active, found, strict=True))
-            x, y, z = displacement(pushes, normals)
-            constraints = ((normals[i], violations[i] - slack) for i in order)
-            if all(n[0] * x + n[1] * y + n[2] * z >= least for n, least in constraints):
+            if _clears(displacement(pushes, normals), least):
                 return pushes
     return ((order[0], violations[order[0]]),)
+
+
+def _clears(push: Vector, least: Sequence[tuple[Vector, float]]) -> bool:
+    """Whether a displacement goes at least so far [m] along each of these directions."""
+    x, y, z = push
+    for n, way in least:  # noqa: SIM110 - all() costs more than the rest
+        if not n[0] * x + n[1] * y + n[2] * z >= way:
+            return False
+    return True
 
 
 def displacement(pushes: Sequence[Push], normals: Sequence[Vector]) -> Vector:
@@ -111,33 +123,30 @@ class Proxy:
         shapes = self._shapes
         here = target if self.at is None else self.at
         self.parts = ()
-        nearest = inf
+        free = inf  # of shapes that are not touched, around `here`
         touching: list[int] = []
         for index, shape in enumerate(shapes):
             clearance = shape.clearance(here)
-            nearest = min(nearest, clearance)
             if clearance < TOUCHING:
                 touching.append(index)
-        if not touching and nearest >= distance(here, target):
-            self.at = target  # the usual case: nothing is as near as the target
-            return target, ()
+            elif clearance < free:
+                free = clearance
         presses: Sequence[ShapePress] = ()
         last: tuple[Vector, Vector, ShapePress] | None = None  # start, end and press of the last iteration
         iterations = 0
         while iterations < ITERATIONS:
             goal, presses = self._closest(here, target, touching)
             x, y, z = step = goal[0] - here[0], goal[1] - here[1], goal[2] - here[2]
-            settled = (
-                not touching
-                or (len(touching) == 1 and shapes[touching[0]].flat)
-                or sqrt(x * x + y * y + z * z) < CONVERGED
-            )
+            way = sqrt(x * x + y * y + z * z)
+            settled = not touching or way < CONVERGED or (len(touching) == 1 and shapes[touching[0]].flat)
             if not settled and len(presses) == 1:
                 (press,), reached = presses, goal
                 if last is not None:
                     goal = extrapolated(goal, step, press, *last)
+                    way = distance(here, goal)
                 last = (here, reached, press)
-            if len(touching) < len(shapes):
+            free -= way
+            if free < 0.0:
                 hit = self._first_hit(here, goal, touching)
                 if hit is not None:
                     index, here = hit
@@ -157,26 +166,27 @@ class Proxy:
         if not touching:
             return target, ()
         x, y, z = target[0] - here[0], target[1] - here[1], target[2] - here[2]
+        planes = self._shapes[touching[0]].linearise(here)
+        if len(planes) == len(touching) == 1:
+            ((gap, n),) = planes
+            depth = -(n[0] * x + n[1] * y + n[2] * z + gap)
+            if depth <= 0.0:
+                return target, ()
+            self.parts = ((touching[0], depth, n),)
+            return (target[0] + depth * n[0], target[1] + depth * n[1], target[2] + depth * n[2]), self.parts
         owners: list[int] = []
         violations: list[float] = []
         normals: list[Vector] = []
         for index in touching:
-            for gap, n in self._shapes[index].linearise(here):
+            for gap, n in planes if index == touching[0] else self._shapes[index].linearise(here):
                 owners.append(index)
                 violations.append(-(n[0] * x + n[1] * y + n[2] * z + gap))
                 normals.append(n)
-        if len(owners) == 1:
-            if violations[0] <= 0.0:
-                return target, ()
-            depth, n = violations[0], normals[0]
-            goal = (target[0] + depth * n[0], target[1] + depth * n[1], target[2] + depth * n[2])
-            self.parts = ((owners[0], depth, n),)
-            return goal, self.parts
         pushes = smallest_push(violations, normals)
         x, y, z = displacement(pushes, normals)
         goal = (target[0] + x, target[1] + y, target[2] + z)
         self.parts = parts = [(owners[i], depth, normals[i]) for i, depth in pushes if depth > 0.0]
-        return goal, merged(parts)
+        return goal, parts if len(owners) == len(touching) else merged(parts)
 
     def _first_hit(self, start: Vector, end: Vector, touching: Sequence[int]) -> tuple[int, Vector] | None:
         """The first shape not yet touched on the straight path, and the point where the path meets it."""
@@ -240,7 +250,7 @@ def point_at(start: Vector, end: Vector, travelled: float, length: float) -> Vec
 
 def merged(presses: list[ShapePress]) -> Sequence[ShapePress]:
     """One press per shape: in a concave corner the sum of the pushes of its faces."""
-    owners = dict.fromkeys(index for index, _, _ in presses)
+    owners = dict.fromkeys([index for index, _, _ in presses])
     if len(owners) == len(presses):
         return presses
     result: list[ShapePress] = []

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from weberlink.geometry.vector import ZERO, Vector, add, distance, interpolate, is_finite, norm, subtract
+from weberlink.geometry.vector import ZERO, Vector, add, distance, interpolate, norm, subtract
 from weberlink.slave.scenes.contact import ContactState, ObjectContact, SceneObject, Sway, Touch
 from weberlink.slave.scenes.proxy import Proxy, ShapePress, traced
 from weberlink.slave.scenes.shape import Shape, Tangent
@@ -119,12 +119,11 @@ class Scene:
         for index, depth, normal in presses:
             f = self._contacts[index].force(depth, normal, proxy, dt)
             x, y, z = x + f[0], y + f[1], z + f[2]
-        force = (x, y, z)
-        if not is_finite(force):
-            self.forget_friction()  # what overflowed must not be remembered
-            self.rejected += 1
-            return ZERO
-        return force
+        if x - x == y - y == z - z == 0.0:
+            return (x, y, z)
+        self.forget_friction()  # what overflowed must not be remembered
+        self.rejected += 1
+        return ZERO
 
     def touch(self, position: Vector) -> tuple[Touch, ...]:
         """The contacts at `position` [m], one for each plane, for a body that has a velocity.
@@ -197,15 +196,18 @@ class Scene:
 
     def _follow(self, position: Vector) -> tuple[Vector, Sequence[ShapePress]]:
         """Move the proxy; release objects that are no longer touched."""
-        if not (abs(position[0]) < FARTHEST and abs(position[1]) < FARTHEST and abs(position[2]) < FARTHEST):
+        x, y, z = position
+        if not (-FARTHEST < x < FARTHEST and -FARTHEST < y < FARTHEST and -FARTHEST < z < FARTHEST):
             self.rejected += 1
             return position, ()
         proxy, presses = self._proxy.follow(position)
         if presses:
             self.penetration_depth = distance(proxy, position)
-            touched = frozenset([index for index, _, _ in presses])
-            if touched != self._touched:
-                self._hold(touched)
+            same = len(presses) == len(self._touched)
+            for press in presses:
+                same = same and press[0] in self._touched
+            if not same:
+                self._hold(frozenset([index for index, _, _ in presses]))
         else:
             self.penetration_depth = 0.0
             if self._touched:

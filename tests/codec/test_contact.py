@@ -15,6 +15,7 @@ from weberlink.codec.predictors import FitLimits
 from weberlink.codec.predictors.contact import ContactEstimator
 from weberlink.codec.predictors.estimation import EncodeContext, History, Signal
 from weberlink.codec.predictors.surface import (
+    DampedHypothesis,
     FrictionalHypothesis,
     FrictionlessHypothesis,
     MovingHypothesis,
@@ -213,6 +214,31 @@ def test_each_hypothesis_recovers_its_own_parameters() -> None:
     assert moving.frequency == pytest.approx(FREQUENCY, rel=2e-3)
     assert moving.velocity == pytest.approx(AMPLITUDE * FREQUENCY * cos(2.0 * pi * 3.0), rel=0.05)
     assert moving.acceleration == pytest.approx(0.0, abs=0.2 * AMPLITUDE * FREQUENCY**2)
+
+
+@pytest.mark.parametrize(("stiffness", "damping", "off"), [(500.0, 1e3, 0.02), (500.0, 3e3, 0.02), (2e3, 3e3, 0.01)])
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_damping_is_told_from_stiffness(stiffness: float, damping: float, off: float, friction: float) -> None:
+    """On a position that moves in steps, as a decoded one does; the model then predicts the steps of the force."""
+    samples: Stream = []
+    before, offset = 0.0, 0.0
+    for tick, (force, position) in enumerate(contact(GodObject(stiffness, 0.0, friction), ticks=3100)):
+        if tick % 7 == 0:
+            offset = 5e-5 * sin(tick)
+        # The push of the step, and of the rate, along the normal.
+        height = dot(NORMAL, position) + offset
+        push = -stiffness * offset - (damping * (height - before) if tick else 0.0)
+        before = height
+        samples.append((add(force, scale(NORMAL, push)), add(position, scale(NORMAL, offset))))
+    now = next(tick for tick in range(3000, 3100) if tick % 7 == 3)
+    model = model_at_end(samples[: now + 1], DampedHypothesis)
+    assert model is not None
+    assert model.stiffness == pytest.approx(stiffness, rel=off)
+    assert model.damping == pytest.approx(damping, rel=off)
+    memory = model.memory
+    for tick in range(now + 1, now + 30):
+        predicted, memory = model.advance(tick, samples[tick][1], memory)
+        assert distance(predicted, samples[tick][0]) < 0.1 * norm(samples[tick][0]) + 0.03
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -91,7 +91,7 @@ def test_a_repeat_of_an_update_does_not_rewind_the_memory_of_friction() -> None:
 def test_parameters_without_a_normal_hold_the_sample() -> None:
     channel = force_channel(predictor="surface")
     widths = widths_of(channel.grid)
-    nothing = pack([512, 512, 512, *[0] * (len(widths) - 3)], widths)
+    nothing = pack([0, 512, 512, 512, *[0] * (len(widths) - 4)], widths)
     decoder = Decoder(channel)
     decoder.apply(Update(5, 0, (0, 0, 1000, 0, 0, 0), ModelParameters(nothing)))
     assert decoder.model == Hold((0.0, 0.0, 1.0))

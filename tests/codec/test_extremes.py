@@ -153,8 +153,7 @@ def check_displayable(decoded: Vector | None, channel: Channel) -> None:
         return
     assert is_finite(decoded)
     assert channel.value_quantizer.confine(decoded) == decoded
-    felt = Bound((FORCE_LIMIT,), (inf,), 1.0).passed(decoded, decoded, 1.0, 1.0, 1.0, was_open=True)
-    assert hypot(*felt) <= FORCE_LIMIT * (1.0 + 1e-15)
+    assert hypot(*Bound((FORCE_LIMIT,), (inf,), 1.0).limited(decoded)) <= FORCE_LIMIT * (1.0 + 1e-15)
 
 
 @pytest.mark.parametrize("predictor", FORCE_PREDICTORS)

@@ -95,6 +95,43 @@ def test_it_pulls_as_a_god_object_does(path: list[Vector], normal: Vector, curva
         assert np.linalg.norm(expected - force) <= 1e-9
 
 
+# Damping.
+
+
+def test_damping_adds_to_the_push_and_never_pulls() -> None:
+    damped = SurfacePatch(UP, ZERO, 0, S, damping=1e3, rate=2e-4)
+    # In the first tick the rate of the sample; then that of the last two positions, over no less than a tick.
+    steps = [
+        (1.0, -1e-3, 0.5 + 0.2),
+        (2.0, -1.1e-3, 0.55 + 0.1),
+        (4.0, -1.5e-3, 0.75 + 0.2),
+        (4.5, -1.6e-3, 0.8 + 0.1),
+        (5.5, -1.4e-3, 0.7 - 0.2),
+        (6.5, -0.9e-3, 0.0),  # 0.45 - 0.5
+        (7.5, 1e-4, 0.0),
+        (8.5, -2e-4, 0.1 + 0.2),
+    ]
+    memory = damped.memory
+    for tick, height, push in steps:
+        force, memory = damped.advance(tick, (1e-3, 2e-3, height), memory)
+        assert force == pytest.approx((0.0, 0.0, push), abs=1e-12)
+    assert damped.at(1, (0.0, 0.0, -1e-3)) == pytest.approx((0.0, 0.0, 0.5))
+
+
+@given(path=paths, normal=normals)
+def test_damping_leaves_friction_as_it_is(path: list[Vector], normal: Vector) -> None:
+    rubbing = SurfacePatch(normal, ZERO, 0, S, friction=MU)
+    damped = SurfacePatch(normal, ZERO, 0, S, friction=MU, damping=1e3, rate=1e-4)
+    held, memory = rubbing.memory, damped.memory
+    for tick, probe in enumerate(path):
+        force, held = rubbing.advance(tick, probe, held)
+        more, memory = damped.advance(tick, probe, memory)
+        assert memory[0] == held
+        beside = subtract(more, force)
+        assert distance(beside, scale(normal, dot(normal, beside))) <= 1e-9
+        assert dot(normal, more) >= -1e-12
+
+
 # Motion.
 
 
@@ -137,12 +174,13 @@ def sent(model: SurfacePatch, force: Vector, position: Vector, channel: Channel)
 
 @given(
     normal=normals, stiffness=st.floats(2.0, 1e5), curvature=st.floats(0.5, 80.0), sign=st.sampled_from([1.0, -1.0]),
-    friction=st.floats(0.02, 1.5), frequency=st.floats(1e-4, 6e-2),
+    friction=st.floats(0.02, 1.5), frequency=st.floats(1e-4, 6e-2), damping=st.sampled_from([0.0, 3.0, 300.0, 1e5]),
 )  # fmt: skip
 def test_its_numbers_survive_within_their_grids(
-    normal: Vector, stiffness: float, curvature: float, sign: float, friction: float, frequency: float
+    normal: Vector, stiffness: float, curvature: float, sign: float, friction: float, frequency: float, damping: float
 ) -> None:
-    model = SurfacePatch(normal, ZERO, 9, stiffness, sign * curvature, friction, 3e-5, -4e-7, frequency)
+    moves = (0.0, 0.0, frequency, damping, -2e-4) if damping else (3e-5, -4e-7, frequency)  # one or the other
+    model = SurfacePatch(normal, ZERO, 9, stiffness, sign * curvature, friction, *moves)
     decoder, newest = sent(model, scale(normal, 2.0), ZERO, force_channel(predictor="surface"))
     said = decoder.model
     assert isinstance(said, SurfacePatch)
@@ -152,11 +190,14 @@ def test_its_numbers_survive_within_their_grids(
     assert said.stiffness == pytest.approx(stiffness, rel=2.0**-8)
     assert said.curvature == pytest.approx(sign * curvature, rel=2.0**-7)
     assert said.friction == pytest.approx(friction, abs=2.0**-8)
-    assert said.velocity == pytest.approx(3e-5, rel=2.0**-7)
-    assert said.acceleration == pytest.approx(-4e-7, rel=2.0**-6)
+    assert said.velocity == pytest.approx(model.velocity, rel=2.0**-7)
+    assert said.acceleration == pytest.approx(model.acceleration, rel=2.0**-6)
     assert said.frequency == pytest.approx(frequency, abs=2.0**-17)
-    # The god-object is at p + f / s: along the force, not along the normal.
-    assert said.point == pytest.approx(add(newest.position, scale(newest.value, 1.0 / said.stiffness)))
+    assert said.damping == pytest.approx(damping, rel=2.0**-8)
+    assert said.rate == pytest.approx(model.rate, rel=2.0**-7)
+    # The god-object is at p + f / s: along the force without that of the damping, not along the normal.
+    sprung = subtract(newest.value, scale(said.normal, said.damping * said.rate))
+    assert said.point == pytest.approx(add(newest.position, scale(sprung, 1.0 / said.stiffness)))
 
 
 @given(force=st.tuples(*[st.floats(0.3, 5.0)] * 3), position=vectors, curvature=curvatures)

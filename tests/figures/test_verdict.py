@@ -83,7 +83,7 @@ CASES: dict[str, tuple[str, dict[str, Any], str]] = {
     "taken_over": (FAILURE, {"outcome": "failed: taken over by bob"}, "bob"),
     "killed": (FAILURE, {"outcome": "failed: slave was killed by SIGKILL"}, "SIGKILL"),
     "ended": (FAILURE, {"outcome": "failed: it burns"}, "it burns"),
-    "emergency_stop": (FAILURE, {"outcome": "failed: emergency stop"}, "emergency stop"),
+    "emergency_stop": (FAILURE, {"outcome": "failed: emergency stop by pedal"}, "emergency stop by pedal"),
     "recording": (FAILURE, {"recording.outcome": "No space left on device"}, "No space left on device; 2000 kB"),
     "missed_ticks": (
         DEGRADED,

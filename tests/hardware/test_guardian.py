@@ -6,27 +6,39 @@ measures how soon after it a message comes.
 
 import os
 import signal
+import subprocess
+import sys
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from pathlib import Path
 from select import select
-from time import monotonic, sleep
+from socket import AF_UNIX, send_fds, socket
+from time import monotonic, monotonic_ns, sleep
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from conftest import may_use_fifo
+from tests.confined import NAMESPACE, control_group, namespaces
+from tests.hardware import pushing_client
 from tests.hardware.helpers import descriptors
+from tests.hardware.pushing_client import FORCE, ZERO
+from tests.program import ROOT
 from tests.wait import PATIENCE, until
+from weberlink.child_process import isolated_python
 from weberlink.hardware import guardian_process
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.hardware.guardian import LEASE_S, SILENT_S, Guardian, HoldingGuardian
+from weberlink.hardware.guardian import IN_A_CONTAINER, LEASE_S, SHARED, SILENT_S, Guardian, HoldingGuardian
 from weberlink.hardware.guardian_process import (
     BEATS,
     HEAD,
+    HELLO,
     LEASE,
     MEMORY_SIZE,
+    OTHER_CLOCK,
     SLOT,
     SLOT_SIZE,
     WORDS_SIZE,
@@ -37,7 +49,9 @@ from weberlink.hardware.guardian_process import (
 )
 from weberlink.hardware.serial_port import SerialPort
 
-ZERO, OTHER_ZERO, FORCE, HERE = b"zero\n", b"nothing\n", b"force\n", b"here\n"
+OTHER_ZERO, HERE = b"nothing\n", b"here\n"
+TAKE_OFF = ("-P", "-m", guardian_process.__name__, "zero")
+"""Arguments of Python in `ExecStopPost=` of the unit, before its runtime directory."""
 LONG_S = 60.0
 """A command of this age is still good, and its lease twice as long: this machine may stall."""
 WHILE_S = 0.12
@@ -94,8 +108,52 @@ def guarded(guardian: Guardian) -> Iterator[Wire]:
     assert descriptors() == before
 
 
+@dataclass
+class Service:
+    """`weberlink guardian` at work."""
+
+    process: subprocess.Popen[str]
+    folder: Path
+
+    @property
+    def socket(self) -> Path:
+        return self.folder / "socket"
+
+    @property
+    def leases(self) -> list[Path]:
+        """The memories of the devices that it guards."""
+        return sorted(self.folder.glob("*.lease"))
+
+
+@contextmanager
+def serving(folder: Path) -> Iterator[Service]:
+    """A service with its runtime directory."""
+    command = isolated_python(guardian_process.__file__, "serve", str(folder / "socket"))
+    environment = {**os.environ, "RUNTIME_DIRECTORY": str(folder)}
+    with subprocess.Popen(command, env=environment, text=True, stderr=subprocess.PIPE) as process:
+        service = Service(process, folder)
+        try:
+            until(service.socket.exists, "the service")
+            yield service
+        finally:
+            process.terminate()
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    with serving(tmp_path_factory.mktemp("guardian")) as service:
+        yield service
+
+
+@pytest.fixture(params=["its own", "the service"])
+def guardian_of_the_host(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, service: Service) -> str:
+    """Which guardian sessions find."""
+    monkeypatch.setenv("WEBERLINK_GUARDIAN", str(service.socket) if request.param == "the service" else "")
+    return str(request.param)
+
+
 @pytest.fixture
-def wire() -> Iterator[Wire]:
+def wire(guardian_of_the_host: str) -> Iterator[Wire]:
     with guarded(Guardian(ZERO, (OTHER_ZERO,))) as wire:
         yield wire
 
@@ -172,13 +230,15 @@ def test_a_guardian_that_runs_is_trusted_and_one_that_died_is_told_at_rest_too(w
     wire.until_told(lambda: wire.port.write(ZERO))
 
 
-def test_guardian_ignores_signals_to_the_parent(wire: Wire) -> None:
-    pid = wire.guardian.pid
-    assert os.getsid(pid) == os.getpgid(pid) == pid
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        wire.signal_guardian(number)
-    wire.push(LEASE_S / 2.0)
-    until(wire.guardian.new_writes, "the zero")
+def test_a_guardian_of_one_device_ignores_signals_to_its_session(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WEBERLINK_GUARDIAN", "")
+    with guarded(Guardian(ZERO)) as wire:
+        assert wire.guardian.pid is not None
+        assert os.getsid(wire.guardian.pid) != os.getsid(0)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            wire.signal_guardian(number)
+        wire.push(LEASE_S / 2.0)
+        until(wire.guardian.new_writes, "the zero")
 
 
 def test_closing_takes_remaining_force_off(wire: Wire) -> None:
@@ -214,6 +274,152 @@ def test_blocked_device_still_gets_the_zero(wire: Wire) -> None:
         wire.port.write(FORCE)
     until(wire.guardian.new_writes, "the zero")
     assert wire.heard(WHILE_S, size=1_000_000).endswith(ZERO)
+
+
+# --- however the session ends
+
+
+@contextmanager
+def pushing(prefix: tuple[str, ...] = ()) -> Iterator[tuple[subprocess.Popen[str], int]]:
+    """A process of its own that pushes, and the device's end of its wire."""
+    near, far = os.openpty()
+    tty.setraw(far)
+    command = (*prefix, sys.executable, "-m", pushing_client.__name__, os.ttyname(far))
+    with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            yield process, near
+        finally:
+            process.kill()
+            os.close(near)
+            os.close(far)
+
+
+def read_until(near: int, message: bytes) -> None:
+    """Read until this is the last that came."""
+    heard = b""
+    while not heard.endswith(message):
+        assert select((near,), (), (), PATIENCE)[0], f"nothing but {heard[-20:]!r}"
+        heard = (heard + os.read(near, 1000))[-100:]
+
+
+@pytest.mark.realtime
+@pytest.mark.usefixtures("guardian_of_the_host")
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_force_ends_with_the_process_that_commands_it(number: signal.Signals) -> None:
+    with pushing() as (process, near):
+        read_until(near, FORCE)
+        process.send_signal(number)
+        read_until(near, ZERO)
+
+
+@pytest.mark.realtime
+@pytest.mark.usefixtures("guardian_of_the_host")
+def test_force_ends_when_the_control_group_of_the_session_is_killed() -> None:
+    with control_group() as group:
+        if group is None:
+            pytest.skip("this user may make no control group")
+        with pushing(group.prefix) as (_, near):
+            read_until(near, FORCE)
+            group.kill()
+            read_until(near, ZERO)
+
+
+@pytest.mark.realtime
+def test_in_a_container_the_guardian_of_the_host_alone_counts(
+    monkeypatch: pytest.MonkeyPatch, service: Service
+) -> None:
+    if not namespaces():
+        pytest.skip("this user may make no PID namespace")
+    monkeypatch.setenv("WEBERLINK_GUARDIAN", "")
+    with pushing(NAMESPACE) as (process, _):
+        assert process.communicate(timeout=PATIENCE)[1].strip().endswith(IN_A_CONTAINER)
+    monkeypatch.setenv("WEBERLINK_GUARDIAN", str(service.socket))
+    with pushing(NAMESPACE) as (process, near):
+        read_until(near, FORCE)
+        process.kill()
+        read_until(near, ZERO)
+
+
+@pytest.mark.realtime
+def test_a_guardian_that_must_stay_in_the_control_group_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    if not namespaces():
+        pytest.skip("this user may not make /sys read-only for a process")
+    monkeypatch.setenv("WEBERLINK_GUARDIAN", "")
+    read_only = 'mount -t tmpfs -o ro none /sys/fs/cgroup && exec "$@"'
+    with pushing(("unshare", "--mount", "sh", "-c", read_only, "sh")) as (process, near):
+        read_until(near, FORCE)
+        process.kill()
+        assert process.stderr is not None
+        assert process.stderr.read() == SHARED
+        read_until(near, ZERO)
+
+
+# --- the service
+
+
+def test_the_end_of_the_service_takes_the_force_off_and_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with serving(tmp_path) as ending:
+        monkeypatch.setenv("WEBERLINK_GUARDIAN", str(ending.socket))
+        with guarded(Guardian(ZERO)) as wire:
+            wire.push()
+            for pid in (wire.guardian.pid, ending.process.pid):
+                os.kill(pid, signal.SIGTERM)  # as systemd does with all processes of a unit
+            read_until(wire.near, ZERO)
+            wire.until_told(lambda: wire.port.write(ZERO))
+        assert ending.leases == []
+        with pytest.raises(HardwareFault, match=r"does not answer at .*: Connection refused"):
+            ending.process.wait()
+            Guardian(ZERO).watch(0)
+
+
+@pytest.mark.realtime
+def test_where_all_were_killed_the_end_of_the_unit_writes_the_zero(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("WEBERLINK_GUARDIAN", str(tmp_path / "socket"))
+    with serving(tmp_path) as killed, pushing() as (process, near):
+        read_until(near, FORCE)
+        (lease,) = killed.leases
+        guard = int(lease.stem)
+        os.kill(guard, signal.SIGSTOP)  # so that it writes nothing while the others end
+        for pid in (process.pid, killed.process.pid, guard):
+            os.kill(pid, signal.SIGKILL)
+        process.wait()
+        left = b""
+        while select((near,), (), (), WHILE_S)[0]:
+            left += os.read(near, 1000)
+        assert ZERO not in left, "nobody was left to write it"
+        done = subprocess.run((sys.executable, *TAKE_OFF, str(tmp_path)), check=True, capture_output=True, text=True)
+        read_until(near, ZERO)
+        assert "takes the force off" in done.stderr
+        assert killed.leases == []
+
+
+def test_a_client_with_another_clock_is_refused(service: Service) -> None:
+    """As in a time namespace: its leases would never end, or never begin."""
+    for ahead in (-(10**10), 10**9):
+        with socket(AF_UNIX) as client:
+            client.connect(str(service.socket))
+            send_fds(client, [HELLO.pack(monotonic_ns() + ahead)], [0])
+            assert client.recv(1000) == OTHER_CLOCK
+
+
+def test_who_says_nothing_of_use_is_left_and_the_service_goes_on(service: Service) -> None:
+    for said in (b"", b"x", b"x" * HELLO.size):
+        with socket(AF_UNIX) as client:
+            client.connect(str(service.socket))
+            client.sendall(said)
+            client.settimeout(PATIENCE)
+            assert client.recv(1000) == b""
+    assert service.process.poll() is None
+
+
+def test_a_second_service_does_not_take_the_place_of_the_first(service: Service) -> None:
+    command = isolated_python(guardian_process.__file__, "serve", str(service.socket))
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE)
+    assert (done.returncode, "serves there already" in done.stderr) == (1, True)
 
 
 # --- what leaves an arm that must not lose its torque
@@ -331,3 +537,21 @@ def test_what_the_device_has_not_taken_makes_room_for_the_message(monkeypatch: p
     monkeypatch.setattr(guardian_process, "termios", flush)
     guardian_process.write(5, ZERO)
     assert done == [(5, ZERO), 5, (5, ZERO)]
+
+
+GO_FIRST = """
+import os
+from weberlink.hardware.guardian_process import _go_first
+for policy, priority in ((os.SCHED_FIFO, 20), (os.SCHED_RR, 30), (os.SCHED_FIFO, 99), (os.SCHED_OTHER, 0)):
+    os.sched_setscheduler(0, policy, os.sched_param(priority))
+    _go_first()
+    print(os.sched_getscheduler(0) == os.SCHED_FIFO, os.sched_getparam(0).sched_priority, os.nice(0))
+"""
+
+
+@pytest.mark.skipif(os.geteuid() != 0 or not may_use_fifo(), reason="needs root and the right to SCHED_FIFO")
+def test_it_goes_before_its_client() -> None:
+    told = subprocess.run([sys.executable, "-c", GO_FIRST], capture_output=True, text=True, check=True, cwd=ROOT).stdout
+    real_time, normal = told.splitlines()[:3], told.splitlines()[3]
+    assert [line.rpartition(" ")[0] for line in real_time] == ["True 21", "True 31", "True 99"]
+    assert normal == "False 0 -10"

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.master.gate import FADE, FALL, GRACE, PATIENCE, Bound, ContactLimiter, ContactWatch
+from weberlink.master.gate import FADE, FALL, GRACE, PATIENCE, Bound, ContactLimiter, ContactWatch, OutputGate
 
 TICK = 1e-3
 MOST, FREE = 10.0, 1.0
@@ -141,10 +141,13 @@ def test_the_bound_falls_in_a_line_to_what_is_free_and_on_to_nothing() -> None:
 def test_the_force_comes_back_slowly_when_a_contact_is_stated() -> None:
     endpoint: Any = SimpleNamespace(clock=SimpleNamespace(rtt=0.1))
     limited, ramp = limiter(), 0.05
-    felt = Bound((MOST,), (inf,), ramp, width=1, contact=ContactWatch(limited, endpoint, (0.1,), 0.0))
+    bound = Bound((MOST,), (inf,), ramp, width=1, contact=ContactWatch(limited, endpoint, (0.1,), 0.0))
+    gate = OutputGate([bound], ramp=ramp, silence=0.1, fade_share=0.8)
+    for _ in range(2):
+        gate.fade(engaged=True, age=0.0, step=ramp)
 
     def passed(decoded: float, count: int) -> list[float]:
-        return [felt.passed((5.0,), (decoded,), 1.0, 1.0, TICK, was_open=True)[0] for _ in range(count)]
+        return [gate.passed(0, (5.0,), (decoded,), TICK)[0] for _ in range(count)]
 
     assert passed(0.1, 1000)[-1] == 0.0
     assert limited.unfounded

@@ -126,7 +126,7 @@ def test_torques_of_all_channels_reach_their_axes_within_their_limits(
     leading.opened(*values)
     assert leading.hand.felt[-1] == leading.output == shown
     assert leading.control.told[-1] == ("displayed", shown)
-    assert leading.port.clipped == (sum(values, ()) != shown)
+    assert leading.port.gate.clipped == (sum(values, ()) != shown)
 
 
 @pytest.mark.parametrize("nothing", [None, (nan, 0.0), (0.0, -inf)])
@@ -143,7 +143,7 @@ def test_arm_without_torque_is_never_told_any() -> None:
     leading.port.halt(leading.now)
     assert leading.hand.felt == []
     assert leading.control.told[-1] == ("displayed", (0.0, 0.0, 0.0)), "the scheme books what the hand feels"
-    assert not leading.port.clipped
+    assert not leading.port.gate.clipped
 
 
 def founded(delay: float = 0.0) -> Leading:

@@ -271,7 +271,7 @@ def test_the_port_is_its_device() -> None:
     desk = Desk()
     assert (desk.port.name, desk.port.kind, desk.port.leads, desk.port.fault) == ("handle", "device", True, DeviceFault)
     port = desk.port
-    assert (port.buttons, port.ended, port.unfounded, port.slew_ticks, port.clipped) == (0, False, False, 0, False)
+    assert (port.buttons, port.ended, port.unfounded, port.slew_ticks, port.gate.clipped) == (0, False, False, 0, False)
     assert port.at_rest
     desk.port.open(0.0)
     desk.port.close()

@@ -1,4 +1,5 @@
 import os
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -7,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.master.trace import COLUMNS, Trace, TraceError, read_trace
+from weberlink.master.trace import COLUMNS, LARGEST_ARRAYS, Trace, TraceError, read_trace
 
 HEADER = "t,px,py,pz,fx,fy,fz\n"
 ZERO = "0,0,0,0,0,0,0\n"
@@ -39,6 +40,14 @@ def test_an_npz_file_holds_an_array_for_each_column(tmp_path: Path) -> None:
     assert trace.time_s.tolist() == [0.0, 1.0, 2.0]
     assert trace.position_m.tolist() == [[0.0] * 3, [1e-3] * 3, [2e-3] * 3]
     assert trace.force_n[2].tolist() == [2.0, 2.0, 2.0]
+
+
+def test_a_small_npz_file_that_stands_for_a_large_one_is_refused(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as file:
+        file.writestr("t.npy", b"\x93NUMPY")
+        file.infolist()[0].file_size = LARGEST_ARRAYS + 1  # what the directory states is what is unpacked at most
+    with pytest.raises(TraceError, match="unpacks to more than"):
+        read_trace(tmp_path / "a.npz")
 
 
 @given(values=st.lists(st.tuples(*[st.floats(-1e6, 1e6)] * 6), min_size=2, max_size=20))

@@ -387,6 +387,18 @@ def test_each_answer_to_a_call_has_its_outcome(security: Security) -> None:
         assert (dialer.due < 0.0) is (outcome is None), "the next one is due at once if the clock went back"
 
 
+def test_an_answer_that_comes_too_late_counts_as_received_and_a_forged_one_does_not() -> None:
+    master, slave = make_endpoint(Role.INITIATOR), make_endpoint(Role.RESPONDER)
+    slave.connect(0.0)
+    master.connect(0.0)
+    ((hello, _),) = master.datagrams_to_send()
+    slave.receive_datagram(hello, MASTER, 0.0)
+    ((welcome, _),) = slave.datagrams_to_send()
+    for data, reason in ((welcome[:-1] + bytes([welcome[-1] ^ 1]), DropReason.UNPROVEN), (welcome, DropReason.STALE)):
+        assert dropped(master, data, SLAVE, 5.0) == [reason]
+        assert master.statistics.received == (reason is DropReason.STALE)
+
+
 def test_one_of_two_simultaneous_masters_is_served() -> None:
     """Both have a pending session; the first datagram under its keys decides."""
     pair = Pair(master={"name": "ann@operator"}, slave={"name": "robot:47000"}).connect()

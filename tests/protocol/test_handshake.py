@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 from tests.protocol.harness import AGREEMENT
 from weberlink.protocol import Role
 from weberlink.protocol.handshake import (
+    EPOCH_BYTES,
     HELLO_FIELDS,
     HELLO_HEADER,
     INSTANCE_BYTES,
-    LONGEST_NAME,
+    OPTIONAL,
     PADDED_HELLO,
     WELCOME_FIELDS,
     Hello,
-    check_name,
     differences,
     pack_agreement,
     pack_hello,
@@ -24,9 +24,19 @@ from weberlink.protocol.handshake import (
     read_fields,
     read_map,
 )
+from weberlink.protocol.keys import LONGEST_NAME, check_name
 
 HELLO = Hello(
-    pack_agreement(AGREEMENT), 123_456, "ann@operator", bytes(range(INSTANCE_BYTES)), "robot:47000", True, 400_000, 0
+    pack_agreement(AGREEMENT),
+    123_456,
+    "ann@operator",
+    bytes(range(INSTANCE_BYTES)),
+    "robot:47000",
+    True,
+    400_000,
+    0,
+    "stop",
+    bytes(EPOCH_BYTES),
 )
 WELCOME = {"clock_us": 1, "delta_us": -2, "name": "robot:47000", "longest_round_trip_us": 400_000}
 
@@ -67,7 +77,8 @@ def test_a_body_with_a_false_or_missing_field_is_none(
 ) -> None:
     assert read_fields(body, checks) == list(body.values())
     for field in checks:
-        assert read_fields({key: content for key, content in body.items() if key != field}, checks) is None
+        without = read_fields({key: content for key, content in body.items() if key != field}, checks)
+        assert without is None or without[list(checks).index(field)] == OPTIONAL[field]
         if (field, value) not in (("agreement", b"x" * 7), ("takes_over", True)):
             assert read_fields({**body, field: value}, checks) is None
 

@@ -1,5 +1,6 @@
 """The contract of a security suite, on each of them, and what only the keyed ones promise."""
 
+import os
 import subprocess
 import sys
 from random import Random
@@ -9,6 +10,7 @@ import pytest
 from tests.protocol.harness import KEY, Pair, exchanged, suites
 from weberlink.protocol import Connected, DropReason, Refused, State
 from weberlink.protocol.checksum import Checksum
+from weberlink.protocol.keys import HeldKey
 from weberlink.protocol.psk import Keyring, PresharedKey
 from weberlink.protocol.security import Security
 from weberlink.protocol.wire import CLEAR_BYTES, Kind, pack, sequence_of
@@ -16,6 +18,7 @@ from weberlink.protocol.wire import CLEAR_BYTES, Kind, pack, sequence_of
 CLEAR = b"\x03\x01\x00\x00"[:CLEAR_BYTES]
 DATAGRAM = CLEAR + b"what follows is hidden"
 KEYS = {name: Random(name).randbytes(32) for name in ("ann@desk", "bob@desk")}
+HELD = [HeldKey(key, name=name) for name, key in KEYS.items()]
 STRANGER = Random("eve@desk").randbytes(32)
 by_suite = pytest.mark.parametrize("security", suites())
 
@@ -41,6 +44,26 @@ def test_every_flipped_bit_and_every_other_number_direction_and_session_is_found
     sealed = sealing.seal(number, pack((number & 0xFFFF, 0, 1, 2, (None,)), Kind.PATH, bytes(8)), 0.0)
     for damaged in flipped(sealed, 1, CLEAR_BYTES):  # under the number that it then seems to have
         assert opening.open(number & ~0xFFFF | sequence_of(damaged), damaged, 0) is None
+
+
+def test_a_copied_process_seals_nothing_also_under_the_next_keys() -> None:
+    security = PresharedKey(KEY)
+    (sealing, _), (rekeying, _) = exchanged(security), exchanged(security)
+    rekeying.begin(0.0, 0, 1)
+    told, tells = os.pipe()
+    if (child := os.fork()) == 0:  # in which nothing of pytest may run
+        for one in (sealing, rekeying):
+            try:
+                one.seal(7, DATAGRAM, 0.0)
+            except RuntimeError:
+                os.write(tells, b"refused ")
+        os.write(tells, b"fresh" if exchanged(security)[0].seal(7, DATAGRAM, 0.0) else b"")
+        os._exit(0)
+    os.waitpid(child, 0)
+    os.close(tells)
+    assert os.read(told, 100) == b"refused refused fresh"
+    os.close(told)
+    assert sealing.seal(7, DATAGRAM, 0.0)
 
 
 @by_suite
@@ -108,7 +131,7 @@ def test_a_slave_with_a_key_for_each_master_serves_each_under_its_own_name_alone
     name: str, key: bytes, is_served: bool
 ) -> None:
     ends = {"name": name, "security": PresharedKey(key)}
-    pair = Pair(master=ends, slave={"name": "robot", "security": Keyring(KEYS)}).connect().run(0.5)
+    pair = Pair(master=ends, slave={"name": "robot", "security": Keyring(HELD)}).connect().run(0.5)
     if is_served:
         assert pair.slave.endpoint.state is State.ENGAGED and pair.slave.endpoint.peer_name == name
     else:

@@ -60,10 +60,10 @@ die_with_parent(signal.SIGTERM, parent=1)
 print("still here")
 """
 FORBID = """
-import json, resource
-from weberlink.realtime.process import forbid_core_dumps
-forbid_core_dumps()
-print(json.dumps(resource.getrlimit(resource.RLIMIT_CORE)))
+import json, resource, sys
+from weberlink.realtime import process
+getattr(process, sys.argv[1])()
+print(json.dumps([*resource.getrlimit(resource.RLIMIT_CORE), process.LIBC.prctl(3, 0, 0, 0, 0)]))  # PR_GET_DUMPABLE
 """
 
 
@@ -132,7 +132,8 @@ def test_a_child_ends_with_its_parent_also_with_one_that_has_gone_before():
     assert child.returncode == -signal.SIGTERM
 
 
-def test_a_process_that_holds_a_key_leaves_no_core():
+@pytest.mark.parametrize(("call", "dumpable"), [("forbid_core_dumps", 1), ("conceal_memory", 0)])
+def test_a_process_that_holds_a_key_leaves_no_core(call, dumpable):
     _, hard = resource.getrlimit(resource.RLIMIT_CORE)
     # One byte: at a limit of none the kernel would still start a program that is named in core_pattern.
-    assert told(FORBID) == [0 if hard == 0 else 1] * 2
+    assert told(FORBID, call) == [*[0 if hard == 0 else 1] * 2, dumpable]

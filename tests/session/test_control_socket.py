@@ -21,9 +21,13 @@ from weberlink.config.model import DirectionFaults
 from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.session import description
-from weberlink.session.control_socket import ControlSocket, ask, path_beside
+from weberlink.session.control_socket import IS_STOPPED, ControlSocket, ask, path_beside
 from weberlink.session.daemon import STOP_SLACK_S, LiveLink, stop_limit_s
 from weberlink.session.launcher import STOP_LIMIT_S
+from weberlink.telemetry.runtime_directory import listening_socket
+
+ORDERED_AT = 1000.0
+"""When the run of these daemons was ordered [s]."""
 
 
 class Unchanging:
@@ -44,10 +48,10 @@ class Unchanging:
 
 
 @contextmanager
-def daemon(ring: Path, link: LiveLink | None = None) -> Iterator[Unchanging]:
+def daemon(ring: Path, link: LiveLink | None = None, listener: socket.socket | None = None) -> Iterator[Unchanging]:
     """A control socket in a thread, as that of a daemon."""
     loop, side = asyncio.new_event_loop(), Unchanging()
-    control = ControlSocket(ring, cast(Any, side), link)
+    control = ControlSocket(listener or listening_socket(path_beside(ring)), cast(Any, side), link, ORDERED_AT)
     control.open(loop)
     thread = Thread(target=loop.run_forever)
     thread.start()
@@ -81,9 +85,11 @@ REQUESTS: list[tuple[dict[str, Any], bool, list[str] | None]] = [
     ({"stop": ""}, False, []),
     ({"stop": "a\nb"}, False, []),
     ({"stop": "enough", "weber": 0.2}, False, []),
-    ({"emergency": True}, True, ["emergency"]),
-    ({"emergency": True, "weber": 0.2}, True, ["emergency"]),
-    ({"emergency": False}, False, []),
+    ({"emergency": ORDERED_AT}, True, ["emergency"]),
+    ({"emergency": ORDERED_AT + 1, "weber": 0.2}, True, ["emergency"]),
+    ({"emergency": ORDERED_AT - 1e-6}, False, []),
+    ({"emergency": True}, False, []),
+    ({"emergency": "now"}, False, []),
     ({"weber": 0.2}, False, []),
     ({"delay_ms": 20}, True, None),
     ({"jitter_ms": 10_000}, True, None),
@@ -109,6 +115,15 @@ def test_a_request_is_done_or_refused_with_a_reason(
         assert (answer["accepted"], side.stops) == (accepted, stops or [])
         assert answer["link"] == (None if link is None else FILE | (request_ if accepted else {}))
         assert accepted or answer["why"]
+
+
+@pytest.mark.parametrize("request_", [{"weber": 0.2}, {"delay_ms": 20}, {"stop": "enough"}])
+def test_nothing_is_done_after_an_emergency_stop(tmp_path: Path, request_: dict[str, Any]) -> None:
+    faults = DirectionFaults()
+    with daemon(tmp_path / "x.ring", LiveLink(faults, EmulatedLink(faults.emulation(), lambda: 0.5, 0.0))) as side:
+        assert ask(tmp_path / "x.ring", {"emergency": ORDERED_AT}, PATIENCE)["accepted"]
+        told = ask(tmp_path / "x.ring", request_, PATIENCE)
+        assert (told["accepted"], told["why"], side.stops) == (False, IS_STOPPED, ["emergency"])
 
 
 @pytest.mark.parametrize("fixed", ["fixed by the file", ""])

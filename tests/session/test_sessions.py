@@ -29,6 +29,8 @@ from tests.session.kinds import (
 )
 from tests.session.systems import ARMS, configuration, system
 from weberlink.geometry.vector import ZERO
+from weberlink.protocol.emulation import EmulatedLink, Emulation
+from weberlink.protocol.events import Address
 from weberlink.protocol.liveness import HORIZON_SHARE
 from weberlink.protocol.states import State
 from weberlink.session.simulation import Simulation
@@ -41,6 +43,7 @@ BAD = (
     " seed: SEED}"
 )
 ENGAGED = State.ENGAGED.value
+HEARTBEAT_BYTES = 20
 FORCE_STEP = 0.5e-3 * sqrt(3.0) * (1 + 1e-6)
 TORQUE_STEP = 0.5e-4 * sqrt(3.0) * (1 + 1e-6) + 1e-6
 """Rounding of a force or torque on the wire, and that of a record."""
@@ -237,24 +240,29 @@ def test_stall_of_the_slave_restarts_from_the_measured_position() -> None:
     assert HAND.channels[0].steps(ran.slave)[end : end + 50].max() <= 0.25 * TICK * (1 + 1e-9)
 
 
-def test_a_pause_of_the_peers_news_takes_no_energy_from_a_hand_that_holds_on() -> None:
+class UpdatesLost(EmulatedLink[Address]):
+    """Heartbeats pass, and nothing longer does for a while."""
+
+    def send(self, data: bytes, tag: Address, now: float) -> None:
+        if len(data) <= HEARTBEAT_BYTES or not 1.45 <= now < 1.67:
+            super().send(data, tag, now)
+
+
+def test_a_pause_of_the_peers_updates_takes_no_energy_from_a_hand_that_holds_on() -> None:
     """As after a burst of losses: the gate closes, and what the hand has put in pays for what comes next."""
-    paused: list[bool] = []
 
-    def pause(simulation: Simulation) -> None:
-        endpoint = simulation.master.endpoint
-        hears = endpoint.may_follow
-        endpoint.may_follow = lambda now: not paused and hears(now)  # type: ignore[method-assign]
-        paused.append(True)
+    def lose(simulation: Simulation) -> None:
+        simulation._backward = UpdatesLost(Emulation(), lambda: 0.0)
 
-    ran = run(
-        HAND, 1.9, "slave.scene=[{shape: plane, stiffness_n_m: 500}]", acts={1.5: pause, 1.6: lambda _: paused.clear()}
-    )
+    often = ("codec.force.predictor=zoh", "codec.force.weber=0.001")
+    ran = run(HAND, 1.9, "slave.scene=[{shape: plane, stiffness_n_m: 500}]", *often, acts={1.4: lose})
     felt, energy = HAND.channels[0].size(ran.master["output"]), ran.master["energy"]
-    assert (felt[1499] > 1.0, felt[1599], felt[-1] > 2.0) == (True, 0.0, True)
-    assert np.diff(felt[1599:]).max() <= 10.0 * TICK / RAMP + 0.3
-    assert energy[1599] > 0.01
-    assert energy[1601] == pytest.approx(energy[1599], rel=0.1)
+    assert ran.simulation.master.faults == ran.simulation.slave.faults == {"undelivered": 1}
+    assert (felt[1450] > 1.0, felt[1660], felt[-1] > 2.0) == (True, 0.0, True)
+    assert np.diff(felt[1660:]).max() <= 10.0 * TICK / RAMP + 0.3
+    back = 1660 + int(np.argmax(felt[1660:] > 0.0))
+    assert energy[1660] > 0.02
+    assert energy[back] == pytest.approx(energy[1660], rel=0.1)
 
 
 # --- the operator's button

@@ -388,9 +388,11 @@ def test_a_retreat_ends_at_the_edge_and_where_the_robot_is_placed_or_led(kind: s
 
 
 @both
-@pytest.mark.parametrize(("retract", "goes"), [(0.0, 0.0), (0.02, 0.02)])
+@pytest.mark.parametrize(("retract", "goes"), [(0.0, -0.01), (0.02, 0.02)])
 def test_a_release_holds_or_backs_off(kind: str, retract: float, goes: float) -> None:
+    """Whoever holds goes on pressing: the command lies deeper than the robot is."""
     guarded = guard(kind, retract=retract)
+    guarded.place((0.0, -0.01, 0.0))
     for force in ((0.0, 3.0, 0.0), FREE):
         guarded.retreat(force, FREE)
         assert [guarded.hold(TICK) for _ in range(200)][-1] == pytest.approx((0.0, goes, 0.0))
@@ -404,7 +406,7 @@ def test_outside_its_range_it_holds_until_led(kind: str) -> None:
     assert follow(guarded, (0.6, 0.0, 0.4))[0] == pytest.approx(0.6 - APPROACH * TICK)
 
 
-def test_near_the_robot_each_part_presses_with_no_more_than_its_limit() -> None:
+def test_each_part_presses_with_no_more_than_its_limit_and_ticks_that_it_bounds_are_counted() -> None:
     presses = [axis(1.0, 10.0), axis(1.0, 20.0), axis(0.5, 5.0)]
     guarded = Guard(
         (1, 1, 1), presses=presses, lower=LOWER, upper=UPPER, trips=(1.0,) * 3, speed=1.0, approach_speed=1.0,
@@ -412,6 +414,9 @@ def test_near_the_robot_each_part_presses_with_no_more_than_its_limit() -> None:
     )  # fmt: skip
     guarded.place((0.0, 0.04, -1.0))
     assert guarded.near((0.5, 0.0, 0.0)) == pytest.approx((0.4, 0.04, -0.1))
+    for torque, ticks in ((0.0, 0), (1.5, 1), (1.5, 2), (0.0, 3)):
+        guarded.follow((-0.4, 0.04, -1.0), (0.0, 0.04, -1.0), (torque, 0.0, 0.0), TICK)
+        assert guarded.contact_ticks == ticks
 
 
 @pytest.mark.parametrize(("lower", "upper"), [((1.0, 0.0, 0.0), (0.0,) * 3), ((nan, 0.0, 0.0), (1.0,) * 3)])

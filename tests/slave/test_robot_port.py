@@ -101,7 +101,7 @@ class Following:
         """Follows, and shows all that it feels."""
         for _ in range(10_000):
             self.tick(place, turn)
-            if not self.port.ramping:
+            if not self.row().ramping:
                 return self
         raise AssertionError("it never arrived")
 
@@ -133,7 +133,8 @@ def test_after_any_interruption_the_robot_holds_and_the_next_command_is_approach
     for _ in range(ticks):
         assert following.tick(None, None, engaged=interruption != "idle") == (0.0105, 0.0, 0.0)
     assert ticks == 0 or port.shown(UP) == ZERO
-    assert following.tick((0.09, 0.0, 0.0))[0] == pytest.approx(0.0105 + APPROACH * TICK)
+    assert following.tick((0.09, 0.0, 0.0), (0.0, 0.0, 1.0))[0] == pytest.approx(0.0105 + APPROACH * TICK)
+    assert angle_between(IDENTITY, following.robot.turns[-1]) == pytest.approx(TURN_APPROACH * TICK)
 
 
 def test_the_control_is_told_what_is_encoded_and_gives_its_credit() -> None:
@@ -162,7 +163,7 @@ def test_force_and_torque_fade_in_once_the_robot_is_there_in_every_channel() -> 
     assert max(b[0] - a[0] for a, b in pairwise(shown)) <= 2.0 * TICK / RAMP * 1.05
     assert shown[-1] == pytest.approx((2.0, 0.1))
     assert following.torque.sample()[1:] == (turn, inf)
-    assert not following.port.ramping
+    assert not following.row().ramping
 
 
 def test_a_force_above_the_limit_trips_once_and_hand_and_tool_hold() -> None:
@@ -178,6 +179,8 @@ def test_a_force_above_the_limit_trips_once_and_hand_and_tool_hold() -> None:
     assert following.port.applied == pytest.approx((0.0, 0.0, TRIP_RETRACT), abs=1e-6)
     assert following.robot.turns[-1] == turned
     following.robot.force = ZERO
+    following.tick((0.0, 0.0, -0.05))
+    assert not following.port.follows, "not led out yet"
     following.tick((0.0, 0.0, 2.0 * TRIP_RETRACT))
     assert following.tick((0.0, 0.0, 2.0 * TRIP_RETRACT))
     assert following.port.follows, "led out, after the pause"
@@ -225,9 +228,10 @@ def test_after_a_pause_the_press_limit_acts_as_a_new_one() -> None:
 
 def test_after_a_stall_it_holds_with_the_force_that_it_presses_with() -> None:
     following = Following().there((0.0, 0.0, 0.02))
-    following.robot.at, following.robot.force = (0.01, 0.0, 0.0), (0.0, 0.0, 5.0)
+    following.robot.at, following.robot.force = (0.01, 0.0, 0.0), (1.0, -2.0, 5.0)
     following.port.settle(following.now)
-    assert following.tick(None, None, engaged=False) == pytest.approx((0.01, 0.0, -5.0 / COUPLING))
+    pressing = pytest.approx((0.01 - 1.0 / COUPLING, 2.0 / COUPLING, -5.0 / COUPLING))
+    assert following.tick(None, None, engaged=False) == pressing
     before = following.port.applied
     for force in ((nan, 0.0, 0.0), (inf, 0.0, 0.0)):
         following.robot.force = force
@@ -258,10 +262,10 @@ def test_it_is_a_port_and_its_record_says_what_it_did() -> None:
     assert (row.position, row.output) == ((9.0, 0.0, 0.0), following.port.applied)
     assert row.clipped
     assert row.rotation_output == pytest.approx((0.0, 0.0, 0.3))
-    assert following.row().ramping is following.port.ramping is False
+    assert following.row().ramping is False
     assert following.row(is_led=False).ramping == RELEASED
     following.tick(following.port.applied, (0.0, 0.0, 2.0))
-    assert following.port.clipped, "the tool is limited"
+    assert following.row().clipped, "the tool is limited"
     shown = following.port.shown(UP)
     following.port.halt(following.now)
     assert following.robot.turns[-1] == following.robot.turns[-2]

@@ -17,9 +17,10 @@ from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.figures.session import Records, joined
 from weberlink.protocol.states import State
 from weberlink.session.composition.channels import banks, channels
-from weberlink.session.control_socket import ControlSocket
+from weberlink.session.control_socket import ControlSocket, path_beside
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.ring import RingWriter
+from weberlink.telemetry.runtime_directory import listening_socket
 from weberlink.watching.session import WatchedSession
 
 RATE = 1000.0
@@ -119,7 +120,7 @@ class Daemon:
         self.tuning = Tuning(LiveSettings(0.1, "zoh"), {}, lambda *_: None)
         self.proposed: list[object] = []
         self.halted_at: float | None = None
-        self.control = ControlSocket(path, self)
+        self.control = ControlSocket(listening_socket(path_beside(path)), self)
         self.control.open(loop)
 
     def tick(self, count: int) -> None:

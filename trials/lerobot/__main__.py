@@ -110,9 +110,8 @@ def teleoperate(live: Loopback, laws: Laws, seconds: float) -> Found:
             sleep(1.0 / FPS)
         laws.check("an observation has its features", set(observation) == set(robot.observation_features))
         laws.check("its image is the camera's", observation["front"].shape == (48, 64, 3))
-        laws.check(
-            "an action has its features", set(action) == set(teleop.action_features) == set(robot.action_features)
-        )
+        has_features = set(action) == set(teleop.action_features) == set(robot.action_features)
+        laws.check("an action has its features", has_features)
         laws.check("torques are felt", any(teleop.get_feedback()))
     figures = {
         side: {beside: lateness([piece[side] for piece in of]) for beside, of in pieces.items()} for side in SIDES
@@ -150,9 +149,8 @@ def record(live: Loopback, laws: Laws, folder: Path, seconds: float) -> Found:
     names = dataset.features["observation.state"]["names"]
     windows = [i for i, name in enumerate(names) if name.count(".") == 2]
     laws.check("its frames are of 30 Hz", len(dataset) >= 0.8 * FPS * seconds, len(dataset))
-    laws.check(
-        "a window holds 34 ticks of every axis", len(windows) == 34 * (len(names) - len(windows)) / 2, len(windows)
-    )
+    is_whole = len(windows) == 34 * (len(names) - len(windows)) / 2
+    laws.check("a window holds 34 ticks of every axis", is_whole, len(windows))
     laws.check("angles and torques change in it", bool((state.std(axis=0) > 0).any()) and bool(state[:, windows].any()))
     return {"frames": len(dataset), "state": len(names), "window": len(windows)}
 
@@ -169,11 +167,8 @@ def lead(laws: Laws, seconds: float) -> Found:
             laws.check("an action beyond the leader's limits is cut", max(most.values()) < 200.0, max(most.values()))
             laws.check("what is sent is returned", np.allclose(sent, np.minimum(wanted, list(most.values()))))
             spread, followed = np.ptp(sent, axis=0), np.ptp(seen, axis=0)
-            laws.check(
-                "the follower makes the motion that is sent",
-                bool((followed > 0.8 * spread).all()),
-                followed.round(1).tolist(),
-            )
+            follows = bool((followed > 0.8 * spread).all())
+            laws.check("the follower makes the motion that is sent", follows, followed.round(1).tolist())
             lags = [lag_s(sent[:, i], seen[:, i]) for i in range(sent.shape[1])]
             laws.check("it follows within 0.3 s", max(lags) < 0.3, [round(lag, 3) for lag in lags])
             found |= {"sent_deg": spread.tolist(), "followed_deg": followed.tolist(), "lag_s": lags}

@@ -12,7 +12,6 @@ from contextlib import ExitStack, nullcontext, suppress
 from pathlib import Path
 from random import Random
 from signal import SIG_IGN, SIGHUP, SIGINT, SIGTERM, Signals, signal
-from tempfile import TemporaryDirectory
 from time import monotonic
 from types import FrameType
 
@@ -20,7 +19,6 @@ from trials.rig import SILENCE_MS, Session
 from trials.soak import laws
 from trials.soak.faults import CONDITIONS, EXCLUDED, FAULTS, Fault, Field
 from trials.soak.report import Kind, Report
-from trials.soak.wallclock import wall_clock
 from trials.soak.watch import SoakError, Watch
 from weberlink.figures.environment import environment, footer
 from weberlink.protocol.emulation import Emulation
@@ -52,9 +50,7 @@ class Soak:
         """Soak; whatever ends it, the report is what was seen until then."""
         report, until = self.report, monotonic() + self.report.minutes * 60.0
         with ExitStack() as stack:
-            wall = stack.enter_context(wall_clock(Path(stack.enter_context(TemporaryDirectory(prefix="wl-clock-")))))
-            changes = {} if wall is None else wall.environment
-            rig = stack.enter_context(Session(seed=report.seed, silence_ms=silence_ms, changes=changes))
+            rig = stack.enter_context(Session(seed=report.seed, silence_ms=silence_ms))
             watch = Watch(rig, self._say)
             if not watch.until(watch.engaged, LAST_HOPE_S):
                 report.violations.append(f"no session within {LAST_HOPE_S:g} s of the start")
@@ -62,7 +58,7 @@ class Soak:
             watch.wait(LONG_QUIET_S / 2)
             report.violations += watch.rest()
             try:
-                field = Field(rig, watch, wall, self._random, self._is_short)
+                field = Field(rig, watch, self._random, self._is_short)
                 while len(report.failures()) < MOST_VIOLATIONS and not (
                     set(report.kinds) >= set(self._faults) and (self._is_short or monotonic() >= until)
                 ):

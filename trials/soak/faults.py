@@ -12,14 +12,13 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from random import Random
-from time import monotonic, sleep, time, time_ns
+from time import monotonic, sleep
 
 from tests.program import ENGAGED
 from trials.rig import LINK, Session, Side
 from trials.soak import laws
-from trials.soak.volley import KINDS, stamp_of, volley
+from trials.soak.volley import KINDS, volley
 from trials.soak.volley import load as load_gun
-from trials.soak.wallclock import WallClock
 from trials.soak.watch import Watch, cpu_seconds
 from weberlink.config import MASTER, SIDES, SLAVE
 from weberlink.protocol.emulation import Emulation
@@ -32,8 +31,6 @@ BURSTS = Emulation(delay_s=0.002, loss=0.3, burst=8.0)
 CUT = Emulation(loss=1.0)
 QUICK_S, RESTART_S = 3.0, 60.0
 """From the end of a fault to a session, and from the start of a daemon to one, which a busy machine delays."""
-HOUR = 3600
-CLOCK_ERROR_S = 30.0
 HISTORY_S = 2.0  # of a session, before there is something to send again
 BURST, BURST_S = 240, 0.003  # datagrams that fit the buffer of a socket, and how long it takes to send them [s]
 STUTTER_SHARE = 0.33
@@ -58,7 +55,6 @@ class Field:
 
     rig: Session
     watch: Watch
-    wall: WallClock | None  # the wall clock of the daemons; None where none can be made
     random: Random
     short: bool  # whether each fault is to last no longer than it must
     notes: dict[str, int] = field(default_factory=dict)  # counts that a fault reports beside violations
@@ -135,10 +131,6 @@ def killed(side: str) -> Inject:
         begun = at.rig.start(side)
         if not at.watch.until(lambda: begun.ring is not None, RESTART_S):
             return [*found, f"the {side} did not start again"]
-        assert begun.ring is not None
-        expected = time() + (0 if at.wall is None else at.wall.offset)
-        if abs(begun.ring.started_wall_s - expected) > CLOCK_ERROR_S:
-            found.append(f"the {side} began at {begun.ring.started_wall_s:.0f} by its clock, which is {expected:.0f}")
         return found
 
     return inject
@@ -203,20 +195,6 @@ def moved(host: str) -> Inject:
         return found if answered else [*found, "the slave never answered the new address"]
 
     return inject
-
-
-def clock_step(at: Field) -> list[str]:
-    """The wall clock of the daemons steps by an hour, and stays there."""
-    if at.wall is None:
-        at.notes["left out, no C compiler to make a wall clock with"] = 1
-        return []
-    found = []
-    for offset in (HOUR, -HOUR) if at.short else at.random.sample([HOUR, -HOUR, 0], 2):
-        at.wall.step(offset)
-        at.watch.wait(at.lasting(0.5, 1.0, 4.0))
-        if abs((shown := at.wall.witnessed()) - offset) > CLOCK_ERROR_S:
-            found.append(f"the wall clock was stepped to {offset:+d} s, and a running process saw {shown:+.0f} s")
-    return found
 
 
 @contextmanager
@@ -316,13 +294,8 @@ def flood(at: Field) -> list[str]:
 def many_calls(at: Field) -> list[str]:
     """HELLOs of earlier calls are sent again, 20,000 a second, while both ends start anew and call for a session."""
     rig, watch, wire = at.rig, at.watch, at.rig.wire
-    # The master of a soak makes a few calls only; the others stand for a long recording. Calls of a clock that has gone
-    # back since are not taken: a master gets past those when they end.
-    now_ns = time_ns() + (0 if at.wall is None else at.wall.offset * 10**9)
-    genuine = [call for call in wire.recorded_calls() if stamp_of(call) <= now_ns]
-    if not genuine:
-        at.notes["left out, nobody has called by the present clock"] = 1
-        return []
+    # The master of a soak makes a few calls only; the others stand for a long recording.
+    genuine = wire.recorded_calls()
     recorded = genuine + load_gun("calls", genuine, at.random, load_key(rig.key), calls=RECORDED)
     wire.emulate(CUT)
     for side in SIDES:
@@ -355,7 +328,6 @@ FAULTS: dict[str, Fault] = {
     "stutter": Fault(stutter),
     "new_port": Fault(moved("127.0.0.1"), keeps=True),
     "new_address": Fault(moved("127.0.0.2"), keeps=True),
-    "clock_step": Fault(clock_step, keeps=True),
     "busy_core": Fault(busy_core, keeps=True),
     "second_master": Fault(second_master, keeps=True),
     "take_over": Fault(take_over, limit_s=RESTART_S, rare=True),

@@ -61,12 +61,6 @@ def load(kind: str, genuine: Sequence[bytes], random: Random, key: bytes, calls:
     raise ValueError(f"there is no kind {kind!r}; there are {', '.join(KINDS)}")
 
 
-def stamp_of(call: bytes) -> int:
-    """When a HELLO was made, by the clock of its master [ns]."""
-    stamp: int = HELLO_HEADER.unpack_from(call)[-1]
-    return stamp
-
-
 def _calls(genuine: Sequence[bytes], key: bytes, random: Random, count: int) -> list[bytes]:
     """HELLOs like a genuine one, of as many calls with the key, whose answers nobody can use any more."""
     security, size = PresharedKey(key), HELLO_HEADER.size

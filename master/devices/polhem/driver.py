@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from math import inf
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any, ClassVar, TypeVar
 
 from weberlink.geometry.vector import ZERO, Vector, add, cube
@@ -58,6 +58,7 @@ class PolhemExchange(ABC):
         self._force_n = force_n
         self._locator = DeviceLocator(self.NAME, options.port, plugged)
         self._open_port = connect
+        self._clock, self._pause = monotonic, sleep
         self._parameters: MechanismParameters = options.wired()
         self._dialogue: LockStep | FreeRunning | None = None
         self._validator: PositionValidator | None = None
@@ -77,9 +78,9 @@ class PolhemExchange(ABC):
             self._connect(path)
             if self._validator is None:
                 self._validator = PositionValidator(self._parameters, self._home())
-            asked = monotonic()
+            asked = self._clock()
             counts = self._continuous(self._insist(NO_CURRENT))
-            reading = self._validator.begin(counts, asked, monotonic(), oriented=self.orientation_trouble is None)
+            reading = self._validator.begin(counts, asked, self._clock(), oriented=self.orientation_trouble is None)
         except HardwareFault as fault:
             self.close()  # otherwise the next attempt could not open the port
             raise HardwareFault(f"{path}: {str(fault).removeprefix(f'{path}: ')}") from None
@@ -89,13 +90,13 @@ class PolhemExchange(ABC):
     def exchange(self, command: Vector) -> DeviceReading:
         assert self._validator is not None
         assert self._counts is not None
-        asked, currents = monotonic(), NO_CURRENT
+        asked, currents = self._clock(), NO_CURRENT
         if command != ZERO:
             mechanism, limit = self._parameters.mechanism, self._options.max_current_ma
             currents = mechanism.limited_currents_ma(command, self._counts, self._force_n, limit)
         sensors = self._ask(currents, asked + STALL_S)
         counts, oriented = self._continuous(sensors), self.orientation_trouble is None
-        reading = self._validator.next(counts, asked, monotonic(), int(sensors.button), oriented=oriented)
+        reading = self._validator.next(counts, asked, self._clock(), int(sensors.button), oriented=oriented)
         self._counts = self._validator.relative(counts)
         return reading
 
@@ -150,12 +151,12 @@ class PolhemExchange(ABC):
 
     def _insist(self, message: Message) -> Sensors:
         """Ask until there is a good answer, for `OPENING_S` at most; then raise the last complaint."""
-        until = monotonic() + OPENING_S
+        until = self._clock() + OPENING_S
         while True:
             try:
                 return self._ask(message)
             except BadReply:
-                if monotonic() > until:
+                if self._clock() > until:
                     raise
 
 

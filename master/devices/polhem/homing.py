@@ -147,23 +147,29 @@ LONGEST_S = 0.02
 """Looks farther apart than this [s] are ignored: the hand may have passed the home pose meanwhile."""
 
 
-def await_press(look: Callable[[], Sensors], pressed: Callable[[Counts, Sensors], bool], patience: float) -> None:
+def await_press(
+    look: Callable[[], Sensors],
+    pressed: Callable[[Counts, Sensors], bool],
+    patience: float,
+    clock: Callable[[], float] = monotonic,
+    pause: Callable[[float], None] = sleep,
+) -> None:
     """Look until one look shows, by the counts of the one before, that the button was pressed between the two.
 
     Raises:
         HardwareFault: nobody presses it within `patience` [s], or the device is gone.
     """
-    until = monotonic() + patience
+    until = clock() + patience
     before: tuple[Counts, float] | None = None
-    while (began := monotonic()) < until:
+    while (began := clock()) < until:
         try:
             now = look()
         except BadReply:
             continue
-        if before is not None and monotonic() - before[1] <= LONGEST_S and pressed(before[0], now):
+        if before is not None and clock() - before[1] <= LONGEST_S and pressed(before[0], now):
             return
         before = (now.counts, began)
-        sleep(PAUSE_S)
+        pause(PAUSE_S)
     raise HardwareFault(
         f"nobody pressed the calibration button in {patience:g} s; put the handle in its home pose and press it after "
         "the start"

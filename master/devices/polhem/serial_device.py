@@ -1,10 +1,9 @@
 """`polhem_serial`: Polhem, SensAble PHANTOM with new electronics, or WoodenHaptics, on a Teensy's serial port."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import repeat
 from math import inf
 from pathlib import Path
-from time import monotonic
 from typing import Any, ClassVar
 
 from weberlink.hardware.discovery import PluggedDevice, UsbId, serial_ports
@@ -37,8 +36,9 @@ PORTS_BY_ID = Path("/dev/serial/by-id")
 class SerialLine(Line):
     """An open `SerialPort`."""
 
-    def __init__(self, port: Any) -> None:
+    def __init__(self, port: Any, clock: Callable[[], float]) -> None:
         self._port = port
+        self._clock = clock
         self._reader = StatusReader()
 
     def send(self, message: Message) -> None:
@@ -54,7 +54,7 @@ class SerialLine(Line):
             answers: list[Sensors | None] = [*repeat(None, reader.malformed - malformed), *good]
             if answers:
                 return answers
-            if monotonic() > until:
+            if self._clock() > until:
                 break
         return []
 
@@ -74,7 +74,7 @@ class BracketExchange(PolhemExchange):
         self._gimbal_doubted = 0
 
     def _connect(self, path: str) -> None:
-        self._dialogue = LockStep(SerialLine(self._open_port(path)))
+        self._dialogue = LockStep(SerialLine(self._open_port(path), self._clock), self._clock)
         try:
             model = self._insist(NO_CURRENT).model
         except BadReply as reply:
@@ -119,7 +119,7 @@ class BracketExchange(PolhemExchange):
 
     def _await_button(self) -> None:
         # The device itself sets its counters to zero.
-        await_press(lambda: self._ask(NO_CURRENT), zeroed, self._options.home_patience_s)
+        await_press(lambda: self._ask(NO_CURRENT), zeroed, self._options.home_patience_s, self._clock, self._pause)
 
 
 class PolhemSerialDevice(PolhemDevice):

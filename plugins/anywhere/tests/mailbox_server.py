@@ -10,7 +10,8 @@ from typing import Self
 
 from tests.wait import until
 
-_STARTED = re.compile(r"PrivacyEnhancedSite starting on (\d+)")
+UNIT = Path(__file__).parents[1] / "configs" / "relay" / "weberlink-mailbox.service"
+_STARTED = re.compile(r"PrivacyEnhancedSite(?: \(TLS\))? starting on (\d+)")
 
 
 class MailboxServer:
@@ -20,15 +21,18 @@ class MailboxServer:
         host: IPv4 address to listen on.
         port: 0 for any free one.
         prefix: a command that runs the server, such as ("ip", "netns", "exec", NAME).
+        tls: folder of its certificate, as of `weberlink-mailbox.service`; None for a server without one.
     """
 
-    def __init__(self, host: str = "127.0.0.1", port: int = 0, prefix: tuple[str, ...] = ()) -> None:
-        self.host, self.port, self._prefix = host, port, prefix
+    def __init__(
+        self, host: str = "127.0.0.1", port: int = 0, prefix: tuple[str, ...] = (), tls: Path | None = None
+    ) -> None:
+        self.host, self.port, self._prefix, self._tls = host, port, prefix, tls
         self._process: Popen[bytes] | None = None
 
     @property
     def url(self) -> str:
-        return f"ws://{self.host}:{self.port}/v1"
+        return f"{'ws' if self._tls is None else 'wss'}://{self.host}:{self.port}/v1"
 
     @property
     def log(self) -> str:
@@ -38,6 +42,10 @@ class MailboxServer:
     def start(self) -> None:
         """Start it, and wait until it listens."""
         listen = f"--port=tcp:{self.port}:interface={self.host}"
+        if self._tls is not None:
+            (found,) = re.findall(r"--port=ssl:4000(:\S+)", UNIT.read_text(encoding="utf-8"))
+            options = found.replace("${CREDENTIALS_DIRECTORY}", str(self._tls))
+            listen = f"--port=ssl:{self.port}:interface={self.host}{options}"
         database = f"--channel-db={self._folder.name}/channels.sqlite"
         twist = (sys.executable, "-m", "twisted", f"--log-file={self._log}", "--log-format=text")
         self._log.write_bytes(b"")

@@ -58,7 +58,8 @@ class Host:
     def __init__(self, pairs: Sequence[Pair], **options: int) -> None:
         self.notes: list[str] = []
         self.offers: list[tuple[str, Offer]] = []
-        self.waiter = Waiter([pair.master for pair in pairs], pairs[0].url, self.notes.append, **options)
+        self.waiter = Waiter(pairs[0].url, self.notes.append, **options)
+        self.waiter.meet([pair.master for pair in pairs])
 
     async def answer(self, peer: Peer, offer: Offer) -> Answer | Busy:
         self.offers.append((peer.label, offer))

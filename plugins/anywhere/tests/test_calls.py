@@ -9,7 +9,7 @@ import pytest
 
 from weberlink_anywhere.calls import LARGEST_MEMORY, OFFER_LIMIT_S, Called, IncomingCalls, Message, OutgoingCall, Ready
 from weberlink_anywhere.sealing import LONGEST_BODY, Sealing
-from weberlink_anywhere.signalling import Answer, Busy, Description, Offer
+from weberlink_anywhere.signalling import MOST_CANDIDATES, Answer, Busy, Description, Offer, usable
 
 KEY, OTHER_KEY = bytes(range(32)), bytes(32)
 PATHS = (
@@ -67,6 +67,50 @@ def test_anything_is_ignored(phase: str, body: str) -> None:
     caller, waiter = ends()
     assert waiter.receive(Message(phase, body), 0.0, None) is None
     assert caller.receive(Message(phase, body)) is None
+
+
+def test_of_what_a_peer_says_a_person_is_shown_one_printable_line() -> None:
+    caller, waiter = ends()
+    ready = waiter.receive(caller.first(), 0.0, "\x1b[2Jbob\n" + "x" * 1000)
+    assert isinstance(ready, Message)
+    told = caller.receive(ready)
+    assert isinstance(told, Ready) and told.serves is not None
+    assert told.serves.isprintable() and told.serves.startswith("[2Jbob") and len(told.serves) <= 300
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "1 1 udp 1 127.0.0.1 4000 typ host",
+        "1 1 udp 1 224.0.0.1 4000 typ host",
+        "1 1 udp 1 255.255.255.255 4000 typ host",
+        "1 1 udp 1 0.0.0.0 4000 typ host",
+        "1 1 udp 1 ::ffff:127.0.0.1 4000 typ host",
+        "1 1 udp 1 ::1 4000 typ host",
+        "1 1 udp 1 1.2.3 4000 typ host",
+        "1 1 udp 1 robot.local 4000 typ host",
+        "1 1 udp 1 192.0.2.1 0 typ host",
+        "1 1 udp 1 192.0.2.1 65536 typ host",
+        f"1 1 udp {'9' * 400} 192.0.2.1 4000 typ host",
+        "1 1 tcp 1 192.0.2.1 4000 typ host tcptype active",
+        "1 2 udp 1 192.0.2.1 4000 typ host",
+        "1 1 udp 1 192.0.2.1 4000",
+        "",
+        7,
+        None,
+    ],
+)
+def test_only_addresses_of_single_hosts_are_probed(line: object) -> None:
+    assert usable([line, PATHS[0].candidates[0]]) == PATHS[0].candidates[:1]
+
+
+def test_a_peer_that_names_250_addresses_is_probed_at_some() -> None:
+    caller, waiter = ends()
+    offered(caller, waiter)
+    many = Description("u", "p", tuple(f"1 1 udp {200 - n} 10.0.0.{n} 4000 typ host" for n in range(1, 251)))
+    told = waiter.receive(caller.offer([many], take_over=False), 0.0, None)
+    assert isinstance(told, Called)
+    assert told.offer.paths == (Description("u", "p", many.candidates[:MOST_CANDIDATES]),)
 
 
 # --- a hostile server

@@ -14,7 +14,7 @@ from weberlink.config import ConfigurationError, load
 from weberlink.protocol.keys import KeyFileError
 from weberlink.session.simulation import simulate
 from weberlink_anywhere.credentials import credentials, read_credentials, read_secret
-from weberlink_anywhere.doctor import judge
+from weberlink_anywhere.doctor import judge, mailbox
 from weberlink_anywhere.nat import ANY, Behaviour, Nat
 from weberlink_anywhere.options import AnywhereOptions
 from weberlink_anywhere.stun import WayOut
@@ -86,12 +86,21 @@ def test_other_files_are_refused(read: Callable[[Path], object], content: str, m
         read(file_of(tmp_path, content, mode))
 
 
-FILE_OPTIONS = {"mailbox": "ws://a/v1", "stun": "relay.example:3478", "turn": {"server": "a:1", "secret_file": "s"}}
+FILE_OPTIONS = {"mailbox": "wss://a/v1", "stun": "relay.example:3478", "turn": {"server": "a:1", "secret_file": "s"}}
 SERVER, MINE = ("203.0.113.1", 3478), ("198.51.100.7", 20_000)
 INDEPENDENT, BOTH = frozenset({Behaviour.INDEPENDENT}), frozenset({Behaviour.ADDRESS_AND_PORT})
 MAPPED, UNCLEAR = WayOut(Nat(SERVER, MINE, True, BOTH, BOTH)), WayOut(Nat(SERVER, MINE, True, ANY, ANY))
 REACHED = WayOut(Nat(SERVER, MINE, True, INDEPENDENT, INDEPENDENT))
 BLOCKED = WayOut(None, by_tcp=("relay.example:3478",))
+
+
+@pytest.mark.parametrize(
+    ("url", "is_said"),
+    [("ws://relay.example:4000/v1", True), ("wss://relay.example:4000/v1", False), ("ws://127.0.0.1:4000/v1", False)],
+)
+def test_a_mailbox_without_encryption_is_advised_against(url: str, is_said: bool) -> None:
+    found = [*mailbox(AnywhereOptions.model_validate(FILE_OPTIONS | {"mailbox": url}))]
+    assert [each.grade for each in found] == [Grade.ADVICE] * is_said
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from plugins.anywhere.tests.namespaces import needs_testbed
 from plugins.anywhere.tests.testbed import CONE, MAILBOX_URL, NONE, SECRET, SYMMETRIC, Internet
 from tests.program import ENGAGED, PATIENT, Program
 from tests.wait import until
+from weberlink.protocol.keys import Right
 from weberlink.session import description
 from weberlink.telemetry.ring import default_path
 from weberlink_anywhere.peers import KEY_BYTES, Peer, PeerStore
@@ -20,14 +21,19 @@ pytestmark = [needs_testbed, pytest.mark.realtime]
 
 @pytest.fixture
 def arguments(tmp_path: Path) -> dict[str, list[Any]]:
-    """Of a command, by side; the two know each other as anna and robot."""
+    """Of a command, by side; the two know each other as anna and robot. The key of `remote`, called pedal, may stop."""
     secret, key, made = tmp_path / "turn.secret", urandom(KEY_BYTES), {}
     secret.write_text(SECRET)
     secret.chmod(0o600)
-    for side, name, own in (("master", "robot", "anna"), ("slave", "anna", "robot")):
+    for side, name, own in (("master", "robot", "anna"), ("slave", "anna", "robot"), ("remote", "robot", "pedal")):
         store = PeerStore(tmp_path / side)
-        store.add(Peer(name, name, own, "slave" if side == "master" else "master", key, MAILBOX_URL))
-        placed = (f"link.finder.peer_store={store.folder}", f"link.finder.turn.secret_file={secret}")
+        if side == "remote":
+            key = urandom(KEY_BYTES)
+            pedal = Peer("pedal", "pedal", "robot", "master", key, MAILBOX_URL, right=Right.STOP)
+            PeerStore(tmp_path / "slave").add(pedal)
+        store.add(Peer(name, name, own, "master" if side == "slave" else "slave", key, MAILBOX_URL))
+        finder = {"peer_store": store.folder, "turn.secret_file": secret, "mailbox": MAILBOX_URL}
+        placed = [f"link.finder.{name}={value}" for name, value in finder.items()]
         sets = [word for each in placed for word in ("--set", each)]
         made[side] = [side, FILE, *sets, *PATIENT]
     return made
@@ -49,7 +55,7 @@ def path_of(program: Program, side: str) -> dict[str, Any]:
         pytest.param(SYMMETRIC, CONE, "relayed", marks=pytest.mark.hunt),
     ],
 )
-def test_a_session_behind_two_nats_survives_a_lost_mapping(
+def test_a_session_behind_two_nats_survives_a_lost_mapping_and_is_stopped_from_beside_it(
     internet: Internet, arguments: dict[str, list[Any]], robot: str, operator: str, route: str
 ) -> None:
     lab, home = internet.home(robot), internet.home(operator)
@@ -70,3 +76,6 @@ def test_a_session_behind_two_nats_survives_a_lost_mapping(
             ),
             "the session to go on",
         )
+        with Program(*arguments["remote"], "--stop", prefix=home.prefix) as pedal:
+            assert pedal.finish()[0] == 0
+        assert "emergency stop by pedal" in slave.finish()[1]

@@ -64,7 +64,7 @@ def test_slave_waits_for_all_operators_or_for_one(store: PeerStore) -> None:
     with pytest.raises(ConfigurationError, match="ann, bob know this host by different names: here, here:47001"):
         met(store, SLAVE)
     found = met(store, SLAVE, "peer=bob")
-    assert (found.own, found.expects) == ("here:47001", "bob's own name")
+    assert (found.own, found.expects) == ("here:47001", "")
     store.remove("bob")
     store.add(peer("bob", "master"))
     found = met(store, SLAVE)
@@ -99,7 +99,7 @@ def test_of_several_robots_one_must_be_named(store: PeerStore) -> None:
 def test_order_holds_what_the_file_says(store: PeerStore) -> None:
     order = met(store, MASTER, "paths=2", 'interfaces=["wlan0","usb0"]').order(take_over=True)
     assert (order.side, order.peers, order.store) == (MASTER, ("arm",), str(store.folder))
-    assert (order.mailbox, order.stun) == ("ws://relay.example:4000/v1", "relay.example:3478")
+    assert (order.mailbox, order.stun) == ("wss://relay.example:4000/v1", "relay.example:3478")
     assert order.turn is not None and order.turn["server"] == "relay.example:3478"
     assert (order.turn["secret_file"], order.turn["credentials_file"]) == (str(FILE.parent / "turn.secret"), None)
     assert (order.paths, order.interfaces, order.dscp, order.take_over) == (2, ("wlan0", "usb0"), 46, True)
@@ -142,7 +142,7 @@ def test_waiting_slave_fails_once_its_finder_has_ended(store: PeerStore) -> None
 
 @pytest.mark.usefixtures("executed")
 def test_no_process_imports_from_the_working_directory(tmp_path: Path) -> None:
-    order = FinderOrder("master", ("nobody",), str(tmp_path), NOWHERE)
+    order = FinderOrder("master", ("nobody",), str(tmp_path), "here", NOWHERE)
     with running(("weberlink_anywhere.finder", order.to_json())) as end:
         end.setblocking(True)
         received = hand_over.receive(end)

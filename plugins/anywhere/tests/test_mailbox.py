@@ -62,20 +62,38 @@ async def test_refusal_of_the_server_is_one_line(words: tuple[str, ...]) -> None
     assert is_line(str(raised.value))
 
 
-@in_loop
-async def test_a_server_that_never_ends_its_messages_is_heard_for_a_bounded_time() -> None:
-    message = json.dumps({"type": "message", "side": "x", "phase": "p", "body": "b" * 30_000})
+@asynccontextmanager
+async def flooding(message: str) -> AsyncIterator[str]:
+    """URL of a server that says this without end."""
 
     async def flood(client: ServerConnection) -> None:
         await client.send(WELCOME)
         with suppress(ConnectionClosed):
             while True:
                 await client.send(message)
+                await asyncio.sleep(0)  # for whoever hears it in this process
 
     async with serve(flood, "127.0.0.1", 0, close_timeout=0.1) as server:
-        url = f"ws://127.0.0.1:{server.sockets[0].getsockname()[1]}/v1"
-        async with asyncio.timeout(PATIENCE), open_mailbox(url, Sealing(bytes(32), "slave")) as mailbox:
-            assert len(await mailbox.stored()) == MOST_STORED
+        yield f"ws://127.0.0.1:{server.sockets[0].getsockname()[1]}/v1"
+
+
+@in_loop
+async def test_a_server_that_never_ends_its_messages_is_heard_for_a_bounded_time() -> None:
+    message = json.dumps({"type": "message", "side": "x", "phase": "p", "body": "b" * 30_000})
+    async with (
+        asyncio.timeout(PATIENCE),
+        flooding(message) as url,
+        open_mailbox(url, Sealing(bytes(32), "slave")) as mailbox,
+    ):
+        assert len(await mailbox.stored()) == MOST_STORED
+
+
+@in_loop
+async def test_a_server_that_sends_anything_but_what_was_asked_for_is_left() -> None:
+    async with asyncio.timeout(PATIENCE), flooding(json.dumps({"type": "ack"})) as url:
+        with pytest.raises(MailboxRefuses, match="without end"):
+            async with open_mailbox(url, Sealing(bytes(32), "slave")) as mailbox:
+                await mailbox.stored()
 
 
 @in_loop
@@ -94,7 +112,7 @@ async def test_daemon_hears_of_a_long_refusal_and_the_finder_lives_on(side: str,
         pair = Pair(url)
         peer = pair.slave if side == "master" else pair.master
         PeerStore(tmp_path).add(peer)
-        order = FinderOrder(side, (peer.label,), str(tmp_path), url)
+        order = FinderOrder(side, (peer.label,), str(tmp_path), peer.own, url)
         with running(("weberlink_anywhere.finder", order.to_json())) as end:
             end.setblocking(True)
             received = await asyncio.to_thread(hand_over.receive, end)

@@ -6,13 +6,16 @@ import re
 import signal
 from io import RawIOBase
 from pathlib import Path
+from time import monotonic
 
 import pytest
 
 from plugins.anywhere.tests import FILE
 from plugins.anywhere.tests.mailbox_server import MailboxServer
-from tests.program import Program, free_port, weberlink
+from tests.program import ENGAGED, Program, free_port, weberlink
+from tests.wait import until
 from weberlink.config import ConfigurationError, load
+from weberlink.protocol.endpoint import WITHDRAWN
 from weberlink_anywhere.pair import pair
 from weberlink_anywhere.peers import Peer, PeerStore
 
@@ -99,6 +102,41 @@ def test_the_person_at_the_robot_compares_two_words(hosts: Hosts, answer: str) -
             slave.send(signal.SIGINT)
     assert (status == 0) is (answer == "y"), errors
     assert len(list(hosts.store("slave"))) == len(list(hosts.store("master"))) == (answer == "y")
+
+
+@pytest.mark.realtime
+def test_a_peer_that_may_only_stop_from_now_on_is_not_served_any_more_and_may_stop(hosts: Hosts) -> None:
+    for side, other in (("slave", "master"), ("master", "slave")):
+        own, name = f"{side} of the test", f"{other} of the test"
+        hosts.store(side).add(Peer(other, name, own, other, bytes(32)))  # type: ignore[arg-type]
+    hosts.store("slave").add(Peer("new", "new", "slave of the test", "master", bytes(range(32))))
+    with Program(*hosts.command("slave", "--json", "-")) as slave:
+        with Program(*hosts.command("master", "--json", "-")) as master:
+            robot = slave.engaged("slave")
+            folder = hosts.store("slave").folder
+            assert weberlink("peer", "master", "--right", "stop", "--store", folder).status == 0
+            began = monotonic()
+            until(lambda: robot.last["state"] != ENGAGED, "the end of the session")
+            assert monotonic() - began < 1.0
+            status, output, _ = master.finish()
+            assert status == 1 and WITHDRAWN in output
+        command = hosts.command("master")
+        status, _, errors = weberlink("remote", *command[1:])
+        assert status == 1 and "is to stop, and it asks to watch" in errors
+        assert weberlink("remote", *command[1:], "--stop").status == 0
+        status, output, _ = slave.finish()
+    assert status == 1 and "emergency stop by master of the test" in output
+
+
+@pytest.mark.realtime
+def test_the_right_of_a_pairing_is_said_and_kept_at_the_robots_host(hosts: Hosts) -> None:
+    with Program(*hosts.command("slave", "--invite", "--accept", "--right", "watch")) as slave:
+        code = until_line(slave, "Code: ")
+        assert hosts.pair("master", code) == "slave of the test"
+        until_line(slave, "weberlink: paired with ")
+    assert [peer.right for peer in hosts.store("slave")] == ["watch"]
+    ended = weberlink(*hosts.command("slave", "--right", "watch"))
+    assert ended.status == 2 and "--right: goes with --invite" in ended.errors
 
 
 def test_unattended_the_key_is_kept_if_the_command_says_so(hosts: Hosts) -> None:

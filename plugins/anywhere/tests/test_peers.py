@@ -17,6 +17,7 @@ from plugins.anywhere.tests.meetings import Pair
 from tests.strangers import NOBODY, as_stranger, needs_root, read_file
 from weberlink.cli import app
 from weberlink.order import MISCONFIGURED
+from weberlink.protocol.keys import HeldKey, Right
 from weberlink_anywhere.peers import Peer, PeerError, PeerStore
 from weberlink_anywhere.survey import ASK_LIMIT_S
 
@@ -218,12 +219,33 @@ def test_one_peer_is_renamed_shown_and_removed(empty: PeerStore) -> None:
     assert empty.labels() == ["other"]
 
 
+def test_the_right_of_an_operator_is_changed_and_its_file_decides(empty: PeerStore) -> None:
+    anna = Pair("").master
+    empty.add(anna)
+    assert empty.find("anna").right is Right.DRIVE
+    assert peers(empty, "anna", "--right", "stop").stdout.startswith("anna may stop")
+    assert empty.find("anna") == replace(anna, right=Right.STOP)
+    assert empty.find("anna").held_key == HeldKey(anna.key, Right.STOP, "anna")
+    assert "master, stops" in peers(empty, "--offline").stdout
+    file = empty.folder / "anna.json"
+    assert (file.stat().st_mode & 0o777, [*empty.folder.iterdir()]) == (0o600, [file])
+    file.write_text(file.read_text().replace('"stop"', '"rule"'))
+    with pytest.raises(PeerError, match="is not the file of a peer"):
+        empty.find("anna")
+    assert list(empty.usable()) == []
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         *((f"nobody {rest}", "there is no peer 'nobody'; known: robot") for rest in ("", "--remove", "--rename x")),
+        ("robot --right stop", "robot is a robot: what this host may do there is for its own host to say"),
+        ("robot --right stop --remove", "one of --rename NEW, --right and --remove"),
         ("robot --rename ../x", "a peer cannot be called '../x'"),
-        *((each, "--rename NEW and --remove") for each in ("robot --rename x --remove", "--remove", "--rename x")),
+        *(
+            (each, "one of --rename NEW, --right and --remove")
+            for each in ("robot --rename x --remove", "--remove", "--rename x")
+        ),
     ],
 )
 def test_wrong_arguments_change_nothing(empty: PeerStore, arguments: str, message: str) -> None:

@@ -56,8 +56,10 @@ def test_ports_of_the_page_are_those_of_the_files() -> None:
     for name in ("listening-port", "min-port", "max-port", "user-quota", "total-quota"):
         (value,) = re.findall(rf"^{name}=(\d+)$", settings, re.M)
         assert re.search(rf"\b{value}\b", PAGE), name
-    assert "tcp:4000" in (FILES / "weberlink-mailbox.service").read_text(encoding="utf-8")
     assert "TCP 4000" in PAGE
+    assert "wss://relay.example:4000/v1" in (ROOT / "configs" / "anywhere.yaml").read_text(encoding="utf-8")
+    for name in ("weberlink-mailbox.service", "Containerfile"):
+        assert "--port=ssl:4000:certKey=" in (FILES / name).read_text(encoding="utf-8")
 
 
 def test_the_files_are_shipped() -> None:

@@ -1,14 +1,24 @@
 """Known peers meet at the real mailbox server, whatever it and others do."""
 
 import asyncio
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import ClassVar
 
 import pytest
 
+from plugins.anywhere.tests import certificates
 from plugins.anywhere.tests.mailbox_server import MailboxServer
 from plugins.anywhere.tests.meetings import PATHS, PATIENCE, Host, Pair, ThirdParty, in_loop, running, waiting
-from weberlink_anywhere.peers import Peer
+from weberlink.protocol.keys import Right
+from weberlink_anywhere.order import FinderOrder, PairingOrder
+from weberlink_anywhere.pair import start
+from weberlink_anywhere.peers import Peer, PeerStore
 from weberlink_anywhere.rendezvous import presence
 from weberlink_anywhere.signalling import Answer, Busy, MailboxUnreachable, Offer, PeerAbsent, Presence
+from weberlink_anywhere.slave_finder import SlaveFinder
 
 pytestmark = pytest.mark.realtime
 
@@ -45,6 +55,43 @@ async def test_unreachable_server_is_said_in_one_line(mailbox: MailboxServer, ur
     assert (await presence(pair.slave, 0.3)).note == str(raised.value)
 
 
+@pytest.fixture(scope="module")
+def tls(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[MailboxServer, Path]]:
+    """A mailbox server with TLS, by the options of its unit, and the file of the authority behind its certificate."""
+    folder = tmp_path_factory.mktemp("tls")
+    authority = certificates.write(folder)
+    with MailboxServer(tls=folder) as server:
+        yield server, authority
+
+
+@pytest.mark.parametrize("is_trusted", [True, False])
+@in_loop
+async def test_peers_meet_and_pair_by_a_server_with_a_certificate_and_not_by_one_that_nobody_signed(
+    tls: tuple[MailboxServer, Path], is_trusted: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    server, authority = tls
+    assert server.url.startswith("wss://")
+    if is_trusted:
+        monkeypatch.setenv("SSL_CERT_FILE", str(authority))
+    pair = Pair(server.url)
+    async with waiting(pair):
+        if is_trusted:
+            assert await pair.call() == Answer(PATHS)
+        else:
+            with pytest.raises(MailboxUnreachable, match=r"certificate of .* is not accepted: self-signed"):
+                await pair.call(timeout=1.0)
+    inviting = start(PairingOrder("slave", "robot", str(tmp_path), server.url, patience_s=60.0 if is_trusted else 5.0))
+    try:
+        told: dict[str, str] = {}
+        while not {"code", "refused"} & told.keys():
+            for line in await asyncio.to_thread(inviting.lines, 0.2):
+                told |= json.loads(line)
+        assert ("code" in told) is is_trusted, told
+        assert is_trusted or "cannot be reached" in told["refused"], told
+    finally:
+        inviting.end(5.0)
+
+
 @in_loop
 async def test_presence_says_whom_a_slave_serves(mailbox: MailboxServer) -> None:
     pair = Pair(mailbox.url)
@@ -74,6 +121,54 @@ async def test_newer_offer_cancels_the_handler_of_the_older(mailbox: MailboxServ
         await started.wait()
         assert await pair.call() == Answer(PATHS)
         assert len(ended) == 1
+
+
+@in_loop
+async def test_who_is_known_no_more_is_left_and_who_became_known_is_met(mailbox: MailboxServer) -> None:
+    kept, removed, new = Pair(mailbox.url), Pair(mailbox.url), Pair(mailbox.url)
+    async with waiting(kept, removed) as host:
+        assert await kept.call() == await removed.call() == Answer(PATHS)
+        host.waiter.meet([kept.master, new.master])
+        assert await kept.call() == await new.call() == Answer(PATHS)
+        with pytest.raises(PeerAbsent):
+            await removed.call(timeout=0.4)
+        host.waiter.meet([])
+        host.waiter.meet([replace(kept.master, right=Right.STOP)])
+        host.waiter.serves = "anna"
+        assert await presence(kept.slave, PATIENCE) == Presence(here=True), "who may stop is not told whom it serves"
+
+
+@in_loop
+async def test_a_slave_follows_the_folder_of_its_peers(tmp_path: Path) -> None:
+    """Who is removed loses its paths too; a file that cannot be used is that of nobody."""
+    store, forgotten = PeerStore(tmp_path), []
+
+    class Paths:
+        sessions: ClassVar[dict[str, str]] = {}
+
+        def news(self, *_news: object) -> None:
+            """No mailbox is there."""
+
+        def forget(self, peer: str) -> None:
+            forgotten.append(peer)
+
+    anna, bob = (replace(Pair("").master, label=name, name=name) for name in ("anna", "bob"))
+    for peer in (anna, bob, replace(Pair("").slave, label="robot")):
+        store.add(peer)
+    order = FinderOrder("slave", (), str(tmp_path), "robot", "ws://127.0.0.1:1/v1")
+    finder = SlaveFinder(order, store, Paths())  # type: ignore[arg-type]
+    async with running(finder.run()):
+        for change, left, gone in (
+            (lambda: None, [anna, bob], []),
+            (lambda: store.remove("anna"), [bob], ["anna"]),
+            (lambda: store.add(anna), [anna, bob], ["anna"]),
+            (lambda: (store.folder / "bob.json").chmod(0o644), [anna], ["anna", "bob"]),
+        ):
+            change()
+            async with asyncio.timeout(PATIENCE):
+                while set(finder._waiter._lines) != set(left):
+                    await asyncio.sleep(0.01)
+            assert forgotten == gone
 
 
 # --- outages

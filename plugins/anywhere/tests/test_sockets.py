@@ -2,7 +2,9 @@
 
 import asyncio
 import socket
+import struct
 from functools import partial
+from random import Random
 from socket import AF_INET
 from typing import Any
 
@@ -135,3 +137,20 @@ async def test_lost_answers_leave_both_ends_on_one_pair(losing: int) -> None:
     finally:
         for end in ends:
             await end.close()
+
+
+@in_socket_loop
+async def test_rubbish_from_anywhere_makes_no_traceback(caplog: pytest.LogCaptureFixture) -> None:
+    """Messages of each class that are changed, or have attributes of any length."""
+    random, addressed = Random(1), ("127.0.0.1", 9)
+    binding = Binding({"127.0.0.1": "lo"}, frozenset(), EF)
+    attempt = ice.PathAttempt(binding, ice.Servers(), controlling=True)
+    await attempt.gather()
+    (transport,) = binding.sockets
+    for _ in range(4000):
+        kind, length = random.choice([*stun.ATTRIBUTES_BY_TYPE]), random.randrange(12)
+        body = struct.pack("!HH", kind, length) + random.randbytes(length + -length % 4)
+        head = struct.pack("!HHI12s", random.choice([0x1, 0x11, 0x101, 0x111]), len(body), stun.COOKIE, bytes(12))
+        transport.deliver(head + body, addressed)
+    assert caplog.records == []
+    await attempt.close()

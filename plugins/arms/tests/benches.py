@@ -4,11 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from plugins.arms.tests.virtual import VirtualPort, VirtualTime
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.guardian import Guardian
-from weberlink.testing.stepping import SteppedWorker
+from weberlink.testing.stepping import SteppedWorker, VirtualPort, VirtualTime
 from weberlink.testing.time import TICK
 from weberlink_arms.dynamixel.exchange import PositionExchange, TorqueExchange
 from weberlink_arms.dynamixel.follower import KochFollowerOptions, OpenManipulatorXOptions

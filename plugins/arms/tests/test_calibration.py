@@ -2,8 +2,8 @@
 
 import pytest
 
-from plugins.arms.tests.virtual import VirtualPort, VirtualTime
 from weberlink.hardware.fault import HardwareFault
+from weberlink.testing.stepping import VirtualPort, VirtualTime
 from weberlink_arms.emulators.feetech import FeetechEmulator, FeetechEmulatorOptions
 from weberlink_arms.feetech.bus import FeetechBus
 from weberlink_arms.feetech.calibration import Scales, Weighing, fit

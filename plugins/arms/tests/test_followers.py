@@ -5,9 +5,10 @@ from typing import Any
 import pytest
 
 from plugins.arms.tests.benches import FOLLOWERS, ArmBench, only, opened
-from plugins.arms.tests.virtual import KilledError
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.guardian import DIED, HoldingGuardian
+from weberlink.testing.stepping import KilledError
 from weberlink_arms.dynamixel import registers
 from weberlink_arms.emulators.feetech import FeetechEmulator
 from weberlink_arms.feetech.arm import SO101
@@ -181,6 +182,20 @@ def test_a_closed_arm_holds_and_pushes_on_nothing(name: str, axis: int, stiffnes
     if name == "koch_follower":
         assert bench.register("bus_watchdog") == [0] * 6
         assert [servo.registers["goal_current"] for servo in bench.emulator.servos] == [0, 0, 900, 900, 900, 900]
+
+
+def test_an_arm_whose_guardian_died_pushes_on_nothing_when_its_session_ends() -> None:
+    class Dead(HoldingGuardian):
+        def hold(self, message: bytes) -> None:
+            raise HardwareFault(DIED)
+
+    bench = pressing("so101_follower", 2)
+    bench.exchange._guardian = Dead(0.1)
+    with pytest.raises(HardwareFault, match="guardian process died"):
+        bench.run(bench.sample.angles, 0.1)
+    bench.exchange.close()
+    bench.wait(0.5)
+    assert pushed(bench, 2) < 0.01
 
 
 def test_a_host_killed_while_it_closes_pushes_on_nothing() -> None:

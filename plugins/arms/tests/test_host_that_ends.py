@@ -24,7 +24,8 @@ from weberlink_arms.feetech.arm import SO101
 pytestmark = pytest.mark.realtime(alone=True)
 
 WALL_RAD, GOAL_RAD, STIFFNESS_NM_RAD = 0.15, 0.55, 100.0
-AFTER_S = 1.0
+SETTLES_S, AFTER_S = 0.3, 1.0
+"""A follower bounces off the wall at first, and one that ends in a bounce holds the place of its last measurement."""
 
 
 class Family(NamedTuple):
@@ -50,8 +51,8 @@ FAMILIES = {
 
 
 @contextmanager
-def pushing(family: Family, folder: Path) -> Iterator[tuple[subprocess.Popen[str], Any]]:
-    """The process and the emulated arm, once it pushes."""
+def arm_that_is_led(family: Family, folder: Path) -> Iterator[tuple[list[str], Any]]:
+    """A command that pushes with an emulated arm, and this."""
     emulator_class: Any = EMULATORS.load(family.driver)
     wall = {"joint": SO101.axes[family.axis], "angle_rad": WALL_RAD, "stiffness_nm_rad": STIFFNESS_NM_RAD}
     weightless = {"weight": False} if "weight" in emulator_class.Options.model_fields else {}
@@ -60,10 +61,17 @@ def pushing(family: Family, folder: Path) -> Iterator[tuple[subprocess.Popen[str
     values[family.axis] = 0.3 if family.leads else GOAL_RAD
     with PtyDevice(emulator, folder / "arm") as wire:
         options = json.dumps({"port": str(wire.path), **family.options})
-        command = [sys.executable, "-m", "plugins.arms.tests.pushing", family.driver, options, json.dumps(values)]
+        yield [sys.executable, "-m", "plugins.arms.tests.pushing", family.driver, options, json.dumps(values)], emulator
+
+
+@contextmanager
+def pushing(family: Family, folder: Path) -> Iterator[tuple[subprocess.Popen[str], Any]]:
+    """The process and the emulated arm, once it has pushed for `SETTLES_S`."""
+    with arm_that_is_led(family, folder) as (command, emulator):
         process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
         try:
-            until(lambda: push(emulator, family) > family.push or process.poll() is not None, "the arm to push")
+            pushes = lasting(lambda: push(emulator, family) > family.push, SETTLES_S)
+            until(lambda: pushes() or process.poll() is not None, "the arm to push")
             assert process.poll() is None, process.communicate()[0]
             yield process, emulator
         finally:
@@ -76,15 +84,15 @@ def push(emulator: Any, family: Family) -> float:
     return abs(float(emulator.motor_nm[family.axis] if family.leads else min(0.0, emulator.outside_nm[family.axis])))
 
 
-def pushes_no_more(emulator: Any, family: Family) -> Callable[[], bool]:
-    """A condition that holds once the arm has not pushed for `AFTER_S`."""
-    pushed_at = monotonic()
+def lasting(condition: Callable[[], bool], seconds: float) -> Callable[[], bool]:
+    """Whether a condition has held for so long."""
+    since = monotonic()
 
     def holds() -> bool:
-        nonlocal pushed_at
-        if push(emulator, family) > family.left:
-            pushed_at = monotonic()
-        return monotonic() - pushed_at > AFTER_S
+        nonlocal since
+        if not condition():
+            since = monotonic()
+        return monotonic() - since > seconds
 
     return holds
 
@@ -95,7 +103,7 @@ def test_arm_pushes_on_nothing_afterwards(family: Family, number: int, tmp_path:
     """A leader is without torque, a follower does not drop; one that was stopped goes on when it is continued."""
     with pushing(family, tmp_path) as (process, emulator):
         process.send_signal(number)
-        until(pushes_no_more(emulator, family), "the push to end")
+        until(lasting(lambda: push(emulator, family) <= family.left, AFTER_S), "the push to end")
         if number == signal.SIGSTOP:
             assert process.poll() is None
         else:

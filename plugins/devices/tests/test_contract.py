@@ -95,7 +95,7 @@ class Haply:
     NAME = "haply_2diy"
 
     def make_bench(self, folder: Path, /, **options: Any) -> Any:
-        return on_a_pty("haply_2diy", folder, **{"reply_ms": 30.0, **options})
+        return on_a_pty("haply_2diy", folder, **{"reply_ms": 100.0, **options})
 
 
 @pytest.mark.realtime
@@ -120,7 +120,7 @@ class Inverse3:
 
     def make_bench(self, folder: Path, /, **options: Any) -> Any:
         wire = WebSocketDevice(emulated("inverse3"))
-        grip = {"grip": "wireless_verse_grip", "reply_ms": 30.0}
+        grip = {"grip": "wireless_verse_grip", "reply_ms": 100.0}
         return on_a_wire("inverse3", wire, lambda: wire.address, **{**grip, **options})
 
 

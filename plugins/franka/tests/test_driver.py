@@ -3,7 +3,7 @@
 import subprocess
 import sys
 from pathlib import Path
-from time import monotonic, sleep
+from time import monotonic
 
 import pytest
 
@@ -23,14 +23,6 @@ ASIDE: Vector = (0.5, 0.25, 0.45)
 def robot_at(host: str = "arm", **options: object) -> FrankaRobot:
     wanted = FrankaOptions.model_validate({"host": host, "priority": 0, "lost_ms": 1000.0, **options})
     return FrankaRobot(wanted, None, TICK, PROGRAM)
-
-
-def lead(robot: FrankaRobot, goal: Vector, seconds: float) -> None:
-    end = monotonic() + seconds
-    while (now := monotonic()) < end:
-        robot.command(goal, now)
-        robot.latest(now)
-        sleep(TICK)
 
 
 @pytest.mark.parametrize(
@@ -64,13 +56,17 @@ def test_refusal_ends_the_opening_with_its_reason() -> None:
 def test_close_waits_for_rest_and_the_end() -> None:
     robot = robot_at(approach_m_s=0.4)
     robot.open(monotonic())
-    lead(robot, ASIDE, 0.5)
-    child = robot.controller_pid
-    assert robot.state.joint_speed > 0.05
-    began = monotonic()
+
+    def moves() -> bool:
+        robot.command(ASIDE, monotonic())
+        robot.latest(monotonic())
+        return robot.state.joint_speed > 0.05
+
+    until(moves, "the arm to move", pause=TICK)
+    controller = robot._child
     robot.close()
-    assert monotonic() - began > 0.1, "it came to rest"
-    assert not Path(f"/proc/{child}").exists()
+    assert controller is not None
+    assert controller.how_it_ended == "ended with status 0", "with the arm at rest"
 
 
 DAEMON = f"""

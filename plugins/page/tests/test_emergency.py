@@ -1,51 +1,58 @@
-"""The emergency stop: which sessions it ends, and how soon while the event loop of the monitor is busy."""
+"""The emergency stop of the page: that it is answered whatever strangers do, and while the monitor is busy."""
 
 import asyncio
 import http.client
 import json
 import os
+import resource
 import subprocess
 import sys
 from collections import deque
 from contextlib import suppress
 from pathlib import Path
-from socket import create_connection, socket
+from signal import SIGKILL
+from socket import AF_UNIX, SOCK_DGRAM, create_connection, socket
 from threading import Thread
 from time import monotonic, sleep
+from urllib.request import urlopen
 
+import aiohttp
 import numpy as np
-import pytest
 
 from plugins.page.tests.monitors import Monitor
 from plugins.page.tests.test_web import served
-from tests.wait import PATIENCE
+from tests.wait import PATIENCE, soon
 from tests.watching.sources import Daemon, daemons
 from weberlink.telemetry.runtime_directory import directory
-from weberlink_page.listener import EMERGENCY, MOST_SILENT, PROOF_HEADER
-from weberlink_page.watch import SessionWatcher
+from weberlink_page.front import EMERGENCY, MOST_SILENT, PROOF_HEADER
 
-ENDED, FIRST, SECOND = "6", "7", "8"
-PAGES = 4
+PAGES, IDLE = 4, 1200
 FLOOD = f"""
-import asyncio, json, sys, aiohttp
-url, token = sys.argv[1:]
-valid = json.dumps(dict(type="drive", target=[0, 0, 0.01], held=True, token=token))
-async def flood(client):
-    async with client.ws_connect(url) as page:
+import asyncio, resource, socket, sys, aiohttp
+host, port, name = sys.argv[1:]
+_, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+def idle(number):
+    connection = socket.create_connection((host, int(port)))
+    connection.send(b"GET / HTTP/1.1\\r\\nHost: localhost" if number % 2 else b"")
+    return connection
+async def flood(client, kind):
+    async with client.ws_connect(f"http://{{host}}:{{port}}/ws?session={{name}}", autoping=False) as page:
         async def read():
             async for _ in page: pass
-        print("open", flush=True)
         reading = asyncio.create_task(read())
+        print("open", flush=True)
         while not page.closed:
             for number in range(100):
-                await page.send_str(valid if number % 4 else "{{}}")
+                await (page.ping(b"x") if kind else page.send_str('{{"type":"subscribe"}}'))
             await asyncio.sleep(0)
 async def main():
     async with aiohttp.ClientSession() as client:
-        await asyncio.gather(*(flood(client) for _ in range({PAGES})), return_exceptions=True)
+        await asyncio.gather(*(flood(client, number % 2) for number in range({PAGES})), return_exceptions=True)
+crowd = [idle(number) for number in range({IDLE})]
 asyncio.run(main())
 """
-"""Pages that send requests without a pause, some of which are none."""
+"""Connections that ask for nothing, and pages without the key that send pings and requests without a pause."""
 
 
 def stop(where: str, token: str) -> float:
@@ -56,43 +63,6 @@ def stop(where: str, token: str) -> float:
     assert json.loads(client.getresponse().read())["accepted"]
     client.close()
     return at
-
-
-@pytest.mark.parametrize(
-    ("name", "halted"),
-    [
-        (FIRST, {FIRST}),
-        (None, {FIRST, SECOND}),
-        ("1234", {FIRST, SECOND}),
-        (ENDED, {FIRST, SECOND}),
-    ],
-)
-def test_an_emergency_stop_ends_the_named_session_or_all_if_it_does_not_run(
-    tmp_path: Path, name: str | None, halted: set[str]
-) -> None:
-    async def run() -> None:
-        loop = asyncio.get_running_loop()
-        watch = SessionWatcher(tmp_path, None, lambda _: None)
-        over = Daemon(tmp_path, ENDED, "slave", loop)
-        watch.look(0.0)
-        over.close()
-        sides = {
-            (session, side): Daemon(tmp_path, session, side, loop)
-            for session in (FIRST, SECOND)
-            for side in ("master", "slave")
-        }
-        watch.look(10.0)
-        assert watch.sessions[ENDED].ended
-        answer = await asyncio.to_thread(watch.emergency, name)
-        for (session, _), daemon in sides.items():
-            assert (daemon.halted_at is not None) is (session in halted), "at both ends"
-        assert answer["accepted"]
-        for daemon in sides.values():
-            daemon.close()
-        for each in watch.sessions.values():
-            each.close()
-
-    asyncio.run(run())
 
 
 def test_stop_reaches_the_daemons_while_the_loop_stands_still(tmp_path: Path) -> None:
@@ -135,25 +105,70 @@ def test_stop_is_answered_after_silent_connections_speak_as_newer_ones_take_thei
         asyncio.run(run(sides))
 
 
-def test_stop_comes_within_100_ms_while_four_pages_flood_the_monitor(tmp_path: Path) -> None:
+def test_a_stop_that_is_not_acknowledged_says_so_and_stays_armed(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with served(tmp_path) as (where, watch), aiohttp.ClientSession() as client:
+            with socket(AF_UNIX, SOCK_DGRAM) as side:
+                side.bind(str(tmp_path / "weberlink-7-slave.ask"))
+                headers = {PROOF_HEADER: watch.requests.token}
+                async with client.post(f"http://{where}{EMERGENCY}", headers=headers) as response:
+                    told = await response.json()
+                assert (response.status, told["accepted"], told["why"]) == (409, False, "7-slave: does not answer")
+                first = json.loads(side.recv(100))
+                side.setblocking(False)
+                with suppress(BlockingIOError):  # what has come meanwhile
+                    while side.recv(100):
+                        pass
+                side.settimeout(PATIENCE)
+                assert json.loads(await asyncio.to_thread(side.recv, 100)) == first
+
+    asyncio.run(run())
+
+
+def test_the_front_is_started_again_and_its_arguments_tell_no_token(tmp_path: Path) -> None:
+    async def run(sides: list[Daemon]) -> None:
+        said: list[str] = []
+        async with served(tmp_path, said) as (where, watch):
+            for _ in range(2):
+                front = await soon(lambda: front_of(os.getpid()), "the front")
+                assert watch.requests.token not in Path(f"/proc/{front}/cmdline").read_text()
+                await asyncio.to_thread(stop, where, watch.requests.token)
+                os.kill(front, SIGKILL)
+                await soon(lambda front=front: front_of(os.getpid()) not in (None, front), "another front")
+            assert ["was killed by SIGKILL" in line for line in said] == [True, True]
+        assert all(side.halted_at is not None for side in sides)
+
+    with daemons(tmp_path) as sides:
+        asyncio.run(run(sides))
+
+
+def front_of(pid: int) -> int | None:
+    """The process that takes the connections of a monitor."""
+    for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
+        if b"weberlink_page.front" in Path(f"/proc/{child}/cmdline").read_bytes():
+            return int(child)
+    return None
+
+
+def test_stop_is_answered_within_100_ms_and_the_page_survives_a_crowd_and_a_flood(tmp_path: Path) -> None:
     """The median, which a busy machine does not decide: a stop that waits for its turn takes longer each time."""
-    taken = []
-    with (
-        daemons(directory(), str(2**22 + os.getpid())) as sides,
-        Monitor(tmp_path, "--session", 2**22 + os.getpid()) as monitor,
-    ):
-        url, key = monitor.url, monitor.key
+    taken, name = [], str(2**22 + os.getpid())
+    with daemons(directory(), name) as sides, Monitor(tmp_path, "--session", name) as monitor:
+        where, key = monitor.url.removeprefix("http://"), monitor.key
+        resource.prlimit(monitor.pid, resource.RLIMIT_NOFILE, (1024, 1024))
         assert os.getpriority(os.PRIO_PROCESS, monitor.pid) >= 5, "daemons go before it"
         monitor.until_said("slave at")
-        command = [sys.executable, "-c", FLOOD, f"{url}/ws?key={key}", key]
+        command = [sys.executable, "-c", FLOOD, *where.split(":"), name]
         with subprocess.Popen(command, stdout=subprocess.PIPE) as flood:
             assert flood.stdout is not None
             for _ in range(PAGES):
                 assert flood.stdout.readline() == b"open\n"
             for number in range(15):
                 sleep(0.02 + 0.001 * (number % 37))  # at every phase of the monitor's period
-                asked = stop(url.removeprefix("http://"), key)
-                taken.append(max(side.halted_at - asked for side in sides if side.halted_at is not None))
+                asked = stop(where, key)
+                taken.append(max(monotonic() - asked, *(side.halted_at - asked for side in sides)))
             assert flood.poll() is None, "the pages have left"
+            with urlopen(f"http://{where}/", timeout=PATIENCE) as page:
+                assert page.status == 200, "the page is served"
             flood.kill()
     assert np.median(taken) < 0.1

@@ -6,7 +6,10 @@ import sys
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from signal import SIGINT, Signals
+from time import monotonic
 from typing import Any
+
+import pytest
 
 from tests.wait import PATIENCE
 from weberlink_page.launcher import SessionLauncher, TryOrder
@@ -26,6 +29,9 @@ limit = float(sys.argv[sys.argv.index("--duration") + 1]) if "--duration" in sys
 until = time.monotonic() + limit
 while not caught and time.monotonic() < until:
     time.sleep(0.01)
+if "stopped=1" in sys.argv:
+    json.dump({"outcome": "failed: emergency stop"}, sys.stdout)
+    sys.exit(1)
 json.dump({"outcome": "interrupted" if caught else "completed", "ticks": 7}, sys.stdout)
 sys.exit(1 if "failing=1" in sys.argv else 0)
 """
@@ -104,14 +110,14 @@ def test_interrupted_visit_ends_with_the_report(tmp_path: Path) -> None:
 def test_another_scene_is_another_session_and_one_is_started_at_a_time(tmp_path: Path) -> None:
     async def change(told: Told) -> Signals:
         await told.until_begun(1)
-        assert not told.launcher.request_start("sea")["accepted"]
-        assert told.launcher.request_start("box") == {"accepted": True}
+        assert not told.launcher.request_start("sea", 0)["accepted"]
+        assert told.launcher.request_start("box", 0) == {"accepted": True}
         await asyncio.sleep(0)
-        assert not told.launcher.request_start("box")["accepted"], "under way"
+        assert not told.launcher.request_start("box", 0)["accepted"], "under way"
         await told.until_begun(2)
         assert told.launcher.rooms["scene"] == "box"
         told.launcher.signal(SIGINT)
-        assert not told.launcher.request_start("box")["accepted"], "it ends"
+        assert not told.launcher.request_start("box", 0)["accepted"], "it ends"
         return SIGINT
 
     told = conduct(tmp_path, order(), change)
@@ -123,9 +129,51 @@ def test_another_scene_is_another_session_and_one_is_started_at_a_time(tmp_path:
     ]
 
 
+async def restart_and_stop(told: Told, when: str) -> None:
+    """Start another scene, and stop at a moment of the start."""
+    await told.until_begun(1)
+    assert told.launcher.request_start("box", 0) == {"accepted": True}
+    while len(told.launcher.started) < 2 and when == "after":
+        await asyncio.sleep(0)
+    at = monotonic()
+    told.launcher.on_emergency(at)
+    told.launcher.on_emergency(at + 1e-3)  # the other way of the same press
+    assert told.launcher.stops == 1
+    while told.launcher.message["state"] != "idle":
+        await asyncio.sleep(0.01)
+
+
+@pytest.mark.parametrize(("when", "started"), [("before", 1), ("after", 2)])
+def test_no_start_from_before_an_emergency_stop_is_done_after_it(tmp_path: Path, when: str, started: int) -> None:
+    async def stop(told: Told) -> Signals:
+        await restart_and_stop(told, when)
+        assert len(told.launcher.started) == started
+        late = told.launcher.request_start("box", 0)
+        assert (late["accepted"], "emergency stop" in late["why"]) == (False, True), "asked before it was known"
+        assert told.launcher.request_start("box", 1) == {"accepted": True}
+        while len(told.launcher.started) == started:
+            await asyncio.sleep(0.01)
+        told.launcher.on_emergency(monotonic() - 0.5)  # a press from before, repeated
+        await told.until_begun(len(told.started) + 1)
+        return SIGINT
+
+    told = conduct(tmp_path, order(), stop)
+    assert told.ended == (0, {"outcome": "interrupted", "ticks": 7})
+
+
+def test_a_session_that_an_emergency_stop_ended_leaves_another_to_be_started(tmp_path: Path) -> None:
+    async def go_on(told: Told) -> Signals:
+        while told.launcher.last is None:
+            await asyncio.sleep(0.01)
+        return SIGINT
+
+    told = conduct(tmp_path, order("stopped=1", duration_s=0.2), go_on)
+    assert (told.launcher.message["state"], told.launcher.message["why"]) == ("idle", "failed: emergency stop")
+
+
 def test_first_session_that_does_not_begin_ends_the_visit(tmp_path: Path) -> None:
     told = conduct(tmp_path, order("wrong=1"), nothing)
-    message = {"type": "launcher", "state": "failed", "scene": "dome", "why": "wrong: no such key"}
+    message = {"type": "launcher", "state": "failed", "scene": "dome", "why": "wrong: no such key", "stops": 0}
     assert (told.launcher.message, told.ended) == (message, (1, None))
 
 

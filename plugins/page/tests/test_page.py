@@ -3,6 +3,7 @@
 The scripts that need no document have their own tests in `page`.
 """
 
+import re
 from collections.abc import Iterator
 from math import hypot, nan
 from time import sleep
@@ -224,7 +225,9 @@ def test_emergency_is_sent_both_ways_by_finger_and_by_keyboard_whatever_has_the_
         page.wait(lambda: page.data("emergency") == "stopped", "the stop")
     chain(page).key_down("\ue009").send_keys(STOP).key_up("\ue009").send_keys(ESCAPE).perform()
     page.click("#pause")
-    assert server.posted == [("/api/emergency?session=1234", TOKEN)] * 5, "with another key it is not the stop"
+    posted = [re.fullmatch(r"/api/emergency\?session=1234&age_ms=\d+", path) for path, _ in server.posted]
+    assert all(posted) and len(posted) == 5, "with another key it is not the stop"
+    assert {token for _, token in server.posted} == {TOKEN}
     page.driver.execute_cdp_cmd("Input.dispatchMouseEvent", at | {"type": "mouseReleased"})
 
 
@@ -234,6 +237,9 @@ def test_emergency_that_fails_says_so_and_what_to_do(page: Browser, server: Scri
     page.click("#emergency")
     page.wait(lambda: page.data("emergency") == "failed", "the refusal")
     assert page.text("notice").startswith("NOT stopped: wrong token") and "Ctrl-C" in page.text("notice")
+    ages = lambda: [each["age_ms"] for each in asked(server, "emergency")]  # noqa: E731
+    page.wait(lambda: len(ages()) >= 3 <= len(server.posted), "both requests again")
+    assert ages() == sorted(ages()) and 400.0 < ages()[2] < 1e4, "since the press"
     server.say(session.figures(REPORT, ended=True))
     page.wait(lambda: page.data("emergency") == "stopped", "the end of the session")
     server.stop()
@@ -302,7 +308,7 @@ def test_controls_ask_and_show_the_answer(page: Browser, server: ScriptedServer)
         page.click(selector)
     page.wait(lambda: len(server.asked) >= 8, "all requests")
     assert asked(server, "change") == [{"weber": 0.2}, {"predictor": "plane"}, {"delay_ms": 20}]
-    assert asked(server, "session") == [{"do": "start", "scene": "box"}, {"do": "stop"}]
+    assert asked(server, "session") == [{"do": "start", "scene": "box", "stops": 0}, {"do": "stop"}]
     assert asked(server, "record") == [{"do": "start", "name": "a wall"}, {"do": "mark", "text": ""}, {"do": "stop"}]
     page.choose("session", "5678")
     page.wait(lambda: server.followed[-1] == "5678", "the other session")

@@ -21,7 +21,7 @@ from tests.wait import PATIENCE, soon
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.ring import default_path
 from weberlink_page import messages
-from weberlink_page.listener import PROOF_HEADER
+from weberlink_page.front import PROOF_HEADER
 
 ABOVE, ASIDE, PRESSED = (0.03, 0.03, 0.02), (0.02, 0.03, 0.02), (0.03, 0.03, -0.02)
 SURFACE_M = -0.015
@@ -143,7 +143,7 @@ async def one_drives(driver: Page, watcher: Page) -> None:
 
 async def another_scene_until_the_emergency(client: aiohttp.ClientSession, monitor: Monitor, page: Page) -> None:
     former = page.hello["session"]
-    assert (await page.answer(type="session", do="start", scene="plane"))["accepted"]
+    assert (await page.answer(type="session", do="start", scene="plane", stops=0))["accepted"]
     await soon(lambda: page.hello["session"] != former and page.hello["present"] == ["master", "slave"], "the scene")
     await soon(lambda: page.newest["figures"].get("settings", {}).get("weber") == 0.05, "the setting of before")
     await soon(lambda: page.hello["link"]["delay_ms"] == 10.0, "the link of before")

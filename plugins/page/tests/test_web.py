@@ -5,9 +5,10 @@ import inspect
 import json
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from functools import wraps
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import aiohttp
@@ -16,14 +17,16 @@ from aiohttp import web
 
 from tests.wait import PATIENCE, soon
 from tests.watching.sources import HandSource
+from weberlink.session.emergency import NO_SESSION
 from weberlink.watching.session import WatchedSession
 from weberlink_page import access
-from weberlink_page.listener import MOST_SILENT, PROOF_HEADER, Listener
+from weberlink_page.front import MOST_SILENT, PROOF_HEADER, FrontOrder
+from weberlink_page.listener import Listener
 from weberlink_page.metrics import exposition
 from weberlink_page.requests import LONGEST_MESSAGE
 from weberlink_page.viewer import Viewer
 from weberlink_page.watch import SessionWatcher
-from weberlink_page.web import MOST_GUESTS, MOST_PAGES, REQUESTS_WAITING, Site
+from weberlink_page.web import BURST_S, MOST_GUESTS, MOST_PAGES, MOST_PER_S, MOST_UNPROVEN, REQUESTS_WAITING, Site
 
 Client = aiohttp.ClientSession
 EVIL = "http://evil.example"
@@ -32,19 +35,22 @@ DRIVE, START = {"type": "drive", "target": [0.0, 0.0, 0.0], "held": True}, {"typ
 
 
 @asynccontextmanager
-async def served(folder: Path = Path("/nonexistent")) -> AsyncIterator[tuple[str, SessionWatcher]]:
-    """The address of a monitor in this thread, and its watcher of the sessions of a folder."""
+async def served(
+    folder: Path = Path("/nonexistent"), said: list[str] | None = None
+) -> AsyncIterator[tuple[str, SessionWatcher]]:
+    """The address of a monitor in this thread, and its watcher of the sessions of a folder; what it says."""
+    said = [] if said is None else said
     watch = SessionWatcher(folder, None, lambda _: None)
     allowed = access.names("127.0.0.1")
-    runner = web.AppRunner(
-        Site(watch, allowed, exposition(watch.sessions.values)).application(), access_log=None, shutdown_timeout=0.1
-    )
+    site = Site(watch, allowed, exposition(watch.sessions.values))
+    runner = web.AppRunner(site.application(), access_log=None, shutdown_timeout=0.1)
     await runner.setup()
     assert runner.server is not None
     # What is accepted inherits the buffer: a small one, so that what a page does not read waits where it is looked at.
     listening = socket.create_server(("127.0.0.1", 0))
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 16_384)
-    listener = Listener(listening, runner.server, allowed, watch.requests, watch.emergency)
+    order = FrontOrder(sorted(allowed or ()), watch.requests.token, watch.scope)
+    listener = Listener(listening, runner.server, site.unproven, order, watch.stopped, said.append)
     try:
         yield f"127.0.0.1:{listening.getsockname()[1]}", watch
     finally:
@@ -149,8 +155,8 @@ async def test_session_and_its_daemons_need_the_token(client: Client, where: str
     a_session(watch)
     async with client.ws_connect(f"http://{where}/ws?key={watch.requests.token}") as page:
         token = (await heard(page))["token"]
-        for proof, why in (({}, "token"), ({"token": "x"}, "token"), ({"token": token}, "no daemon answers")):
-            for asked in (CHANGE, STOP, EMERGENCY):
+        for asked, refused in ((CHANGE, "no daemon answers"), (STOP, "no daemon answers"), (EMERGENCY, NO_SESSION)):
+            for proof, why in (({}, "token"), ({"token": "x"}, "token"), ({"token": token}, refused)):
                 answer = await answered(page, asked | proof)
                 assert (answer["accepted"], answer["to"], why in answer["why"]) == (False, asked["type"], True)
 
@@ -211,6 +217,19 @@ async def test_emergency_overtakes_a_request_that_waits(client: Client, where: s
         assert "too many" in (await answered(page, {"type": "change"} | proof))["why"]
         go_on.set()
         assert (await heard(page))["to"] == "change"
+
+
+@visit
+async def test_pings_without_pause_are_answered_at_the_pace_of_requests(
+    client: Client, where: str, watch: SessionWatcher
+) -> None:
+    async with client.ws_connect(f"http://{where}/ws", autoping=False) as page:
+        began, pongs, most = monotonic(), 0, 100
+        for _ in range(most):
+            await page.ping(b"x")
+        while pongs < most:
+            pongs += (await page.receive()).type is aiohttp.WSMsgType.PONG
+            assert pongs <= 1 + (monotonic() - began + BURST_S) * MOST_PER_S
 
 
 # --- files
@@ -286,10 +305,20 @@ async def test_number_of_pages_is_limited(
         pass
 
 
+@pytest.mark.parametrize("sent", [b"", b"GET / HTTP/1.1\r\nHost: localhost\r\n"])
 @visit
-async def test_connections_that_stay_silent_are_limited(client: Client, where: str, _: SessionWatcher) -> None:
-    silent = [await asyncio.open_connection(*where.split(":")) for _ in range(MOST_SILENT + 3)]
-    assert [await reader.read() for reader, _ in silent[:3]] == [b""] * 3, "closed"
-    assert await status(client, f"http://{where}/") == 200
-    for _, writer in silent:
-        writer.close()
+async def test_connections_of_strangers_are_limited_and_cost_a_page_nothing(
+    client: Client, where: str, watch: SessionWatcher, sent: bytes
+) -> None:
+    async with client.ws_connect(f"http://{where}/ws?key={watch.requests.token}") as page:
+        strangers = []
+        for _ in range(max(MOST_SILENT, MOST_UNPROVEN) + 3):
+            strangers.append(await asyncio.open_connection(*where.split(":")))
+            strangers[-1][1].write(sent)
+        for reader, _ in strangers[:2]:
+            with suppress(ConnectionError):
+                assert await reader.read() == b"", "closed"
+        assert await status(client, f"http://{where}/") == 200
+        assert (await answered(page, CHANGE))["to"] == "change"
+        for _, writer in strangers:
+            writer.close()

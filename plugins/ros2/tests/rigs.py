@@ -81,6 +81,7 @@ def listening(router: str, **other: Any) -> Iterator[ListenerProcess]:
     wanted = Subscription(TOPIC, 0, router, "weberlink", (0.0, 0.0, 0.0), 0.1, turns=False)._replace(**other)
     process = ListenerProcess(wanted)
     process.open()
+    process.lead(allowed=True)
     try:
         yield process
     finally:

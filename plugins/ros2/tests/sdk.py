@@ -1,6 +1,6 @@
 """A process of zenoh-ros2-sdk (ROBOTIS, Apache-2.0) that lists topics and receives all of them.
 
-    python -m plugins.ros2.tests.sdk PORT DOMAIN TOPICS
+    python -m plugins.ros2.tests.sdk PORT DOMAIN TOPICS TICKS
 
 It prints lines of JSON: first the topics with their types, then the messages of each topic by the end of its input.
 The message definitions that it would clone from GitHub are written from those of rosbags; it computes their hashes
@@ -60,7 +60,7 @@ def say(document: Any) -> None:
     sys.stdout.flush()
 
 
-def main(port: int, domain: int, at_least: int) -> None:
+def main(port: int, domain: int, at_least: int, ticks: int) -> None:
     received: dict[str, list[Any]] = defaultdict(list)
     with TemporaryDirectory() as folder:
         write_definitions(Path(folder))
@@ -73,6 +73,10 @@ def main(port: int, domain: int, at_least: int) -> None:
         ]
         say(dict(topics))
         sys.stdin.read()
+        every_tick = [received[name] for name, kinds in topics if kinds[0].endswith("Stamped")]
+        give_up = time.monotonic() + PATIENCE_S
+        while min(map(len, every_tick)) < ticks and time.monotonic() < give_up:
+            time.sleep(0.01)
         for subscriber in subscribers:
             subscriber.close()
         ZenohSession.get_instance().close()
@@ -80,4 +84,4 @@ def main(port: int, domain: int, at_least: int) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:4]))
+    main(*map(int, sys.argv[1:5]))

@@ -40,7 +40,8 @@ def test_a_client_of_others_lists_and_receives(tmp_path: Path) -> None:
     where = endpoint()
     bridge = Ros2Bridge(Node("weberlink", DOMAIN, where), Qos(), None, print)
     follower = SessionFollower(bridge, None, print, tmp_path)
-    command = [sys.executable, "-m", "plugins.ros2.tests.sdk", where.rpartition(":")[2], str(DOMAIN), str(len(LISTED))]
+    numbers = map(str, (where.rpartition(":")[2], DOMAIN, len(LISTED), TICKS))
+    command = [sys.executable, "-m", "plugins.ros2.tests.sdk", *numbers]
     rings = {side: ring(tmp_path, side) for side in ("master", "slave")}
     follower.look(0.0)
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as sdk:
@@ -58,8 +59,7 @@ def test_a_client_of_others_lists_and_receives(tmp_path: Path) -> None:
                 write(writer, made[first : first + 4])
             follower.look(1.0 + first)
             time.sleep(0.002)
-        time.sleep(0.5)
-        output, _ = sdk.communicate(timeout=30)
+        output, _ = sdk.communicate(timeout=LIMIT_S)
     follower.close()
     bridge.close()
     for writer in rings.values():

@@ -10,12 +10,14 @@ from time import monotonic, sleep
 import pytest
 
 from plugins.ros2.tests.rigs import await_trouble, endpoint, listening, publishing, steadily
+from tests.program import ENGAGED, PATIENT, Program, weberlink
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.testing.time import TICK, until
 from weberlink_ros2.device import Ros2Device, Ros2Options
 from weberlink_ros2.node import Node
 
 pytestmark = pytest.mark.realtime
+FILE = Path(__file__).parents[1] / "configs" / "ros2.yaml"
 
 
 @pytest.fixture
@@ -39,12 +41,37 @@ def test_poses_lead_and_what_is_wrong_is_told(router: str) -> None:
                 assert process.newest() is None
             with steadily(publisher, float("nan")):
                 await_trouble(process, "its position is not finite: nan, 0, 0.03")
+            process.lead(allowed=False)
+            process.lead(allowed=True)
             with steadily(publisher, 0.03):
                 assert until(process.newest, "a pose", pause=1e-3).target == (0.03, 0.0, 0.03)
         with publishing(router, type_name="geometry_msgs/msg/Pose") as wrong:
             with steadily(wrong, 0.04, type_name="geometry_msgs/msg/Pose"):
                 await_trouble(process, "published as geometry_msgs/msg/Pose, not as geometry_msgs/msg/PoseStamped")
             assert process.failure is None
+
+
+def test_poses_lead_a_session_only_while_its_user_lets_them(router: str) -> None:
+    """Nothing but the command holds the hand; killed, it lets go."""
+    connect = ("--set", f"master.device.connect={router}")
+    with Program("loopback", FILE, *connect, *PATIENT) as loopback, publishing(router) as publisher:
+        hand = loopback.telemetry("master")
+        with steadily(publisher, 0.03):
+            until(lambda: hand.last["state"] == ENGAGED, "the session")
+            sleep(0.5)
+            assert not hand.records["buttons"].any()
+            with Program("lead", "--session", loopback.pid) as lead:
+                until(lambda: hand.last["buttons"] == 1, "the hand to be held")
+                until(lambda: hand.last["position"][0] > 0.02, "the hand to be led")
+                lead.send(signal.SIGKILL)
+                until(lambda: hand.last["buttons"] == 0, "the hand to be let go")
+            sleep(0.5)
+            assert hand.last["buttons"] == 0
+
+
+def test_without_a_session_there_is_nothing_to_lead() -> None:
+    ended = weberlink("lead", "--session", "1")
+    assert (ended.status, len(ended.errors.splitlines())) == (1, 1) and "lead: " in ended.errors
 
 
 def test_killed_listener_is_a_fault_at_once(router: str) -> None:

@@ -13,17 +13,17 @@ from plugins.ros2.tests.rigs import endpoint
 from tests.wait import until
 from weberlink.telemetry.message import ENCAPSULATION
 from weberlink_ros2.messages import encode_body, types
-from weberlink_ros2.names import Qos
+from weberlink_ros2.names import Attachment, Qos
 from weberlink_ros2.node import CONFIG_VARIABLE, Node, NodeError, Publisher
 
 STRING = "std_msgs/msg/String"
 BODY = encode_body(types().types[STRING]("hello"), STRING)
-Heard = list[tuple[bytes, int, bytes]]
+Heard = list[tuple[bytes, Attachment]]
 
 
 def hear(node: Node, topic: str = "/chatter") -> Heard:
     heard: Heard = []
-    node.subscribe(topic, STRING, lambda *message: heard.append(message))
+    node.subscribe(topic, STRING, lambda cdr, attachment: heard.append((cdr, attachment)))
     return heard
 
 
@@ -41,13 +41,13 @@ def test_messages_come_with_time_and_source_and_nodes_listen_on_loopback_alone()
         heard, elsewhere = hear(second), hear(second, "/other")
         other = first.publisher("/chatter", STRING, Qos(reliable=False))
         published(first, heard)
-        first_source = heard[0][2]
+        first_source = heard[0][1].source
         heard.clear()
         other.put_body(BODY, 6)
-        until(lambda: any(stamp == 6 for _, stamp, _ in heard), "a message")
-        (message,) = [message for message in heard if message[1] == 6]
+        until(lambda: any(told.stamp_ns == 6 for _, told in heard), "a message")
+        (message,) = [message for message in heard if message[1].stamp_ns == 6]
         assert message[0] == ENCAPSULATION + BODY
-        assert len(message[2]) == 16 and message[2] != first_source
+        assert len(message[1].source) == 16 and message[1].source != first_source and message[1].sequence == 1
         assert not elsewhere
         assert first.is_router and not second.is_router and first.connections == second.connections == 1
         assert {address for address, _ in listening() - before} <= {socket.inet_aton("127.0.0.1")[::-1].hex().upper()}

@@ -1,20 +1,27 @@
-"""Commands that look at a file or a machine (check, doctor, bridge), and that set one up (device, keygen, configs).
+"""Commands that stop sessions, look at a file or a machine (check, doctor, bridge), and set one up (device, keygen,
+configs).
 
 Each imports what it needs when it runs.
 """
 
+import os
 import sys
 from contextlib import nullcontext
+from math import inf
 from pathlib import Path
 from textwrap import wrap
+from time import monotonic, sleep
 from typing import Annotated, Literal
 
 import typer
 
 from weberlink.cli.arguments import CommandGroup, File, Json, Set, file_target
 from weberlink.cli.output import fail, tell, write
-from weberlink.order import COMPLETED, FAILED, MASTER, MISCONFIGURED, SIDES
+from weberlink.order import COMPLETED, FAILED, INTERRUPTED, MASTER, MISCONFIGURED, SIDES
 from weberlink.session.targets import STANDARD_OUTPUT
+
+LOOK_S, TELL_S = 0.002, 0.5
+"""Of a stop: time between two looks for an answer, and until it is said that there is none."""
 
 
 class Bridges(CommandGroup):
@@ -24,6 +31,33 @@ class Bridges(CommandGroup):
 
 
 bridge = typer.Typer(name="bridge", cls=Bridges, help="Carry a running session to other systems.", no_args_is_help=True)
+
+
+def stop(
+    session: Annotated[
+        str | None, typer.Argument(metavar="[SESSION]", help="The launcher's process id; default: all of this user.")
+    ] = None,
+) -> None:
+    """Stop sessions of this host at once: no force, no motion.
+
+    Repeated until every side has acknowledged it. Not in order: the runs have failed.
+    """
+    from weberlink.session.emergency import EmergencyStop, Scope  # noqa: PLC0415
+
+    order = EmergencyStop(Scope(session=session), None, monotonic())
+    tell_at = order.at + TELL_S
+    try:
+        while not order.advance(monotonic()):
+            if monotonic() > tell_at:
+                tell(f"not stopped yet: {order.answer()['why']}; asked again until Ctrl-C")
+                tell_at = inf
+            sleep(LOOK_S)
+    except KeyboardInterrupt:
+        fail(f"NOT stopped: {order.answer()['why']}", INTERRUPTED)
+    answer = order.answer()
+    if not answer["accepted"]:
+        fail(answer["why"], FAILED)
+    typer.echo(f"stopped: {', '.join(answer['sessions'])}")
 
 
 def check(file: File, set_: Set = None) -> None:
@@ -156,16 +190,41 @@ def device_rules() -> None:
     typer.echo("\n".join(install()))
 
 
+def guardian(
+    socket: Annotated[Path, typer.Argument(metavar="[SOCKET]", help="Where sessions find it.")] = Path(
+        "/run/weberlink-guardian/socket"
+    ),
+) -> None:
+    """Take the force off devices whose session dies, until a signal.
+
+    A service that outlives sessions, containers and their control groups. Sessions use SOCKET where it is there; with
+    $WEBERLINK_GUARDIAN, that one alone.
+    """
+    from weberlink.child_process import isolated_python  # noqa: PLC0415
+    from weberlink.hardware import guardian_process  # noqa: PLC0415
+
+    command = isolated_python(guardian_process.__file__, "serve", str(socket))
+    os.execv(command[0], command)  # noqa: S606 - our own, and all that it needs is the standard library
+
+
 def keygen(
     out: Annotated[
         Path, typer.Argument(metavar="OUT", callback=file_target, help="Where to write the key, with mode 0600.")
     ],
+    right: Annotated[
+        Literal["drive", "watch", "stop"], typer.Option("--right", help="What it is good for; drive: for all three.")
+    ] = "drive",
+    name: Annotated[
+        str, typer.Option("--name", metavar="NAME", help="Of the host that holds it; no other name can use it then.")
+    ] = "",
 ) -> None:
-    """Write a new pre-shared key for one master and one slave."""
-    from weberlink.protocol.keys import generate  # noqa: PLC0415
+    """Write a new pre-shared key for one host and one slave."""
+    from weberlink.protocol.keys import Right, generate  # noqa: PLC0415
 
-    generate(out)
+    generate(out, Right(right), name)
     typer.echo(f"{out}: key written, readable by you alone; copy it to the other host over a channel you trust")
+    if name:
+        typer.echo(f"the robot's host may hold several: add this line to its key file, for {name} to {right}")
 
 
 def configs(

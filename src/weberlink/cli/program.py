@@ -16,9 +16,10 @@ class Program(CommandGroup):
     """The commands of this program, and those of other distributions."""
 
     topics: ClassVar = {
-        "Run": {name: f"{_HERE}.sessions:{name}" for name in ("loopback", "master", "slave", "simulate")},
+        "Run": {name: f"{_HERE}.sessions:{name}" for name in ("loopback", "master", "slave", "remote", "simulate")}
+        | {"stop": f"{_HERE}.commands:stop"},
         "Look": {name: f"{_HERE}.commands:{name}" for name in ("check", "doctor", "bridge")},
-        "Setup": {name: f"{_HERE}.commands:{name}" for name in ("device", "keygen", "configs")},
+        "Setup": {name: f"{_HERE}.commands:{name}" for name in ("device", "guardian", "keygen", "configs")},
     }
     extended_by = "weberlink.commands"
 

@@ -7,12 +7,12 @@ from contextlib import contextmanager
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from weberlink.cli.arguments import Duration, File, Json, Log, OptionalFile, Record, Set, file_target
-from weberlink.cli.output import attempt, errors, fail, finish, progress_bar, tell
+from weberlink.cli.output import attempt, errors, fail, finish, progress_bar, tell, write
 from weberlink.order import MASTER, MISCONFIGURED, NOTE, SIDES, SLAVE
 from weberlink.session.targets import STANDARD_OUTPUT
 
@@ -72,23 +72,34 @@ def slave(
     accept: Annotated[
         bool, typer.Option("--accept", help="With --invite: keep the operator's key without a question.")
     ] = False,
+    right: Annotated[
+        Literal["drive", "watch", "stop"] | None,
+        typer.Option("--right", help="With --invite: what the host that pairs may do; drive: all three."),
+    ] = None,
     peer: PeerLabel = None,
 ) -> None:
     """Run the teleoperator side."""
-    added = partial(acquainted, file, set_ or (), SLAVE, peer, pairs=invite, accept=accept)
+    added = partial(acquainted, file, set_ or (), SLAVE, peer, pairs=invite, accept=accept, right=right)
     _live("slave", file, set_, added, [SLAVE], duration, json_out, record, log)
 
 
 def acquainted(
-    path: Path, overrides: Sequence[str], side: str, label: str | None, *, pairs: bool, accept: bool = False
+    path: Path,
+    overrides: Sequence[str],
+    side: str,
+    label: str | None,
+    *,
+    pairs: bool,
+    accept: bool = False,
+    right: str | None = None,
 ) -> list[str]:
     """Overrides by which the path finder of the file meets a peer; the two hosts are paired first if `pairs`."""
-    if not pairs and label is None and not accept:
+    if not pairs and label is None and not accept and right is None:
         return []
     from weberlink.config import ConfigurationError, load  # noqa: PLC0415
 
-    if accept and not pairs:
-        raise ConfigurationError("--accept: goes with --invite")
+    if (accept or right is not None) and not pairs:
+        raise ConfigurationError(f"{'--accept' if accept else '--right'}: goes with --invite")
     asked = "--peer" if not pairs else "--join" if side == MASTER else "--invite"
     configuration = load(path, overrides, [side])
     if configuration.finder is None:
@@ -102,7 +113,8 @@ def acquainted(
             code = sys.stdin.readline().strip()
             if not code:
                 raise ConfigurationError("--join: standard input gave no code; the robot's host shows it")
-        label = configuration.finder.driver.pair(configuration, side, code, label, accept=accept)
+        pair = configuration.finder.driver.pair
+        label = pair(configuration, side, code, label, accept=accept, right=right or "drive")
         if side == SLAVE:  # which waits for all that it knows
             return []
     return [f"link.finder.peer={json.dumps(label)}"]
@@ -134,6 +146,28 @@ def one_host(path: Path, overrides: Sequence[str]) -> list[str]:
         port = probe.getsockname()[1]
     address = json.dumps(f"[{host}]:{port}" if is_v6 else f"{host}:{port}")  # quoted, for YAML
     return [f"link.listen={address}", f"link.slave={address}"]
+
+
+def remote(
+    file: File,
+    stop: Annotated[bool, typer.Option("--stop", help="Stop the robot at once; its side ends.")] = False,
+    peer: PeerLabel = None,
+    json_out: Json = None,
+    set_: Set = None,
+) -> None:
+    """Ask the robot's side over the link whom it serves, or stop it.
+
+    The key of this host must be good for it (weberlink keygen --right). FILE is the master's; no device is opened.
+    """
+    from weberlink.cli.remote import ask  # noqa: PLC0415
+    from weberlink.config import load  # noqa: PLC0415
+    from weberlink.protocol.keys import Right  # noqa: PLC0415
+    from weberlink.text import one_line  # noqa: PLC0415
+
+    overrides = [*(set_ or ()), *acquainted(file, set_ or (), MASTER, peer, pairs=False)]
+    told = ask(load(file, overrides, [MASTER]), Right.STOP if stop else Right.WATCH)
+    lines = [f"{name}: {one_line(str(value))}" for name, value in told.items()]
+    write({**told, "stopped": stop}, json_out, lambda console: console.print("\n".join(lines), markup=False))
 
 
 def simulate(

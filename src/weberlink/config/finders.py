@@ -1,7 +1,8 @@
 """Path finders: parts of other distributions that say whom a side meets, by which key, and over which path."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from socket import AF_UNIX, SOCK_SEQPACKET, socket, socketpair
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
@@ -12,6 +13,7 @@ from weberlink.registry import Registry
 if TYPE_CHECKING:
     from weberlink.config import Configuration
     from weberlink.protocol.aio.udp import MakePaths
+    from weberlink.protocol.keys import HeldKey
     from weberlink.protocol.security import Security
 
 ENDS_S = 2.0
@@ -25,7 +27,7 @@ class PathFinder(Protocol):
     `link.finder`; `peer` among them names whom to meet. What it complains of is a `ConfigurationError`.
 
     Attributes:
-        security: the suite with the key of the peer, or with those of several.
+        security: the suite with the key of the peer, or with those of several (`weberlink.protocol.psk.Keyring`).
         own: name of this side towards the peer.
         expects: name of the only peer; "" for several.
     """
@@ -51,18 +53,25 @@ class PathFinder(Protocol):
         """What makes the paths of the endpoint, where they are found: `end` is the socket to the process, which does
         not block and stays open."""
 
+    def stored_keys(self) -> "tuple[Path, Callable[[], Sequence[HeldKey]]]":
+        """Where the keys of a slave's peers are stored, and what reads those that are held now; asked of who has a
+        `Keyring`."""
+
     @staticmethod
     def finds_path(options: Any) -> bool:
         """Whether paths are found; else the two meet at the addresses of the file."""
 
     @staticmethod
-    def pair(configuration: "Configuration", side: str, code: str, label: str | None, *, accept: bool) -> str:
+    def pair(
+        configuration: "Configuration", side: str, code: str, label: str | None, *, accept: bool, right: str = "drive"
+    ) -> str:
         """Make the two hosts known to each other by a code; returns what to call the peer as `peer`.
 
         Args:
             code: that the other host shows; "" to make one and show it.
             label: what to call the peer; None for its own name.
             accept: whether the robot's host keeps the key without asking a person.
+            right: what the robot's host lets the key be good for (`weberlink.protocol.keys.Right`).
         """
 
     @staticmethod

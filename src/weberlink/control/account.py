@@ -85,17 +85,20 @@ class Account:
         does not kick the hand.
         """
         stored = 0.5 * force * force / stiffness
-        softer = min(stiffness, softest)
+        softer = softest if softest < stiffness else stiffness
         most = self._allowance + 0.5 * force * force / softer  # what friction and damping took is not kept
         if self.energy + self._taken > most:
             self.energy = min(self.energy, most)
             self._taken = most - self.energy
+        energy = self.energy
         if stored == 0.0:
-            self._reserve = max(0.0, self.energy)
+            self._reserve = energy if energy > 0.0 else 0.0
             return 1.0
-        reach = sqrt(2.0 * stiffness * max(0.0, self.energy - self._reserve)) + self._rise * elapsed
-        free = min(self.energy, 0.5 * reach * reach / stiffness)
-        self._reserve = max(0.0, self.energy - free)
+        pressed = energy - self._reserve
+        reach = sqrt(2.0 * stiffness * (pressed if pressed > 0.0 else 0.0)) + self._rise * elapsed
+        free = 0.5 * reach * reach / stiffness
+        free = free if free < energy else energy
+        self._reserve = energy - free if energy > free else 0.0
         if stored <= free:
             return 1.0
         return sqrt(free / stored) if free > 0.0 else 0.0

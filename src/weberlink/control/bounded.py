@@ -121,7 +121,8 @@ class FeltContact:
         if n is None:
             return force
         there = force if model is None else model.at(tick, robot)
-        along, place = dot(n, there), dot(n, robot)
+        (a, b, c), (x, y, z) = n, robot
+        along, place = a * there[0] + b * there[1] + c * there[2], a * x + b * y + c * z
         if norm(there) >= LEAST_CONTACT:
             if model is not None and self._place is not None:
                 way = place - self._place
@@ -138,14 +139,14 @@ class FeltContact:
         touches = norm(force) >= LEAST_CONTACT
         if touches and self._surface is not None:
             return force
-        push = self.stiffness * (self._offset - dot(n, hand))
+        push = self.stiffness * (self._offset - (a * hand[0] + b * hand[1] + c * hand[2]))
         if push <= 0.0:
             return ZERO
         if not touches:
             return scale(n, push)
         share = min(1.0, push / along) if along > 0.0 else 0.0  # of what friction adds
         push -= share * along
-        return (share * force[0] + push * n[0], share * force[1] + push * n[1], share * force[2] + push * n[2])
+        return (share * force[0] + push * a, share * force[1] + push * b, share * force[2] + push * c)
 
 
 class BoundedMaster(MasterControl):
@@ -196,14 +197,17 @@ class BoundedMaster(MasterControl):
         self._contact.normal = None
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
-        robot = self._sent.ago(self._rtt) if self._sent else position
+        robot = self._sent.ago(self._rtt) if self._sent.known else position
         self._contact.learn(surface, force, position, robot)
 
     def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, rtt: float | None) -> None:
-        (x, y, z), held = subtract(position, self._position or position), self._held
-        supplied = max(0, peer_credit - self._credit) * CREDIT_STEP
+        last, held = self._position or position, self._held
+        x, y, z = position[0] - last[0], position[1] - last[1], position[2] - last[2]
+        supplied = 0.0
+        if peer_credit > self._credit:
+            supplied = (peer_credit - self._credit) * CREDIT_STEP
+            self._credit = peer_credit
         self._account.book(held[0] * x + held[1] * y + held[2] * z, x * x + y * y + z * z, elapsed, supplied)
-        self._credit = max(self._credit, peer_credit)
         self._position, self._elapsed, self._tick = position, elapsed, tick
         if rtt is not None:
             self._rtt = rtt + self._delay
@@ -211,7 +215,8 @@ class BoundedMaster(MasterControl):
     def command(self, position: Vector) -> Vector:
         n, goal = self._contact.normal, ZERO
         if n is not None:
-            stated, lack = dot(n, self._stated), dot(n, subtract(self._stated, self._held))
+            (a, b, c), (x, y, z), (u, v, w) = n, self._stated, self._held
+            stated, lack = a * x + b * y + c * z, a * (x - u) + b * (y - v) + c * (z - w)
             if 0.0 < lack <= stated:  # a share of the depth: whatever the fit of the stiffness, not out of the contact
                 goal = scale(n, min(FARTHEST, lack / self.stiffness, lack / stated * self._contact.depth(position)))
         back = self._back
@@ -225,7 +230,7 @@ class BoundedMaster(MasterControl):
         return position
 
     def render(self, force: Vector) -> Vector:
-        if self._position is not None and self._sent:
+        if self._position is not None and self._sent.known:
             force = self._contact.at(self._position, force, self._sent.ago(self._rtt), self._tick)
         self._stated = force
         size, contact = hypot(force[0], force[1], force[2]), self._contact
@@ -289,7 +294,7 @@ class BoundedSlave(SlaveControl):
             self._stored = 0.0
             return
         p, f = before
-        x, y, z = subtract(position, p)
+        x, y, z = position[0] - p[0], position[1] - p[1], position[2] - p[2]
         self._stored -= 0.5 * ((force[0] + f[0]) * x + (force[1] + f[1]) * y + (force[2] + f[2]) * z)
         if self._stored < 0.0:
             self._given -= self._stored

@@ -11,6 +11,8 @@ from collections.abc import Callable, Mapping, Sequence
 from math import inf
 from typing import Any, NamedTuple
 
+from weberlink.bounded_json import parse
+
 MARGIN, ROUND_TRIPS, JITTERS = 0.01, 1.5, 2.0
 """Time from a proposal to the tick of the change: a constant [s], and multiples of round trip and jitter. By the pace
 of `weberlink.protocol.negotiation`, five exchanges at least fit in, of which one must succeed."""
@@ -18,6 +20,8 @@ MARGIN_TICKS = 4
 """Ticks in addition: each message waits for the next one of its sender and of its receiver."""
 UNMEASURED_RTT = 0.1
 """Round trip that is assumed while it is unknown [s]."""
+LONGEST_CHANGE = 256
+"""Bytes of a change, more than a datagram has room for."""
 BUSY = "another change is on its way"
 LATE = "the proposal came too late; ask again"
 FIXED = {
@@ -168,8 +172,8 @@ class Tuning:
 def parsed(body: bytes) -> dict[str, object] | None:
     """The change in a message: a flat JSON object; None if the message is anything else."""
     try:
-        change = json.loads(body)
-    except (ValueError, RecursionError):
+        change = parse(body, LONGEST_CHANGE)
+    except ValueError:
         return None
     if not isinstance(change, dict) or any(isinstance(value, dict | list) for value in change.values()):
         return None

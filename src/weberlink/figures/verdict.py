@@ -119,7 +119,8 @@ def _ending(figures: Figures) -> Iterator[Cause]:
     outcome = figures.outcome or ""
     reason = outcome.removeprefix(FAILED_OUTCOME)
     if EMERGENCY in outcome:
-        yield Cause(FAILURE, "emergency_stop", "of an emergency stop")
+        whose = outcome.partition(EMERGENCY)[2]  # " by NAME" where a name is known
+        yield Cause(FAILURE, "emergency_stop", f"of an emergency stop{whose}")
     elif reason != outcome:
         name = next((name for name, words in _ENDINGS if words in reason), "ended")
         yield Cause(FAILURE, name, _unanswered(figures, reason) if name == "no_answer" else reason)

@@ -48,13 +48,17 @@ def norm(a: Vector) -> float:
     """Euclidean length, within 2 units in the last place, without overflow or underflow of the squares."""
     x, y, z = a
     square = x * x + y * y + z * z
-    return sqrt(square) if _LEAST_SQUARE < square < inf else _scaled_length(x, y, z)
+    if _LEAST_SQUARE < square < inf:
+        return sqrt(square)
+    return 0.0 if x == y == z == 0.0 else _scaled_length(x, y, z)
 
 
 def distance(a: Vector, b: Vector) -> float:
     x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]
     square = x * x + y * y + z * z
-    return sqrt(square) if _LEAST_SQUARE < square < inf else _scaled_length(x, y, z)
+    if _LEAST_SQUARE < square < inf:
+        return sqrt(square)
+    return 0.0 if x == y == z == 0.0 else _scaled_length(x, y, z)
 
 
 def within(a: Vector, limit: float) -> Vector:
@@ -76,8 +80,6 @@ def is_finite(a: Vector) -> bool:
 
 def _scaled_length(x: float, y: float, z: float) -> float:
     """Length of components whose squares may overflow or underflow; NaN if one of them is NaN."""
-    if x == 0.0 and y == 0.0 and z == 0.0:
-        return 0.0
     large = abs(x) > 1.0 or abs(y) > 1.0 or abs(z) > 1.0
     there, back = (_DOWN, _UP) if large else (_UP, _DOWN)
     x, y, z = x * there, y * there, z * there

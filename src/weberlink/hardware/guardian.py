@@ -1,22 +1,27 @@
-"""The parent's side of a guardian: a process that takes the force off a device when this process stops.
+"""The client's side of a guardian: a process that takes the force off a device when this process stops.
 
 For devices whose board keeps the last force without a host; see `weberlink.hardware.guardian_process`.
 """
 
 import os
+import sys
 from contextlib import suppress
 from mmap import mmap
 from pathlib import Path
-from select import select
-from socket import socketpair
+from signal import SIGKILL
+from socket import AF_UNIX, MSG_PEEK, recv_fds, send_fds, socket, socketpair
 from subprocess import DEVNULL
-from time import monotonic
+from time import monotonic, monotonic_ns
 
-from weberlink.child_process import Child, isolated_python, shared_memory
+from weberlink.child_process import Child, isolated_python
 from weberlink.hardware import guardian_process
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.hardware.guardian_process import BEATS, LEASE, MEMORY_SIZE, WRITES, put_message
+from weberlink.hardware.guardian_process import APART, BEATS, HELLO, LEASE, MEMORY_SIZE, PID, WRITES, put_message
 
+SOCKET = "/run/weberlink-guardian/socket"
+"""Of the service; `$WEBERLINK_GUARDIAN` names another one, which must answer, or none where it is empty."""
+OF_THE_HOST = {"pid": 0xEFFFFFFC, "cgroup": 0xEFFFFFFB}
+"""Numbers of the namespaces that no container has made (<linux/proc_ns.h>)."""
 LEASE_S = 0.05
 """Longest time that a force may stand after its command [s]."""
 START_S = 5.0
@@ -27,6 +32,14 @@ SILENT_S = 0.25
 """Longest time without a sign of life while there is force [s]; the guardian gives one every 20 ms."""
 DEAD_S = 0.04
 """Time without a sign of life before its process state is checked [s]."""
+SHARED = (
+    "the guardian of the device could not leave the cgroup of this session: what kills all of it at once leaves the "
+    "force on. `weberlink guardian` as a service does not (docs/operation/services.md)\n"
+)
+IN_A_CONTAINER = (
+    "a guardian in this container would end with it, and its board has no watchdog: run the service of "
+    f"`weberlink guardian` on the host, and mount {SOCKET} here (docs/operation/services.md)"
+)
 DIED = "its guardian process died, and its board has no watchdog; start the session again"
 
 
@@ -48,8 +61,8 @@ class Guardian:
         """May be changed before `watch`, like `rests`."""
         self.rests = rests
         self._all_rests = (zero, *rests)
-        self._child: Child | None = None
-        self._socket = -1
+        self._connection: socket | None = None
+        self._is_ours = self._is_told = False
         self._memory: mmap | None = None
         self._use(bytearray(MEMORY_SIZE))
         self._given_at = 0.0
@@ -64,38 +77,36 @@ class Guardian:
 
     @property
     def pid(self) -> int | None:
-        """Process id of the guardian; None while there is none."""
-        return None if self._child is None else self._child.pid
+        """Process id of the guardian, where that process runs; None while there is none."""
+        return None if self._connection is None else self._words[PID]
 
     def watch(self, descriptor: int) -> None:
-        """Start the process, which gets a copy of the device's descriptor, open for writing.
+        """Have a process guard the device, whose descriptor it gets, open for writing.
 
         Raises:
-            HardwareFault: it does not start.
+            HardwareFault: there is no guardian, or none that outlives this process.
         """
         self.stop()
         self._all_rests = (self.zero, *self.rests)
-        ours, theirs = socketpair()
-        try:
-            with theirs, shared_memory("weberlink-guardian", MEMORY_SIZE) as (self._memory, memory):
-                self._use(self._memory)
-                put_message(self._shared, self.zero)
-                inherited = (theirs.fileno(), descriptor, memory)
-                command = isolated_python(guardian_process.__file__, *map(str, inherited))
-                self._child = Child(command, pass_fds=inherited, stderr=DEVNULL, cwd=Path("/"))
-        except OSError as error:
-            ours.close()
-            raise HardwareFault(f"its guardian process cannot be started: {error.strerror}") from None
-        self._socket = ours.detach()
+        self._connection, self._is_ours = _connected()
+        self._connection.settimeout(START_S)
+        refusal, memory = b"", list[int]()
+        with suppress(OSError):  # it has ended
+            send_fds(self._connection, [HELLO.pack(monotonic_ns())], [descriptor])
+            refusal, memory, _, _ = recv_fds(self._connection, 200, 1)
+        if not memory:
+            self.stop()
+            raise HardwareFault(f"its guardian process {refusal.decode() or 'does not start'}")
+        self._memory = mmap(memory[0], MEMORY_SIZE)
+        os.close(memory[0])
+        self._use(self._memory)
+        put_message(self._shared, self.zero)
+        self._connection.setblocking(False)
         self._writes = 0
-        until = monotonic() + START_S
-        while self._words[BEATS] == 0:
-            # Readable once the other end is closed, so when it has died.
-            dead, _, _ = select((self._socket,), (), (), 0.001)
-            if dead or monotonic() > until:
-                self.stop()
-                raise HardwareFault("its guardian process does not start")
         self._beats = (self._words[BEATS], monotonic())
+        if not self._words[APART] and not self._is_told:
+            sys.stderr.write(SHARED)
+            self._is_told = True
 
     def given(self, at: float, stale: float) -> None:
         """Set the time of the next command, and its largest age when it is written [s]."""
@@ -123,7 +134,7 @@ class Guardian:
         """
         if data.startswith(self._all_rests):
             self._words[LEASE] = 0
-            if self._child is not None:
+            if self._connection is not None:
                 self._silent(monotonic())
 
     def new_writes(self) -> int:
@@ -133,18 +144,25 @@ class Guardian:
 
     def stop(self) -> None:
         """End the process, which first takes off any force left; may be called again."""
-        child, self._child = self._child, None
-        if child is None:
+        if self._connection is None:
             return
-        with suppress(OSError):
-            os.write(self._socket, b"x")
-        child.end(END_S)
-        os.close(self._socket)
-        self._words.release()
-        self._shared.release()
-        self._use(bytearray(MEMORY_SIZE))
-        assert self._memory is not None
-        self._memory.close()
+        self._connection.settimeout(END_S)
+        with suppress(OSError):  # the process has ended already
+            self._connection.send(b"x")
+            try:
+                self._connection.recv(1)  # nothing, once it has
+            except TimeoutError:
+                if self._is_ours:
+                    os.kill(self._words[PID], SIGKILL)
+                    self._connection.recv(1)
+        self._connection.close()
+        self._connection = None
+        if self._memory is not None:
+            self._words.release()
+            self._shared.release()
+            self._use(bytearray(MEMORY_SIZE))
+            self._memory.close()
+            self._memory = None
 
     def _check_heard(self) -> None:
         """Raise HardwareFault if the guardian is dead or silent."""
@@ -156,16 +174,53 @@ class Guardian:
     def _silent(self, now: float) -> float:
         """Time without a sign of life while this process ran [s]; raises HardwareFault if the guardian is dead."""
         beats, since = self._words[BEATS], self._beats[1]
-        if self._child is None:
+        if self._connection is None:
             raise HardwareFault(DIED)
         # If this process was held up, the guardian may have been too.
         if beats != self._beats[0] or now - self._looked_at > max(LEASE_S, self._stale):
             self._beats = (beats, now)
             since = now
-        elif now - since > DEAD_S and not self._child.running:  # a system call, unlike the word
+        elif now - since > DEAD_S and _is_closed(self._connection):  # a system call, unlike the word
             raise HardwareFault(DIED)
         self._looked_at = now
         return now - since
+
+
+def _connected() -> tuple[socket, bool]:
+    """A connection to a guardian that begins, and whether it is of this process alone; raises HardwareFault."""
+    if path := os.environ.get("WEBERLINK_GUARDIAN", SOCKET if Path(SOCKET).exists() else ""):
+        connection = socket(AF_UNIX)
+        try:
+            connection.connect(path)
+        except OSError as error:
+            connection.close()
+            raise HardwareFault(
+                f"its guardian does not answer at {path}: {error.strerror}; systemctl status weberlink-guardian"
+            ) from None
+        return connection, False
+    if any(Path(f"/proc/self/ns/{name}").stat().st_ino != number for name, number in OF_THE_HOST.items()):
+        raise HardwareFault(IN_A_CONTAINER)
+    ours, theirs = socketpair()
+    with theirs:
+        number = theirs.fileno()
+        command = isolated_python(guardian_process.__file__, "one", str(number))
+        plain = {name: value for name, value in os.environ.items() if name != "LD_PRELOAD"}  # no code of others
+        try:
+            Child(command, pass_fds=(number,), stderr=DEVNULL, cwd=Path("/"), env=plain).end(START_S)
+        except OSError as error:
+            ours.close()
+            raise HardwareFault(f"its guardian process cannot be started: {error.strerror}") from None
+    return ours, True
+
+
+def _is_closed(connection: socket) -> bool:
+    """Whether nobody is at the other end any more."""
+    try:
+        return not connection.recv(1, MSG_PEEK)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
 
 
 class HoldingGuardian(Guardian):

@@ -13,6 +13,7 @@ from signal import Signals
 
 # <sys/prctl.h>, <sys/mman.h>
 _SET_PARENT_DEATH_SIGNAL = 1
+_SET_DUMPABLE = 4
 _SET_TIMER_SLACK = 29
 _LOCK_CURRENT = 1
 _LOCK_FUTURE = 2
@@ -123,6 +124,12 @@ def forbid_core_dumps() -> None:
     _, hard = resource.getrlimit(resource.RLIMIT_CORE)
     limit = min(hard, 1) if hard != resource.RLIM_INFINITY else 1
     resource.setrlimit(resource.RLIMIT_CORE, (limit, limit))
+
+
+def conceal_memory() -> None:
+    """Forbid core dumps, and that another process of this user reads this one's memory: for one that nobody watches."""
+    forbid_core_dumps()
+    checked(LIBC.prctl(_SET_DUMPABLE, 0, 0, 0, 0))
 
 
 def _lock_memory() -> None:

@@ -42,13 +42,13 @@ class StallDetector:
         """Count a tick; returns the time since the last one [s], 0 if it is the first or ended a stall."""
         elapsed = 0.0 if self._last is None else now - self._last
         self._last = now
-        self.stalled = elapsed > self.limit
-        if self.stalled:
-            elapsed, self._ticks_to_settle = 0.0, SETTLING_TICKS
-        self.settling = self._ticks_to_settle > 0
-        if self.settling:
+        if self.settling or elapsed > self.limit:
+            self.stalled = elapsed > self.limit
+            if self.stalled:
+                elapsed, self._ticks_to_settle = 0.0, SETTLING_TICKS
+            self.settling = self._ticks_to_settle > 0
             self._ticks_to_settle -= 1
-        self.step = min(elapsed, self._longest_step)
+        self.step = elapsed if elapsed < self._longest_step else self._longest_step
         return elapsed
 
 

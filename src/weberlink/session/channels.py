@@ -155,7 +155,8 @@ class Rows:
         row.bound = encoder.bound
         row.sent = outgoing.update is not None
         row.widened = encoder.widened
-        row.received = min(self._incoming[0].received, MOST_RECEIVED)
+        received = self._incoming[0].received
+        row.received = received if received < MOST_RECEIVED else MOST_RECEIVED
         if self._is_arm:
             self._fill_arm(row, statistics)
             return

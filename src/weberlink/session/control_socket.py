@@ -1,25 +1,35 @@
 """The control socket of a daemon: requests to change settings, and to stop, while a session runs.
 
-The daemon answers between ticks. Only its own user can ask: the socket is a file of mode 0600 beside the ring.
+The daemon answers between ticks. Only its own user can ask: the socket is a file of mode 0600 beside the ring. The
+launcher makes it before the daemon starts, and holds a descriptor of the file, by which it is found when the directory
+was emptied, as at a logout.
 """
 
 import json
+import os
+import re
 import socket
 import stat
-from collections.abc import Awaitable, Mapping
-from contextlib import suppress
+from collections.abc import Awaitable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from fcntl import F_GETFL, F_SETFL, F_SETOWN, fcntl
+from math import isfinite
 from pathlib import Path
+from signal import SIG_IGN, SIGIO, signal
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from weberlink.bounded_json import parse
+from weberlink.order import EMERGENCY
 from weberlink.telemetry.runtime_directory import ForeignFileError, check, listening_socket
 
 if TYPE_CHECKING:  # who only asks needs no event loop
     import asyncio
 
+    from weberlink.control.tuning import Tuning
     from weberlink.realtime.loop import Transport
     from weberlink.session.daemon import LiveLink
+    from weberlink.session.key_watch import KeyWatch
     from weberlink.session.side import Side
 
 LONGEST_QUESTION = 1024
@@ -33,6 +43,11 @@ LONGEST_REASON = 100
 AT_ONCE = frozenset({"emergency", "stop", "delay_ms", "jitter_ms", "loss"})
 """Requests that concern one side alone, and are done when they are answered."""
 NO_EMULATION = "this session emulates no link: add emulate: {} under link in its file"
+IS_NEWER = "this run was ordered after that stop"
+IS_STOPPED = "this run is over by an emergency stop"
+NOT_A_MOMENT = "emergency must be the moment of the command [s], as of time.monotonic"
+_OPENING = "its device or robot is being opened; ask again"
+_NAME = re.compile(r"weberlink-(\d+)-[a-z]+\.ask")
 
 
 class LiveChangeError(RuntimeError):
@@ -41,6 +56,74 @@ class LiveChangeError(RuntimeError):
 
 def path_beside(ring: str | Path) -> Path:
     return Path(ring).with_suffix(".ask")
+
+
+def session_of(path: Path) -> str | None:
+    """The name of the session, which is the process id of its launcher; None for another file."""
+    found = _NAME.fullmatch(path.name)
+    return None if found is None else found[1]
+
+
+def control_sockets() -> set[Path]:
+    """Those of all daemons of this user or of root on this host, also where the files were removed.
+
+    The kernel lists what everybody calls so: only a file of this user, or a descriptor in such a process, counts.
+    """
+    lines = Path("/proc/self/net/unix").read_text(encoding="utf-8", errors="surrogateescape").splitlines()
+    listed = {Path(fields[7]) for line in lines if len(fields := line.split(maxsplit=7)) == 8}
+    named = {path: session for path in listed if (session := session_of(path)) is not None}
+    there = {path for path in named if _is_ours(path)}
+    held = {path for session in {named[path] for path in named.keys() - there} for path in _held(session)}
+    return there | (held & listed)
+
+
+def _is_ours(path: Path) -> bool:
+    try:
+        check(path, path.lstat(), stat.S_IFSOCK)
+    except OSError:
+        return False
+    return True
+
+
+@contextmanager
+def reserved(ring: str | Path) -> Iterator[tuple[socket.socket, int]]:
+    """The control socket of a daemon to be started, and a descriptor by which it is found without its file.
+
+    The socket is closed at the end of the block: the daemon inherits it. The descriptor is for the caller to close.
+
+    Raises:
+        OSError: there is no room for the socket's file.
+    """
+    with listening_socket(path_beside(ring)) as listener:
+        yield listener, os.open(path_beside(ring), os.O_PATH | os.O_NOFOLLOW | os.O_CLOEXEC)
+
+
+def connect(asker: socket.socket, path: Path) -> None:
+    """Connect to a control socket of this user or of root.
+
+    Raises:
+        ForeignFileError: it is of somebody else.
+        OSError: it is not there, or nobody listens any more.
+    """
+    try:
+        status = path.lstat()
+    except FileNotFoundError:
+        path = _held(session_of(path)).get(path, path)
+        status = path.stat()
+    check(path, status, stat.S_IFSOCK)
+    asker.connect(str(path))  # from here on the kernel takes answers of this daemon alone
+
+
+def _held(session: str | None) -> dict[Path, Path]:
+    """The removed control sockets of a session, each with the descriptor in the launcher by which it is reached."""
+    found = {}
+    with suppress(OSError):  # no such process, or that of somebody else
+        for each in Path(f"/proc/{session}/fd").iterdir():
+            with suppress(OSError):  # closed meanwhile
+                name, is_removed, _ = str(each.readlink()).partition(" (deleted)")
+                if is_removed and session_of(Path(name)) == session:
+                    found[Path(name)] = each
+    return found
 
 
 def ask(ring: str | Path, request: Mapping[str, Any], patience_s: float = 2.0) -> dict[str, Any]:
@@ -54,7 +137,8 @@ def ask(ring: str | Path, request: Mapping[str, Any], patience_s: float = 2.0) -
             - any of `delay_ms`, `jitter_ms`, `loss`: of what this side sends from now on, where the file has
               `link.emulate`;
             - `stop`, with the outcome in words: an orderly end;
-            - `emergency`, True: no force and no motion from the next tick on; the run has failed.
+            - `emergency`, the moment of the command on `time.monotonic` [s]: no force and no motion from the next tick
+              on; the run has failed. A run that was ordered later goes on.
         patience_s: how long to wait [s].
 
     Returns:
@@ -70,8 +154,7 @@ def ask(ring: str | Path, request: Mapping[str, Any], patience_s: float = 2.0) -
         asker.bind("")  # an address of the kernel's choice, so that we can be answered
         asker.settimeout(patience_s)
         try:
-            check(path, path.lstat(), stat.S_IFSOCK)
-            asker.connect(str(path))  # from here on the kernel takes answers of this daemon alone
+            connect(asker, path)
             asker.send(json.dumps(dict(request)).encode())
             answer = parse(asker.recv(LONGEST_ANSWER + 1), LONGEST_ANSWER)
         except TimeoutError:
@@ -87,27 +170,78 @@ def ask(ring: str | Path, request: Mapping[str, Any], patience_s: float = 2.0) -
     return answer
 
 
-class ControlSocket:
-    """The daemon's end: takes requests between ticks and hands them to its side."""
+class _Opening:
+    """Stands for a side whose device or robot is being opened, which can take a minute: it can only be stopped."""
 
-    def __init__(self, ring: str | Path, side: "Side", link: "LiveLink | None" = None) -> None:
-        self._path = path_beside(ring)
-        self._side = side
+    def __init__(self, tuning: "Tuning") -> None:
+        self.tuning = tuning
+        self.outcome: str | None = None
+
+    def stop(self, _now: float, reason: str) -> None:
+        self.outcome = self.outcome or reason
+
+    def emergency(self, _now: float) -> None:
+        self.outcome = EMERGENCY
+
+    def propose(self, _change: Mapping[str, object], _now: float) -> str:
+        return _OPENING
+
+
+class ControlSocket:
+    """The daemon's end: takes requests between ticks and hands them to its side.
+
+    Args:
+        listener: see `reserved`.
+        side: what is asked.
+        link: the emulated one, where there is one.
+        ordered_at: when the run was ordered, on `time.monotonic` [s].
+    """
+
+    def __init__(
+        self, listener: socket.socket, side: "Side", link: "LiveLink | None" = None, ordered_at: float = 0.0
+    ) -> None:
+        self._socket: socket.socket | None = listener
+        self._path = Path(listener.getsockname())
+        self._side: Side | _Opening = side
         self._link = link
-        self._socket: socket.socket | None = None
+        self._ordered_at = ordered_at
+        self._is_stopped = False
         self._loop: asyncio.AbstractEventLoop | None = None
         self._waiting: str | bytes | None = None
         """Who waits for the answer of the peer; there is one at most, because there is one change at a time."""
 
-    def open(self, loop: "asyncio.AbstractEventLoop") -> None:
-        """Listen.
+    @contextmanager
+    def opening(self, stopped: type[Exception]) -> Iterator[None]:
+        """Take a stop while the main thread opens the device or the robot, and before that: raises `stopped`.
 
-        Raises:
-            OSError: there is no room for the socket's file.
+        The kernel signals each question, since no loop runs yet.
         """
-        listener = listening_socket(self._path)
-        self._socket, self._loop = listener, loop
-        loop.add_reader(listener.fileno(), self._on_questions)
+        assert self._socket is not None
+        side, standing = self._side, _Opening(self._side.tuning)
+        descriptor, flags = self._socket.fileno(), fcntl(self._socket, F_GETFL)
+
+        def asked(*_: object) -> None:
+            self._on_questions()
+            if standing.outcome is not None:
+                raise stopped(standing.outcome)
+
+        self._side = standing
+        signal(SIGIO, asked)
+        try:
+            fcntl(descriptor, F_SETOWN, os.getpid())
+            fcntl(descriptor, F_SETFL, flags | os.O_ASYNC)
+            asked()
+            yield
+        finally:
+            signal(SIGIO, SIG_IGN)  # one may be under way
+            fcntl(descriptor, F_SETFL, flags)
+            self._side = side
+
+    def open(self, loop: "asyncio.AbstractEventLoop") -> None:
+        """Answer in this loop from now on."""
+        assert self._socket is not None
+        self._loop = loop
+        loop.add_reader(self._socket.fileno(), self._on_questions)
 
     def close(self) -> None:
         """Stop listening; may be repeated."""
@@ -151,20 +285,31 @@ class ControlSocket:
         """Begin what is asked; why not, or None."""
         now = monotonic()
         if "emergency" in request:  # first, and whatever else is asked for
-            if request["emergency"] is not True:
-                return f"emergency must be true, not {request['emergency']!r}"
-            self._side.emergency(now)
-        elif "stop" in request:
-            reason = request["stop"]
-            if len(request) > 1:
-                return "ask for stop alone"
-            if not (isinstance(reason, str) and 0 < len(reason) <= LONGEST_REASON and reason.isprintable()):
-                return f"stop must be the outcome in words, 1 to {LONGEST_REASON} printable characters"
-            self._side.stop(now, reason)
-        elif set(request).isdisjoint(AT_ONCE):
+            return self._emergency(request["emergency"], now)
+        if self._is_stopped:
+            return IS_STOPPED
+        if "stop" in request:
+            return self._stop(request, now)
+        if set(request).isdisjoint(AT_ONCE):
             return self._side.propose(request, now)
-        else:
-            return NO_EMULATION if self._link is None else self._link.change(request)
+        return NO_EMULATION if self._link is None else self._link.change(request)
+
+    def _stop(self, request: dict[str, object], now: float) -> str | None:
+        reason = request["stop"]
+        if len(request) > 1:
+            return "ask for stop alone"
+        if not (isinstance(reason, str) and 0 < len(reason) <= LONGEST_REASON and reason.isprintable()):
+            return f"stop must be the outcome in words, 1 to {LONGEST_REASON} printable characters"
+        self._side.stop(now, reason)
+        return None
+
+    def _emergency(self, at: object, now: float) -> str | None:
+        if isinstance(at, bool) or not isinstance(at, int | float) or not isfinite(at):
+            return NOT_A_MOMENT
+        if at < self._ordered_at:
+            return IS_NEWER
+        self._is_stopped = True
+        self._side.emergency(now)
         return None
 
     def _look(self) -> None:
@@ -196,9 +341,9 @@ class ControlSocket:
 
 
 class WithControlSocket:
-    """A transport with a control socket that is open as long as it is."""
+    """A transport with a control socket, or something else that is open as long as it is."""
 
-    def __init__(self, transport: "Transport", control: ControlSocket) -> None:
+    def __init__(self, transport: "Transport", control: "ControlSocket | KeyWatch") -> None:
         self._transport = transport
         self._control = control
         self.service = transport.service  # bound here, so that a tick pays nothing for the control socket

@@ -11,27 +11,29 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from random import Random
 from signal import SIG_SETMASK, SIG_UNBLOCK, SIGHUP, Signals, pthread_sigmask, signal
+from socket import socket
 from time import monotonic, perf_counter, time_ns
 from traceback import format_exception, print_exception
 from types import FrameType
 from typing import Any
 
-from weberlink.config import MASTER, Configuration, ConfigurationError, System, load
+from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError, System, load
 from weberlink.config.errors import trace_of, validated
-from weberlink.config.finders import PathFinder, finder_of, finding
+from weberlink.config.finders import finder_of, finding
 from weberlink.config.model import DirectionFaults, split_address
-from weberlink.order import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS
+from weberlink.order import COMPLETED, EMERGENCY, FAILED, MISCONFIGURED, STOP_SIGNALS
 from weberlink.protocol.aio.udp import UdpShell, peer_address
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.protocol.events import Address
 from weberlink.realtime.garbage import GarbageSchedule
-from weberlink.realtime.loop import REASONS, AfterTick, TickLoop
+from weberlink.realtime.loop import REASONS, AfterTick, TickLoop, Transport
 from weberlink.realtime.process import die_with_parent, prepare
 from weberlink.registry import fault_of, in_words
 from weberlink.session import description
-from weberlink.session.composition.link import Identity, build_security
+from weberlink.session.composition.link import Acquaintance, Identity, acquaintance
 from weberlink.session.control_socket import ControlSocket, WithControlSocket
 from weberlink.session.description import DaemonOrder, failure
+from weberlink.session.key_watch import key_watch
 from weberlink.session.side import Side
 from weberlink.telemetry.ring import RingWriter
 
@@ -48,7 +50,7 @@ class StartError(Exception):
 
 
 class Stopped(Exception):  # noqa: N818 - an end like any other
-    """A signal came while the device or the robot was being opened; the message is the outcome."""
+    """A signal or a stop came while the device or the robot was being opened; the message is the outcome."""
 
 
 def main(text: str) -> int:
@@ -96,7 +98,8 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
     cpu = None if realtime.cpus is None else realtime.cpus[0 if order.side == MASTER else 1]
     epoch = monotonic()  # the first tick is that of the first deadline after opening
     finder = finder_of(configuration, order.side)
-    side = _build(order, configuration, epoch, finder)
+    met = acquaintance(configuration, order.side, finder)
+    side = _build(order, configuration, epoch, met)
     with ExitStack() as stack:
         # Before the rights are taken, so that it gets none, and has imported its libraries by the time of the session.
         paths = stack.enter_context(finding(configuration, finder, take_over=order.take_over))
@@ -124,18 +127,22 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
         )
         # Launcher and recorder may be slow to start: the launcher removes the file when both have read it.
         stack.callback(lambda: ring.close(unlink=os.getppid() != order.parent))
+        control = ControlSocket(socket(fileno=order.control), side, link, order.ordered_at)
         try:
-            with _interruptible():
+            with _interruptible(), control.opening(Stopped):
                 side.open(monotonic())
         except side.port.fault as fault:
             raise StartError(str(fault)) from fault
         except Stopped as stopped:
             side.close()
-            return failure(str(stopped)) | {"failed": False, "realtime": grants.as_dict()}
+            return failure(str(stopped)) | {"failed": str(stopped) == EMERGENCY, "realtime": grants.as_dict()}
         stack.callback(side.close)
+        transport: Transport = WithControlSocket(udp, control)
+        if order.side == SLAVE and (watch := key_watch(configuration, finder, met.security, side.endpoint)) is not None:
+            transport = WithControlSocket(transport, watch)
         ran = TickLoop(
             side,
-            WithControlSocket(udp, ControlSocket(order.ring, side, link)),
+            transport,
             system.tick_period,
             duration_s=order.duration_s,
             start_at=epoch,
@@ -156,18 +163,15 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
     }
 
 
-def _build(order: DaemonOrder, configuration: Configuration, epoch: float, finder: PathFinder | None) -> Side:
+def _build(order: DaemonOrder, configuration: Configuration, epoch: float, met: Acquaintance) -> Side:
     link = configuration.system.link
-    if finder is not None:
-        security, name, expects = finder.security, finder.own, finder.expects
-    else:
-        security, name, expects = build_security(configuration), description.default_name(order.side, link.listen), ""
+    security, name, expects = met
     common: dict[str, Any] = {
         "security": security,
         "entropy": os.urandom,
         "epoch": epoch,
         "stopwatch": perf_counter,
-        "identity": Identity(name, expects, order.take_over, lambda _now: time_ns()),
+        "identity": Identity(name, expects, order.take_over, stamp=lambda _now: time_ns()),
     }
     # Each side imports its own parts only.
     if order.side == MASTER:

@@ -7,21 +7,18 @@ the side knows of its peer and of the paths to it. It is written before the ring
 import json
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from getpass import getuser
+from dataclasses import dataclass, field
 from pathlib import Path
-from socket import gethostname
 from tempfile import mkstemp
+from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from weberlink.bounded_json import parse
 from weberlink.child_process import Order
-from weberlink.config import SLAVE, Configuration
-from weberlink.config.model import split_address
+from weberlink.config import Configuration
 from weberlink.control.port import Port
-from weberlink.protocol.handshake import LONGEST_NAME
 from weberlink.session.composition.channels import banks, motion_bank
-from weberlink.session.composition.link import live_choices
+from weberlink.session.composition.link import default_name, live_choices
 from weberlink.telemetry.runtime_directory import open_file
 
 if TYPE_CHECKING:
@@ -44,6 +41,8 @@ class DaemonOrder(Order):
         ring: where to write telemetry.
         duration_s: length of the run; None to run until it is stopped.
         take_over: whether a master replaces another one that the slave serves.
+        control: descriptor of the control socket, which the daemon inherits.
+        ordered_at: when the run was ordered, on `time.monotonic` [s]: an earlier stop does not concern it.
     """
 
     side: str
@@ -52,6 +51,8 @@ class DaemonOrder(Order):
     ring: str
     duration_s: float | None = None
     take_over: bool = False
+    control: int = -1
+    ordered_at: float = field(default_factory=monotonic)
 
 
 def failure(outcome: str, trace: Sequence[str] = ()) -> dict[str, Any]:
@@ -124,19 +125,6 @@ class Description:
 
     def remove(self) -> None:
         self._path.unlink(missing_ok=True)
-
-
-def default_name(side: str, listen: str) -> str:
-    """The name of a side where the file gives none."""
-    host = gethostname()
-    if side == SLAVE:
-        name = f"{host}:{split_address(listen)[1]}"
-    else:
-        try:
-            name = f"{getuser()}@{host}"
-        except (KeyError, OSError):  # a user id without a name, as in containers
-            name = f"{os.getuid()}@{host}"
-    return "".join(letter for letter in name if letter.isprintable())[-LONGEST_NAME:]
 
 
 def read(ring: str | Path) -> dict[str, Any] | None:

@@ -63,8 +63,10 @@ class Daemon:
         self.side = order.side
         self._reader: RingReader | None = None
         self._ring = Path(order.ring)
-        command = python("-m", "weberlink.session.daemon", order.to_json())
-        self._process = Child(command, stdout=PIPE, blocked=STOP_SIGNALS)
+        with control_socket.reserved(order.ring) as (listener, self._held):
+            told = replace(order, control=listener.fileno()).to_json()
+            command = python("-m", "weberlink.session.daemon", told)
+            self._process = Child(command, stdout=PIPE, blocked=STOP_SIGNALS, pass_fds=[listener.fileno()])
         self.pid = self._process.pid
 
     @property
@@ -114,7 +116,8 @@ class Daemon:
         return summary | {"status": self._process.status}
 
     def release(self) -> None:
-        """Close the ring; removes files that a killed daemon left."""
+        """Close the ring and the control socket; removes files that a killed daemon left."""
+        os.close(self._held)
         if self._reader is not None:
             self._reader.close()
         for left in (

@@ -2,13 +2,13 @@
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from math import ceil, inf, isfinite, nan
+from math import ceil, inf, isnan, nan
 from typing import Any, NamedTuple
 
 from weberlink.control.contract import CREDIT_STEP
 from weberlink.control.port import Port
-from weberlink.control.tuning import MARGIN_TICKS, Tuning, change_margin
-from weberlink.geometry.vector import ZERO
+from weberlink.control.tuning import MARGIN_TICKS, LiveSettings, Tuning, change_margin
+from weberlink.geometry.vector import ZERO, norm
 from weberlink.order import EMERGENCY
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import (
@@ -21,6 +21,7 @@ from weberlink.protocol.events import (
     PeerReturned,
     PeerSilent,
     Refused,
+    StopAsked,
     TakenOver,
     UpdateLost,
     UpdateReceived,
@@ -120,6 +121,8 @@ class Side:
         self._is_unfounded = self._is_undelivered = False
         self._last_reading_at = nan
         self._peer_tick = 0.0
+        self._credit = 0
+        """Energy that this end has told the peer of, or will."""
         self._playout = playout
         self._waiting: deque[tuple[float, UpdateReceived]] = deque()
         """Updates that are not to be used yet."""
@@ -130,7 +133,9 @@ class Side:
         self._datagrams = -1
         """Sent, received and refused, as in the row."""
         self._state: State | None = None
-        """The one in the row."""
+        """The one in the row, and so `_settings`."""
+        self._settings: LiveSettings | None = None
+        endpoint.told = self.told
 
     @property
     def outcome(self) -> str | None:
@@ -175,7 +180,8 @@ class Side:
         # The tick of the peer for which this tick decodes: now, but not long past its encoder's last sign.
         encoder_heard_at = endpoint.liveness.encoder_heard_at
         if encoder_heard_at > -inf:
-            peer_time = endpoint.clock.latest_receivable_peer_time(min(now, encoder_heard_at + self._horizon))
+            until = encoder_heard_at + self._horizon
+            peer_time = endpoint.clock.latest_receivable_peer_time(now if now < until else until)
             if peer_time is not None:  # a session that is over leaves its last force, which fades
                 self._peer_tick = peer_time / self._tick_period
         # What took less than the least delay and the play-out has waited until its tick has come.
@@ -228,16 +234,23 @@ class Side:
         self.failure = self.failure or why
         self.stop(now, why)
 
-    def emergency(self, now: float) -> None:
+    def emergency(self, now: float, by: str = "") -> None:
         """Zero force or hold at once, without a fade; leave in the next tick. The run ends as failed."""
         self.port.restart()  # closes the gate of the force
         self.port.halt(now)
-        self.give_up(now, EMERGENCY)
+        self.give_up(now, f"{EMERGENCY} by {by}" if by else EMERGENCY)
 
     def fail(self, now: float, error: BaseException) -> None:
         """Zero force or hold, and leave, at once; no tick follows."""
         self.port.halt(now)
         self._close(now, f"failed: {error}")
+
+    def told(self) -> dict[str, object]:
+        """What who watches over the link is told of this end, besides the session."""
+        row = self._row
+        force, round_trip = norm(row.raw), row.rtt_us * 1e-3
+        measured = {} if isnan(round_trip) else {"round_trip_ms": round(round_trip, 1)}
+        return {"fault": self._faults.active.name.lower(), "force_n": round(force, 3), **measured}
 
     def record(self) -> Record:
         """The telemetry of the tick just done, in virtual time, with the fields of all parts."""
@@ -256,7 +269,6 @@ class Side:
         peer_at = endpoint.clock.peer_time(self.deadline)
         row.at = self.deadline
         row.peer_at = nan if peer_at is None else peer_at
-        row.weber = self.tuning.settings.weber
         row.tick = self.index
         row.ticks_missed = missed
         row.lateness_us = lateness_us
@@ -280,13 +292,16 @@ class Side:
             row.incoming_loss = statistics.incoming_loss
             row.outgoing_loss = statistics.outgoing_loss
             row.peer_burst = statistics.incoming_burst
-        control = port.controls[0]
-        row.energy, row.credit = control.energy, CREDIT_STEP * max(endpoint.credit.known, control.credit)
+        known = endpoint.credit.known
+        row.energy = port.controls[0].energy
+        row.credit = CREDIT_STEP * (known if known > self._credit else self._credit)
         if endpoint.state is not self._state:
             self._state = endpoint.state
             row.state = endpoint.state.value
         row.fault = self._faults.active
-        row.settings = self.tuning.generation & 0xFF
+        if self.tuning.settings is not self._settings:
+            self._settings = self.tuning.settings
+            row.weber, row.settings = self._settings.weber, self.tuning.generation & 0xFF
         port.report(row, is_led=self.engaged or self.pace.settling or endpoint.state is not _ENGAGED)
 
     def _leave(self, now: float, reason: str) -> None:
@@ -305,7 +320,8 @@ class Side:
         endpoint = self.endpoint
         if endpoint.sessions != self._session:
             self._begin()
-        while (event := endpoint.next_event()) is not None:
+        while endpoint.events:
+            event = endpoint.events.popleft()
             if not isinstance(event, UpdateReceived):
                 self._on_event(event, now)
             elif self._playout:
@@ -341,13 +357,15 @@ class Side:
                 self._on_farewell(event, now)
 
     def _on_farewell(self, event: Event, now: float) -> None:
-        """An event that says why there is no session, or why it ended."""
+        """An event that says why there is no session, or why it ends."""
         match event:
             case PeerClosed(farewell):
                 self.peer = self.peer._replace(farewell=farewell)
             case DatagramDropped(reason):
                 if reason is DropReason.UNPROVEN and self.endpoint.state in _WITHOUT_SESSION:
                     self._faults.meet(Fault.UNPROVEN)
+            case StopAsked(name):
+                self.emergency(now, name)
             case TakenOver(name):
                 self._give_up(Fault.TAKEN_OVER, f"taken over by {name}", now)
             case Refused(message):
@@ -438,11 +456,12 @@ class Side:
         if port.ended:
             self.stop(now, "completed")
         # A time that is NaN differs from every other one, as if there were news for ever.
-        complaint = None if isfinite(reading.at) else f"reports the time {reading.at}"
+        at = reading.at
+        complaint = None if at - at == 0.0 else f"reports the time {at}"
         for sensor in self._sensors:
             complaint = sensor.complaint(reading) or complaint
-        if complaint is None and reading.at != self._last_reading_at:
-            self._last_reading_at = reading.at
+        if complaint is None and at != self._last_reading_at:
+            self._last_reading_at = at
             for sensor in self._sensors:
                 sensor.take(reading)
             self._watchdog.feed(now)
@@ -518,7 +537,9 @@ class Side:
         endpoint = self.endpoint
         if not self._leads:
             endpoint.report_encoding(now, is_encoding=self._encodes)
-        endpoint.grant(self.port.account(elapsed, self._peer_tick, encodes=self._encodes))
+        self._credit = credit = self.port.account(elapsed, self._peer_tick, encodes=self._encodes)
+        if credit != endpoint.credit.granted:
+            endpoint.grant(credit)
         if not self._encodes:
             for channel in self.outgoing:
                 channel.update = None

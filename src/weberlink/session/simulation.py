@@ -124,31 +124,31 @@ class Simulation:
         if self._index == 0:
             self.slave.open(now)
             self.master.open(now)
-        for side in (self.master, self.slave):
+        for side, link in ((self.master, self._forward), (self.slave, self._backward)):
             self._carry(now)
             side.endpoint.handle_timer(now)
             side.tick(self._index, now, now)
-            self._post(now)
+            for data, address in side.endpoint.datagrams_to_send():
+                link.send(data, address, now)
         self._index += 1
         return self.master.record(), self.slave.record()
 
-    def _post(self, now: float) -> None:
-        for side, link in ((self.master, self._forward), (self.slave, self._backward)):
-            for data, address in side.endpoint.datagrams_to_send():
-                link.send(data, address, now)
-
     def _carry(self, now: float) -> None:
         """Deliver all that arrives by now, each datagram at its own time."""
+        forward, backward = self._forward, self._backward
+        master, slave = self.master.endpoint, self.slave.endpoint
         while True:
-            due = [at for link in (self._forward, self._backward) if (at := link.next_due()) is not None and at <= now]
-            if not due:
+            at, other = forward.next_due(), backward.next_due()
+            at = other if at is None or (other is not None and other < at) else at
+            if at is None or at > now:
                 return
-            at = min(due)
-            for data, _ in self._forward.receive(at):
-                self.slave.endpoint.receive_datagram(data, MASTER_ADDRESS, at)
-            for data, _ in self._backward.receive(at):
-                self.master.endpoint.receive_datagram(data, SLAVE_ADDRESS, at)
-            self._post(at)
+            for data, _ in forward.receive(at):
+                slave.receive_datagram(data, MASTER_ADDRESS, at)
+            for data, _ in backward.receive(at):
+                master.receive_datagram(data, SLAVE_ADDRESS, at)
+            for endpoint, link in ((master, forward), (slave, backward)):
+                for data, address in endpoint.datagrams_to_send():
+                    link.send(data, address, at)
 
 
 def as_array(records: Sequence[Record]) -> Records:

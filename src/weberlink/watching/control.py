@@ -1,4 +1,4 @@
-"""Requests to the daemons: live changes, the emulated link, stop and emergency stop."""
+"""Requests to the daemons: live changes, the emulated link, an orderly stop."""
 
 import asyncio
 from collections.abc import Callable, Mapping
@@ -6,20 +6,18 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from weberlink.session.control_socket import LiveChangeError, ask, path_beside
+from weberlink.session.control_socket import LiveChangeError, ask
+from weberlink.session.emergency import NO_SESSION
 from weberlink.watching.rings import RingSource
 from weberlink.watching.session import WatchedSession
 
 ANSWER_S = 2.0
 """How long a daemon may take to answer."""
-EMERGENCY_S = 0.5
-"""How long it may take to confirm an emergency stop, before the request counts as failed."""
 LINK_KEYS = frozenset({"delay_ms", "jitter_ms", "loss"})
 """Settings of the emulated link: each side applies them to what it sends."""
 INHERIT_TIMES = 150
 INHERIT_AGAIN_S = 0.2
 """How often, and how soon again, a new session is asked to take the settings of the one before."""
-NO_SESSION = "there is no running session on this host"
 
 Answer = dict[str, Any]
 
@@ -70,7 +68,7 @@ class SessionControl:
             if answer.get("accepted"):
                 self.agreed.setdefault(session.name, {}).update(settings)
         if link and answer.get("accepted", True):
-            answers = await asyncio.to_thread(_ask_sides, [session], link, ANSWER_S)
+            answers = await asyncio.to_thread(_ask_sides, session, link)
             for each in answers.values():
                 self.take(session, each)
             answer |= _joined(answers)
@@ -122,50 +120,23 @@ class SessionControl:
         session = self._running(name)
         if session is None:
             return refusal(f"{NO_SESSION} to stop")
-        return _joined(await asyncio.to_thread(_stop, [session], {"stop": why}, ANSWER_S))
-
-    def halted_by(self, name: str | None) -> list[WatchedSession]:
-        """The sessions that an emergency stop ends: the one of that name, or all of this host if it does not run.
-
-        A page may name a session that is over while another one runs.
-        """
-        named = self._running(name)
-        return [session for session in list(self._sessions.values()) if not session.ended] if named is None else [named]
-
-    def emergency(self, name: str | None = None) -> Answer:
-        """Force to zero at both ends of the sessions that are `halted_by` this.
-
-        Blocks until the daemons have answered, at most for `EMERGENCY_S`. May be called from any thread: it waits for
-        no event loop and for no thread of a pool that others use.
-        """
-        sessions = self.halted_by(name)
-        if not sessions:
-            return refusal(f"{NO_SESSION} to stop")
-        return _joined(_stop(sessions, {"emergency": True}, EMERGENCY_S))
+        return await asyncio.to_thread(ask_daemon, session.ring, {"stop": why})  # which ends the other side, too
 
     def _running(self, name: str | None) -> WatchedSession | None:
         session = self._sessions.get(name or "")
         return None if session is None or session.ended else session
 
 
-def _ask_sides(sessions: list[WatchedSession], request: dict[str, Any], patience_s: float) -> dict[RingSource, Answer]:
-    """The answers of the sides of sessions that run on this host; they are asked at the same time."""
-    running = [source for session in sessions for source in session.sources.values() if not source.drained]
+def _ask_sides(session: WatchedSession, request: dict[str, Any]) -> dict[RingSource, Answer]:
+    """The answers of the sides of a session that run on this host; they are asked at the same time."""
+    running = [source for source in session.sources.values() if not source.drained]
     if not running:
         return {}
     *others, last = running
     with ThreadPoolExecutor(max(1, len(others))) as threads:  # the last one in this thread
-        asked = {each: threads.submit(ask_daemon, each.ring, request, patience_s) for each in others}
-        answer = ask_daemon(last.ring, request, patience_s)
+        asked = {each: threads.submit(ask_daemon, each.ring, request) for each in others}
+        answer = ask_daemon(last.ring, request)
         return {each: future.result() for each, future in asked.items()} | {last: answer}
-
-
-def _stop(sessions: list[WatchedSession], request: dict[str, Any], patience_s: float) -> dict[RingSource, Answer]:
-    """The answers to a stop; where one side has accepted it, another may have ended before it was asked."""
-    answers = _ask_sides(sessions, request, patience_s)
-    if not any(answer.get("accepted") for answer in answers.values()):
-        return answers
-    return {each: answer if path_beside(each.ring).exists() else {"accepted": True} for each, answer in answers.items()}
 
 
 def _joined(answers: Mapping[RingSource, Answer]) -> Answer:
@@ -179,9 +150,9 @@ def _joined(answers: Mapping[RingSource, Answer]) -> Answer:
     return joined
 
 
-def ask_daemon(ring: Path, request: dict[str, Any], patience_s: float = ANSWER_S) -> Answer:
+def ask_daemon(ring: Path, request: dict[str, Any]) -> Answer:
     """The daemon's answer; a refusal with the reason if it cannot be reached. Blocks."""
     try:
-        return ask(ring, request, patience_s)
+        return ask(ring, request, ANSWER_S)
     except LiveChangeError as error:
         return {"accepted": False, "why": str(error)}

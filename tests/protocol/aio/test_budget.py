@@ -135,7 +135,7 @@ def test_a_datagram_behind_an_error_is_taken() -> None:
     async def scenario() -> list[bytes]:
         taken: list[bytes] = []
         with plain() as peer:
-            queue = listening(taken.append, 0.3)
+            queue = listening(taken.append, 0.3, None, lambda: 0.0)
             queue.socket.connect(("127.0.0.1", 1))  # nobody listens there
             queue.socket.send(b"x")
             queue.socket.connect(peer.getsockname())

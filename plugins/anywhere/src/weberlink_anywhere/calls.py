@@ -15,14 +15,17 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
 
+from weberlink.text import one_line
 from weberlink_anywhere.sealing import Sealing
-from weberlink_anywhere.signalling import Answer, Busy, Description, Offer
+from weberlink_anywhere.signalling import Answer, Busy, Description, Offer, usable
 
 NONCE_BYTES: Final = 16
 OFFER_LIMIT_S: Final = 10.0
 """From the slave's `ready` to the offer: three ways through the mailbox server, of seconds each on the worst links."""
 LARGEST_MEMORY: Final = 256
 """Calls that a slave remembers."""
+LONGEST_SECRET: Final = 512
+"""Characters of user name and password of ICE, each of at most 256 (RFC 8839 section 5.4)."""
 Entropy = Callable[[int], bytes]
 
 
@@ -67,12 +70,12 @@ class OutgoingCall:
         match message.phase, self._sealing.open(message.phase, message.body):
             case "ready", [self.attempt, bytes(nonce), None | str() as serves] if self._nonce is None:
                 self._nonce = nonce
-                return Ready(serves)
+                return Ready(None if serves is None else one_line(serves))
             case "answer", [self.attempt, bytes(nonce), list(content)] if nonce == self._nonce:
                 paths = _paths(content)
                 return None if paths is None else Answer(paths)
             case "busy", [self.attempt, bytes(nonce), str(serves)] if nonce == self._nonce:
-                return Busy(serves)
+                return Busy(one_line(serves))
         return None
 
 
@@ -120,12 +123,12 @@ def _content(paths: Sequence[Description]) -> list[Any]:
 
 
 def _paths(content: list[Any]) -> tuple[Description, ...] | None:
-    """None if it is not `_content`."""
+    """None if it is not `_content`; of its candidates, those that this end may use."""
     paths = []
     for path in content:
         match path:
-            case [str(username), str(password), list(candidates)] if all(isinstance(each, str) for each in candidates):
-                paths.append(Description(username, password, tuple(candidates)))
+            case [str(username), str(password), list(candidates)] if len(username) + len(password) <= LONGEST_SECRET:
+                paths.append(Description(username, password, usable(candidates)))
             case _:
                 return None
     return tuple(paths)

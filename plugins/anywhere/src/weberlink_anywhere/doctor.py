@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from typing import Any
+from urllib.parse import urlsplit
 
 from weberlink.cli.doctor.report import Finding, advice, ok, problem, unknown
 from weberlink.config.model import split_address
@@ -17,13 +18,24 @@ LETS_IN = {
 }
 
 
+def mailbox(options: AnywhereOptions) -> Iterator[Finding]:
+    """Whether the way to the mailbox is encrypted."""
+    url = urlsplit(options.mailbox or "")
+    if url.scheme == "ws" and url.hostname not in ("localhost", "127.0.0.1", "::1"):
+        found = (
+            f"the mailbox {options.mailbox} is not encrypted: a listener learns which hosts meet, and can disturb it"
+        )
+        yield advice(found, f"wss:// in both files, with a certificate on the relay ({RELAY_PAGE})", "mailbox")
+
+
 def examine(options: AnywhereOptions) -> tuple[dict[str, Any], Sequence[Finding]]:
     """Ask the servers of the file."""
     servers = [split_address(name) for name in stun_servers(options)]
     if not servers:
-        return {"nat": None}, []
+        return {"nat": None}, list(mailbox(options))
     way_out = find_way_out(servers)
-    return {"nat": None if way_out.nat is None else _nat_document(way_out.nat)}, list(judge(way_out, options))
+    found = [*judge(way_out, options), *mailbox(options)]
+    return {"nat": None if way_out.nat is None else _nat_document(way_out.nat)}, found
 
 
 def stun_servers(options: AnywhereOptions) -> list[str]:

@@ -16,6 +16,7 @@ from socket import socket
 from typing import Protocol
 
 from weberlink.protocol.keys import KeyFileError
+from weberlink.realtime.process import conceal_memory
 from weberlink_anywhere import hand_over
 from weberlink_anywhere.master_finder import MasterFinder
 from weberlink_anywhere.order import FinderOrder
@@ -75,13 +76,13 @@ async def find(order: FinderOrder, end: socket) -> None:
     daemon = DaemonEnd(end)
     try:
         store = PeerStore(Path(order.store))
-        peers = [store.find(label) for label in order.peers]
-        paths = Paths(order, ServerNames(order, peers[0].own), daemon.tell)
+        paths = Paths(order, ServerNames(order, order.own), daemon.tell)
         policy: Policy
         if order.side == "master":
-            policy = MasterFinder(order, peers[0], Caller(peers[0], order.mailbox), paths)
+            peer = store.find(*order.peers)
+            policy = MasterFinder(order, peer, Caller(peer, order.mailbox), paths)
         else:
-            policy = SlaveFinder(order, peers, paths)
+            policy = SlaveFinder(order, store, paths)
     except (PeerError, KeyFileError) as problem:
         daemon.tell(hand_over.PathNews.of(order.peers[0] if order.peers else "", str(problem), True))
         return
@@ -101,6 +102,7 @@ async def find(order: FinderOrder, end: socket) -> None:
 
 def main(arguments: Sequence[str]) -> None:
     text, descriptor = arguments
+    conceal_memory()
     with socket(fileno=int(descriptor)) as end, asyncio.Runner(loop_factory=SocketLoop) as runner:
         end.setblocking(False)
         os.set_inheritable(end.fileno(), False)

@@ -4,7 +4,6 @@ Everything that depends on the inside of aioice is in `_Connection` and `PathAtt
 """
 
 import asyncio
-from contextlib import suppress
 from functools import partial
 from typing import NamedTuple
 
@@ -13,7 +12,7 @@ from aioice import stun, turn
 from aioice.ice import CandidatePair, StunProtocol
 
 from weberlink.protocol.events import Address
-from weberlink_anywhere.signalling import Description
+from weberlink_anywhere.signalling import MOST_CANDIDATES, Description
 from weberlink_anywhere.sockets import BINDING, Binding, OwnSocket
 
 GATHER_S = 2
@@ -78,7 +77,9 @@ class PathAttempt:
                 protocol.channel_refresh_time = PERMISSION_S
                 protocol = protocol.receiver
             transport.held = partial(self._connection.accept, protocol)
-        candidates = tuple(candidate.to_sdp() for candidate in self._connection.local_candidates)
+        # The peer takes no more; what leads outside is worth more than a ninth own address.
+        own = sorted(self._connection.local_candidates, key=lambda each: each.type == _HOST)
+        candidates = tuple(candidate.to_sdp() for candidate in own[:MOST_CANDIDATES])
         self.description = Description(self.description.username, self.description.password, candidates)
         return self.description
 
@@ -92,8 +93,7 @@ class PathAttempt:
         connection = self._connection
         connection.remote_username, connection.remote_password = remote.username, remote.password
         for line in remote.candidates:
-            with suppress(ValueError):  # of a kind that we do not know
-                await connection.add_remote_candidate(aioice.Candidate.from_sdp(line))
+            await connection.add_remote_candidate(aioice.Candidate.from_sdp(line))
         await connection.add_remote_candidate(None)
         self._connecting = asyncio.create_task(connection.connect())
         chosen = asyncio.create_task(connection.chosen.wait())

@@ -23,8 +23,8 @@ from typing import Any, NamedTuple
 from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.kdf.hkdf import HKDF
 
-from weberlink.protocol.handshake import check_name
-from weberlink.protocol.keys import KEY_BYTES
+from weberlink.bounded_json import parse
+from weberlink.protocol.keys import KEY_BYTES, check_name
 from weberlink.text import one_line
 
 VERSION = 2
@@ -111,8 +111,8 @@ def read(text: bytes, kind: str) -> Any:
         PairingError: it is no message of this kind.
     """
     try:
-        content = json.loads(text) if len(text) <= _LONGEST_MESSAGE else None
-    except (ValueError, RecursionError):
+        content = parse(text, _LONGEST_MESSAGE)
+    except ValueError:
         content = None
     if isinstance(content, dict) and isinstance(reason := content.get(REFUSED), str):
         raise RefusedThereError(f"the other host refused: {one_line(reason)}")

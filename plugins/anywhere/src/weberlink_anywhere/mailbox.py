@@ -8,16 +8,19 @@ pair use their own side after every start, so no start of theirs makes the mailb
 Facts: magic-wormhole-mailbox-server 0.8.0, `server.py`, `server_websocket.py`, `server_tap.py`.
 """
 
+import asyncio
 import json
 import os
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from socket import IPPROTO_TCP, TCP_QUICKACK
+from ssl import SSLCertVerificationError
 from typing import Any, Final, NamedTuple, Self
 
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
 
+from weberlink.bounded_json import parse
 from weberlink.text import one_line
 from weberlink_anywhere.calls import Message
 from weberlink_anywhere.sealing import Sealing
@@ -31,6 +34,8 @@ LARGEST_TOLD: Final = 32_768
 """Bytes of one message of the server; a call is sealed in fewer than 8,192."""
 MOST_STORED: Final = 2048
 """Messages after which a server is not asked for more: a mailbox of so many is emptied."""
+MOST_TOLD: Final = 2 * MOST_STORED
+"""Of any kind, on one connection, which is renewed every minute."""
 
 
 class MailboxRefuses(MailboxUnreachable):
@@ -48,7 +53,7 @@ class Connection:
     """A connection to the server, as one side; the messages of both are JSON objects."""
 
     def __init__(self, socket: ClientConnection, url: str) -> None:
-        self._socket, self._url = socket, url
+        self._socket, self._url, self._left = socket, url, MOST_TOLD
 
     async def send(self, **told: str) -> None:
         """Raises MailboxUnreachable: the connection is lost."""
@@ -59,15 +64,18 @@ class Connection:
 
     async def receive(self) -> dict[str, Any]:
         """Raises MailboxUnreachable: the connection is lost, or the server refuses what it was asked for."""
+        self._left -= 1
+        if self._left < 0:
+            raise MailboxRefuses(f"the mailbox server {self._url} sends without end")
         try:
-            told = dict(json.loads(await self._socket.recv()))
+            told = dict(parse(await self._socket.recv(decode=False), LARGEST_TOLD))
             with suppress(OSError):  # the connection is lost
                 # TCP acknowledges at once: the server holds its next packet until then, 40 ms on Linux (Nagle).
                 self._socket.transport.get_extra_info("socket").setsockopt(IPPROTO_TCP, TCP_QUICKACK, 1)
             refused = {"error": told.get("error")} if told["type"] == "error" else told.get("welcome")
         except WebSocketException as problem:
             raise _unreachable(self._url, problem) from None
-        except (ValueError, TypeError, KeyError, RecursionError):
+        except (ValueError, TypeError, KeyError):
             raise MailboxRefuses(f"{self._url} is not a magic-wormhole mailbox server") from None
         if isinstance(refused, dict) and "error" in refused:
             reason = one_line(str(refused["error"]))
@@ -75,6 +83,10 @@ class Connection:
                 reason = "a third party opened the mailbox of this pair; wait 20 minutes, or pair again"
             raise MailboxRefuses(f"the mailbox server {self._url} refuses: {reason}")
         return told
+
+    def unanswered(self) -> MailboxUnreachable:
+        """What to raise when the server is connected, and does not answer."""
+        return _unreachable(self._url, TimeoutError())
 
 
 class Mailbox:
@@ -98,13 +110,17 @@ class Mailbox:
         """The messages of the other side that the server holds, `MOST_STORED` at most; to be asked for at first.
 
         Raises:
-            MailboxUnreachable: the connection is lost, or the server refuses to open the mailbox.
+            MailboxUnreachable: the connection is lost, or the server refuses to open the mailbox, or does not end.
         """
         await self._connection.send(type="ping", ping="stored")  # answered after what was asked before
         found = []
-        while self.count < MOST_STORED and (told := await self._connection.receive())["type"] != "pong":
-            if (received := self._read(told)) is not None:
-                found.append(received)
+        try:
+            async with asyncio.timeout(OPEN_LIMIT_S):
+                while self.count < MOST_STORED and (told := await self._connection.receive())["type"] != "pong":
+                    if (received := self._read(told)) is not None:
+                        found.append(received)
+        except TimeoutError:
+            raise self._connection.unanswered() from None
         return found
 
     async def add(self, message: Message) -> None:
@@ -179,6 +195,9 @@ async def _connected(url: str, side: str) -> AsyncIterator[Connection]:
 
 
 def _unreachable(url: str, problem: Exception) -> MailboxUnreachable:
+    if isinstance(problem, SSLCertVerificationError):  # its number is none of the system
+        why = one_line(problem.verify_message)
+        return MailboxUnreachable(f"the certificate of the mailbox server {url} is not accepted: {why} (docs/relay.md)")
     code = getattr(problem, "errno", None) or 0
     reason = os.strerror(code) if code > 0 else getattr(problem, "strerror", None) or str(problem) or "no answer"
     return MailboxUnreachable(f"the mailbox server {url} cannot be reached: {one_line(reason)}")

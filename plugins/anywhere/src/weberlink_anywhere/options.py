@@ -12,7 +12,7 @@ from weberlink.config.settings import Settings
 
 def _mailbox_url(text: str) -> str:
     if re.fullmatch(r"wss?://[^/\s]+/\S*", text) is None:
-        raise ValueError(f"must be the address of a mailbox server, as ws://relay.example:4000/v1, not {text!r}")
+        raise ValueError(f"must be the address of a mailbox server, as wss://relay.example:4000/v1, not {text!r}")
     return text
 
 
@@ -58,7 +58,7 @@ class AnywhereOptions(Settings):
     mailbox: MailboxUrl | None = Field(
         default=None,
         description="where two hosts leave messages for each other before there is a path: the address of a "
-        "magic-wormhole mailbox server, such as ws://relay.example:4000/v1",
+        "magic-wormhole mailbox server, such as wss://relay.example:4000/v1; ws:// is not encrypted",
     )
     stun: Address | None = Field(default=None, description="server that tells a host its address outside (STUN)")
     turn: TurnSettings | None = Field(default=None, description="relay for hosts that cannot reach each other")

@@ -12,8 +12,10 @@ class FinderOrder(Order):
 
     Args:
         side: "master" calls, "slave" waits to be called.
-        peers: labels of the known peers: the one to call, or those to wait for. Keys are read from the store.
+        peers: label of the known peer to call, or to wait for; a slave waits for all masters without any. Keys are read
+            from the store.
         store: folder of the known peers.
+        own: name of this host towards the peers, and towards the relay.
         mailbox, stun, turn, paths, interfaces: as in the file (`AnywhereOptions`).
         dscp: class of service of every datagram.
         take_over: whether to replace a master that the slave serves.
@@ -22,6 +24,7 @@ class FinderOrder(Order):
     side: str
     peers: tuple[str, ...]
     store: str
+    own: str
     mailbox: str
     stun: str | None = None
     turn: Mapping[str, str | None] | None = None
@@ -48,6 +51,7 @@ class PairingOrder(Order):
         code: that the other host shows; "" to make one.
         label: what to call the peer; "" for its own name.
         accept: whether the slave keeps the key without asking.
+        right: what the slave lets the key be good for.
         lifetime_s: how long a code that is made here waits for the other host.
         consent_s: how long the person at the slave may take to compare the words.
         patience_s: how long the mailbox, or a host that is there, may take for an answer.
@@ -60,6 +64,7 @@ class PairingOrder(Order):
     code: str = ""
     label: str = ""
     accept: bool = False
+    right: str = "drive"
     lifetime_s: float = 600.0
     consent_s: float = 120.0
     patience_s: float = 20.0

@@ -4,6 +4,7 @@ import json
 import shlex
 import sys
 import termios
+from dataclasses import replace
 from select import select
 from subprocess import PIPE
 
@@ -12,7 +13,8 @@ from rich.text import Text
 
 from weberlink.child_process import Child, python
 from weberlink.config import SLAVE, Configuration, ConfigurationError
-from weberlink.session.description import default_name
+from weberlink.realtime.process import forbid_core_dumps
+from weberlink.session.composition.link import default_name
 from weberlink.text import one_line
 from weberlink_anywhere.invitation import Invitation, read
 from weberlink_anywhere.options import AnywhereOptions
@@ -27,14 +29,17 @@ LINES_BELOW = 5
 """Rows of the terminal under the QR code: what to do, and the cursor."""
 
 
-def pair(configuration: Configuration, side: str, code: str, label: str | None, *, accept: bool) -> str:
+def pair(
+    configuration: Configuration, side: str, code: str, label: str | None, *, accept: bool, right: str = "drive"
+) -> str:
     """Pair this host with another one, and keep the peer; see `weberlink.config.finders.PathFinder`.
 
     Raises:
         ConfigurationError: there is no mailbox in the file, or the two did not pair; says why.
     """
+    forbid_core_dumps()
     asked = "--join" if code else "--invite"
-    order = _order(configuration, side, code, label, asked, accept)
+    order = replace(_order(configuration, side, code, label, asked), accept=accept, right=right)
     if side == SLAVE and not accept and not sys.stdin.isatty():
         raise ConfigurationError(
             f"{asked}: two words are to be compared and confirmed here, and standard input is no terminal; "
@@ -73,9 +78,7 @@ def start(order: PairingOrder) -> Child:
     return child
 
 
-def _order(
-    configuration: Configuration, side: str, code: str, label: str | None, asked: str, accept: bool
-) -> PairingOrder:
+def _order(configuration: Configuration, side: str, code: str, label: str | None, asked: str) -> PairingOrder:
     assert configuration.finder is not None
     link, options = configuration.system.link, configuration.finder.options
     assert isinstance(options, AnywhereOptions)
@@ -99,7 +102,7 @@ def _order(
                 f"{asked}: {peer.label} knows this host as {peer.own}, and not as {name}; "
                 f"add --set link.names.slave={json.dumps(peer.own)}"
             )
-    return PairingOrder(side, name, str(store.folder), mailbox, code, label or "", accept)
+    return PairingOrder(side, name, str(store.folder), mailbox, code, label or "")
 
 
 class Screen:
@@ -124,7 +127,8 @@ class Screen:
             self.note(f"both hosts must show the same two words; this one shows: {event['words']}")
             return
         if "asks" in event:
-            self._write(f"{one_line(event['asks'])} asks to drive this robot. Does its screen show these words? [y/N]")
+            asks = f"{one_line(event['asks'])} asks to {self._order.right} this robot"
+            self._write(f"{asks}. Does its screen show these words? [y/N]")
             return
         code = event["code"]
         self._draw(str(Invitation(code, self._order.mailbox)))

@@ -24,7 +24,8 @@ from twisted.logger import globalLogBeginner
 from wormhole import create, errors
 from wormhole._wordlist import byte_to_even_word, byte_to_odd_word, even_words_lowercase, odd_words_lowercase
 
-from weberlink.protocol.keys import KEY_BYTES
+from weberlink.protocol.keys import KEY_BYTES, Right
+from weberlink.realtime.process import conceal_memory
 from weberlink.text import one_line
 from weberlink_anywhere import key_confirmation
 from weberlink_anywhere.key_confirmation import (
@@ -126,7 +127,8 @@ class PairingSession:
         if not key_confirmation.is_confirmed(await self._next(CONFIRM, order.consent_s), secret, names, other):
             raise PairingError("the other host confirmed other names than these two")
         key = key_confirmation.pair_key(secret, names)
-        peer = Peer(label, name, order.name, other, key, order.mailbox, time.time())  # type: ignore[arg-type]
+        right = Right.DRIVE if is_master else Right(order.right)  # what the master knows of it does not count
+        peer = Peer(label, name, order.name, other, key, order.mailbox, time.time(), right)  # type: ignore[arg-type]
         try:
             self._store.add(peer)
         except PeerError as error:
@@ -255,6 +257,7 @@ def events_out() -> TextIO:
 
 
 def main() -> None:
+    conceal_memory()
     order, out = PairingOrder.from_json(sys.stdin.readline()), events_out()
     # Python reads ahead: what follows the order is read from the descriptor, and a parent writes it later, when asked.
 

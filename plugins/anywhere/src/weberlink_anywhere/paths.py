@@ -180,6 +180,22 @@ class Paths:
         """Give attempts up."""
         await asyncio.gather(*(attempt.close() for attempt in attempts), return_exceptions=True)
 
+    def forget(self, peer: str) -> None:
+        """End the paths to a peer that is not known any more, once the daemon has told it so."""
+
+        async def end(number: int, path: _Open) -> None:
+            await asyncio.sleep(GRACE_S)
+            if self._open.pop(number, None) is not None:
+                self._tell(PathLost(number))
+                await path.attempt.close()
+
+        for number, path in self._open.items():
+            if path.peer == peer:
+                path.following.cancel()
+                self._later(end(number, path))
+        for key in [key for key in self._places if key[0] == peer]:
+            del self._places[key]
+
     async def close(self) -> None:
         """End all paths."""
         for path in self._open.values():

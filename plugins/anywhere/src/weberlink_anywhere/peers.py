@@ -6,15 +6,18 @@ A file `NAME.json` holds the fields of `Peer` and the key. NAME is what this use
 import json
 import os
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import mkstemp
 from typing import Literal
 
-from weberlink.protocol.keys import KEY_BYTES, KeyFileError, read_private
+from weberlink.bounded_json import parse
+from weberlink.protocol.keys import KEY_BYTES, HeldKey, KeyFileError, Right, read_private
 
 _SUFFIX = ".json"
 _LONGEST_FILE = 4096
+_LATEST_S = 1e11
 _LONGEST_NAME = 255
 """Bytes of a file name."""
 
@@ -32,6 +35,7 @@ class Peer:
         key: of the pair, `KEY_BYTES`.
         mailbox: address of the mailbox server by which the pair was made; "" for none.
         paired_at: seconds since 1970.
+        right: what the key is good for; what the robot's host holds counts.
     """
 
     label: str
@@ -41,6 +45,11 @@ class Peer:
     key: bytes
     mailbox: str = ""
     paired_at: float = 0.0
+    right: Right = Right.DRIVE
+
+    @property
+    def held_key(self) -> HeldKey:
+        return HeldKey(self.key, self.right, self.name)
 
 
 def default_folder() -> Path:
@@ -62,6 +71,12 @@ class PeerStore:
         """
         for label in self.labels():
             yield _read(self._path(label))
+
+    def usable(self) -> Iterator[Peer]:
+        """All peers whose file can be used; raises PeerError as `labels`."""
+        for label in self.labels():
+            with suppress(PeerError):
+                yield _read(self._path(label))
 
     def labels(self) -> list[str]:
         """What the peers are called, also those whose file cannot be used.
@@ -101,24 +116,43 @@ class PeerStore:
             PeerError: one of this label is known, or the folder cannot be written.
         """
         path = self._path(peer.label)
-        text = json.dumps({**asdict(peer), "label": None, "key": peer.key.hex()})
-        draft: Path | None = None
         try:
             self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-            descriptor, name = mkstemp(prefix=".", dir=self.folder)  # mode 0600
-            draft = Path(name)
-            with os.fdopen(descriptor, "w", encoding="ascii") as file:
-                file.write(text)
-            path.hardlink_to(draft)  # fails where there is one, so that no key is overwritten
+            with self._draft(peer) as draft:
+                path.hardlink_to(draft)  # fails where there is one, so that no key is overwritten
         except FileExistsError:
             raise PeerError(
                 f"{peer.label} is known already; remove it first: weberlink peer {peer.label} --remove"
             ) from None
         except OSError as problem:
             raise PeerError(f"{path} cannot be written: {problem.strerror}") from None
+
+    @contextmanager
+    def _draft(self, peer: Peer) -> Iterator[Path]:
+        """The file of a peer under a name of its own, which is gone afterwards."""
+        descriptor, name = mkstemp(prefix=".", dir=self.folder)  # mode 0600
+        try:
+            with os.fdopen(descriptor, "w", encoding="ascii") as file:
+                file.write(json.dumps({**asdict(peer), "label": None, "key": peer.key.hex()}))
+            yield Path(name)
         finally:
-            if draft is not None:
-                draft.unlink(missing_ok=True)
+            Path(name).unlink(missing_ok=True)
+
+    def allow(self, label: str, right: Right) -> None:
+        """Let the key of a peer be good for something else.
+
+        Raises:
+            PeerError: there is no such peer, or it is a robot, whose own host keeps that.
+        """
+        peer = self.find(label)
+        if peer.role == "slave":
+            raise PeerError(f"{label} is a robot: what this host may do there is for its own host to say")
+        path = self._path(label)
+        try:
+            with self._draft(replace(peer, right=right)) as draft:
+                draft.replace(path)
+        except OSError as problem:
+            raise PeerError(f"{path} cannot be written: {problem.strerror}") from None
 
     def rename(self, label: str, new: str) -> None:
         """Call a peer by another label.
@@ -163,11 +197,13 @@ def _read(path: Path) -> Peer:
     except KeyFileError as error:
         raise PeerError(str(error)) from None
     try:
-        fields = json.loads(content)
-        peer = Peer(**{**fields, "label": path.name.removesuffix(_SUFFIX), "key": bytes.fromhex(fields["key"])})
+        fields = parse(content, _LONGEST_FILE)
+        read = {"key": bytes.fromhex(fields["key"]), "right": Right(fields.get("right", Right.DRIVE))}
+        peer = Peer(**{**fields, **read, "label": path.name.removesuffix(_SUFFIX)})
         texts = (peer.name, peer.own, peer.mailbox)
         fits = all(isinstance(each, str) for each in texts) and isinstance(peer.paired_at, int | float)
-    except (ValueError, TypeError, KeyError, RecursionError):
+        fits = fits and 0.0 <= peer.paired_at < _LATEST_S
+    except (ValueError, TypeError, KeyError):
         fits = False
     if not fits or len(peer.key) != KEY_BYTES or peer.role not in ("master", "slave"):
         raise PeerError(f"{path} is not the file of a peer; remove it, and pair again")

@@ -7,6 +7,7 @@ from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import suppress
 from typing import Final, TypeVar
 
+from weberlink.protocol.keys import Right
 from weberlink_anywhere.calls import Called, IncomingCalls, Message, OutgoingCall, Ready
 from weberlink_anywhere.mailbox import Mailbox, MailboxRefuses, Received, open_mailbox, sweep
 from weberlink_anywhere.peers import Peer
@@ -142,12 +143,26 @@ async def presence(peer: Peer, timeout: float) -> Presence:
 class Waiter:
     """A slave that waits for the masters that it knows; `note` takes what happens to the mailbox server."""
 
-    def __init__(self, peers: Sequence[Peer], mailbox: str, note: Note, too_many: int = TOO_MANY) -> None:
+    def __init__(self, mailbox: str, note: Note, too_many: int = TOO_MANY) -> None:
         self.serves: str | None = None
         """Name of the master that is served now, as told to those who ask; set by the owner."""
         self._url, self._note, self.too_many = mailbox, note, too_many
-        self._lines = [_Line(peer, mailbox, self) for peer in peers]
+        self._lines: dict[Peer, tuple[_Line, asyncio.Task[None]]] = {}
         self._outages: dict[str, str] = {}
+        self._begin: Callable[[Peer], None] = lambda _peer: None
+        self._peers: Sequence[Peer] = ()
+
+    def meet(self, peers: Sequence[Peer]) -> None:
+        """Wait for these peers from now on, and for no others."""
+        self._peers = peers
+        for peer in [peer for peer in self._lines if peer not in peers]:
+            line, attending = self._lines.pop(peer)
+            attending.cancel()
+            line.cancel()
+            self._outages.pop(peer.label, None)
+        for peer in peers:
+            if peer not in self._lines:
+                self._begin(peer)
 
     async def serve(self, handler: Handler) -> None:
         """Answer every offer by `handler`, until cancelled; survives outages of the server.
@@ -156,12 +171,18 @@ class Waiter:
         `ExceptionGroup`.
         """
         async with asyncio.TaskGroup() as tasks:
-            for line in self._lines:
-                tasks.create_task(line.attend(handler, tasks))
+
+            def begin(peer: Peer) -> None:
+                line = _Line(peer, self._url, self)
+                self._lines[peer] = line, tasks.create_task(line.attend(handler, tasks))
+
+            self._begin = begin
+            self.meet(self._peers)
+            await asyncio.Future()
 
     def renew(self) -> None:
         """Connect to the server anew, since the addresses of this host changed."""
-        for line in self._lines:
+        for line, _ in self._lines.values():
             line.renew()
 
     def lost(self, label: str, problem: MailboxUnreachable) -> None:
@@ -190,6 +211,11 @@ class _Line:
         self._unsent: Message | None = None
         self._handling: asyncio.Task[None] | None = None
         self._limit: asyncio.Timeout | None = None
+
+    def cancel(self) -> None:
+        """End the handler of the newest offer."""
+        if self._handling is not None:
+            self._handling.cancel()
 
     def renew(self) -> None:
         if self._limit is not None:
@@ -242,12 +268,12 @@ class _Line:
 
     async def _take(self, mailbox: Mailbox, message: Message, handler: Handler, tasks: asyncio.TaskGroup) -> None:
         now = asyncio.get_running_loop().time()
-        match self._calls.receive(message, now, self._waiter.serves):
+        serves = None if self._peer.right is Right.STOP else self._waiter.serves
+        match self._calls.receive(message, now, serves):
             case Message() as ready:
                 await mailbox.add(ready)
             case Called() as called:
-                if self._handling is not None:
-                    self._handling.cancel()
+                self.cancel()
                 self._handling = tasks.create_task(self._handle(called, handler))
 
     async def _handle(self, called: Called, handler: Handler) -> None:

@@ -1,9 +1,20 @@
 """What the two ends tell each other to find a path, before there is one: types and errors of the rendezvous."""
 
-from collections.abc import Awaitable, Callable
+import re
+from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass
+from ipaddress import ip_address
+from typing import Final
 
 from weberlink_anywhere.peers import Peer
+
+MOST_CANDIDATES: Final = 16
+"""Of one path: a host of eight networks has as many, with and without a NAT. Each is probed from all own addresses."""
+_CANDIDATE: Final = re.compile(
+    r"[\w+/]{1,32} 1 udp [0-9]{1,10} ([0-9a-f.:]{2,45}) ([0-9]{1,5}) typ (?:host|srflx|prflx|relay)"
+    r"(?: raddr [0-9a-f.:]{2,45})?(?: rport [0-9]{1,5})?(?: generation [0-9]{1,5})?",
+    re.ASCII | re.IGNORECASE,
+)
 
 
 @dataclass(frozen=True)
@@ -27,6 +38,25 @@ class Description:
     def reaches_server(self) -> bool:
         """Whether a server answered this end by UDP."""
         return self.has("srflx", "relay")
+
+
+def usable(candidates: Iterable[object]) -> tuple[str, ...]:
+    """Of what a peer sent, the candidates that name a host to probe; the first `MOST_CANDIDATES` of them."""
+    return tuple(each for each in candidates if isinstance(each, str) and _names_host(each))[:MOST_CANDIDATES]
+
+
+def _names_host(candidate: str) -> bool:
+    """Whether it is a numeric address of one host, and not of this one, nor of a group."""
+    found = _CANDIDATE.fullmatch(candidate)
+    if found is None or not 0 < int(found[2]) < 1 << 16:
+        return False
+    try:
+        address = ip_address(found[1])
+    except ValueError:
+        return False
+    address = getattr(address, "ipv4_mapped", None) or address
+    is_special = address.is_loopback or address.is_multicast or address.is_unspecified or address.is_reserved
+    return not is_special
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,21 @@
 """How a slave lets itself be found by the masters that it knows."""
 
 import asyncio
-from collections.abc import Sequence
+from contextlib import suppress
 
+from weberlink.protocol.keys import Right
 from weberlink_anywhere import ice
 from weberlink_anywhere.hand_over import ENGAGED, GONE, SessionState
 from weberlink_anywhere.master_finder import CALL_S, CONNECT_S, SILENCE_S
 from weberlink_anywhere.networks import Watch
 from weberlink_anywhere.order import FinderOrder
 from weberlink_anywhere.paths import Paths
-from weberlink_anywhere.peers import Peer
+from weberlink_anywhere.peers import Peer, PeerError, PeerStore
 from weberlink_anywhere.rendezvous import Waiter
 from weberlink_anywhere.signalling import Answer, Busy, Description, Offer
 
+LOOK_S = 0.3
+"""Between two looks at the known peers."""
 RENEWAL_GROWTH, LONGEST_RENEWAL_S = 5.0, 10.0
 """While there is no session after one, the mailbox is connected anew after 0.2, 1, 5 and 25 s."""
 
@@ -20,10 +23,10 @@ RENEWAL_GROWTH, LONGEST_RENEWAL_S = 5.0, 10.0
 class SlaveFinder:
     """Answers the calls of known masters; one of them is served."""
 
-    def __init__(self, order: FinderOrder, peers: Sequence[Peer], paths: Paths) -> None:
-        self._order, self._paths = order, paths
-        self._names = [peer.name for peer in peers]
-        self._waiter = Waiter(peers, order.mailbox, self._note)
+    def __init__(self, order: FinderOrder, store: PeerStore, paths: Paths) -> None:
+        self._order, self._store, self._paths = order, store, paths
+        self._peers: list[Peer] = []
+        self._waiter = Waiter(order.mailbox, self._note)
         self._finding: dict[str, asyncio.Task[None]] = {}
         self._renewal: asyncio.TimerHandle | None = None
 
@@ -55,17 +58,34 @@ class SlaveFinder:
     async def run(self) -> None:
         """Answer until cancelled."""
         watch = Watch(self._waiter.renew, self._order.interfaces)
+        looking = asyncio.create_task(self._look_for_peers())
         try:
             await self._waiter.serve(self.answer)
         finally:
+            looking.cancel()
             watch.close()
             for task in self._finding.values():
                 task.cancel()
 
+    async def _look_for_peers(self) -> None:
+        """Wait for those that the store has now; who was removed, or has another key, is left."""
+        while True:
+            with suppress(PeerError):  # no folder: as before
+                wanted = self._order.peers
+                peers = [peer for peer in self._store.usable() if peer.role == "master"]
+                peers = [peer for peer in peers if not wanted or peer.label in wanted]
+                for name in {peer.name for peer in self._peers} - {peer.name for peer in peers}:
+                    if (finding := self._finding.pop(name, None)) is not None:
+                        finding.cancel()
+                    self._paths.forget(name)
+                self._peers = peers
+                self._waiter.meet(peers)
+            await asyncio.sleep(LOOK_S)
+
     async def answer(self, peer: Peer, offer: Offer) -> Answer | Busy:
         """Prepare as many paths as offered, and begin to find them."""
         served = self._served
-        if served not in (None, peer.name) and not offer.take_over:
+        if served not in (None, peer.name) and not offer.take_over and peer.right is Right.DRIVE:
             return Busy(served or "")
         if (former := self._finding.pop(peer.name, None)) is not None:
             former.cancel()
@@ -92,5 +112,5 @@ class SlaveFinder:
 
     def _note(self, text: str) -> None:
         """The mailbox is the same for all."""
-        for name in self._names:
-            self._paths.news(name, text)
+        for peer in self._peers:
+            self._paths.news(peer.name, text)

@@ -7,6 +7,7 @@ come back by `deliver`.
 
 import asyncio
 import socket
+import struct
 from collections.abc import Callable
 from contextlib import suppress
 from contextvars import ContextVar
@@ -21,6 +22,8 @@ _LONGEST = 65536
 _CHANNEL_HEADER = 4
 _SHORTEST = _CHANNEL_HEADER + 8
 """Enough of a datagram to recognize a STUN message."""
+RUBBISH = (ValueError, KeyError, struct.error)
+"""What aioice raises over a datagram that is no STUN message, or lacks an attribute."""
 _SLICE = 64
 """Datagrams to read before other sockets have their turn."""
 
@@ -63,7 +66,8 @@ class OwnSocket(asyncio.DatagramTransport):
     def deliver(self, data: bytes, source: Address) -> None:
         """Take a datagram that arrived at the socket, here or where it was handed to."""
         if not self._is_closing and self.remote in (None, source):
-            self.protocol.datagram_received(data, source)
+            with suppress(*RUBBISH):
+                self.protocol.datagram_received(data, source)
 
     def sendto(self, data: Any, addr: Any = None) -> None:
         if self._is_closing:

@@ -10,6 +10,7 @@ from aioice import stun
 
 from weberlink.protocol.events import Address
 from weberlink_anywhere.nat import Nat, Question, Reply, examine
+from weberlink_anywhere.sockets import RUBBISH
 
 PAUSES_S: Sequence[float] = (0.3, 0.5, 0.8)
 """Time after each request of the first question; no answer within their sum is none."""
@@ -84,7 +85,7 @@ def _ask(bound: socket.socket, question: Question, pauses: Sequence[float]) -> R
             try:
                 data, source = bound.recvfrom(LONGEST_MESSAGE)
                 answer = stun.parse_message(data)
-            except (OSError, ValueError):  # among them a timeout, an ICMP error, and bytes that are no STUN message
+            except (OSError, *RUBBISH):  # among them a timeout and an ICMP error
                 continue
             if answer.transaction_id == request.transaction_id and answer.message_class is stun.Class.RESPONSE:
                 mapped = answer.attributes.get("XOR-MAPPED-ADDRESS") or answer.attributes.get("MAPPED-ADDRESS")

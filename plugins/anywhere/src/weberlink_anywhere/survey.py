@@ -80,4 +80,5 @@ def _cells(peer: dict[str, Any]) -> tuple[Text, ...]:
         state.append(f", serves {'this host' if serves == peer['own'] else serves}")
     if peer.get("paired_at"):
         paired = f"{datetime.fromtimestamp(peer['paired_at'], UTC).astimezone():%Y-%m-%d}"
-    return *(Text(peer.get(key, "-")) for key in ("label", "name", "role")), Text(paired), state
+    role = peer.get("role", "-") + {"watch": ", watches", "stop": ", stops"}.get(peer.get("right", ""), "")
+    return Text(peer["label"]), Text(peer.get("name", "-")), Text(role), Text(paired), state

@@ -6,9 +6,9 @@ from itertools import pairwise
 import pytest
 
 from plugins.arms.tests.cartesian.virtual_bus import Bench
-from plugins.arms.tests.virtual import KilledError
 from weberlink.geometry.vector import Vector, distance, norm
 from weberlink.hardware.fault import HardwareFault
+from weberlink.testing.stepping import KilledError
 from weberlink_arms.cartesian.arm import LEAST_ROTOR_INERTIA_KG_M2, Joints, Mechanics
 from weberlink_arms.cartesian.external_force import force_error
 from weberlink_arms.cartesian.impedance import fastest_damping, stiffest

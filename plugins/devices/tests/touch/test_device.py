@@ -27,7 +27,7 @@ from weberlink.master.devices.threaded_device import RAMP_S
 from weberlink.testing.devices import armed, drive, fault_of
 from weberlink_devices.touch import hdapi
 from weberlink_devices.touch.device import pose
-from weberlink_devices.touch.exchange import BEFORE_FIRST, MEMORY_SIZE, ServoMemory
+from weberlink_devices.touch.exchange import BEFORE_FIRST, MEMORY_SIZE, Phase, ServoMemory
 from weberlink_devices.touch.hdapi import HdError
 from weberlink_devices.touch.process import ServoProcess
 from weberlink_devices.touch.servo import ERRORS_MOST, LONGEST_S, ServoLoop, ServoOrder
@@ -54,6 +54,15 @@ def ours(vector: Vector) -> Vector:
     """From x right, y up, z toward the operator to x toward the operator, y right, z up."""
     x, y, z = vector
     return (z, x, y)
+
+
+@pytest.mark.parametrize(("characters", "kept"), [(998, 998), (999, 899)])
+def test_a_report_is_heard_once_and_cut_only_where_it_does_not_fit(characters: int, kept: int) -> None:
+    """1000 bytes of JSON, of which two are the quotation marks."""
+    memory = ServoMemory(bytearray(MEMORY_SIZE))
+    memory.say(Phase.FAILED, "x" * characters)
+    assert memory.heard() == (Phase.FAILED, "x" * kept)
+    assert memory.heard() is None
 
 
 @given(st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: sum(a * a for a in q) > 0.01))

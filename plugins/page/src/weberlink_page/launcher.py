@@ -11,18 +11,21 @@ from asyncio.subprocess import DEVNULL, PIPE, Process
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from math import inf
 from signal import SIGINT, SIGKILL, Signals
 from time import monotonic
 from typing import Any
 
 from weberlink.child_process import python
-from weberlink.order import COMPLETED, FAILED, NOTE
+from weberlink.order import COMPLETED, EMERGENCY, FAILED, NOTE
 from weberlink.watching.control import Answer, refusal
 from weberlink_page.messages import Rooms
 from weberlink_page.scenes import SceneChoice
 
 STOP_LIMIT_S = 20.0
 """Time from the request to stop to a kill; the launcher gives its daemons 15 s."""
+SAME_PRESS_S = 1.0
+"""Within this time, stops are the two ways of one press."""
 SHORTEST_S = 1.0
 """Length of a session that starts when the time is almost over [s]."""
 # The program, which ends with this process however this process ends.
@@ -72,6 +75,8 @@ class _Child:
 
     process: Process
     scene: str | None
+    asked_at: float
+    """When it was asked for, on `time.monotonic` [s]."""
     is_asked_to_end: bool = False
     is_replaced: bool = False
 
@@ -123,6 +128,7 @@ class SessionLauncher:
     Attributes:
         started: names of all its sessions.
         last: how the last session that ended did.
+        stops: number of emergency stops so far. A start that a page asked for before it knew of the last one is void.
         message: the newest `launcher` message.
     """
 
@@ -144,9 +150,11 @@ class SessionLauncher:
         self._is_closing = False
         self._advised: set[str] = set()
         self._over = asyncio.Event()
+        self._stopped_at = -inf
         self.started: list[str] = []
         self.last: SessionResult | None = None
-        self.message: dict[str, Any] = {"type": "launcher", "state": "idle", "scene": order.scene, "why": None}
+        self.stops = 0
+        self.message: dict[str, Any] = self._told("idle", order.scene, None)
 
     @property
     def rooms(self) -> Rooms:
@@ -165,8 +173,23 @@ class SessionLauncher:
             self._child.send(SIGINT)
         return {"accepted": True}
 
-    def request_start(self, scene: str | None) -> Answer:
-        """Begin to start a session, in place of the present one; the result comes as `launcher` messages."""
+    def on_emergency(self, at: float) -> None:
+        """Void what was asked for before an emergency stop of this moment, on `time.monotonic` [s]."""
+        self.stops += at > self._stopped_at + SAME_PRESS_S
+        self._stopped_at = max(at, self._stopped_at)
+        if self._child is not None and self._child.asked_at < at and self.is_starting:
+            self.request_stop()
+        self._become(*(self.message[key] for key in ("state", "scene", "why")))
+
+    def request_start(self, scene: str | None, stops: int | None) -> Answer:
+        """Begin to start a session, in place of the present one; the result comes as `launcher` messages.
+
+        Args:
+            scene: None for the present one.
+            stops: that the page knew of.
+        """
+        if stops != self.stops:
+            return refusal("an emergency stop came first; press Start again")
         chosen = scene if scene is not None else self.message["scene"]
         if chosen is not None and chosen not in self._order.scenes:
             return refusal(f"no such scene; there are {', '.join(self._order.scenes) or 'none to choose'}")
@@ -178,7 +201,8 @@ class SessionLauncher:
         return {"accepted": True}
 
     async def start(self, scene: str | None) -> None:
-        """Start a session, after the present one has ended."""
+        """Start a session, after the present one has ended, and unless an emergency stop comes meanwhile."""
+        asked_at = monotonic()
         async with self._turn:
             former = self.started[-1] if self.started else None
             if self._child is not None:
@@ -187,7 +211,12 @@ class SessionLauncher:
             await self._end()
             if self._is_closing:
                 return
-            child = self._child = await self._launch(scene)
+            if asked_at < self._stopped_at:
+                self._become("idle", scene, EMERGENCY)
+                return
+            child = self._child = await self._launch(scene, asked_at)
+            if asked_at < self._stopped_at:  # while the process was made
+                self.request_stop()
             self.started.append(child.name)
             self._watching = self._task(self._watch(child))
             if former is not None:
@@ -199,10 +228,9 @@ class SessionLauncher:
             self._become("running", self._child.scene)
 
     def expect_end(self, name: str | None) -> None:
-        """Note that a session, or every one if there is no name, was asked to end; its end does not end the program."""
-        child = self._child
-        if child is not None and name in (None, child.name):
-            child.is_asked_to_end = True
+        """Note that a session was asked to end; its end does not end the program."""
+        if self._child is not None and name == self._child.name:
+            self._child.is_asked_to_end = True
 
     async def run(self, interrupted: asyncio.Event) -> None:
         """Start the first session; end the last one when it is over or interrupted, and wait for its report.
@@ -240,7 +268,7 @@ class SessionLauncher:
             child.send(SIGKILL)
             await asyncio.wait([watching])
 
-    async def _launch(self, scene: str | None) -> _Child:
+    async def _launch(self, scene: str | None, asked_at: float) -> _Child:
         order = self._order
         overrides = (*order.overrides, *(() if scene is None else order.scenes[scene].overrides))
         arguments = [order.file, "--json", "-", *(part for each in overrides for part in ("--set", each))]
@@ -251,7 +279,7 @@ class SessionLauncher:
             *self._program, "loopback", *arguments, stdin=DEVNULL, stdout=PIPE, stderr=PIPE,
             start_new_session=True,  # Ctrl-C reaches this process only, which ends the session in order
         )  # fmt: skip
-        return _Child(process, scene)
+        return _Child(process, scene, asked_at)
 
     async def _watch(self, child: _Child) -> None:
         """Until a session ends."""
@@ -262,6 +290,7 @@ class SessionLauncher:
         if child.is_replaced:
             return
         outcome = None if result.report is None else str(result.report.get("outcome"))
+        child.is_asked_to_end |= EMERGENCY in str(outcome)  # which leaves another one to be started
         has_failed = result.status != COMPLETED and not child.is_asked_to_end
         why = outcome or result.complaint if has_failed else outcome
         self._become("failed" if has_failed else "idle", child.scene, why)
@@ -278,8 +307,11 @@ class SessionLauncher:
             self._tell(note)
 
     def _become(self, state: str, scene: str | None, why: str | None = None) -> None:
-        self.message = {"type": "launcher", "state": state, "scene": scene, "why": why}
+        self.message = self._told(state, scene, why)
         self._announce(self.message)
+
+    def _told(self, state: str, scene: str | None, why: str | None) -> dict[str, Any]:
+        return {"type": "launcher", "state": state, "scene": scene, "why": why, "stops": self.stops}
 
     def _task(self, work: Any) -> "asyncio.Task[Any]":
         task = asyncio.get_running_loop().create_task(work)

@@ -1,36 +1,19 @@
-"""Accepts the connections of the page in a thread of its own, so that an emergency stop never waits for the event loop.
-
-The thread looks at the first bytes of a connection without taking them. It answers `POST /api/emergency` itself, in one
-more thread; every other connection goes to the web server in the loop, whose responses close their connections: so the
-next request begins a new one, which comes here first.
-"""
+"""The monitor's end of the front (`weberlink_page.front`): takes connections that it passes on, hears of stops."""
 
 import asyncio
-from collections.abc import Callable, Collection
+import json
+import socket
+from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
-from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler
-from selectors import EVENT_READ, DefaultSelector
-from socket import MSG_PEEK, SHUT_RDWR, SO_RCVLOWAT, SOL_SOCKET, socket
-from threading import Thread
-from time import sleep
+from dataclasses import asdict
+from operator import methodcaller
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
 
-from weberlink.watching.control import Answer
-from weberlink_page import access
-from weberlink_page.requests import UNPROVEN, Requests
-from weberlink_page.viewer import to_json
+from weberlink.child_process import Child, python
+from weberlink_page.front import CONNECTION, STOPPED, Crowd, FrontOrder
 
-EMERGENCY = "/api/emergency"
-PROOF_HEADER = "X-WeberLink-Token"
-BEGIN = f"POST {EMERGENCY}".encode()
-MOST_SILENT = 64
-"""Connections that have sent nothing yet; of more, the oldest one is closed."""
-ACCEPT_AGAIN_S = 0.05
-REQUEST_S = 2.0
-"""How long the rest of an emergency request may take to come."""
+LONGEST_MESSAGE = 64
+END_S = 1.0
 
 
 class Listener:
@@ -38,124 +21,77 @@ class Listener:
 
     Args:
         listening: where pages connect.
-        serve: makes the protocol of a connection in the loop.
-        allowed: names in the Host header, see `access.names`.
-        requests: knows the token.
-        emergency: stops the session of a name, see `SessionControl.emergency`.
+        serve: makes the protocol of a connection in this loop.
+        unproven: connections that have not shown the key of the page.
+        order: what the front serves.
+        stopped: called with the moment of each stop that the front has passed on, on `time.monotonic` [s].
+        tell: called with lines for the user.
     """
 
     def __init__(
         self,
-        listening: socket,
+        listening: socket.socket,
         serve: Callable[[], asyncio.BaseProtocol],
-        allowed: Collection[str] | None,
-        requests: Requests,
-        emergency: Callable[[str | None], Answer],
+        unproven: Crowd[asyncio.Transport],
+        order: FrontOrder,
+        stopped: Callable[[float], None],
+        tell: Callable[[str], None],
     ) -> None:
-        self._listening = listening
-        self._serve = serve
-        self._handler = partial(_Emergency, allowed, requests, emergency)
+        self._listening, self._serve, self._unproven, self._order = listening, serve, unproven, order
+        self._stopped, self._tell = stopped, tell
         self._loop = asyncio.get_running_loop()
         self._tasks: set[asyncio.Task[Any]] = set()
-        self._closing = False
-        self._thread = Thread(target=self._run, name="listener", daemon=True)
-        self._thread.start()
+        self._start()
 
     def close(self) -> None:
-        self._closing = True
-        with suppress(OSError):
-            self._listening.shutdown(SHUT_RDWR)  # wakes the thread
-        self._thread.join()
+        self._loop.remove_reader(self._channel)
+        self._channel.close()  # which ends it
+        self._front.end(END_S)
         self._listening.close()
 
-    def _run(self) -> None:
-        self._listening.setblocking(False)
-        silent: dict[int, socket] = {}
-        with DefaultSelector() as selector:
-            selector.register(self._listening, EVENT_READ)
-            while not self._closing:
-                for key, _ in selector.select():
-                    if key.fileobj is self._listening:
-                        try:
-                            connection, _ = self._listening.accept()
-                        except OSError:  # no more files, or the end
-                            sleep(ACCEPT_AGAIN_S)
-                            continue
-                        connection.setsockopt(SOL_SOCKET, SO_RCVLOWAT, len(BEGIN))  # readable with that many bytes
-                        silent[connection.fileno()] = connection
-                        selector.register(connection, EVENT_READ)
-                    elif (waiting := silent.pop(key.fd, None)) is not None:  # else closed for a newer one in this round
-                        connection = waiting
-                        selector.unregister(connection)
-                        try:
-                            self._assign(connection)
-                        except OSError:  # it has ended meanwhile
-                            connection.close()
-                    if len(silent) > MOST_SILENT:
-                        oldest = silent.pop(next(iter(silent)))
-                        selector.unregister(oldest)
-                        oldest.close()
-        for connection in silent.values():
-            connection.close()
+    def _start(self) -> None:
+        self._channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            given = [self._listening.fileno(), theirs.fileno()]
+            self._front = Child(python("-m", "weberlink_page.front", *map(str, given)), pass_fds=given)
+        self._channel.send(json.dumps(asdict(self._order)).encode())  # not an argument: others could read the token
+        self._channel.setblocking(False)
+        self._loop.add_reader(self._channel, self._on_message)
 
-    def _assign(self, connection: socket) -> None:
-        if connection.recv(len(BEGIN), MSG_PEEK) == BEGIN:
-            connection.settimeout(REQUEST_S)
-            Thread(target=_answer, args=(self._handler, connection), daemon=True).start()
+    def _on_message(self) -> None:
+        try:
+            message, descriptors, _, _ = socket.recv_fds(self._channel, LONGEST_MESSAGE, 1)
+        except BlockingIOError:
+            return
+        except OSError:
+            message, descriptors = b"", []
+        if message == CONNECTION:
+            for descriptor in descriptors:
+                connection = socket.socket(fileno=descriptor)
+                connection.setblocking(False)
+                self._task(self._take(connection))
+        elif message.startswith(STOPPED):
+            self._stopped(float(message.removeprefix(STOPPED)))
         else:
-            connection.setsockopt(SOL_SOCKET, SO_RCVLOWAT, 1)
-            self._loop.call_soon_threadsafe(self._hand_over, connection)
+            self._again()
 
-    def _hand_over(self, connection: socket) -> None:
-        connection.setblocking(False)
-        task = self._loop.create_task(self._loop.connect_accepted_socket(self._serve, connection))
+    def _again(self) -> None:
+        """The front has ended, which it does at no request: without it no page could stop a session."""
+        self._loop.remove_reader(self._channel)
+        self._channel.close()
+        self._front.end(END_S)
+        self._tell(f"the process that takes connections {self._front.how_it_ended}; it is started again")
+        self._start()
+
+    async def _take(self, connection: socket.socket) -> None:
+        with suppress(OSError):  # it has ended meanwhile
+            host, *_ = connection.getpeername()
+            transport, _ = await self._loop.connect_accepted_socket(self._serve, connection)
+            self._unproven.forget(methodcaller("is_closing"))
+            if (evicted := self._unproven.add(transport, host)) is not None:
+                evicted.abort()
+
+    def _task(self, work: Any) -> None:
+        task = self._loop.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
-
-
-def _answer(handler: Callable[..., object], connection: socket) -> None:
-    with connection, suppress(OSError):
-        handler(connection, connection.getpeername(), None)
-
-
-class _Emergency(BaseHTTPRequestHandler):
-    """One request for an emergency stop; the name of the session is `?session=`."""
-
-    server_version, sys_version = "weberlink", ""
-
-    def __init__(
-        self,
-        allowed: Collection[str] | None,
-        requests: Requests,
-        emergency: Callable[[str | None], Answer],
-        *connection: Any,
-    ) -> None:
-        self._allowed, self._requests, self._emergency = allowed, requests, emergency
-        super().__init__(*connection)
-
-    def do_POST(self) -> None:
-        why = access.refusal(self.headers.get("Host"), self.headers.get("Origin"), self._allowed)
-        if why is None and not self._requests.proves(self.headers.get(PROOF_HEADER)):
-            why = UNPROVEN
-        target = urlsplit(self.path)
-        if target.path != EMERGENCY:
-            self._send(HTTPStatus.NOT_FOUND, "Not Found\n", "text/plain")
-        elif why is not None:
-            self._send(HTTPStatus.FORBIDDEN, f"{why}\n", "text/plain")
-        else:
-            answer = self._emergency(parse_qs(target.query).get("session", [None])[0])
-            status = HTTPStatus.OK if answer["accepted"] else HTTPStatus.CONFLICT
-            self._send(status, to_json(answer), "application/json")
-
-    def _send(self, status: HTTPStatus, text: str, kind: str) -> None:
-        body = text.encode()
-        self.send_response(status)
-        for name, value in access.HEADERS.items():
-            self.send_header(name, value)
-        self.send_header("Content-Type", f"{kind}; charset=utf-8")
-        self.send_header("Content-Length", str(len(body)))
-        self.end_headers()
-        self.wfile.write(body)
-
-    def log_message(self, *_: object) -> None:
-        """Nothing: who asked is told."""

@@ -146,6 +146,7 @@ class Launcher(TypedDict):
     state: Literal["idle", "starting", "running", "failed"]
     scene: str | None
     why: str | None
+    stops: int
 
 
 class RecordingState(TypedDict):
@@ -207,17 +208,22 @@ class DriveRequest(_Request):
 
 
 class SessionRequest(_Request):
-    """Start or stop a session."""
+    """Start or stop a session; a start says how many emergency stops the page knows of."""
 
     type: Literal["session"]
     do: Literal["start", "stop"]
     scene: NotRequired[str | None]
+    stops: NotRequired[int]
 
 
 class EmergencyRequest(_Request):
-    """Force to zero at once; also a request by POST, which does not wait for the event loop."""
+    """Force to zero at once; also a request by POST, which does not wait for the event loop.
+
+    `age_ms` is the time since the button was pressed: no session that was started after that is stopped.
+    """
 
     type: Literal["emergency"]
+    age_ms: NotRequired[float]
 
 
 class RecordRequest(_Request):

@@ -22,6 +22,7 @@ from aiohttp import web
 from weberlink.telemetry.runtime_directory import directory
 from weberlink_page import access, address
 from weberlink_page.camera import CameraService, View
+from weberlink_page.front import FrontOrder
 from weberlink_page.launcher import SessionLauncher, SessionResult, TryOrder
 from weberlink_page.listener import Listener
 from weberlink_page.metrics import exposition
@@ -34,8 +35,6 @@ STOP_LIMIT_S = 1.0
 """Time limit for closing the pages."""
 FAREWELL_S = 0.1
 """How long the pages may take to read the last figures."""
-SWITCH_S = 0.001
-"""Longest time for which a thread that computes keeps the others waiting: also the one that takes emergency stops."""
 LOOK_S = 0.25
 """Period of looking whether a page is open."""
 
@@ -79,7 +78,6 @@ def run(settings: MonitorSettings, attempt: TrySession | None = None) -> Session
     Raises:
         MonitorError: the address cannot be used.
     """
-    sys.setswitchinterval(SWITCH_S)
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         return runner.run(_serve(settings, attempt))
 
@@ -95,7 +93,8 @@ async def _serve(settings: MonitorSettings, attempt: TrySession | None) -> Sessi
     launcher = watch.launcher
     _on_signals(over, launcher)
     allowed = access.names(settings.listen)
-    application = Site(watch, allowed, exposition(watch.sessions.values)).application()
+    site = Site(watch, allowed, exposition(watch.sessions.values))
+    application = site.application()
     camera = None if settings.view is None else CameraService(watch, settings.view, tell)
     if camera is not None:
         application.router.add_get("/view", camera.serve)
@@ -109,9 +108,10 @@ async def _serve(settings: MonitorSettings, attempt: TrySession | None) -> Sessi
             stack.push_async_callback(camera.close)
         listening = address.bind(settings.listen, settings.port) if attempt is None else attempt.listening
         url = address.url(listening, watch.requests.token)
-        stack.callback(Listener(listening, runner.server, allowed, watch.requests, watch.emergency).close)
+        order = FrontOrder(None if allowed is None else sorted(allowed), watch.requests.token, watch.scope)
+        stack.callback(Listener(listening, runner.server, site.unproven, order, watch.stopped, say).close)
         if attempt is None:  # what carries the motion of the operator does not stand back
-            os.nice(NICENESS)  # of this thread alone: the listener stops sessions at ordinary priority
+            os.nice(NICENESS)  # the front has started before: it stops sessions at ordinary priority
             say(f"{url} (Ctrl-C ends it)")
         if settings.browse and not webbrowser.open(stack.enter_context(leading_to(url))):
             say(f"no browser found; open {url} yourself")

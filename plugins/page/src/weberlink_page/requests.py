@@ -8,6 +8,7 @@ from pydantic import ValidationError
 
 from weberlink.watching.control import Answer, refusal
 from weberlink_page.access import new_token
+from weberlink_page.front import UNPROVEN
 from weberlink_page.messages import REQUEST
 from weberlink_page.viewer import Viewer
 
@@ -16,7 +17,6 @@ LONGEST_MESSAGE = 4096
 URGENT = frozenset({"drive", "emergency"})
 """Requests that wait for no earlier one of their page; their handlers must not take long."""
 READ_ONLY = "this page is read-only: open the address that weberlink printed, the key in it permits changes"
-UNPROVEN = "this is not the token of the monitor; open the address that it printed"
 
 Handler = Callable[[Viewer, dict[str, Any]], Awaitable[Answer | None]]
 """Answers a request, which has no `type` and `token` any more; None for no answer."""

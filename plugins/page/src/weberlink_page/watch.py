@@ -1,16 +1,19 @@
 """Finds sessions, reads their records, queues messages for all pages, and takes their requests."""
 
 import asyncio
+import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from time import monotonic
 from typing import Any, Protocol
 
+from weberlink.session.emergency import EmergencyStop, Scope
 from weberlink.watching.control import Answer, SessionControl, ask_daemon, refusal
 from weberlink.watching.rings import RingOpener, RingSource, find_rings
 from weberlink.watching.session import WatchedSession, events_message
 from weberlink_page import driving
+from weberlink_page.front import ANSWER_S, LONGEST_AGE_MS
+from weberlink_page.front import LOOK_S as LOOK_STOP_S
 from weberlink_page.launcher import SessionLauncher
 from weberlink_page.messages import Rooms
 from weberlink_page.requests import Requests
@@ -70,7 +73,6 @@ class SessionWatcher:
         """The count of changes in the records when the daemons of a session were last asked for their settings."""
         self._told_events: dict[str, int] = {}
         self._asking: set[asyncio.Task[None]] = set()
-        self._stops = ThreadPoolExecutor(2, "emergency")  # not those of requests that wait for a daemon
         self.requests = Requests()
         self.control = SessionControl(self.sessions, self._greet_all, tell)
         self.driving = driving.Driving(self.sessions, self.viewers_of, driving.connect)
@@ -102,7 +104,6 @@ class SessionWatcher:
                 due = max(monotonic(), due + period)
                 await asyncio.sleep(due - monotonic())
         finally:
-            self._stops.shutdown(wait=False, cancel_futures=True)
             for task in self._asking:
                 task.cancel()
             for session in self.sessions.values():
@@ -169,25 +170,35 @@ class SessionWatcher:
         if request["do"] == "start":
             if launcher is None:
                 return refusal("this monitor starts no sessions; weberlink try does")
-            return launcher.request_start(request.get("scene"))
+            return launcher.request_start(request.get("scene"), request.get("stops"))
         if launcher is not None:
             if launcher.is_starting:
                 return launcher.request_stop()
             launcher.expect_end(viewer.watching)
         return await self.control.stop(viewer.watching, "stopped from the page")
 
-    async def _emergency(self, viewer: Viewer, _request: dict[str, Any]) -> Answer:
-        return await asyncio.get_running_loop().run_in_executor(self._stops, self.emergency, viewer.watching)
+    @property
+    def scope(self) -> Scope:
+        """The sessions that a page may stop: those that are watched here."""
+        folder = None if self._where is None else str(self._where)
+        return Scope(folder, self._only, None if self.launcher is None else os.getpid())
 
-    def emergency(self, name: str | None) -> Answer:
-        """Force to zero at once, at both ends of a session; of all sessions of this host if none of that name runs.
-
-        Blocks, and may be called from any thread, see `SessionControl.emergency`.
-        """
+    def stopped(self, at: float) -> None:
+        """Note an emergency stop of this moment: no start from before it is done."""
         if self.launcher is not None:
-            for session in self.control.halted_by(name):
-                self.launcher.expect_end(session.name)
-        return self.control.emergency(name)
+            self.launcher.on_emergency(at)
+
+    async def _emergency(self, viewer: Viewer, request: dict[str, Any]) -> Answer:
+        """Stop the session of a page: its other way, beside that of the front."""
+        now = monotonic()
+        at = now - 1e-3 * min(max(request.get("age_ms", 0.0), 0.0), LONGEST_AGE_MS)
+        self.stopped(at)
+        stop = EmergencyStop(self.scope, viewer.watching, at)
+        while not stop.advance(monotonic()) and monotonic() < now + ANSWER_S:
+            await asyncio.sleep(LOOK_STOP_S)
+        answer = stop.answer()
+        stop.close()
+        return answer
 
     def put(self, session: WatchedSession) -> None:
         """Add a session, or replace an earlier one of that name."""

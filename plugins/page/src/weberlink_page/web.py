@@ -14,12 +14,13 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from weberlink.watching.control import refusal
 from weberlink_page import access
+from weberlink_page.front import Crowd
 from weberlink_page.requests import LONGEST_MESSAGE, URGENT
 from weberlink_page.viewer import Viewer, to_json
 from weberlink_page.watch import SessionWatcher
 
 MOST_PER_S = 250.0
-"""Most requests of a page that are taken [1/s]; one that drives sends 125."""
+"""Most messages of a page that are taken [1/s], pings among them; one that drives sends 125."""
 BURST_S = 0.1
 """How long a page may have sent nothing to catch up afterwards [s]."""
 REQUESTS_WAITING = 16
@@ -28,6 +29,8 @@ MOST_PAGES = 16
 """Pages with the token; nobody without it can take their places."""
 MOST_GUESTS = 12
 """Pages without it, which only look."""
+MOST_UNPROVEN = 64
+"""Connections without it, those of guests among them."""
 HEARTBEAT_S = 20.0
 GOODBYE_S = 0.5
 """How long a page may take to close its WebSocket."""
@@ -35,17 +38,21 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class Site:
-    """Routes of the web server and their limits. The emergency stop is a request to `weberlink_page.listener`.
+    """Routes of the web server and their limits. The emergency stop is a request to `weberlink_page.front`.
 
     Args:
         watch: sessions to show.
         allowed: names in the Host header, see `access.names`.
         exposition: makes the text for Prometheus, and its content type.
+
+    Attributes:
+        unproven: connections that have not shown the key.
     """
 
     def __init__(
         self, watch: SessionWatcher, allowed: Collection[str] | None, exposition: Callable[[], tuple[bytes, str]]
     ) -> None:
+        self.unproven = Crowd[asyncio.Transport](MOST_UNPROVEN)
         self._watch = watch
         self._allowed = allowed
         self._exposition = exposition
@@ -73,7 +80,7 @@ class Site:
             response = _error(error.status, error.reason)
         if not response.prepared:
             response.headers.update(access.HEADERS)
-            response.force_close()  # the next request may be the emergency stop, see the listener
+            response.force_close()  # the next request may be the emergency stop, see the front
         return response
 
     async def _index(self, _request: web.Request) -> web.StreamResponse:
@@ -92,7 +99,11 @@ class Site:
         if request.transport is None or self._pages[may_change] >= (MOST_PAGES if may_change else MOST_GUESTS):
             raise web.HTTPServiceUnavailable
         self._pages[may_change] += 1
-        socket = web.WebSocketResponse(max_msg_size=LONGEST_MESSAGE, heartbeat=HEARTBEAT_S, compress=False)
+        if may_change:
+            self.unproven.remove(request.transport)
+        socket = web.WebSocketResponse(
+            max_msg_size=LONGEST_MESSAGE, heartbeat=HEARTBEAT_S, compress=False, autoping=False
+        )
         tasks: list[asyncio.Task[None]] = []
         viewer = Viewer(request.query.get("session"), may_change=may_change)
         try:
@@ -119,20 +130,28 @@ class Site:
         """Take the messages of a page until it leaves: answer those that are urgent, and queue the others."""
         due = 0.0
         async for message in socket:
-            if message.type is not WSMsgType.TEXT:
+            if message.type is WSMsgType.PING:
+                await socket.pong(message.data)
+            elif message.type is WSMsgType.TEXT:
+                await self._on_request(viewer, self._watch.requests.read(viewer, message.data), waiting)
+            elif message.type is not WSMsgType.PONG:
                 break
-            request = self._watch.requests.read(viewer, message.data)
-            if request["type"] == "answer":
-                viewer.answer(request)
-            elif request["type"] in URGENT:
-                await self._answer(viewer, request)
-            elif waiting.full():
-                viewer.answer(refusal("too many requests at once; this one is dropped"))
-            else:
-                waiting.put_nowait(request)
+            # One message a turn of the loop. What comes faster than may be waits in the page; what a busy loop has let
+            # wait is taken in the next turns.
             due = max(due, monotonic() - BURST_S) + 1.0 / MOST_PER_S
-            if due > monotonic():  # what comes faster waits in the page; what a busy loop has let wait is taken at once
-                await asyncio.sleep(due - monotonic())
+            await asyncio.sleep(max(0.0, due - monotonic()))
+
+    async def _on_request(
+        self, viewer: Viewer, request: dict[str, Any], waiting: "asyncio.Queue[dict[str, Any]]"
+    ) -> None:
+        if request["type"] == "answer":
+            viewer.answer(request)
+        elif request["type"] in URGENT:
+            await self._answer(viewer, request)
+        elif waiting.full():
+            viewer.answer(refusal("too many requests at once; this one is dropped"))
+        else:
+            waiting.put_nowait(request)
 
     async def _answer_in_turn(self, viewer: Viewer, waiting: "asyncio.Queue[dict[str, Any]]") -> None:
         while True:

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.text import Text
 
 from weberlink.config import ConfigurationError
+from weberlink.config.document import parse_foreign
 from weberlink.config.errors import require_package
 from weberlink.figures.report import session_report
 from weberlink.figures.session import Records
@@ -223,7 +223,7 @@ def _robot(recordings: Sequence[Recording]) -> str | None:
     """The driver of the follower; None if it is not known."""
     text = next((each.facts[CONFIGURATION] for each in recordings if CONFIGURATION in each.facts), "")
     try:
-        return str(yaml.safe_load(text)["slave"]["robot"]["driver"])  # `put_together` has read it
+        return str(parse_foreign(text)["slave"]["robot"]["driver"])  # `put_together` has read it
     except (KeyError, TypeError):
         return None
 

@@ -4,6 +4,7 @@ from struct import Struct, error
 from typing import NamedTuple
 
 from weberlink.telemetry.message import ENCAPSULATION
+from weberlink.text import one_line
 
 MARK_TOPIC = "/weberlink/marks"
 MARK_SCHEMA = "rcl_interfaces/msg/Log"
@@ -60,12 +61,12 @@ def read_mark(message: bytes) -> Mark:
         text, _ = _string(body, at)
     except error:
         raise ValueError("a mark that is cut short") from None
-    return Mark(seconds * _NS + nanoseconds, text)
+    return Mark(seconds * _NS + nanoseconds, shortened(text))
 
 
 def shortened(text: str) -> str:
     """A text of one line that fits a mark; "mark" if nothing is left of it."""
-    return " ".join(text.split())[:LONGEST_MARK] or "mark"
+    return one_line(text, LONGEST_MARK) or "mark"
 
 
 def _string(body: bytes, at: int) -> tuple[str, int]:

@@ -12,13 +12,13 @@ from pathlib import Path
 from struct import pack
 from typing import Any, TypeVar
 
+import lz4.frame
 import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata, Schema
-from mcap.stream_reader import get_chunk_data_stream
 
 from weberlink.telemetry.message import (
     ENCAPSULATION,
@@ -33,6 +33,7 @@ from weberlink.telemetry.message import (
 )
 from weberlink.telemetry.record import AXES, JOINTS
 from weberlink.telemetry.recorders import COMPLETE
+from weberlink.text import one_line
 from weberlink_recording.container import END, FACTS, FRAME, HEAD, MAGIC, MESSAGE, frames, origin_in, rows_of, uniform
 from weberlink_recording.marks import MARK_SCHEMA, MARK_TOPIC, Mark, read_mark
 
@@ -65,10 +66,14 @@ def dtype_of(schema_text: str) -> np.dtype[np.void]:
 
 
 COMPRESSIONS = ("", "lz4", "zstd")
+UNPACKED_LEAST, UNPACKED_FACTOR = 1 << 26, 32
+"""A file may unpack to so many bytes, and so many times its size; sessions that stand still unpack to 20 times it."""
+FRAME_COST = 512
+"""What each message that Python handles alone counts of that: it takes the time of so many bytes."""
+MOST_CHANNELS = 16
+"""Of sides and marks; a file of two hosts has three."""
 NEEDED = {"at": np.dtype("<f8"), "tick": np.dtype("<u8")}
 """Without these a record cannot be placed."""
-LARGEST_CHUNK = 2**30
-"""Above this, a chunk's size is taken for damage [bytes]."""
 
 
 class DamagedError(ValueError):
@@ -88,9 +93,13 @@ class Content:
 
     Raises DamagedError for a frame that cannot be read, of which nothing was taken, and ForeignError for one that is
     not of a recording.
+
+    Args:
+        size: of the file [bytes], which bounds what it may unpack to.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, size: int) -> None:
+        self._left = UNPACKED_LEAST + UNPACKED_FACTOR * size
         self.metadata: dict[str, dict[str, str]] = {}
         self.origins: dict[str, Origin] = {}
         self.marks: list[Mark] = []
@@ -129,15 +138,18 @@ class Content:
         ticks = records["tick"]
         return records if (ticks[1:] >= ticks[:-1]).all() else records[np.argsort(ticks, kind="stable")]
 
+    def _spend(self, size: int) -> None:
+        self._left -= size
+        if self._left < 0:
+            raise DamagedError("it unpacks to more than a recording of its size holds")
+
     def _take_chunk(self, body: bytes) -> None:
         chunk: Chunk = _parsed(Chunk.read, body)
         if chunk.compression not in COMPRESSIONS:
             raise ForeignError(f"is compressed by {chunk.compression!r}, expected lz4, zstd or nothing")
-        if chunk.uncompressed_size > LARGEST_CHUNK:
-            raise DamagedError(f"a chunk of {chunk.uncompressed_size} bytes")
+        self._spend(chunk.uncompressed_size)
         with _damaged("a chunk that does not unpack"):
-            stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-            data = stream.read(size)
+            data = _unpacked(chunk)
         rows = uniform(data)
         if rows is None:
             self._take_frames(data)
@@ -147,6 +159,7 @@ class Content:
     def _take_frames(self, data: bytes) -> None:
         messages = []
         for opcode, body in frames(data):
+            self._spend(FRAME_COST)
             if opcode == Opcode.MESSAGE:
                 messages.append(body)
             else:
@@ -163,6 +176,8 @@ class Content:
     def _take_channel(self, channel: Channel) -> None:
         if channel.id in self._sides:
             return  # repeated, as each chunk and the index may
+        if len(self._sides) + len(self._mark_channels) >= MOST_CHANNELS:
+            raise ForeignError(f"has more than {MOST_CHANNELS} channels of a session")
         schema = self._schemas.get(channel.schema_id)
         name = "no schema" if schema is None else schema.name
         side = SIDES.get(channel.topic)
@@ -203,6 +218,7 @@ class Content:
         for channel in np.unique(rows["channel"]).tolist():
             if channel in self._mark_channels:
                 for row in rows[rows["channel"] == channel]:
+                    self._spend(FRAME_COST)
                     self._take_mark(row.tobytes()[FRAME.size :])
             if channel not in self._sides:
                 continue
@@ -210,6 +226,7 @@ class Content:
             own = rows[rows["channel"] == channel]
             if own["body"].dtype.itemsize != layout.itemsize:
                 # Of another channel's size, or filled up at the end.
+                self._spend(FRAME_COST * len(own))
                 self._take_messages([row.tobytes()[FRAME.size :] for row in own])
                 continue
             # The last two bytes are options that no one uses.
@@ -238,6 +255,24 @@ def _layout(channel: Channel, schema: Schema | None) -> np.dtype[np.void]:
     return layout
 
 
+def _unpacked(chunk: Chunk) -> bytes:
+    """The content of a chunk, of the size that it states: its own decompressors trust what is compressed.
+
+    Raises:
+        Exception: one of `_DAMAGE`.
+    """
+    size, data = chunk.uncompressed_size, chunk.data
+    if chunk.compression == "zstd":
+        data = zstandard.ZstdDecompressor().stream_reader(data).read(size + 1)
+    elif chunk.compression == "lz4":
+        data = lz4.frame.LZ4FrameDecompressor().decompress(data, size + 1)
+    if len(data) != size:
+        raise ValueError(f"it has not the {size} bytes that it states")
+    if chunk.uncompressed_crc not in (0, crc := zlib.crc32(data)):
+        raise ValueError(f"its checksum is {crc:x}, not {chunk.uncompressed_crc:x}")
+    return data
+
+
 def _parsed(read: Callable[[ReadDataStream], Parsed], body: bytes) -> Parsed:
     with _damaged("a frame that cannot be read"):
         return read(ReadDataStream(BytesIO(body)))
@@ -251,12 +286,16 @@ def _damaged(what: str) -> Iterator[None]:
         raise DamagedError(f"{what}: {error}") from None
 
 
+LONGEST_ERROR = 1000
 CUT_OFF = "cut off"
 SHOWN_TOPICS = 3
 
 
 class RecordingError(ValueError):
     """The file is no recording that can be read; the message is one line with its path."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(one_line(text, LONGEST_ERROR))
 
 
 @dataclass(frozen=True)
@@ -290,7 +329,6 @@ def read_recording(path: str | Path) -> Recording:
         RecordingError: it cannot be opened, is something else, or nothing of a recording is left.
     """
     path = Path(path)
-    content = Content()
     try:
         if path.exists() and not path.is_file() and not path.is_dir():
             raise RecordingError(f"{path}: is no regular file; expected a recording")  # a pipe may never end
@@ -299,7 +337,8 @@ def read_recording(path: str | Path) -> Recording:
             if begin != MAGIC:
                 is_what = f"is no MCAP file, it begins with {begin!r}" if begin else "is empty"
                 raise RecordingError(f"{path}: {is_what}; expected a recording, an MCAP file")
-            fault = _take_all(file, content)
+            content = Content(size := os.fstat(file.fileno()).st_size)
+            fault = _take_all(file, size, content)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}; expected a recording") from None
     except ForeignError as error:
@@ -307,7 +346,7 @@ def read_recording(path: str | Path) -> Recording:
     if not content.origins:
         raise RecordingError(f"{path}: {_without_a_side(content, fault)}; expected a recording of a session")
     end = content.metadata.get(END, {})
-    outcome = fault or end.get("outcome", CUT_OFF)
+    outcome = one_line(fault or end.get("outcome", CUT_OFF))
     lost = {side: int(end[f"lost_{side}"]) for side in TOPICS if end.get(f"lost_{side}", "").isdecimal()}
     return Recording(
         path=path,
@@ -321,9 +360,8 @@ def read_recording(path: str | Path) -> Recording:
     )
 
 
-def _take_all(file: BufferedReader, content: Content) -> str:
+def _take_all(file: BufferedReader, size: int, content: Content) -> str:
     """Read frame by frame; returns what ended it before the end of the file, or nothing."""
-    size = os.fstat(file.fileno()).st_size
     crc = zlib.crc32(MAGIC)
     while True:
         head = file.read(FRAME.size)

@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
-from yaml import YAMLError
 
 from weberlink.config import MASTER, SIDES, SLAVE
+from weberlink.config.document import parse_foreign
 from weberlink.figures.session import ANOTHER_CLOCK_S, LATEST_S, MARGIN_S, Layout, Records, SessionScore
 from weberlink.figures.tree import Figures
 from weberlink.telemetry.fault import Fault
@@ -32,8 +31,10 @@ ADDED |= {"jitter_us": np.nan, "incoming_loss": np.nan, "outgoing_loss": np.nan}
 ADDED |= {"peer_burst": 0.0, "energy": 0.0, "credit": 0.0}
 """Fields that recordings of earlier releases lack, and what they hold then: those of arms 0, as in a Cartesian session,
 those of the link "unknown", those of the account 0, as without one."""
-PIECE_S = 1.0
-"""Length of the pieces that are scored at a time [s]; less than the score keeps waiting."""
+PIECE = 1000
+"""Records of a side that are scored at a time; fewer than the score keeps waiting."""
+RATES_HZ = (1.0, 1e5)
+"""Plausible ones."""
 
 
 class SessionMark(NamedTuple):
@@ -67,20 +68,15 @@ class RecordedSession:
     def figures(self) -> Figures:
         """The figures of the session, as those of a live one, with faults and drops by side."""
         score = SessionScore(self.layout)
-        first = min(records["at"][0] for records in self.sides.values())
-        last = max(records["at"][-1] for records in self.sides.values())
-        begin: float | None = float(first)
-        while begin is not None and begin <= last:
-            until = begin + PIECE_S
-            score.add(*(_between(getattr(self, side), begin, until) for side in SIDES))
-            begin = self._next(until)
+        sides = [getattr(self, side) for side in SIDES]
+        while any(map(len, sides)):
+            # Up to the moment until which the side with more records has a piece of them.
+            until = min((float(records["at"][PIECE]) for records in sides if len(records) > PIECE), default=np.inf)
+            taken = [min(PIECE, int(np.searchsorted(each["at"], until, "right"))) for each in sides]
+            score.add(*(records[:count] for records, count in zip(sides, taken, strict=True)))
+            sides = [records[count:] for records, count in zip(sides, taken, strict=True)]
         dropped = {side: int(records["datagrams_dropped"][-1]) for side, records in self.sides.items()}
         return replace(score.figures(), drops={side: {"any": any_} if any_ else {} for side, any_ in dropped.items()})
-
-    def _next(self, at: float) -> float | None:
-        """The time of the first record from `at` on; skips the long gap of a clock that jumped. None after the last."""
-        places = [(records, int(np.searchsorted(records["at"], at))) for records in self.sides.values()]
-        return min((float(records["at"][place]) for records, place in places if place < len(records)), default=None)
 
 
 def put_together(recordings: Sequence[Recording]) -> RecordedSession:
@@ -150,10 +146,9 @@ def _layout(recording: Recording, rate_hz: float) -> Layout:
     if CONFIGURATION not in recording.facts:
         return Layout(rate_hz, tuple(bank), torque_bank)
     try:
-        return Layout.of(yaml.safe_load(recording.facts[CONFIGURATION]), rate_hz, bank, torque_bank)
-    except (ValueError, YAMLError, RecursionError) as error:
-        why = " ".join(str(error).split())
-        raise RecordingError(f"{recording.path}: its configuration has no settings known here: {why}") from None
+        return Layout.of(parse_foreign(recording.facts[CONFIGURATION]), rate_hz, bank, torque_bank)
+    except ValueError as error:
+        raise RecordingError(f"{recording.path}: its configuration has no settings known here: {error}") from None
 
 
 def _predictors(recording: Recording) -> str:
@@ -186,7 +181,7 @@ def _check(recording: Recording, side: str, records: Records) -> None:
     at = records["at"]
     vectors = all(np.isfinite(records[name]).all() for name in FINITE)
     wrong = {
-        "rate": not 0.0 < origin.rate_hz < np.inf,
+        "rate": not RATES_HZ[0] <= origin.rate_hz <= RATES_HZ[1],
         "clock": not (abs(origin.wall_s) < LATEST_S and abs(origin.monotonic_s) < LATEST_S),
         "time": not (np.isfinite(at).all() and (np.diff(at) >= 0.0).all() and at[-1] - at[0] < LATEST_S),
         "number of a predictor": bool(

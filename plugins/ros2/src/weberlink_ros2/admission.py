@@ -1,6 +1,9 @@
 """Which poses of a topic lead the hand, and why the others do not.
 
 Pure: times are arguments. A pose that is refused counts as silence, so a publisher of nothing else has let go.
+
+Everybody who reaches the topic can publish it, under the identity of another node too. So poses lead only while a
+person on the operator's host lets them (`Admission.engage`), and one such act is for one publisher.
 """
 
 from math import isfinite
@@ -18,6 +21,10 @@ MOST_CLOCKS = 16
 SHOWN_S = 1.0
 """Time for which a refusal is told [s]."""
 SECOND_NS = 1_000_000_000
+LET = "weberlink lead"
+"""The command by which a person lets a node lead."""
+NOT_LET = f"nobody lets it lead the hand; run: {LET}"
+LET_AGAIN = f"end {LET} and run it again"
 
 
 class Subscription(NamedTuple):
@@ -41,32 +48,43 @@ class Pose(NamedTuple):
     orientation: tuple[float, float, float, float]  # (w, x, y, z)
     source: bytes  # identity of the publisher
     sent_ns: int  # on the clock of the publisher
+    number: int  # of the message, as the publisher counts them
 
 
 class Admission:
-    """Takes the poses of one publisher at a time.
+    """Takes the poses of one publisher after each act.
 
-    The first publisher leads until it has been silent for `silence`; then the next pose of any publisher does. While a
-    publisher leads, the stamps of its headers must rise, if it gives any. A pose is late if it took longer than the
-    fastest one of its publisher by more than `silence`: clocks of two hosts may differ, but a queue that holds poses
-    back shows.
+    After `engage` the only publisher leads, until `release`, or until it has been silent for `silence`, or its messages
+    do not count up: then somebody else uses its identity. Nobody leads from then on until the next act, and none where
+    two publish when it begins. While a publisher leads, the stamps of its headers must rise, if it gives any. A pose is
+    late if it took longer than the fastest one of its publisher by more than `silence`: clocks of two hosts may differ,
+    but a queue that holds poses back shows.
     """
 
     def __init__(self, subscription: Subscription) -> None:
         self._wanted = subscription
+        self._ended: str | None = NOT_LET
+        """Why nobody leads until the next act; None after one."""
         self._leader = b""
         self._taken_at: float | None = None
-        self._stamp_ns = 0
+        self._stamp_ns = self._number = 0
         self._clocks: dict[bytes, tuple[float, float]] = {}  # by publisher: shortest delay, last pose [s]
         self._refused: tuple[float, str] | None = None
+
+    def engage(self) -> None:
+        """A person lets one publisher lead, the next that is heard."""
+        self._ended, self._leader, self._taken_at = None, b"", None
+
+    def release(self) -> None:
+        """Nobody leads any more."""
+        self._ended = NOT_LET
 
     def take(self, pose: Pose, now: float) -> tuple[Vector, Vector] | None:
         """Position [m] and rotation vector [rad] to lead to; None if the pose does not lead.
 
         `now` is its time of arrival [s], of a clock that is never set.
         """
-        if self.is_silent(now):
-            self._begin(pose, now)
+        self._end(pose, now)
         rotation = self._rotation(pose)
         refusal = self._refusal(pose, now)
         if rotation is None:
@@ -74,38 +92,48 @@ class Admission:
         if refusal is not None:
             self._refused = now, refusal
             return None
-        self._leader, self._taken_at, self._stamp_ns = pose.source, now, pose.stamp_ns
+        self._leader, self._taken_at, self._stamp_ns, self._number = pose.source, now, pose.stamp_ns, pose.number
         return subtract(pose.position, self._wanted.origin), rotation or ZERO
 
     def is_silent(self, now: float) -> bool:
         """Whether nobody leads."""
-        return self._taken_at is None or now - self._taken_at > self._wanted.silence
+        return self._ended is not None or self._taken_at is None or now - self._taken_at > self._wanted.silence
 
     def refusal(self, now: float) -> str | None:
         """Why a pose was refused within the last second; None if none was."""
         return None if self._refused is None or now - self._refused[0] > SHOWN_S else self._refused[1]
 
-    def _begin(self, pose: Pose, now: float) -> None:
-        if self._taken_at is not None and pose.source == self._leader and now - self._taken_at < SHOWN_S:
-            gap = now - self._taken_at
-            self._refused = now, f"poses came {gap * 1e3:.0f} ms apart: publish faster, or raise silence_ms"
-        self._leader, self._stamp_ns = pose.source, 0
+    def _end(self, pose: Pose, now: float) -> None:
+        """End what the last act began, if its publisher was silent, or is not alone."""
+        if self._ended is not None:
+            return
+        if self._taken_at is None:
+            heard = [at for source, (_, at) in self._clocks.items() if source != pose.source]
+            if any(now - at <= self._wanted.silence for at in heard):
+                self._ended = f"two nodes publish it: end one, then {LET_AGAIN}"
+            return
+        gap = now - self._taken_at
+        if gap > self._wanted.silence:
+            again = "publish faster, or raise silence_ms, and " if pose.source == self._leader and gap < SHOWN_S else ""
+            self._ended = f"nothing came of the node that led for {gap * 1e3:.0f} ms: {again}{LET_AGAIN}"
+        elif pose.source == self._leader and pose.number <= self._number:
+            self._ended = f"two nodes publish under one identity: {LET_AGAIN}"
 
     def _refusal(self, pose: Pose, now: float) -> str | None:
-        wanted = self._wanted
-        if pose.source != self._leader:
+        wanted, leads = self._wanted, self._taken_at is not None and self._ended is None
+        if leads and pose.source != self._leader:
             return "another node publishes it too; the one that came first leads"
         late = self._lateness(pose, now)
         if wanted.frame_id is not None and pose.frame_id != wanted.frame_id:
             return f"its frame_id is {pose.frame_id[:60]!r}, not {wanted.frame_id!r}"
         if not is_finite(subtract(pose.position, wanted.origin)):
             return f"its position is not finite: {_shown(pose.position)}"
-        if 0 < pose.stamp_ns <= self._stamp_ns:
+        if leads and 0 < pose.stamp_ns <= self._stamp_ns:
             back = (self._stamp_ns - pose.stamp_ns) / SECOND_NS
             return f"its time goes back by {back:.3f} s" if back else "its time stands still"
         if late > wanted.silence:
             return f"poses come {late:.1f} s late"
-        return None
+        return self._ended
 
     def _lateness(self, pose: Pose, now: float) -> float:
         """By how much it took longer than the fastest pose of this publisher [s]."""

@@ -1,4 +1,4 @@
-"""The command `weberlink bridge ros2`."""
+"""The commands `weberlink bridge ros2` and `weberlink lead`."""
 
 from typing import Annotated
 
@@ -33,3 +33,15 @@ def ros2(
 
     with failing(NodeError, prefix="bridge ros2: "):
         run(session, domain, connect, Qos(not best_effort, depth), rate)
+
+
+def lead(session: SessionName = None) -> None:
+    """Let the ROS 2 topic lead the hand of a session (driver: ros2), until Ctrl-C.
+
+    One node leads for each time that this runs. When it has ended, or another one uses its name, run this again.
+    """
+    from weberlink.cli.live_ends import NoSessionError  # noqa: PLC0415 - not for the help
+    from weberlink_ros2.lead import lead as hold  # noqa: PLC0415
+
+    with failing(NoSessionError, prefix="lead: "):
+        hold(session)

@@ -10,15 +10,16 @@ import signal
 import socket
 import sys
 from contextlib import suppress
-from select import POLLRDHUP, poll
+from select import POLLIN, POLLRDHUP, poll
 from threading import Lock
 from time import monotonic
 
 from weberlink.master.devices.target_link import pack
 from weberlink_ros2.admission import SECOND_NS, Admission, Pose, Subscription
 from weberlink_ros2.messages import decode, type_hash
+from weberlink_ros2.names import Attachment
 from weberlink_ros2.node import Node, NodeError
-from weberlink_ros2.process import END_S, FAILED, LONGEST_TEXT, READY, TROUBLE
+from weberlink_ros2.process import END_S, FAILED, LEAD, LONGEST_TEXT, ORDER_BYTES, READY, TROUBLE
 
 TYPE = "geometry_msgs/msg/PoseStamped"
 NODE = "weberlink_listener"
@@ -40,7 +41,7 @@ class Listener:
         self._written: str | None = None
         self._write_at = 0.0
 
-    def received(self, cdr: bytes, sent_ns: int, source: bytes) -> None:
+    def received(self, cdr: bytes, attachment: Attachment) -> None:
         """Take a message; called by threads of Zenoh."""
         now = monotonic()
         try:
@@ -54,8 +55,9 @@ class Listener:
             message.header.frame_id,
             (place.x, place.y, place.z),
             (turn.w, turn.x, turn.y, turn.z),
-            source,
-            sent_ns,
+            attachment.source,
+            attachment.stamp_ns,
+            attachment.sequence,
         )
         with self._lock:
             self._bad = ""
@@ -63,6 +65,14 @@ class Listener:
             if target is not None:
                 # A daemon that does not read loses this one; a newer one follows.
                 self._send(pack(target[0], True, int(now * 1e9), target[1]))
+
+    def on_order(self, order: bytes) -> None:
+        """Let a publisher lead, or none."""
+        with self._lock:
+            if order == LEAD:
+                self._admission.engage()
+            else:
+                self._admission.release()
 
     def look(self, node: Node, now: float) -> None:
         """Tell the daemon and the user what is wrong, if that has changed."""
@@ -113,8 +123,13 @@ def run(wire: socket.socket, subscription: Subscription) -> int:
     with suppress(OSError):  # the daemon may have ended meanwhile
         wire.send(READY)
     waiting = poll()
-    waiting.register(wire.fileno(), POLLRDHUP)
-    while not waiting.poll(LOOK_MS):
+    waiting.register(wire.fileno(), POLLIN | POLLRDHUP)
+    while True:
+        events = dict(waiting.poll(LOOK_MS)).get(wire.fileno(), 0)
+        if events & ~POLLIN:
+            break
+        if events:
+            listener.on_order(wire.recv(ORDER_BYTES))
         listener.look(node, monotonic())
     signal.alarm(int(END_S) - 1)  # ends this process if Zenoh does not close
     node.close()

@@ -36,7 +36,7 @@ CONFIG_VARIABLE: Final = "ZENOH_SESSION_CONFIG_URI"
 ANSWER_S: Final = 1.0
 _LOOPBACK: Final = ("tcp/localhost:", "tcp/127.0.0.1:")
 
-Received = Callable[[bytes, int, bytes], None]
+Received = Callable[[bytes, "Attachment"], None]
 """Called with a message (CDR with its encapsulation header), the time when it was published [ns since 1970], and the
 identity of its publisher (16 bytes)."""
 
@@ -96,7 +96,7 @@ class Node:
                 attachment = Attachment.from_bytes(bytes(attached) if attached is not None else b"")
             except ValueError:
                 return  # rmw_zenoh drops it as well
-            callback(bytes(sample.payload), attachment.stamp_ns, attachment.source)
+            callback(bytes(sample.payload), attachment)
 
         key, _ = self._announce(SUBSCRIPTION, topic, type_name, qos or Qos())
         self._session.declare_subscriber(key, receive)

@@ -7,6 +7,7 @@ closes it however either of them ends, so each notices the end of the other.
 import json
 import select
 import socket
+from contextlib import suppress
 from time import monotonic
 
 from weberlink.child_process import Child, python
@@ -16,6 +17,9 @@ from weberlink_ros2.admission import Subscription
 
 READY, TROUBLE, FAILED = b"WLR1", b"WLT1", b"WLF1"
 """What a datagram other than a target begins with; a text follows, which is empty for no trouble."""
+LEAD, LEAVE = b"WLL1", b"WLN1"
+"""What the daemon sends: one publisher may lead, or none any more."""
+ORDER_BYTES = 4
 LONGEST_TEXT = 400
 """Bytes of a text."""
 SEND_BUFFER = 16_384
@@ -40,8 +44,16 @@ class ListenerProcess:
         self._subscription = subscription
         self._child: Child | None = None
         self._socket: socket.socket | None = None
+        self._is_led = False
         self.trouble: str | None = None
         self.failure: str | None = None
+
+    def lead(self, *, allowed: bool) -> None:
+        """Let one publisher of the topic lead from now on, or none; without it, none does."""
+        self._is_led = allowed
+        if self._socket is not None:
+            with suppress(OSError):  # it has ended, which `newest` notices; its buffer takes more orders than are sent
+                self._socket.send(LEAD if allowed else LEAVE)
 
     @property
     def pid(self) -> int | None:
@@ -57,7 +69,7 @@ class ListenerProcess:
         """
         self.close()
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._socket, self.trouble, self.failure = ours, None, None
+        self._socket, self._is_led, self.trouble, self.failure = ours, False, None, None
         ours.setblocking(False)
         theirs.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
         waiting = select.poll()
@@ -82,7 +94,7 @@ class ListenerProcess:
                 break
             data = self._receive(self._socket)
             if data[:4] == MARK:
-                newest = unpack(data)
+                newest = unpack(data) if self._is_led else None
             elif data[:4] == TROUBLE:
                 self.trouble = data[4:].decode(errors="replace") or None
         return newest

@@ -19,15 +19,12 @@ import uvloop
 from weberlink.cli.doctor.trial import run_child
 from weberlink.config import MASTER, Configuration, ConfigurationError, load
 from weberlink.config.finders import PathFinder, finder_of, finding
-from weberlink.config.model import split_address
-from weberlink.protocol import PeerClosed, PeerSilent, Refused, Role, State
-from weberlink.protocol.aio.udp import UdpShell, peer_address
+from weberlink.protocol import PeerClosed, PeerSilent, Refused, State
+from weberlink.protocol.aio.udp import UdpShell
 from weberlink.protocol.probing import Heard, ProbingEndpoint
 from weberlink.realtime.process import prepare
-from weberlink.session.composition.channels import streams
-from weberlink.session.composition.link import Identity, build_endpoint, build_security
+from weberlink.session.composition.link import build_caller
 from weberlink.session.daemon import emulated_link
-from weberlink.session.description import default_name
 
 PERIOD_S = 0.005
 """Between two questions: as dense as the updates of a busy session."""
@@ -130,23 +127,7 @@ def received(heard: Sequence[Sequence[Any]] = (), **fields: Any) -> LinkTrial:
 
 def build_probe(configuration: Configuration, epoch: float, finder: PathFinder | None) -> ProbingEndpoint:
     """The endpoint of a master that measures. Raises ConfigurationError: no key can be read, or no such peer."""
-    system, link = configuration.system, configuration.system.link
-    name, expects = default_name(MASTER, link.listen), ""
-    if finder is not None:
-        name, expects = finder.own, finder.expects
-    forward, backward = streams(system)
-    endpoint = build_endpoint(
-        system,
-        Role.INITIATOR,
-        build_security(configuration) if finder is None else finder.security,
-        os.urandom,
-        epoch,
-        forward,
-        backward,
-        peer_address(expects) if configuration.finds_path else split_address(link.slave),
-        Identity(name, expects, take_over=False, stamp=lambda _now: time_ns()),
-        ProbingEndpoint,
-    )
+    endpoint = build_caller(configuration, finder, os.urandom, epoch, lambda _now: time_ns(), kind=ProbingEndpoint)
     assert isinstance(endpoint, ProbingEndpoint)
     return endpoint
 

@@ -1,14 +1,19 @@
 """What both sides build alike from a configuration: agreement, security, endpoint, control, tuning."""
 
+import os
 from collections.abc import Callable, Sequence
 from functools import wraps
+from getpass import getuser
+from pathlib import Path
 from secrets import token_bytes
+from socket import gethostname
 from typing import Any, NamedTuple, TypeVar, cast
 
 from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.predictors import BANKS
 from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError, System
-from weberlink.config.finders import finder_of
+from weberlink.config.finders import PathFinder, finder_of
+from weberlink.config.model import split_address
 from weberlink.control.contract import FREE_FORCE, SchemeParameters
 from weberlink.control.port import Port
 from weberlink.control.table import SCHEMES
@@ -16,10 +21,11 @@ from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.protocol import Role
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
+from weberlink.protocol.keys import LONGEST_NAME, HeldKey, KeyFileError, Right, load
 from weberlink.protocol.security import Security
 from weberlink.registry import check_contract, fault_of
 from weberlink.session.channels import IncomingChannel, OutgoingChannel
-from weberlink.session.composition.channels import account, felt_deadbands, longest_round_trip, signal_delay
+from weberlink.session.composition.channels import account, felt_deadbands, longest_round_trip, signal_delay, streams
 
 Entropy = Callable[[int], bytes]
 Stopwatch = Callable[[], float]
@@ -34,12 +40,14 @@ class Identity(NamedTuple):
         name: where the file sets none; "" for that of the role.
         expects: name of the only peer, where the file sets none; "" for any.
         take_over: whether a master replaces another one that the slave serves.
+        asks: what a caller wants.
         stamp: wall clock [ns] at `now` [s]; None to count `now`.
     """
 
     name: str = ""
     expects: str = ""
     take_over: bool = False
+    asks: Right = Right.DRIVE
     stamp: Callable[[float], int] | None = None
 
 
@@ -101,17 +109,62 @@ def build_security(configuration: Configuration) -> Security:
         from weberlink.protocol.checksum import Checksum  # noqa: PLC0415
 
         return Checksum()
-    from weberlink.protocol.keys import KEY_BYTES, KeyFileError, load  # noqa: PLC0415
-    from weberlink.protocol.psk import PresharedKey  # noqa: PLC0415
+    from weberlink.protocol.keys import KEY_BYTES  # noqa: PLC0415
+    from weberlink.protocol.psk import Keyring, PresharedKey  # noqa: PLC0415
     from weberlink.realtime.process import forbid_core_dumps  # noqa: PLC0415
 
     forbid_core_dumps()
     if link.key_file is None:  # security: session before the run, or both sides in virtual time
         return PresharedKey(token_bytes(KEY_BYTES))
+    if loaded == [SLAVE]:
+        return Keyring(held_keys(link.key_file))
+    return PresharedKey(own_key(link.key_file).key)
+
+
+def held_keys(path: Path) -> tuple[HeldKey, ...]:
+    """Those of a key file; ConfigurationError if it cannot be used."""
     try:
-        return PresharedKey(load(link.key_file))
+        return load(path)
     except KeyFileError as error:
         raise ConfigurationError(f"link.key_file: {error}") from None
+
+
+def own_key(path: Path) -> HeldKey:
+    """That of a caller; ConfigurationError as of `held_keys`, or if there are several."""
+    key, *others = held_keys(path)
+    if others:
+        raise ConfigurationError(f"link.key_file: {path} holds several keys, which is for the robot's end")
+    return key
+
+
+class Acquaintance(NamedTuple):
+    """Suite, own name and the name of the only peer ("" for any), where the file sets no names."""
+
+    security: Security
+    own: str
+    expects: str = ""
+
+
+def acquaintance(configuration: Configuration, side: str, finder: PathFinder | None) -> Acquaintance:
+    """How a process that runs one side knows the other one; ConfigurationError as of `build_security`."""
+    if finder is not None:
+        return Acquaintance(finder.security, finder.own, finder.expects)
+    link = configuration.system.link
+    named = own_key(link.key_file).name if side == MASTER and link.security == "psk" and link.key_file else ""
+    return Acquaintance(build_security(configuration), named or default_name(side, link.listen))
+
+
+def default_name(side: str, listen: str) -> str:
+    """The name of a side where the file gives none."""
+    host = gethostname()
+    if side == SLAVE:
+        name = f"{host}:{split_address(listen)[1]}"
+    else:
+        try:
+            name = f"{getuser()}@{host}"
+        except (KeyError, OSError):  # a user id without a name, as in containers
+            name = f"{os.getuid()}@{host}"
+    return "".join(letter for letter in name if letter.isprintable())[-LONGEST_NAME:]
 
 
 def build_endpoint(
@@ -146,7 +199,28 @@ def build_endpoint(
         expects=other or "",
         take_over=identity.take_over,
         stamp=identity.stamp,
+        asks=identity.asks,
     )
+
+
+def build_caller(
+    configuration: Configuration,
+    finder: PathFinder | None,
+    entropy: Entropy,
+    epoch: float,
+    stamp: Callable[[float], int],
+    *,
+    asks: Right = Right.DRIVE,
+    kind: type[Endpoint] = Endpoint,
+) -> Endpoint:
+    """The endpoint of a master without a device; ConfigurationError as of `build_security`."""
+    from weberlink.protocol.aio.udp import peer_address  # noqa: PLC0415 - not in virtual time
+
+    security, own, expects = acquaintance(configuration, MASTER, finder)
+    peer = peer_address(expects) if configuration.finds_path else split_address(configuration.system.link.slave)
+    identity = Identity(own, expects, asks=asks, stamp=stamp)
+    ways = streams(configuration.system)
+    return build_endpoint(configuration.system, Role.INITIATOR, security, entropy, epoch, *ways, peer, identity, kind)
 
 
 @with_file_name

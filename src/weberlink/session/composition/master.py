@@ -59,8 +59,11 @@ def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
     force_decoder = Decoder(backward[0])
     tuning = build_tuning(system, force_decoder)
 
+    floor = system.codec.force.floor_n
+
     def force_bound(force: float) -> float:
-        return max(tuning.settings.weber * force, system.codec.force.floor_n)
+        relative = tuning.settings.weber * force
+        return relative if relative > floor else floor
 
     free, longest = free_force(system), longest_round_trip(system) + signal_delay(system)
     contact = HandContact(

@@ -18,10 +18,11 @@ from weberlink.master.devices.polhem.driver import PolhemDevice
 from weberlink.master.devices.polhem.options import PolhemSerialOptions
 from weberlink.master.devices.polhem.parameters import PARAMETERS
 from weberlink.master.devices.polhem.protocol import LONG, SHORT, SetCounters
-from weberlink.master.devices.polhem.serial_device import PolhemSerialDevice
+from weberlink.master.devices.polhem.serial_device import BracketExchange, PolhemSerialDevice
 from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
 from weberlink.testing.devices import drive, fault_of, refusal
 from weberlink.testing.serving import PtyDevice
+from weberlink.testing.stepping import VirtualPort, VirtualTime
 from weberlink.testing.time import TICK
 
 MIDDLE = (*PARAMETERS["woodenhaptics_2015"].mechanism.counts_at(ZERO), 0, 0, 0)
@@ -93,16 +94,31 @@ def test_the_wrong_model_is_refused(serial: Make, teensy: Any, settings: Any, mo
     assert says in refusal(serial(**settings))
 
 
-def test_homed_where_it_is_held_or_by_the_button(serial: Make, teensy: Any) -> None:
+def test_homed_where_it_is_held(serial: Make, teensy: Any) -> None:
     teensy.counts = (16_000, -3, 77, 0, 0, 0)
     held = serial(homing="at_open")
     held.open(monotonic())
     assert held.latest(monotonic()).position == HOME
     held.close()
-    device = serial(homing="button")
-    press_while_it_opens(device, teensy.currents, lambda: setattr(teensy, "counts", (0,) * 6))
-    assert device.latest(monotonic()).position == HOME
     assert set(teensy.currents) == {(0, 0, 0)}
+
+
+class Pressed(Teensy):
+    """Its button is pressed after ten messages."""
+
+    def receive(self, data: bytes, now: float) -> None:
+        super().receive(data, now)
+        if len(self.currents) == 10:
+            self.counts = (0,) * 6
+
+
+def test_homed_by_the_button() -> None:
+    time, teensy = VirtualTime(), Pressed((16_000, -3, 77, 0, 0, 0))
+    options = PolhemSerialOptions(port="/dev/virtual", model="woodenhaptics", homing="button")
+    exchange = BracketExchange(options, 0.0, list, lambda path: VirtualPort(teensy, time))
+    exchange._clock, exchange._pause = time.clock, time.pause
+    assert exchange.open().position == HOME
+    assert set(teensy.currents) == {(0, 0, 0)} and len(teensy.currents) > 10
 
 
 @pytest.mark.parametrize("error", [8, 1024, 1 | 8])

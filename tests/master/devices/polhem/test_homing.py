@@ -1,8 +1,7 @@
 """Which encoder counts are plausible, and the calibration button."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from math import sin
-from time import sleep
 
 import pytest
 
@@ -11,6 +10,7 @@ from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.polhem.homing import PositionValidator, await_press, zeroed
 from weberlink.master.devices.polhem.parameters import PARAMETERS
 from weberlink.master.devices.polhem.protocol import Sensors
+from weberlink.testing.stepping import VirtualTime
 
 WOODY = PARAMETERS["woodenhaptics_2015"]
 PHANTOM = PARAMETERS["vintage_phantom"]
@@ -121,26 +121,24 @@ def test_a_press_is_a_jump_to_zero(before: Counts, now: Counts, pressed: bool) -
     assert zeroed(before, Sensors(now)) == pressed
 
 
-def looking(*answers: int | None, pause: float = 0.0) -> Callable[[], Sensors]:
-    """Gives the answers one by one, and then the last; None is a bad reply."""
-    left = list(answers)
-
-    def look() -> Sensors:
-        sleep(pause)
-        answer = left.pop(0) if len(left) > 1 else left[0]
-        if answer is None:
-            raise BadReply("does not answer")
-        return Sensors((answer,))
-
-    return look
-
-
 def test_a_press_is_found_between_bad_replies_in_time() -> None:
-    def pressed(before: Counts, now: Sensors) -> bool:
-        return now.counts[0] > before[0] + 100
+    time = VirtualTime()
 
-    await_press(looking(5, None, 5, 6, 1000), pressed, 10.0)
+    def presses(answers: Sequence[int | None], patience: float, takes: float = 0.0) -> None:
+        """The answers come one by one, and then the last; None is a bad reply."""
+        left = [*answers]
+
+        def look() -> Sensors:
+            time.pause(takes)
+            answer = left.pop(0) if len(left) > 1 else left[0]
+            if answer is None:
+                raise BadReply("does not answer")
+            return Sensors((answer,))
+
+        await_press(look, lambda before, now: now.counts[0] > before[0] + 100, patience, time.clock, time.pause)
+
+    presses((5, None, 5, 6, 1000), 10.0)
     # Nobody presses it; and a stalled host has not seen how it got there.
-    for look, patience in ((looking(0), 0.02), (looking(0, 1000, pause=0.05), 0.08)):
+    for answers, patience, takes in (((0,), 0.02, 0.0), ((0, 1000), 0.08, 0.05)):
         with pytest.raises(HardwareFault, match=rf"nobody pressed the calibration button in {patience} s"):
-            await_press(look, pressed, patience)
+            presses(answers, patience, takes)

@@ -18,7 +18,7 @@ from pydantic import Field
 
 from weberlink.arms.contract import ArmSpec
 from weberlink.geometry.joints import Joints
-from weberlink.hardware.fault import BadReply
+from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.guardian import HoldingGuardian
 from weberlink_arms.feetech import registers
 from weberlink_arms.feetech.arm import SO101, SixPositive, So101Options, motor_torques
@@ -234,7 +234,8 @@ class FollowerExchange(FeetechExchange[Joints | None, ArmSample]):
             self._guardian.end()
 
     def _go(self, goals: Joints) -> None:
-        self._hold(goals)
+        with suppress(HardwareFault):  # without its guardian the arm is left as with it
+            self._hold(goals)
         self._servos.bus.send(self._orders(goals))
 
     def _place(self) -> Joints:

@@ -1,11 +1,11 @@
 """HTTP requests to the Haply Inverse Service: its version, and its devices."""
 
-import json
 from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
 from urllib.parse import urlsplit
 
+from weberlink.bounded_json import parse
 from weberlink_devices.inverse3.protocol import ids_in, version_in
 
 PORT = 10001
@@ -33,8 +33,8 @@ def _answers(address: str, path: str) -> Iterator[Any]:
     parts = urlsplit(address)
     for port in (parts.port or 80, *([FORMER_PORT] if parts.port == PORT else [])):
         connection = HTTPConnection(parts.hostname or "localhost", port, timeout=PATIENCE_S)
-        with suppress(OSError, HTTPException, ValueError, RecursionError):
+        with suppress(OSError, HTTPException, ValueError):
             connection.request("GET", path)
             answer = connection.getresponse()
-            yield json.loads(answer.read(LONGEST))
+            yield parse(answer.read(LONGEST), LONGEST)
         connection.close()

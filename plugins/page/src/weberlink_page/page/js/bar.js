@@ -74,13 +74,18 @@ export class Room {
     this.store = store;
     this.send = send;
     this.starting = false;
+    this.state = "";
+    this.stops = 0; // emergency stops so far: the host does no start from before one
     this.asked = "";
-    by("start").addEventListener("click", () => this.#ask("start", { scene: by("room-scene").value || null }));
+    by("start").addEventListener("click", () => this.#ask("start", { scene: by("room-scene").value || null, stops: this.stops }));
     by("stop").addEventListener("click", () => this.#ask("stop"));
   }
 
   /** @param {import("./messages.js").Launcher} message */
-  take({ state, scene, why }) {
+  take({ state, scene, why, stops }) {
+    this.stops = stops;
+    if (state === this.state) return;
+    this.state = state;
     const title = this.store.hello?.rooms.scenes.find(({ name }) => name === scene)?.title ?? scene ?? "the session";
     this.starting = state === "starting";
     if (state === "starting") notice(`starting ${title} …`);

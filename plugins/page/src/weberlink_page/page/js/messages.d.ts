@@ -105,6 +105,7 @@ export interface Launcher {
   state: "idle" | "starting" | "running" | "failed";
   scene: string | null;
   why: string | null;
+  stops: number;
 }
 
 export interface RecordingState {
@@ -153,11 +154,13 @@ export interface SessionRequest {
   type: "session";
   do: "start" | "stop";
   scene?: string | null;
+  stops?: number;
 }
 
 export interface EmergencyRequest {
   token?: string;
   type: "emergency";
+  age_ms?: number;
 }
 
 export interface RecordRequest {
