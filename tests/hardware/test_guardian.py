@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from select import select
-from socket import AF_UNIX, SOCK_DGRAM, send_fds, socket
+from socket import AF_UNIX, SHUT_RDWR, SOCK_DGRAM, send_fds, socket, socketpair
 from time import monotonic, monotonic_ns, sleep
 from types import SimpleNamespace
 from typing import Any
@@ -448,6 +448,13 @@ def test_arm_that_is_safe_is_left_alone_and_one_within_a_cycle_is_made_safe(arm:
     assert arm.heard(PATIENCE).startswith(HERE)
 
 
+def test_arm_that_was_left_safe_is_left_alone_when_its_host_dies(arm: Wire) -> None:
+    arm.guardian.hold(HERE)
+    arm.guardian.end()
+    arm.guardian._connection.shutdown(SHUT_RDWR)
+    assert arm.heard(WHILE_S) == b""
+
+
 def test_guardian_that_died_is_told_and_messages_still_pass(arm: Wire) -> None:
     arm.signal_guardian(signal.SIGKILL)
     arm.until_told(lambda: arm.guardian.hold(HERE))
@@ -543,6 +550,32 @@ def test_what_the_device_has_not_taken_makes_room_for_the_message(monkeypatch: p
     monkeypatch.setattr(guardian_process, "termios", flush)
     guardian_process.write(5, ZERO)
     assert done == [(5, ZERO), 5, (5, ZERO)]
+
+
+def test_what_is_said_of_the_zero_before_the_device_is_guarded_counts() -> None:
+    guardian = Guardian(OTHER_ZERO)
+    guardian.zero, guardian.rests = ZERO, (HERE,)
+    with guarded(guardian):
+        guardian.given(monotonic() - 9.0, 0.01)
+        for rest in (ZERO, HERE):
+            guardian.before(rest)
+        for force in (FORCE, OTHER_ZERO):
+            with pytest.raises(BadReply, match="held up"):
+                guardian.before(force)
+
+
+@pytest.mark.parametrize(
+    ("stale", "gap", "silent"), [(0.2, 0.1, 0.1), (0.01, 0.04, 0.04), (0.01, 0.06, 0.0), (0.2, 0.3, 0.0)]
+)
+def test_a_guardian_is_silent_only_while_this_process_looks(stale: float, gap: float, silent: float) -> None:
+    """Looks farther apart than a command may be old: this process was held up, and the guardian may have been too."""
+    guardian = Guardian(ZERO)
+    guardian._connection, other_end = socketpair()
+    with guardian._connection, other_end:
+        guardian._connection.setblocking(False)
+        guardian.given(0.0, stale)
+        assert guardian._silent(100.0) == 0.0
+        assert guardian._silent(100.0 + gap) == pytest.approx(silent)
 
 
 GO_FIRST = """
