@@ -9,6 +9,7 @@ ISAACLAB := $(VENV)/isaaclab
 FOXGLOVE := $(VENV)/foxglove
 FRANKA := $(VENV)/franka
 KERNEL := $(VENV)/kernel
+SBOM := $(VENV)/sbom
 PAGE := plugins/page/src/weberlink_page/page
 PAGE_TOOLS := build/page
 
@@ -19,7 +20,7 @@ MINUTES ?= 60
 TIMES ?= 10
 COUNT ?= 20
 
-.PHONY: system demo test test-kernel compiled test-compiled hunt mutants lerobot isaaclab foxglove franka anywhere lint format docs fuzz model safety soak bench figures vendor lock schema clean
+.PHONY: system demo test test-kernel compiled test-compiled hunt mutants lerobot isaaclab foxglove franka anywhere lint format docs fuzz model safety soak bench figures vendor lock schema sbom clean
 
 system:  ## Debian packages for tests of HID devices, in a browser, of views and behind NAT, which skip without them; needs root
 	command -v node >/dev/null || apt-get install -y -q --no-install-recommends nodejs
@@ -126,6 +127,14 @@ schema: $(DEV)  ## the JSON Schema of configuration files, for editors, and the 
 
 docs: $(DEV)  ## the documentation as a site, in docs/_build
 	$(BIN)/python -m sphinx -q -W -b html docs docs/_build
+
+sbom:  ## what the wheels in dist bring with them, as a CycloneDX bill of materials beside them
+	test -n "$$(ls dist/*.whl)"
+	rm -rf $(SBOM) && $(PYTHON) -m venv $(SBOM)/all && $(PYTHON) -m venv $(SBOM)/tools
+	$(SBOM)/all/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl
+	$(SBOM)/tools/bin/python -m pip install --quiet --disable-pip-version-check cyclonedx-bom==7.5.0
+	$(SBOM)/tools/bin/cyclonedx-py environment --pyproject pyproject.toml --output-reproducible --of JSON \
+		-o dist/weberlink.cdx.json $(SBOM)/all/bin/python
 
 vendor: $(PAGE_TOOLS)  ## the libraries of the live page, of the versions and checksums in plugins/page/tests/page
 	cp $(PAGE_TOOLS)/node_modules/uplot/dist/uPlot.esm.js $(PAGE)/vendor/uplot.js

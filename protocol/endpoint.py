@@ -60,6 +60,7 @@ class Endpoint:
 
     Attributes:
         role: of this end.
+        name: of this end.
         state: of the conversation.
         peer: where the peer is, or was last; None for a responder before the first call.
         sessions: number of sessions that have begun.
@@ -142,12 +143,13 @@ class Endpoint:
         self.clock = self._no_clock = Clock(epoch, 0.0, epoch)
         self.credit = Credit()
         self._calls = role is Role.INITIATOR
+        self.name = keys.check_name(name or role.value)
         self._end = end = LocalEnd(
             security=security,
             entropy=entropy,
             agreement=packed,
             version=version,
-            name=keys.check_name(name or role.value),
+            name=self.name,
             expects=keys.check_name(expects) if expects else "",
             calls=self._calls,
             outgoing=forward,

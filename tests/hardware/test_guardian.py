@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from select import select
-from socket import AF_UNIX, send_fds, socket
+from socket import AF_UNIX, SHUT_RDWR, SOCK_DGRAM, send_fds, socket, socketpair
 from time import monotonic, monotonic_ns, sleep
 from types import SimpleNamespace
 from typing import Any
@@ -127,16 +127,18 @@ class Service:
 
 @contextmanager
 def serving(folder: Path) -> Iterator[Service]:
-    """A service with its runtime directory."""
-    command = isolated_python(guardian_process.__file__, "serve", str(folder / "socket"))
-    environment = {**os.environ, "RUNTIME_DIRECTORY": str(folder)}
-    with subprocess.Popen(command, env=environment, text=True, stderr=subprocess.PIPE) as process:
-        service = Service(process, folder)
-        try:
-            until(service.socket.exists, "the service")
-            yield service
-        finally:
-            process.terminate()
+    """A service with its runtime directory, as a unit of systemd has it."""
+    with socket(AF_UNIX, SOCK_DGRAM) as manager:
+        manager.bind(str(folder / "notify"))
+        manager.settimeout(PATIENCE)
+        command = (sys.executable, "-m", "weberlink", "guardian", str(folder / "socket"))
+        told = {"RUNTIME_DIRECTORY": str(folder), "NOTIFY_SOCKET": str(folder / "notify")}
+        with subprocess.Popen(command, env={**os.environ, **told}, text=True, stderr=subprocess.PIPE) as process:
+            try:
+                assert manager.recv(100) == b"READY=1"
+                yield Service(process, folder)
+            finally:
+                process.terminate()
 
 
 @pytest.fixture(scope="module")
@@ -387,10 +389,10 @@ def test_where_all_were_killed_the_end_of_the_unit_writes_the_zero(
         for pid in (process.pid, killed.process.pid, guard):
             os.kill(pid, signal.SIGKILL)
         process.wait()
-        left = b""
+        left = FORCE
         while select((near,), (), (), WHILE_S)[0]:
             left += os.read(near, 1000)
-        assert ZERO not in left, "nobody was left to write it"
+        assert left.endswith(FORCE), "nobody was left to write a zero"
         done = subprocess.run((sys.executable, *TAKE_OFF, str(tmp_path)), check=True, capture_output=True, text=True)
         read_until(near, ZERO)
         assert "takes the force off" in done.stderr
@@ -404,6 +406,10 @@ def test_a_client_with_another_clock_is_refused(service: Service) -> None:
             client.connect(str(service.socket))
             send_fds(client, [HELLO.pack(monotonic_ns() + ahead)], [0])
             assert client.recv(1000) == OTHER_CLOCK
+
+
+def test_the_socket_is_for_user_and_group_alone(service: Service) -> None:
+    assert service.socket.stat().st_mode & 0o777 == 0o660
 
 
 def test_who_says_nothing_of_use_is_left_and_the_service_goes_on(service: Service) -> None:
@@ -440,6 +446,13 @@ def test_arm_that_is_safe_is_left_alone_and_one_within_a_cycle_is_made_safe(arm:
     arm.guardian.hold(HERE)
     arm.port.close()
     assert arm.heard(PATIENCE).startswith(HERE)
+
+
+def test_arm_that_was_left_safe_is_left_alone_when_its_host_dies(arm: Wire) -> None:
+    arm.guardian.hold(HERE)
+    arm.guardian.end()
+    arm.guardian._connection.shutdown(SHUT_RDWR)
+    assert arm.heard(WHILE_S) == b""
 
 
 def test_guardian_that_died_is_told_and_messages_still_pass(arm: Wire) -> None:
@@ -537,6 +550,32 @@ def test_what_the_device_has_not_taken_makes_room_for_the_message(monkeypatch: p
     monkeypatch.setattr(guardian_process, "termios", flush)
     guardian_process.write(5, ZERO)
     assert done == [(5, ZERO), 5, (5, ZERO)]
+
+
+def test_what_is_said_of_the_zero_before_the_device_is_guarded_counts() -> None:
+    guardian = Guardian(OTHER_ZERO)
+    guardian.zero, guardian.rests = ZERO, (HERE,)
+    with guarded(guardian):
+        guardian.given(monotonic() - 9.0, 0.01)
+        for rest in (ZERO, HERE):
+            guardian.before(rest)
+        for force in (FORCE, OTHER_ZERO):
+            with pytest.raises(BadReply, match="held up"):
+                guardian.before(force)
+
+
+@pytest.mark.parametrize(
+    ("stale", "gap", "silent"), [(0.2, 0.1, 0.1), (0.01, 0.04, 0.04), (0.01, 0.06, 0.0), (0.2, 0.3, 0.0)]
+)
+def test_a_guardian_is_silent_only_while_this_process_looks(stale: float, gap: float, silent: float) -> None:
+    """Looks farther apart than a command may be old: this process was held up, and the guardian may have been too."""
+    guardian = Guardian(ZERO)
+    guardian._connection, other_end = socketpair()
+    with guardian._connection, other_end:
+        guardian._connection.setblocking(False)
+        guardian.given(0.0, stale)
+        assert guardian._silent(100.0) == 0.0
+        assert guardian._silent(100.0 + gap) == pytest.approx(silent)
 
 
 GO_FIRST = """

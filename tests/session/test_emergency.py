@@ -24,6 +24,7 @@ from weberlink.session.emergency import FIND_S, NO_SESSION, REPEAT_S, EmergencyS
 
 FIRST, SECOND = "7", "8"
 SIDES = ("master", "slave")
+LONG = b" " * LONGEST_ANSWER + b"1"
 
 
 def ring_of(folder: Path, session: str, side: str = "master") -> Path:
@@ -107,17 +108,19 @@ def test_a_stop_is_repeated_until_it_is_acknowledged_or_the_side_has_ended(tmp_p
     answers = [(b"", "does not answer"), (b'{"accepted": false, "why": "not yet"}', "not yet"), (b"", "not yet")]
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as side, stopping(tmp_path) as stop:
         side.bind(str(path))
-        side.settimeout(PATIENCE)
-        for answer, why in (*answers, (b"[", unreadable), (b" " * LONGEST_ANSWER + b"1", unreadable), (b"7", "7")):
-            assert not stop.advance(monotonic())
+        side.setblocking(False)
+        for number, (answer, why) in enumerate((*answers, (b"[", unreadable), (LONG, unreadable), (b"7", "7"))):
+            now = ORDERED_AT + number * REPEAT_S
+            assert not stop.advance(now)
             request, asker = side.recvfrom(100)
             assert json.loads(request) == {"emergency": ORDERED_AT}
             if answer:
                 side.sendto(answer, asker)
-                assert not stop.advance(monotonic())
+            assert not stop.advance(now + 0.9 * REPEAT_S)
+            with pytest.raises(BlockingIOError):
+                side.recv(100)
             told = stop.answer()
             assert (told["accepted"], told["why"].startswith(f"{FIRST}-master: {why}")) == (False, True)
-            sleep(REPEAT_S)
         side.close()
         assert finish(stop) == {"accepted": True, "sessions": [FIRST]}
 

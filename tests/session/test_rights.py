@@ -62,8 +62,8 @@ def test_a_watcher_cannot_drive_a_stopper_cannot_watch_and_a_removed_key_ends_it
             book.write_text("".join((system.parent / right).read_text() for right in ("watch", "stop")))
             began = monotonic()
             until(lambda: robot.last["state"] != ENGAGED, "the end of the session")
-            after = robot.records[robot.records["at"] > began]
-            assert after["at"][after["state"] != ENGAGED][0] - began < 1.0
+            records = robot.records
+            assert records["at"][(records["at"] > began) & (records["state"] != ENGAGED)][0] - began < 1.0
             status, output, _ = master.finish()
             assert status == 1 and WITHDRAWN in document(output)["outcome"]
         status, output, _ = weberlink("remote", "--stop", *stop, "--json", "-")
@@ -80,6 +80,11 @@ def test_who_is_not_answered_is_told_to_stop_the_robot_by_hand(system: Path) -> 
 def test_the_file_of_a_caller_holds_one_key(system: Path) -> None:
     status, _, errors = weberlink("remote", *with_key(system, "book"))
     assert status == 2 and "holds several keys, which is for the robot's end" in errors
+
+
+def test_a_key_is_used_under_its_own_name(system: Path) -> None:
+    status, _, errors = weberlink("remote", *with_key(system, "stop"), "--set", "link.names.master=ann")
+    assert status == 2 and "link.names.master: the key is that of 'stop@desk'" in errors
 
 
 class Loop:

@@ -203,10 +203,13 @@ def stays(board: Board, kind: str, deed: str) -> float | str:
             said = session.communicate()[0].decode() if session.poll() is not None else "does not push"
             return REFUSED if "in this container" in " ".join(said.split()) else said
         sleep(0.3)
-        guardian = max(guardians() - known) if service is None else int(service.leases[-1].stem)
-        stack.callback(signalled, guardian, signal.SIGKILL)
+        found = guardians() - known if service is None else {int(each.stem) for each in service.leases}
         while force() <= 0.0 and session.poll() is None:  # it may bounce
             sleep(2e-4)
+        if not found or session.poll() is not None:
+            return "ended soon after its start"
+        guardian = max(found)
+        stack.callback(signalled, guardian, signal.SIGKILL)
         began = ended = monotonic()
         DEEDS[deed](Pushing(session, force, group, service, guardian))
         while (now := monotonic()) < min(began + FOR_S, ended + AFTER_S):

@@ -28,13 +28,14 @@ from weberlink_page.front import EMERGENCY, MOST_SILENT, PROOF_HEADER
 
 PAGES, IDLE = 4, 1200
 FLOOD = f"""
-import asyncio, resource, socket, sys, aiohttp
+import asyncio, contextlib, resource, socket, sys, aiohttp
 host, port, name = sys.argv[1:]
 _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
 resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
 def idle(number):
     connection = socket.create_connection((host, int(port)))
-    connection.send(b"GET / HTTP/1.1\\r\\nHost: localhost" if number % 2 else b"")
+    with contextlib.suppress(OSError):  # closed already for a newer one
+        connection.send(b"GET / HTTP/1.1\\r\\nHost: localhost" if number % 2 else b"")
     return connection
 async def flood(client, kind):
     async with client.ws_connect(f"http://{{host}}:{{port}}/ws?session={{name}}", autoping=False) as page:
@@ -140,6 +141,23 @@ def test_the_front_is_started_again_and_its_arguments_tell_no_token(tmp_path: Pa
 
     with daemons(tmp_path) as sides:
         asyncio.run(run(sides))
+
+
+def test_a_request_that_does_not_come_is_given_up_and_the_front_goes_on(tmp_path: Path) -> None:
+    async def run() -> None:
+        said: list[str] = []
+        async with served(tmp_path, said) as (where, watch):
+            reader, writer = await asyncio.open_connection(*where.split(":"))
+            writer.write(f"POST {EMERGENCY} HTTP/1.1\r\nHost: localhost".encode())
+            await asyncio.to_thread(stop, where, watch.requests.token)
+            async with asyncio.timeout(PATIENCE):
+                assert await reader.read() == b"", "closed"
+            await asyncio.to_thread(stop, where, watch.requests.token)
+            assert said == []
+            writer.close()
+
+    with daemons(tmp_path):
+        asyncio.run(run())
 
 
 def front_of(pid: int) -> int | None:

@@ -72,8 +72,6 @@ class FeltContact:
         self._model: WallModel | None = None
         self.normal: Vector | None = None
         self._offset = self._found = self._measured = 0.0
-        self._apart = False
-        self._sampled: Vector = ZERO
         self._place: float | None = None
 
     def depth(self, position: Vector) -> float:
@@ -83,11 +81,11 @@ class FeltContact:
         """
         return 0.0 if self.normal is None else max(0.0, self._measured - dot(self.normal, position))
 
-    def learn(self, surface: WallModel | None, force: Vector, position: Vector, robot: Vector) -> None:
-        """Take in an update, as `MasterControl.learn`; `robot` is the command to which the newest news answers [m]."""
+    def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
+        """Take in an update, as `MasterControl.learn`."""
         size = norm(force)
         last, self._sample = self._sample, None if size < LEAST_CONTACT else (force, position)
-        self._model, self._sampled, self._place = surface, force, None
+        self._model, self._place = surface, None
         if size >= 2.0 * LEAST_CONTACT:
             n, old = scale(force, 1.0 / size), self.normal
             if old is not None and dot(old, n) > 0.8:
@@ -99,7 +97,6 @@ class FeltContact:
                 along = dot(n, way)
                 if along * along > 0.5 * dot(way, way):  # pressed rather than slid
                     self._fit(along, dot(n, subtract(last[0], force)))
-            self._apart = abs(dot(n, subtract(position, robot))) > WRONG
             self._offset = self._found = self._measured = dot(n, position) + dot(n, force) / self.stiffness
         if surface is not None and self._squares == 0.0:  # a surface that is right brings no sample to fit
             self.softest = max(SOFTEST, surface.stiffness)
@@ -128,7 +125,9 @@ class FeltContact:
                 way = place - self._place
                 self._fit(way, way * model.stiffness)
             self._place = place
-            if there != self._sampled or not self._apart:
+            # A robot that does not follow brings no update either, while the command goes on.
+            sample = self._sample
+            if sample is None or there != sample[0] or abs(place - dot(n, sample[1])) < WRONG:
                 self._offset = self._found = place + along / self.stiffness
         else:
             self._place = None
@@ -197,8 +196,7 @@ class BoundedMaster(MasterControl):
         self._contact.normal = None
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
-        robot = self._sent.ago(self._rtt) if self._sent.known else position
-        self._contact.learn(surface, force, position, robot)
+        self._contact.learn(surface, force, position)
 
     def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, rtt: float | None) -> None:
         last, held = self._position or position, self._held

@@ -6,7 +6,7 @@ words (`weberlink.figures.wording`); one about a tick also has `tick` and `at_s`
 as in recordings. docs/operation/logs.md lists the events and their fields.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from time import time
@@ -121,6 +121,8 @@ class _Side:
         self.kinds: dict[str, _Kind] = {}
         self.paths: dict[int, LinkPath] = {}
         """By place, as last told."""
+        self.peer: Fields = {}
+        """What was last told of the peer."""
         self._fault_at_s = float(first["at"])
 
     def events(self, records: Records) -> Iterator[_Event]:
@@ -223,6 +225,14 @@ class Journal:
         self._flush(side, known, at)
         if at - float(known.interval.first["at"]) >= self._summary_s:
             self._summarise(side, known)
+
+    def add_peer(self, side: str, peer: Mapping[str, Any] | None) -> None:
+        """Take what a side knows of its peer (`weberlink.session.side.PeerFacts`), as `add_paths` takes the paths."""
+        known = self._sides.get(side)
+        told = {name: str(value)[:LONGEST_OUTCOME] for name, value in (peer or {}).items() if value}
+        if known is not None and told and told != known.peer:
+            known.peer = told
+            self._offer(side, known, _Event(known.last, "peer", "peer", told))
 
     def add_paths(self, side: str, paths: Sequence[LinkPath]) -> None:
         """Take the present paths of a side; another one is an event of its newest record.

@@ -73,6 +73,16 @@ def _ended(_side: str, fields: Fields) -> Words:
     return Words(level, f"the session ended ({outcome}): {told}")
 
 
+def _peer(side: str, fields: Fields) -> Words:
+    other = SLAVE if side == MASTER else MASTER
+    name = f"the {other} {fields['name']}" if "name" in fields else f"a {other}"
+    key = f", with key {fields['key']} to {fields.get('right')}" if "key" in fields else ""
+    if "refusal" in fields:
+        return Words(WARN, f"{name}{key}: refused: {fields['refusal']}")
+    left = f" left: {fields['farewell']}" if "farewell" in fields else " is the peer"
+    return Words(INFO, f"{name}{key}{left}")
+
+
 def _counted(level: str, one: str, many: str) -> Callable[[str, Fields], Words]:
     return lambda _, fields: Words(level, f"{fields['ticks']} {one if fields['ticks'] == 1 else many}")
 
@@ -86,6 +96,7 @@ EVENTS: dict[str, Callable[[str, Fields], Words]] = {
     "settings": lambda _, fields: Words(
         INFO, f"settings changed, change {fields['generation']}: Weber factor {fields['weber']:g}"
     ),
+    "peer": _peer,
     "path": lambda _, fields: Words(WARN if fields["changes"] else INFO, path_in(fields).words()),
     "held": lambda *_: Words(INFO, "button held: the robot follows"),
     "released": lambda *_: Words(WARN, "button released: the robot holds and the force is zero"),

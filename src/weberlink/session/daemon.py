@@ -115,7 +115,8 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
             paths=paths,
             on_no_path=lambda why: side.give_up(monotonic(), why),
         )
-        described = description.Description(order.ring, description.describe(configuration, order.side, side.port))
+        told = description.describe(configuration, order.side, side.endpoint.name, side.port)
+        described = description.Description(order.ring, told)
         described.publish(paths=udp.paths)
         stack.callback(described.remove)
         ring = RingWriter.create(

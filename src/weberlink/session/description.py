@@ -65,12 +65,13 @@ def path_beside(ring: str | Path) -> Path:
     return Path(ring).with_suffix(".json")
 
 
-def describe(configuration: Configuration, side: str, port: Port | None = None) -> dict[str, Any]:
+def describe(configuration: Configuration, side: str, name: str = "", port: Port | None = None) -> dict[str, Any]:
     """Describe the daemon in this process; the paths of keys and secrets are left out.
 
     Args:
         configuration: of the session.
         side: master or slave.
+        name: of the side, where it is known.
         port: of the side, where it is known; that of an arm adds the range of its angles.
     """
     system = configuration.system
@@ -80,7 +81,7 @@ def describe(configuration: Configuration, side: str, port: Port | None = None) 
     angles = getattr(port, "angle_range", None)
     return {
         "side": side,
-        "name": getattr(system.link.names, side) or default_name(side, system.link.listen),
+        "name": name or getattr(system.link.names, side) or default_name(side, system.link.listen),
         "file": str(configuration.path.absolute()),
         "pid": os.getpid(),
         "rate_hz": system.rate_hz,

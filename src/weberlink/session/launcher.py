@@ -272,6 +272,7 @@ class LiveRun:
         figures = replace(figures, verdict=judged, status=MISCONFIGURED if is_wrong_file else judged.status)
         if self.journal is not None:
             for side, summary in summaries.items():
+                self.journal.add_peer(side, summary["peer"])
                 self.journal.trace(summary.get("trace", ()), side)
             self.journal.end(figures)
         return figures
@@ -299,6 +300,8 @@ class LiveRun:
             self._peers = {side: each.get("peer") for side, each in described.items()}
             for side, each in described.items():
                 self._add_paths(side, paths_of(each))
+                if self.journal is not None:
+                    self.journal.add_peer(side, self._peers[side])
             self._tell()
         if self._watch is not None:
             self._watch(self.score.state, self._figures())

@@ -48,11 +48,14 @@ class PeerFacts(NamedTuple):
         name: of the peer of the present session, or of the last one.
         refusal: why the last call was refused, while there is no session.
         farewell: the reason that the peer gave when it left the last session.
+        key, right: number of the key of a master, which does not tell the key, and what it is good for; "" without one.
     """
 
     name: str = ""
     refusal: str = ""
     farewell: str = ""
+    key: str = ""
+    right: str = ""
 
 
 class Side:
@@ -403,7 +406,10 @@ class Side:
     def _begin(self) -> None:
         """Begin a new session: nothing of the last one holds but a trip, which concerns the robot's contact."""
         self._session = self.endpoint.sessions
-        self.peer = PeerFacts(self.endpoint.peer_name)
+        grant = self.endpoint.peer_grant
+        self.peer = PeerFacts(
+            self.endpoint.peer_name, key=grant.number, right=grant.right.value if grant.number else ""
+        )
         self._forget()
         self._is_fresh = True
         for control in self.port.controls:

@@ -1,6 +1,5 @@
 """What a long run writes: files and folders are checked before the start, and the log never blocks or raises."""
 
-import json
 import os
 import select
 import sys
@@ -11,6 +10,8 @@ from pathlib import Path
 from tempfile import NamedTemporaryFile
 from types import TracebackType
 from typing import Any, Self
+
+from weberlink.figures.chain import Chain
 
 STANDARD_OUTPUT = Path("-")
 """For the options that can write there."""
@@ -102,6 +103,7 @@ class LogFile:
         """Lines that could not be written."""
         self._own = target != STANDARD_OUTPUT
         self._torn = False
+        self._chain = Chain()
         try:
             # O_NONBLOCK: a FIFO without a reader is refused instead of waited for.
             flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC | os.O_NONBLOCK
@@ -112,8 +114,11 @@ class LogFile:
             raise ConfigurationError(f"--log: {target}: {error.strerror}") from None
 
     def write_json(self, document: Mapping[str, Any]) -> bool:
-        """Append a line of JSON; ValueError for a number that is not finite."""
-        return self.write(json.dumps(document, separators=(",", ":"), allow_nan=False))
+        """Append a line of JSON to the chain of this session; ValueError for a number that is not finite."""
+        line = self._chain.line(document)
+        if is_written := self.write(line):
+            self._chain.append(line)
+        return is_written
 
     def write(self, line: str) -> bool:
         """Append a line, given without its end; returns whether all of it was written."""

@@ -11,7 +11,7 @@ import resource
 import socket
 import sys
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from hmac import compare_digest
@@ -20,7 +20,7 @@ from http.client import HTTPException, parse_headers
 from io import BytesIO
 from ipaddress import IPv6Address, ip_address
 from math import isfinite
-from selectors import EVENT_READ, DefaultSelector
+from selectors import EVENT_READ, EVENT_WRITE, DefaultSelector
 from time import monotonic
 from typing import Any, Generic, TypeVar
 from urllib.parse import parse_qs, urlsplit
@@ -34,6 +34,8 @@ UNPROVEN = "this is not the token of the monitor; open the address that it print
 BEGIN = f"POST {EMERGENCY}".encode()
 MOST_SILENT = 64
 """Connections that have sent nothing yet."""
+MOST_PASSING = 64
+"""Connections that wait for a busy monitor."""
 MOST_ASKING = 16
 """Connections that ask for a stop."""
 MOST_ARMED = 16
@@ -83,6 +85,12 @@ class Crowd(Generic[T]):
         del self._from[oldest]
         return oldest
 
+    def __len__(self) -> int:
+        return len(self._from)
+
+    def __iter__(self) -> Iterator[T]:
+        return iter(self._from)
+
     def remove(self, connection: T) -> bool:
         """Whether it was there."""
         return self._from.pop(connection, None) is not None
@@ -128,20 +136,20 @@ class Front:
     def __init__(self, listening: socket.socket, channel: socket.socket, order: FrontOrder) -> None:
         self._listening, self._channel, self._order = listening, channel, order
         self._selector = DefaultSelector()
-        self._silent = Crowd[socket.socket](MOST_SILENT)
+        self._silent, self._passing = Crowd[socket.socket](MOST_SILENT), Crowd[socket.socket](MOST_PASSING)
         self._asking: dict[socket.socket, _Asking] = {}
         self._armed: list[_Armed] = []
         for each in (listening, channel):
             each.setblocking(False)
         self._selector.register(listening, EVENT_READ, self._accept)
-        self._selector.register(channel, EVENT_READ)
+        self._selector.register(channel, EVENT_READ, self._flush)
 
     def run(self) -> None:
         while True:
             late = all(armed.answer is None for armed in self._armed)
             wait = None if not self._asking else REQUEST_S
-            for key, _ in self._selector.select((LOOK_LATE_S if late else LOOK_S) if self._armed else wait):
-                if key.fileobj is self._channel:  # which only ends
+            for key, ready in self._selector.select((LOOK_LATE_S if late else LOOK_S) if self._armed else wait):
+                if key.fileobj is self._channel and ready & EVENT_READ:  # it only ends
                     return
                 with suppress(OSError):  # it has ended meanwhile
                     key.data(key.fileobj)
@@ -179,21 +187,42 @@ class Front:
     def _on_begin(self, connection: socket.socket) -> None:
         if not self._silent.remove(connection):  # closed for a newer one in this turn
             return
-        is_stop = False
         try:
             is_stop = connection.recv(len(BEGIN), socket.MSG_PEEK) == BEGIN
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVLOWAT, 1)
-            if not is_stop:
-                connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BYTES)
-                socket.send_fds(self._channel, [CONNECTION], [connection.fileno()])
-        finally:  # also where the monitor is too busy to take one more
-            if not is_stop:
-                self._drop(connection)
-        if is_stop:
-            if len(self._asking) >= MOST_ASKING:
-                self._drop(next(iter(self._asking)))
-            self._asking[connection] = _Asking(connection, monotonic() + REQUEST_S)
-            self._selector.modify(connection, EVENT_READ, self._on_request)
+        except OSError:
+            self._drop(connection)
+            return
+        if not is_stop:
+            self._pass_on(connection)
+            return
+        if len(self._asking) >= MOST_ASKING:
+            self._drop(next(iter(self._asking)))
+        self._asking[connection] = _Asking(connection, monotonic() + REQUEST_S)
+        self._selector.modify(connection, EVENT_READ, self._on_request)
+        self._on_request(connection)  # a whole request waits for nobody
+
+    def _pass_on(self, connection: socket.socket) -> None:
+        self._forget(connection)
+        try:
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BYTES)
+            evicted = self._passing.add(connection, connection.getpeername()[0])
+        except OSError:
+            evicted = connection
+        if evicted is not None:
+            evicted.close()
+        self._flush(self._channel)
+
+    def _flush(self, channel: socket.socket) -> None:
+        """Pass on what the monitor takes; the rest waits for it."""
+        for connection in list(self._passing):
+            try:
+                socket.send_fds(channel, [CONNECTION], [connection.fileno()])
+            except BlockingIOError:
+                break
+            self._passing.remove(connection)
+            connection.close()
+        self._selector.modify(channel, EVENT_READ | (EVENT_WRITE if self._passing else 0), self._flush)
 
     # --- a stop
 
@@ -201,7 +230,12 @@ class Front:
         asking = self._asking.get(connection)
         if asking is None:  # closed for a newer one in this turn
             return
-        data = connection.recv(LONGEST_REQUEST)
+        try:
+            data = connection.recv(LONGEST_REQUEST)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
         asking.data += data
         head, end, _ = asking.data.partition(b"\r\n\r\n")
         if end:

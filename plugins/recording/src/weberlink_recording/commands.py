@@ -6,21 +6,25 @@ from typing import Annotated
 import typer
 
 from weberlink.cli.arguments import CommandGroup, Json, folder_target
-from weberlink.cli.output import failing, write
+from weberlink.cli.output import fail, failing, write
+from weberlink.order import FAILED
 
 record = typer.Typer(name="record", cls=CommandGroup, help="Describe or convert recordings.", no_args_is_help=True)
 Recordings = Annotated[list[Path], typer.Argument(metavar="FILE...", help="One recording, or both sides' (MCAP).")]
+Files = Annotated[list[Path], typer.Argument(metavar="FILE...", help="One recording, or both sides' (MCAP); or logs.")]
 
 # Each command imports what it needs when it runs.
 
 
 @record.command()
-def info(recordings: Recordings, json_out: Json = None) -> None:
-    """Describe a recording: its sides, gaps and figures."""
+def info(files: Files, json_out: Json = None) -> None:
+    """Describe a recording, and verify its journal or logs; status 1 if lines were changed or are missing."""
     from weberlink_recording.export import describe  # noqa: PLC0415
 
-    description = describe(recordings)
+    description = describe(files)
     write(description.document, json_out, description.show)
+    if description.broken is not None:
+        fail(description.broken, FAILED)
 
 
 @record.command()

@@ -115,6 +115,8 @@ def uniform(data: bytes) -> Rows | None:
 PROFILE, LIBRARY = "ros2", "weberlink"
 FACTS, END = "weberlink", "end"
 """Names of the records of metadata at the start and at the end of a recording."""
+JOURNAL = "journal"
+"""In that at the end, the hash of the last line of the journal."""
 
 
 class McapFile:

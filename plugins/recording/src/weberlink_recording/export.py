@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,12 +18,14 @@ from rich.text import Text
 from weberlink.config import ConfigurationError
 from weberlink.config.document import parse_foreign
 from weberlink.config.errors import require_package
+from weberlink.figures.chain import Verified, verify
 from weberlink.figures.report import session_report
 from weberlink.figures.session import Records
 from weberlink.figures.tree import Figures
 from weberlink.figures.verdict import verdict
 from weberlink.master.trace import COLUMNS, TraceError, read_trace
 from weberlink.session.description import RANGE
+from weberlink.session.targets import LONGEST_LINE
 from weberlink.telemetry.record import AXES, JOINTS
 from weberlink.telemetry.recorders import BEGUN, COMPLETE
 from weberlink_recording.lerobot_frames import NoFramesError, frames_of
@@ -64,21 +67,52 @@ class RecordingDescription:
         """For JSON."""
         return {"files": self.files, "marks": self.marks} | self.figures.to_json()
 
+    @property
+    def broken(self) -> str | None:
+        """Whose journal is not as it was written; None for none."""
+        found = ((file["path"], file["journal"]) for file in self.files if file["journal"] is not None)
+        return next((f"the journal of {path} is {Verified(**told)}" for path, told in found if told["broken"]), None)
+
     def show(self, console: Console) -> None:
         """Print a line for each file, then the report of the session."""
         for file in self.files:
             console.print(Text(_file_line(file)))
+            if file["journal"] is not None:
+                console.print(Text(f"journal: {Verified(**file['journal'])}"), soft_wrap=True)
         for mark in self.marks:
             console.print(Text(f"mark at {mark['at_s']:.3f} s: {mark['text']}"))
         session_report(self.figures, "weberlink record info " + " ".join(file["path"] for file in self.files), console)
 
 
-def describe(paths: Sequence[Path]) -> RecordingDescription:
-    """Describe one recording, or those of both sides.
+@dataclass(frozen=True)
+class LogDescription:
+    """What the chains of some logs say of themselves, by path, and how it is shown."""
+
+    logs: dict[str, Verified]
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"logs": {path: found._asdict() for path, found in self.logs.items()}}
+
+    @property
+    def broken(self) -> str | None:
+        """Which file is not as it was written; None for none."""
+        return next((f"{path} {found}" for path, found in self.logs.items() if found.broken), None)
+
+    def show(self, console: Console) -> None:
+        for path, found in self.logs.items():
+            console.print(Text(f"{path}: {found}"), soft_wrap=True)
+
+
+def describe(paths: Sequence[Path]) -> RecordingDescription | LogDescription:
+    """Describe one recording, those of both sides, or logs.
 
     Raises:
         ConfigurationError: a file is not a recording, or the files are not of one session.
     """
+    if all(map(_is_log, paths)):
+        return LogDescription({str(path): _verified(path) for path in paths})
     recordings, session = _read(paths)
     files = [
         {
@@ -92,6 +126,7 @@ def describe(paths: Sequence[Path]) -> RecordingDescription:
             "began": _date(recording),
             "begun": recording.facts.get(BEGUN),
             "configuration": recording.facts.get("configuration"),
+            "journal": None if recording.journal is None else recording.journal._asdict(),
         }
         for recording in recordings
     ]
@@ -102,6 +137,20 @@ def describe(paths: Sequence[Path]) -> RecordingDescription:
     )
     figures = replace(session.figures(), outcome=outcome)
     return RecordingDescription(files, marks, replace(figures, verdict=verdict(figures)))
+
+
+def _is_log(path: Path) -> bool:
+    """Whether a file begins as those of `--log` do."""
+    try:
+        with path.open("rb") if path.is_file() else BytesIO() as file:
+            return file.read(1) == b"{"
+    except OSError:
+        return False  # as a recording it is told why
+
+
+def _verified(path: Path) -> Verified:
+    with path.open("rb") as file:
+        return verify(line.rstrip(b"\n") for line in iter(lambda: file.readline(LONGEST_LINE + 1), b""))
 
 
 def export(paths: Sequence[Path], to: str, folder: Path | None, dataset: DatasetOptions = DEFAULTS) -> list[str]:

@@ -6,7 +6,8 @@ from typing import NamedTuple
 from weberlink.telemetry.message import ENCAPSULATION
 from weberlink.text import one_line
 
-MARK_TOPIC = "/weberlink/marks"
+MARK_TOPIC, JOURNAL_TOPIC = "/weberlink/marks", "/weberlink/journal"
+"""Of marks, and of the lines of the journal (`weberlink.figures.chain`), which are messages of the same schema."""
 MARK_SCHEMA = "rcl_interfaces/msg/Log"
 MARK_DEFINITION = """\
 # A mark that a person has set in a recording of a WeberLink session.
@@ -61,7 +62,7 @@ def read_mark(message: bytes) -> Mark:
         text, _ = _string(body, at)
     except error:
         raise ValueError("a mark that is cut short") from None
-    return Mark(seconds * _NS + nanoseconds, shortened(text))
+    return Mark(seconds * _NS + nanoseconds, text)
 
 
 def shortened(text: str) -> str:

@@ -20,6 +20,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata, Schema
 
+from weberlink.figures.chain import Verified, verify
 from weberlink.telemetry.message import (
     ENCAPSULATION,
     MESSAGE_ENCODING,
@@ -34,8 +35,20 @@ from weberlink.telemetry.message import (
 from weberlink.telemetry.record import AXES, JOINTS
 from weberlink.telemetry.recorders import COMPLETE
 from weberlink.text import one_line
-from weberlink_recording.container import END, FACTS, FRAME, HEAD, MAGIC, MESSAGE, frames, origin_in, rows_of, uniform
-from weberlink_recording.marks import MARK_SCHEMA, MARK_TOPIC, Mark, read_mark
+from weberlink_recording.container import (
+    END,
+    FACTS,
+    FRAME,
+    HEAD,
+    JOURNAL,
+    MAGIC,
+    MESSAGE,
+    frames,
+    origin_in,
+    rows_of,
+    uniform,
+)
+from weberlink_recording.marks import JOURNAL_TOPIC, MARK_SCHEMA, MARK_TOPIC, Mark, read_mark, shortened
 
 Parsed = TypeVar("Parsed")
 
@@ -103,12 +116,14 @@ class Content:
         self.metadata: dict[str, dict[str, str]] = {}
         self.origins: dict[str, Origin] = {}
         self.marks: list[Mark] = []
+        self.journal: list[bytes] = []
         self.foreign: dict[str, None] = {}
         """Topics that are none of a recording, with the name of their schema."""
         self._schemas: dict[int, Schema] = {}
         self._sides: dict[int, tuple[str, np.dtype[np.void]]] = {}
         self._layouts: dict[str, np.dtype[np.void]] = {}
-        self._mark_channels: set[int] = set()
+        self._logs: dict[int, str] = {}
+        """Topics of marks and journal, by channel."""
         self._parts: dict[str, list[Rows]] = defaultdict(list)
 
     def take(self, opcode: int, body: bytes) -> None:
@@ -176,13 +191,13 @@ class Content:
     def _take_channel(self, channel: Channel) -> None:
         if channel.id in self._sides:
             return  # repeated, as each chunk and the index may
-        if len(self._sides) + len(self._mark_channels) >= MOST_CHANNELS:
+        if len(self._sides) + len(self._logs) >= MOST_CHANNELS:
             raise ForeignError(f"has more than {MOST_CHANNELS} channels of a session")
         schema = self._schemas.get(channel.schema_id)
         name = "no schema" if schema is None else schema.name
         side = SIDES.get(channel.topic)
-        if (channel.topic, name) == (MARK_TOPIC, MARK_SCHEMA):
-            self._mark_channels.add(channel.id)
+        if channel.topic in (MARK_TOPIC, JOURNAL_TOPIC) and name == MARK_SCHEMA:
+            self._logs[channel.id] = channel.topic
         elif side is None:
             self.foreign.setdefault(f"{channel.topic} ({name})")
         else:
@@ -204,8 +219,8 @@ class Content:
             channel = MESSAGE.unpack_from(message)[0]
             if channel in self._sides:
                 of_side[channel].append(message)
-            elif channel in self._mark_channels:
-                self._take_mark(message)
+            elif channel in self._logs:
+                self._take_log(channel, message)
         for channel, own in of_side.items():
             size = self._sides[channel][1].itemsize + HEAD - FRAME.size
             if min(map(len, own)) < size:
@@ -216,10 +231,10 @@ class Content:
 
     def _take_rows(self, rows: Rows) -> None:
         for channel in np.unique(rows["channel"]).tolist():
-            if channel in self._mark_channels:
+            if channel in self._logs:
                 for row in rows[rows["channel"] == channel]:
                     self._spend(FRAME_COST)
-                    self._take_mark(row.tobytes()[FRAME.size :])
+                    self._take_log(channel, row.tobytes()[FRAME.size :])
             if channel not in self._sides:
                 continue
             side, layout = self._sides[channel]
@@ -235,9 +250,13 @@ class Content:
                 raise ForeignError("holds messages that are not plain little-endian CDR")
             self._parts[side].append(np.ascontiguousarray(own["body"]).view(layout))
 
-    def _take_mark(self, message: bytes) -> None:
+    def _take_log(self, channel: int, message: bytes) -> None:
         with _damaged("a mark"):
-            self.marks.append(read_mark(message[MESSAGE.size :]))
+            mark = read_mark(message[MESSAGE.size :])
+        if self._logs[channel] == MARK_TOPIC:
+            self.marks.append(mark._replace(text=shortened(mark.text)))
+        else:
+            self.journal.append(mark.text.encode())
 
 
 def _layout(channel: Channel, schema: Schema | None) -> np.dtype[np.void]:
@@ -310,6 +329,7 @@ class Recording:
         lost: records by side that the recorder missed, as far as it could say so.
         outcome: "complete", "cut off", or in words what ended the recording.
         marks: that a person set, in order of time.
+        journal: what its chain of lines says of itself; None where there is none.
     """
 
     path: Path
@@ -320,6 +340,7 @@ class Recording:
     lost: dict[str, int]
     outcome: str
     marks: tuple[Mark, ...] = ()
+    journal: Verified | None = None
 
 
 def read_recording(path: str | Path) -> Recording:
@@ -354,10 +375,19 @@ def read_recording(path: str | Path) -> Recording:
         origins=content.origins,
         records={side: content.records(side) for side in TOPICS if side in content.origins},
         marks=tuple(sorted(content.marks)),
+        journal=_journal(content.journal, end.get(JOURNAL)),
         complete=outcome == COMPLETE and not any(lost.values()),
         lost=lost,
         outcome=outcome,
     )
+
+
+def _journal(lines: list[bytes], head: str | None) -> Verified | None:
+    """The chain of the lines, whose last hash is as stated at the end of the file, if that is there."""
+    found = verify(lines)
+    is_short = not found.broken and head not in (None, found.head)
+    found = found._replace(broken=found.lines + 1) if is_short else found
+    return found if lines or found.broken else None
 
 
 def _take_all(file: BufferedReader, size: int, content: Content) -> str:

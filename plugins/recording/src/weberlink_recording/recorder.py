@@ -12,9 +12,11 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from importlib import import_module
 from signal import SIG_IGN, SIGHUP, SIGINT, SIGTERM, Signals
+from threading import Thread
 from time import monotonic, process_time, sleep
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,6 +27,9 @@ from weberlink.telemetry.recorders import COMPLETE
 from weberlink.telemetry.ring import RingFormatError
 from weberlink_recording.marks import Mark, shortened
 from weberlink_recording.writer import RecordingWriter
+
+if TYPE_CHECKING:
+    from weberlink_recording.session_journal import SessionJournal
 
 COMPLETED, FAILED = 0, 1
 STOP_SIGNALS = (SIGINT, SIGTERM)
@@ -90,14 +95,15 @@ class RingSource:
                 self.ring = RingReader(self.path)
         return self.ring is not None
 
-    def move(self, writer: RecordingWriter) -> None:
-        """Write the new records, and count those that were overwritten before they could be read.
+    def move(self, writer: RecordingWriter) -> Rows | None:
+        """Write the new records, and count those that were overwritten before they could be read; returns what was
+        written, None without a ring and after its end.
 
         Raises:
             OSError: by the writer.
         """
         if self.ring is None or self.drained:
-            return
+            return None
         alive = self.ring.alive  # before the read, which then takes all there ever is
         records, passed = self.ring.read(), self.ring.passed
         if self._left_out is None and len(records):
@@ -109,6 +115,7 @@ class RingSource:
         self._lost = lost
         self.drained = not alive
         writer.write(self.side, records)
+        return records
 
     def _cut(self, records: Rows, passed: int) -> tuple[int, Rows]:
         """Leave out what was before `since`; returns how many records that are, and the others."""
@@ -165,6 +172,9 @@ class RingRecorder:
         self._marks: list[dict[str, Any]] = []
         """Marks that wait for the file."""
         self.writer: RecordingWriter | None = None
+        self._journal: SessionJournal | None = None
+        self._unnoted: list[tuple[RingSource, Rows]] = []
+        self._loading: Thread | None = None
 
     def run(self) -> str:
         """Record until every daemon has ended, or until this process is told to; returns the outcome.
@@ -205,11 +215,27 @@ class RingRecorder:
             self._obey(command)
         if self.writer is not None:
             for source in self._sources:
-                source.move(self.writer)
+                records = source.move(self.writer)
+                if records is not None:
+                    self._unnoted.append((source, records))
             self.writer.flush()
+            self._note()
             for mark in self._marks:
                 self.writer.mark(self._dated(mark))
             self._marks.clear()
+
+    def _note(self, *, wait: bool = False) -> None:
+        """Write to the journal what the records tell, once what it needs is loaded."""
+        if self._loading is None or (self._loading.is_alive() and not wait) or self.writer is None:
+            return
+        self._loading.join()
+        from weberlink_recording.session_journal import SessionJournal  # noqa: PLC0415 - loaded by now
+
+        for source, records in self._unnoted:
+            if source.ring is not None:
+                self._journal = self._journal or SessionJournal(self.writer, source.ring.rate_hz)
+                self._journal.add(source.side, source.path, source.ring, records)
+        self._unnoted.clear()
 
     def _obey(self, command: dict[str, Any]) -> None:
         if "mark" in command:
@@ -232,9 +258,14 @@ class RingRecorder:
         if self.writer is None:
             os.nice(NICENESS)  # not before: a short session must not be over before it is found
             self.writer = RecordingWriter.create(self._order.out, self._order.facts)
+            self._loading = Thread(target=import_module, args=["weberlink_recording.session_journal"], daemon=True)
+            self._loading.start()
         self.writer.add_side(Origin(source.side, ring.rate_hz, *self._clock))
 
     def _close(self, outcome: str) -> str:
+        self._note(wait=True)
+        if self._journal is not None:
+            self._journal.flush()
         if self.writer is not None:
             self.writer.close(outcome)
         elif outcome == COMPLETE:  # told to finish before there was a ring, and so a file

@@ -9,16 +9,17 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from mcap.records import Metadata
 
+from weberlink.figures.chain import Chain
 from weberlink.telemetry.message import SCHEMA_NAME, SCHEMA_TEXT, Origin, Rows
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.recorders import COMPLETE
-from weberlink_recording.container import END, FACTS, QOS, McapFile, framed, metadata_of
-from weberlink_recording.marks import MARK_DEFINITION, MARK_SCHEMA, MARK_TOPIC, Mark, pack_mark
+from weberlink_recording.container import END, FACTS, JOURNAL, QOS, McapFile, framed, metadata_of
+from weberlink_recording.marks import JOURNAL_TOPIC, MARK_DEFINITION, MARK_SCHEMA, MARK_TOPIC, Mark, pack_mark
 
 CHUNK_RECORDS = 4096
 """A chunk is written when it holds so many records, or earlier by `flush`."""
@@ -43,8 +44,10 @@ class RecordingWriter:
         self._taken: Counter[str] = Counter()
         self._lost: Counter[str] = Counter()
         self._schema: int | None = None
-        self._marks: int | None = None
-        """Channel of the marks; None before the first."""
+        self._logs: dict[str, int] = {}
+        """Channels of marks and journal by topic."""
+        self._log_schema = 0
+        self._chain = Chain()
         self._pending: list[Rows] = []
         self._error: OSError | None = None
         self._closed = False
@@ -81,7 +84,7 @@ class RecordingWriter:
     @property
     def marks(self) -> int:
         """How many marks are in the file."""
-        return 0 if self._marks is None else self._file.messages[self._marks]
+        return self._file.messages[self._logs[MARK_TOPIC]] if MARK_TOPIC in self._logs else 0
 
     @property
     def size(self) -> int:
@@ -121,14 +124,21 @@ class RecordingWriter:
         if sum(map(len, self._pending)) >= CHUNK_RECORDS:
             self.flush()
 
-    def mark(self, mark: Mark) -> None:
-        """Write a mark."""
+    def mark(self, mark: Mark, topic: str = MARK_TOPIC) -> None:
+        """Write a mark, or a line of the journal by its topic."""
         with self._writing():
-            if self._marks is None:
-                schema = self._file.add_schema(MARK_SCHEMA, MARK_DEFINITION)
-                self._marks = self._file.add_channel(MARK_TOPIC, schema, QOS)
-            body = pack_mark(mark)
-            self._file.add_chunk(framed(self._marks, self.marks, mark.wall_ns, np.array([body], f"V{len(body)}")))
+            if topic not in self._logs:
+                self._log_schema = self._log_schema or self._file.add_schema(MARK_SCHEMA, MARK_DEFINITION)
+                self._logs[topic] = self._file.add_channel(topic, self._log_schema, QOS)
+            channel, body = self._logs[topic], pack_mark(mark)
+            count = self._file.messages[channel]
+            self._file.add_chunk(framed(channel, count, mark.wall_ns, np.array([body], f"V{len(body)}")))
+
+    def journal(self, wall_ns: int, document: Mapping[str, Any]) -> None:
+        """Write the next line of the journal; its moment on the wall clock is that of its event."""
+        line = self._chain.line(document)
+        self.mark(Mark(wall_ns, line), JOURNAL_TOPIC)
+        self._chain.append(line)
 
     def flush(self) -> None:
         """Hand all records so far to the kernel, so that the death of this process costs none of them."""
@@ -193,7 +203,8 @@ class RecordingWriter:
     def _end(self, outcome: str) -> Metadata:
         counts = {f"records_{side}": str(count) for side, count in self.records.items()}
         lost = {f"lost_{side}": str(count) for side, count in self.lost.items()}
-        return Metadata(END, {"outcome": outcome, **counts, **lost})
+        journal = {JOURNAL: self._chain.head} if JOURNAL_TOPIC in self._logs else {}
+        return Metadata(END, {"outcome": outcome, **counts, **lost, **journal})
 
     def _release(self) -> None:
         self._closed = True

@@ -151,6 +151,10 @@ def acquaintance(configuration: Configuration, side: str, finder: PathFinder | N
         return Acquaintance(finder.security, finder.own, finder.expects)
     link = configuration.system.link
     named = own_key(link.key_file).name if side == MASTER and link.security == "psk" and link.key_file else ""
+    if named and link.names.master not in (None, named):
+        raise ConfigurationError(
+            f"link.names.master: the key is that of {named!r}; leave the name out, or take its own"
+        )
     return Acquaintance(build_security(configuration), named or default_name(side, link.listen))
 
 
