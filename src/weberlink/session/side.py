@@ -177,7 +177,7 @@ class Side:
             self._settle(now)
         self._receive(now)
         endpoint = self.endpoint
-        if self.tuning.is_busy:
+        if self.tuning.agreed:
             peer_time = endpoint.clock.peer_time(deadline)
             self._guarded(self.tuning.advance, index, None if peer_time is None else peer_time / self._tick_period)
         # The tick of the peer for which this tick decodes: now, but not long past its encoder's last sign.
