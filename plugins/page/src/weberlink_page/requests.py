@@ -58,7 +58,7 @@ class Requests:
         return request
 
     async def answer(self, viewer: Viewer, request: dict[str, Any]) -> Answer | None:
-        """The handler's answer, of type `answer` unless it names another, and `to`, the type of the request."""
+        """The handler's answer: of type `answer`, with `to`, the type of the request, unless it names its own."""
         kind = request["type"]
         handler = self.handlers.get(kind)
         if handler is None:
