@@ -139,7 +139,7 @@ class Endpoint:
         self.peer = peer
         self.sessions = 0
         self.statistics = Statistics()
-        self.liveness = Liveness(epoch, silence, 0.0, -inf)
+        self.liveness = Liveness(epoch, silence, 0.0, -inf, streams=len(incoming))
         self.clock = self._no_clock = Clock(epoch, 0.0, epoch)
         self.credit = Credit()
         self._calls = role is Role.INITIATOR
@@ -209,13 +209,17 @@ class Endpoint:
         """Time at which a limit is passed if nothing more is heard [s]; infinite while not engaged."""
         return self.liveness.silent_at if self.state is _ENGAGED else inf
 
-    def is_peer_encoding(self, now: float) -> bool:
-        """Whether the peer's updates may be executed: each end hears the other, and the peer's encoder runs.
-
-        Of two streams, an update of one that arrives stands for both: the datagrams do not tell each stream's newest.
-        """
+    def may_follow(self, now: float) -> bool:
+        """Whether the peer's updates may be executed: each end hears the other, the peer's encoder runs, and each end
+        holds the newest updates of all streams of the other, or lacks them for no longer than the limits allow."""
         liveness = self.liveness
-        return self.state is _ENGAGED and now <= liveness.encodes_until and not liveness.is_opening
+        is_current = now <= liveness.encodes_until and now <= liveness.held_until
+        return is_current and self.state is _ENGAGED and not liveness.is_opening
+
+    def is_undelivered(self, now: float) -> bool:
+        """Whether updates of one direction have not come through for longer than S + R, although the ends hear each
+        other."""
+        return now > self.liveness.undelivered_at and self.state is _ENGAGED
 
     # --- what the owner sends
 
@@ -228,7 +232,7 @@ class Endpoint:
         if self._session is None:
             return False
         self._due = None
-        self._is_encoding = True
+        self._set_encoding(now, is_encoding=True)
         self._post(self._session.send_update(now, update, stream))
         return True
 
@@ -239,8 +243,13 @@ class Endpoint:
         """
         self._encoding_reported_at = now
         if is_encoding is not self._is_encoding:
-            self._is_encoding = is_encoding
+            self._set_encoding(now, is_encoding=is_encoding)
             self._tell_encoding()
+
+    def _set_encoding(self, now: float, *, is_encoding: bool) -> None:
+        if is_encoding is not self._is_encoding:
+            self._is_encoding = is_encoding
+            self.liveness.count_from(now if is_encoding else inf)  # what is not repeated cannot be held
 
     def grant(self, count: int) -> None:
         """Tell the peer a cumulative count, in every datagram; it is 0 when a session begins, and stays 0 without one.
@@ -339,7 +348,7 @@ class Endpoint:
         if session is not None:
             if is_engaged:
                 if self._encoding_reported_at is not None and now - self._encoding_reported_at > self._encoding_report:
-                    self._is_encoding = False
+                    self._set_encoding(now, is_encoding=False)
                 for stream in session.take_lost(now) if self._is_encoding else ():
                     self._tell(events.UpdateLost(stream))
             while data := session.handle_timer(now, is_engaged=is_engaged, is_encoding=self._is_encoding):
@@ -498,6 +507,8 @@ class Endpoint:
         if self.state is _SILENT and session.is_fresh and now < session.liveness.silent_at:
             self.state = moved(self.state, _ENGAGED)
             session.silent_since = inf
+            session.liveness.resume(now)
+            session.prove()
             self._is_peer_heard = False
             self._dialer.stop()
             self._tell_encoding()
@@ -539,6 +550,8 @@ class Endpoint:
         self.state = moved(self.state, _ENGAGED)
         self._end_session()
         self._session = session
+        if self.sessions > 0:
+            session.prove()
         self.sessions += 1
         self.liveness, self.clock, self.credit = session.liveness, session.clock, session.credit
         self._tell_encoding()

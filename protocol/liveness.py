@@ -32,6 +32,7 @@ Where the path is so long that an answer would come too late, the datagrams go o
 there would be questions fit before the limit.
 """
 
+from collections.abc import Sequence
 from math import ceil, floor, inf, log
 from typing import Final
 
@@ -76,8 +77,13 @@ class Liveness:
         heard_at: arrival of the newest fresh datagram.
         confirmed_at: departure of our newest datagram that the peer is known to have heard.
         encoder_heard_at: arrival of the newest fresh datagram that left while the peer's encoder ran, with no update
-            known to be missing since its departure.
+            known to be missing since its departure; a stream of which one is missing may lag behind another one by R.
         encodes_until: until when the peer's encoder counts as running.
+        held_until: until when the peer's decoders count as current: S + R after the departure of the oldest of our
+            updates that it is not known to hold, or to have replaced by a newer one; inf without one; -inf while it
+            must first prove that it holds any.
+        undelivered_at: when the updates of one direction count as undelivered: S + 2 R after that departure, or without
+            all updates of a peer whose encoder says that it runs. So one that is sent again on evidence comes in time.
         in_touch_at: the end is in touch until then, and fades as time passes since then.
         silent_at: when one of the limits is passed if nothing more is heard.
         round_trip, generation: R that this end uses now, and its parity.
@@ -89,9 +95,12 @@ class Liveness:
         generation_heard_at: arrival of the first datagram that used the present round trip.
     """
 
-    def __init__(self, epoch: float, silence: float, departure: float, now: float, confirmed_at: float = -inf) -> None:
+    def __init__(
+        self, epoch: float, silence: float, departure: float, now: float, confirmed_at: float = -inf, streams: int = 1
+    ) -> None:
         """Begin with a handshake datagram of the peer, which left at `departure` on its clock and arrived at `now`.
-        `confirmed_at` is the departure of our datagram that it answers; -inf if it answers none."""
+        `confirmed_at` is the departure of our datagram that it answers; -inf if it answers none. The peer sends so many
+        streams."""
         self._epoch = epoch
         self._silence = self.limit = silence
         self.round_trip = 0.0
@@ -105,6 +114,10 @@ class Liveness:
         self.heard_at = now
         self.confirmed_at = confirmed_at
         self.encoder_heard_at = self.encodes_until = self.in_touch_at = -inf
+        self.held_until = self.undelivered_at = self._unheld_since = self._runs_from = inf
+        self._counts_from = -inf
+        self._proven_at = [-inf] * streams
+        self._is_proven = True
         self._update()
 
     def agree(self, round_trip: float, now: float) -> None:
@@ -113,6 +126,7 @@ class Liveness:
         self.is_agreed = True
         self.is_opening = 2.0 * round_trip > self._silence
         self.opened_at = self.generation_heard_at = now
+        self._counts_from = inf if self.is_opening else self._counts_from
         self._use(round_trip)
 
     def expect(self, round_trip: float) -> None:
@@ -130,8 +144,11 @@ class Liveness:
         self._update()
 
     def _update(self) -> None:
-        loop_from = self.confirmed_at + self.round_trip
-        self.in_touch_at = min(loop_from, self.encoder_heard_at)
+        loop_from, heard_at = self.confirmed_at + self.round_trip, self.encoder_heard_at
+        held_from = max(self._unheld_since, self._counts_from) + self.round_trip
+        self.in_touch_at = min(loop_from, heard_at, held_from)
+        self.held_until = held_from + self._silence if self._is_proven else -inf
+        self.undelivered_at = min(held_from, max(heard_at, self._runs_from) + self.round_trip) + self.limit
         if self.is_opening:
             self.silent_at = self.opened_at + self.limit
         else:
@@ -170,21 +187,50 @@ class Liveness:
             confirmed = confirmed if confirmed < now else now
         if confirmed > self.confirmed_at:
             self.confirmed_at = confirmed
-            if confirmed + self.limit / UNITS >= self.opened_at:
+            if self.is_opening and confirmed + self.limit / UNITS >= self.opened_at:
                 self.is_opening = False
+                self.resume(now)
         self._update()
         return now - confirmed <= self.limit
 
-    def hear_encoder(self, sequence: int, now: float, *, runs: bool) -> None:
-        """Take what a fresh datagram of this number says of the peer's encoder: it ran, and this end holds all its
-        updates, or it did not run. An update says so only if it is executed: otherwise somebody who holds updates back
+    def hear_encoder(self, sequence: int, now: float, *, runs: bool, streams: Sequence[int] = ()) -> None:
+        """Take what a fresh datagram of this number says of the peer's encoder: whether it ran, and of which streams
+        this end holds all updates. An update says so only if it is executed: otherwise somebody who holds updates back
         could keep an old one in use."""
-        if sequence > self._newest:
+        if sequence <= self._newest:
+            return
+        if not runs:
             self._newest = sequence
-            if runs:
-                self.encoder_heard_at = now
-            self.encodes_until = self.encoder_heard_at + self._silence if runs else -inf
+            self.encodes_until, self._runs_from = -inf, inf
+            self._proven_at = [-inf] * len(self._proven_at)
+        elif self._runs_from == inf:
+            self._runs_from = now
+        for stream in streams if runs else ():
+            self._newest = sequence
+            self._proven_at[stream] = now
+            proven_at = min(max(self._proven_at), min(self._proven_at) + self.round_trip)
+            if proven_at > -inf:
+                self.encoder_heard_at, self.encodes_until = proven_at, proven_at + self._silence
+        self._update()
+
+    def hold(self, unheld_since: float, *, is_proven: bool) -> None:
+        """The oldest of our updates that the peer is not known to hold left then [s], inf for none; `is_proven` unless
+        the peer must first prove that it holds any."""
+        if unheld_since != self._unheld_since or is_proven is not self._is_proven:
+            self._unheld_since, self._is_proven = unheld_since, is_proven
             self._update()
+
+    def resume(self, now: float) -> None:
+        """Each end hears the other from now on: what their encoders have sent before does not count as missing."""
+        self._counts_from = now
+        if self._runs_from < inf:
+            self._runs_from = now
+        self._update()
+
+    def count_from(self, at: float) -> None:
+        """What the peer holds of our updates counts from then on [s]: our encoder runs."""
+        self._counts_from = at
+        self._update()
 
 
 class HeartbeatSchedule:
@@ -200,7 +246,7 @@ class HeartbeatSchedule:
         self._silence = silence
         self._tick_period = tick_period
         self._introductions = INTRODUCTIONS
-        self._answer_wanted = self._credit_wanted = False
+        self._answer_wanted = self._credit_wanted = self._must_ask = False
         self._confirmed_at = self._heard_at = self._echoed_at = now
         self._round_trip = 0.0
         self._asked_at = -inf
@@ -264,6 +310,7 @@ class HeartbeatSchedule:
         if now >= self._ask_due():
             self._asked_at = now
         self._heartbeat_at = now
+        self._must_ask = False
         if has_reported:
             self._reported_at = now
         self._introductions -= is_confirmed and self._introductions > 0
@@ -273,6 +320,11 @@ class HeartbeatSchedule:
         """The peer is to hear something as soon as may be; any datagram will do."""
         self._answer_wanted = True
         self._due = None
+
+    def ask(self) -> None:
+        """Ask the peer at once for an answer, whatever was heard."""
+        self._must_ask = True
+        self.want_answer()
 
     def want_credit(self) -> bool:
         """The peer is to hear of more credit; returns whether that is new."""
@@ -285,7 +337,7 @@ class HeartbeatSchedule:
     def asks(self, now: float) -> bool:
         """Whether a heartbeat sent now asks for an answer: a datagram is missing, and an answer can be in time."""
         last = max(self._confirmed_at + self._round_trip, self._heard_at) + self._silence - self._answered_in
-        return self._ask_due() <= now <= last
+        return self._must_ask or self._ask_due() <= now <= last
 
     def reports(self, now: float) -> bool:
         """Whether a heartbeat sent now must report."""

@@ -13,7 +13,13 @@ from weberlink.update import Update
 SHORTEST_PACE: Final = 0.005
 LONGEST_PACE: Final = 0.1
 _EVEN_REPEATS: Final = 3
-_REMEMBERED: Final = 8
+_MOST_UNHELD: Final = 1024
+URGENT_SHARE: Final = 0.65
+URGENT_PACE: Final = 0.04
+"""From when on an update is sent again without evidence, because its time to be acknowledged runs out, and the least
+time between two of these, as shares of the silence limit, beside the agreed round trip."""
+UNHELD_SHARE: Final = 1.0 / 16.0
+"""How exactly the age of what the peer lacks is known, as a share of the silence limit; it is never underestimated."""
 
 MOST_COPIES: Final = 6
 RESIDUAL: Final = 0.02
@@ -130,38 +136,51 @@ class OutgoingStream:
     (`copies_needed`), 5 ms apart so that one short burst does not take all, until it is acknowledged or a newer one
     replaces it. These early repeats are paid from an `Allowance`, which the streams of an end share.
 
-    So in T seconds one update is repeated at most 13 + T / 0.1 times. `is_pending` if it is not known to have arrived,
-    `is_forgotten` if the peer has said that it no longer holds it, `is_missed` if the peer was heard after the update
-    must have arrived, and does not have it."""
+    Where the time runs out in which it must be acknowledged, an update is sent again without evidence.
 
-    def __init__(self, layout: UpdateLayout, allowance: Allowance) -> None:
+    So in T seconds one update is repeated at most 26 + T / 0.1 times. `is_pending` if it is not known to have arrived,
+    `is_forgotten` if the peer has said that it no longer holds it, `is_missed` if the peer was heard after the update
+    must have arrived, and does not have it. `unheld_since` is the departure of the oldest update that the peer is not
+    known to hold, or to have replaced by a newer one; inf if it holds the newest. `is_held` if it is known to hold any
+    since `forget`."""
+
+    def __init__(self, layout: UpdateLayout, allowance: Allowance, silence: float) -> None:
         self.layout = layout
         self.update: Update | None = None
         self.sent_at = -inf
         self.is_pending = self.is_forgotten = False
         self._allowance = allowance
-        self._sequences: deque[int] = deque(maxlen=_REMEMBERED)
-        """Truncated numbers of the datagrams that carried it."""
-        self._begun_at = -inf
+        self._begun_at, self._begun = -inf, 0
         self._count = 0
         self.is_missed = False
         self._early = 0
         self._last_ack = 0
         self._acknowledged_by = -1
+        self.is_held = False
+        self.unheld_since = inf
+        self._unheld: deque[tuple[float, int]] = deque(maxlen=_MOST_UNHELD)
+        """Of a few updates in a row: departure of the first, number of the last."""
+        self._silence = silence
+        self._urgent_at = inf
+        self._newest = 0
 
     def begin(self, update: Update, sequence: int, now: float, copies: int = 0) -> None:
         """A new update was sent in the datagram of this number; `copies` early repeats follow, if allowed."""
         self.update = update
-        self._sequences.clear()
-        self._sequences.append(sequence & ACKNOWLEDGEMENT_MASK)
-        self._count = 0
+        self._count, self._newest, self._begun = 0, sequence, sequence
         self._begun_at = self.sent_at = now
+        if self._unheld and now - self._unheld[-1][0] < UNHELD_SHARE * self._silence:
+            self._unheld[-1] = self._unheld[-1][0], sequence
+        else:
+            self._unheld.append((now, sequence))
+        self.unheld_since = self._unheld[0][0]
         self.is_pending, self.is_forgotten, self.is_missed = True, False, False
         self._early = min(copies, self._allowance.left(now)) if copies else 0
 
-    def repeated(self, sequence: int, now: float) -> None:
-        """The update was sent again in the datagram of that number."""
-        self._sequences.append(sequence & ACKNOWLEDGEMENT_MASK)
+    def repeated(self, sequence: int, now: float) -> bool:
+        """The update was sent again in the datagram of that number; returns whether an answer is urgent."""
+        self._newest = sequence
+        is_urgent = now >= self._urgent_at
         if self._early:
             self._early -= 1
             self._allowance.pay(now)
@@ -169,6 +188,7 @@ class OutgoingStream:
             self._count += 1
         self.sent_at = now
         self.is_missed = False
+        return is_urgent
 
     def unambiguous(self, sequence: int) -> int:
         """The next number that is not confused with an acknowledgement of nothing, or of 2^16 datagrams ago."""
@@ -186,12 +206,29 @@ class OutgoingStream:
                 return True
             ack = self._last_ack
         elif sequence > self._acknowledged_by:
+            if ack not in (0, self._last_ack):
+                self._hold(self._newest - (self._newest - ack & ACKNOWLEDGEMENT_MASK))
             self._last_ack, self._acknowledged_by = ack, sequence
         if self.is_pending:
-            self.is_pending = ack not in self._sequences
-            return not self.is_pending
+            return False
         self.is_forgotten |= is_newest and ack == 0 and self.update is not None
         return True
+
+    def _hold(self, number: int) -> None:
+        """The peer holds the update of the datagram of this number."""
+        unheld, is_newest = self._unheld, number >= self._begun
+        while unheld and (is_newest or unheld[0][1] <= number):
+            unheld.popleft()
+            self.is_held = True
+        self.unheld_since = unheld[0][0] if unheld else inf
+        self.is_pending = self.is_pending and not is_newest
+
+    def forget(self) -> None:
+        """The peer holds nothing any more; what is still to arrive will be sent again."""
+        self._unheld.clear()
+        if self.is_pending:
+            self._unheld.append((self._begun_at, self._begun))
+        self.unheld_since, self.is_held = self._begun_at if self.is_pending else inf, False
 
     def is_lost(self, now: float, limit: float) -> bool:
         """Whether the peer needs a new state, because it has forgotten the update, or the update has not arrived and
@@ -201,10 +238,17 @@ class OutgoingStream:
         self.is_pending = self.is_forgotten = False
         return True
 
-    def due_at(self, rtt: float, fallback: float) -> float:
-        """Time of the next repeat, infinity if there is no need; `fallback` is how long to wait for evidence [s]."""
+    def due_at(self, rtt: float, fallback: float, round_trip: float) -> float:
+        """Time of the next repeat, infinity if there is no need; `fallback` is how long to wait for evidence, and
+        `round_trip` that by which it must be acknowledged, beside the silence limit [s]."""
         if not self.is_pending:
             return inf
+        self._urgent_at = self.unheld_since + round_trip + URGENT_SHARE * self._silence
+        urgent_at = max(self._urgent_at, self.sent_at + URGENT_PACE * self._silence)
+        due = self._due_at(rtt, fallback)
+        return urgent_at if urgent_at < due and urgent_at < self.unheld_since + round_trip + self._silence else due
+
+    def _due_at(self, rtt: float, fallback: float) -> float:
         if self._early:
             return self.sent_at + SHORTEST_PACE
         pace = max(SHORTEST_PACE, rtt)

@@ -80,6 +80,8 @@ class Session:
             (`Liveness.is_fresh`), and whether none that was sent after it was accepted before it.
         is_confirmed: whether the peer was heard under the keys of this session.
         said_encoding: whether our newest datagram said that our encoder runs.
+        is_proven: whether an update of each of our streams is known to have arrived, or need not be; needed after an
+            interruption, so that nobody gets a new limit's worth of motion by each.
     """
 
     def __init__(
@@ -102,20 +104,22 @@ class Session:
         self._statistics = end.statistics
         self.clock = Clock(end.epoch, peer_clock, now)
         self.credit = Credit()
-        self.liveness = Liveness(end.epoch, end.silence, peer_clock, now, confirmed_at)
+        streams = len(end.incoming.updates)
+        self.liveness = Liveness(end.epoch, end.silence, peer_clock, now, confirmed_at, streams)
         self.heartbeats = HeartbeatSchedule(now, silence=end.silence, tick_period=end.tick_period)
         self.negotiation = Negotiation()
         self.round_trip = RoundTripAgreement(self.liveness, longest_round_trip, end.tick_period, proposes=end.calls)
         self.silent_since = inf
         self.sequence = 0
         self.is_fresh = self.is_newest = self.is_confirmed = self.said_encoding = False
+        self.is_proven = True
         self._loss = LossMeter()
         # What the peer sends.
         self._replay = ReplayWindow()
         self._newest_report = -1
         self._floor = self._mark = -1
         self._marked_at = now
-        streams = len(end.incoming.updates)
+        self._every = tuple(range(streams))
         self._held_ticks = [0] * streams
         self._acks = [0] * streams
         """By stream, number of the newest update received; 0 for none."""
@@ -123,7 +127,7 @@ class Session:
         """The `confirmed_at` that shows that the peer has heard of it."""
         # What this end sends.
         self._allowance = Allowance()
-        self._streams = tuple(OutgoingStream(layout, self._allowance) for layout in end.outgoing.updates)
+        self._streams = tuple(OutgoingStream(layout, self._allowance, end.silence) for layout in end.outgoing.updates)
         self._next_sequence = first_sequence
         _, self._departed = self.clock.stamp(now)
         protection.begin(now, first_sequence, end.rekey_after)
@@ -181,6 +185,7 @@ class Session:
                 arrived = clock.arrival_bound(stream.sent_at)
                 if arrived is not None and departure > arrived + SLACK:
                     stream.is_missed = True
+        self._watch_streams()
         if content.kind == wire.BYE:
             return PeerClosed(content.data.decode(errors="replace"))
         if content.report is not None and not self._learn(content.report, now):
@@ -229,7 +234,7 @@ class Session:
             self.liveness.round_trip,
         )
 
-    def _deliver(self, content: Content, departure: float, now: float) -> Outcome:  # noqa: C901, PLR0911 - as above
+    def _deliver(self, content: Content, departure: float, now: float) -> Outcome:  # noqa: PLR0911 - as above
         kind, liveness = content.kind, self.liveness
         age = self.clock.age(departure, now)
         if not liveness.is_fresh(age, content.generation):
@@ -239,10 +244,7 @@ class Session:
         self.heartbeats.heard(now, liveness.confirmed_at)
         if kind == wire.HEARTBEAT:
             runs = content.selector & wire.ENCODES != 0
-            # A heartbeat whose ticks are not those of the newest updates held here shows that an update is missing. It
-            # does not count: otherwise an attacker who drops only updates could keep an old one in use.
-            if not runs or content.tick == sum(self._held_ticks) & _TICK_MASK:
-                liveness.hear_encoder(self.sequence, now, runs=runs)
+            liveness.hear_encoder(self.sequence, now, runs=runs, streams=self._current(content.tick))
             if content.mark:
                 self.heartbeats.want_answer()
             return None
@@ -263,8 +265,13 @@ class Session:
         if -ahead > liveness.limit + TICK_AGE_SLACK:
             return DropReason.STALE
         self._acknowledge(stream, self.sequence, tick)
-        liveness.hear_encoder(self.sequence, now, runs=True)
+        liveness.hear_encoder(self.sequence, now, runs=True, streams=self._current(content.tick) or (stream,))
         return UpdateReceived(Update(tick, selector, newest, payload), age, stream)
+
+    def _current(self, ticks: int) -> tuple[int, ...]:
+        """All streams, if this end holds the newest updates, whose ticks have this sum; else none: an update is
+        missing. Otherwise an attacker who drops only updates could keep an old one in use."""
+        return self._every if ticks == sum(self._held_ticks) & _TICK_MASK else ()
 
     def _deliver_change(self, content: Content, departure: float, now: float) -> Outcome:
         number, body = content.selector, content.data
@@ -314,6 +321,7 @@ class Session:
         own.layout.check(update)
         sequence, datagram = self._seal_update(own, update, now)
         own.begin(update, sequence, now, copies_needed(statistics.outgoing_loss, statistics.outgoing_burst))
+        self._watch_streams()
         self.said_encoding = True
         statistics.updates_sent[stream] += 1
         return datagram
@@ -322,9 +330,30 @@ class Session:
         self._next_sequence = stream.unambiguous(self._next_sequence)
         envelope, sequence = self._envelope(now)
         lag = round(self._departed / self._tick_period) - update.tick
-        return sequence, self._protection.seal(
-            sequence, stream.layout.pack(envelope, lag, update, self.credit.granted), now
-        )
+        ticks = 0
+        if len(self._streams) > 1:
+            ticks = self._newest_ticks(stream) + update.tick & _TICK_MASK
+        clear = stream.layout.pack(envelope, lag, update, self.credit.granted, ticks)
+        return sequence, self._protection.seal(sequence, clear, now)
+
+    def _newest_ticks(self, besides: OutgoingStream | None = None) -> int:
+        """Sum of the ticks of our newest updates, of all streams but one."""
+        return sum(stream.update.tick for stream in self._streams if stream.update and stream is not besides)
+
+    def prove(self) -> None:
+        """Nothing counts that the peer held before an interruption."""
+        self.is_proven = False
+        for stream in self._streams:
+            stream.forget()
+        self._watch_streams()
+
+    def _watch_streams(self) -> None:
+        since, are_held = inf, True
+        for stream in self._streams:
+            since = min(since, stream.unheld_since)
+            are_held = are_held and stream.is_held
+        self.is_proven = self.is_proven or are_held
+        self.liveness.hold(since, is_proven=self.is_proven)
 
     def send_heartbeat(self, now: float, *, is_encoding: bool = False) -> bytes:
         """The datagram of a heartbeat, which may report our measurements and ask for an answer."""
@@ -336,7 +365,7 @@ class Session:
         self.said_encoding = is_encoding
         clear = wire.pack_heartbeat(
             envelope,
-            sum(stream.update.tick for stream in self._streams if stream.update is not None) & _TICK_MASK,
+            self._newest_ticks() & _TICK_MASK,
             report,
             self.credit.granted if self._end.outgoing.carries_credit else None,
             round_trip_ms=None if self.is_confirmed or not self._end.calls else in_ms(self.liveness.round_trip),
@@ -419,7 +448,8 @@ class Session:
                 if stream.update is not None and stream.is_pending and now >= stream.due_at(*self._patience()):
                     # The newest update again, with a new number and time stamp.
                     sequence, datagram = self._seal_update(stream, stream.update, now)
-                    stream.repeated(sequence, now)
+                    if stream.repeated(sequence, now):
+                        self.heartbeats.ask()
                     self._statistics.repeats += 1
                     return datagram
             if now >= min(self.negotiation.due, self.round_trip.due):
@@ -433,9 +463,9 @@ class Session:
         is older than what the peer executes."""
         return [number for number, stream in enumerate(self._streams) if stream.is_lost(now, self.liveness.limit)]
 
-    def _patience(self) -> tuple[float, float]:
-        """Round trip, and how long to wait for evidence that an update was lost [s]."""
-        rtt = self.clock.rtt
+    def _patience(self) -> tuple[float, float, float]:
+        """Round trip, how long to wait for evidence that an update was lost, and the agreed round trip [s]."""
+        rtt, agreed = self.clock.rtt, self.liveness.round_trip
         if rtt is None:
-            return 0.0, UNMEASURED_RTT
-        return rtt, rtt + self.clock.outgoing_jitter + SLACK + self.heartbeats.max_gap
+            return 0.0, UNMEASURED_RTT, agreed
+        return rtt, rtt + self.clock.outgoing_jitter + SLACK + self.heartbeats.max_gap, agreed

@@ -65,6 +65,7 @@ TABLE: Final = (
     Field("update", "newest", 0, 0, "levels of the newest sample, in groups"),
     Field("previous", "gap", 4, 19, "ticks between the samples: bits after the highest one (4), then those bits"),
     Field("previous", "difference", 0, 0, "newest minus previous, modulo 2^16, in groups"),
+    Field("update_ticks", "ticks", 16, 16, "as of a heartbeat; where the direction has two streams"),
     Field("update_credit", "count", 16, 16, "low bits of the sender's credit; where the session carries it"),
     Field("parameters", "data", 0, 8 * MOST_PARAMETER_BYTES, "of the model; the predictor knows their length"),
     Field("heartbeat", "ticks", 16, 16, "sum of the ticks of the sender's newest updates of all streams, low bits"),
@@ -172,7 +173,7 @@ class Content(NamedTuple):
         kind, mark, selector, generation, sent, echo: as in `TABLE`.
         acks: by stream of the other direction; None where it carries none.
         update: of an update; in the place of its tick, the tick of `sent` minus that of its sample.
-        tick: of a heartbeat, the sum of ticks; of a change, its tick.
+        tick: of a heartbeat, and of an update where there are two streams, the sum of ticks; of a change, its tick.
         credit: None where the session carries none.
         report: of a heartbeat that has one.
         round_trip_ms: of a heartbeat that opens a session.
@@ -317,10 +318,13 @@ class UpdateLayout:
         forms: Sequence[UpdateForm],
         *,
         carries_credit: bool = False,
+        carries_ticks: bool = False,
         acks: int = 1,
         kind: Kind = Kind.UPDATE,
     ) -> None:
         """Prepare for updates of these forms, by selector; `acks` is the number of streams of the other direction.
+
+        Where its own direction has two streams, an update carries the ticks of both.
 
         Raises:
             ValueError: for no form or more than there are selectors, for an update without levels, or for so many that
@@ -335,7 +339,7 @@ class UpdateLayout:
                 raise ValueError(f"a previous sample has the first groups of the newest, not {form.previous}")
         self.forms = tuple(forms)
         self._sizes = tuple((sum(form.newest), sum(form.previous or ())) for form in forms)
-        self._carries_credit = carries_credit
+        self._carries_credit, self._carries_ticks = carries_credit, carries_ticks
         self._acks = acks
         self._kind = int(kind)
 
@@ -364,8 +368,9 @@ class UpdateLayout:
         if len(levels) != previous_size or (previous_size and (min(levels) < -_LARGEST - 1 or max(levels) > _LARGEST)):
             raise ValueError(f"a previous sample must be {previous_size} levels of int16, not {levels!r}")
 
-    def pack(self, envelope: Envelope, lag: int, update: Update, credit: int = 0) -> bytes:
-        """An update that `check` accepts, with the tick of `sent` minus that of its sample, modulo 2^16."""
+    def pack(self, envelope: Envelope, lag: int, update: Update, credit: int = 0, ticks: int = 0) -> bytes:
+        """An update that `check` accepts, with the tick of `sent` minus that of its sample, modulo 2^16; `ticks` is
+        truncated already."""
         _, selector, newest, payload = update
         form = self.forms[selector]
         first = self._kind | selector << _SELECTOR_SHIFT
@@ -379,13 +384,16 @@ class UpdateLayout:
             string = (string << _WIDTH_BITS | width) << width | gap - (1 << width)
             differences = [(new - old + 0x8000 & 0xFFFF) - 0x8000 for new, old in zip(newest, levels, strict=False)]
             string = pack_groups(string, form.previous or (), differences)
+        if self._carries_ticks:
+            string = string << TICK_BITS | ticks
         if self._carries_credit:
             string = string << UPDATE_CREDIT_BITS | credit & (1 << UPDATE_CREDIT_BITS) - 1
         packed = to_bytes(string)
         return packed + payload.data if isinstance(payload, ModelParameters) else packed
 
-    def read(self, bits: int, left: int, selector: int, *, mark: bool) -> tuple[Update, int | None]:
-        """The update in the lowest `left` bits, after the head, with its lag as its tick; and the truncated credit."""
+    def read(self, bits: int, left: int, selector: int, *, mark: bool) -> tuple[Update, int, int | None]:
+        """The update in the lowest `left` bits, after the head, with its lag as its tick; the sum of ticks, 0 where it
+        has none; and the truncated credit."""
         if selector >= len(self.forms):
             raise ValueError(f"selector {selector} of {len(self.forms)}")
         form = self.forms[selector]
@@ -403,6 +411,10 @@ class UpdateLayout:
             steps, left = read_groups(bits, left, form.previous)
             levels = [(new - step + 0x8000 & 0xFFFF) - 0x8000 for new, step in zip(newest, steps, strict=False)]
             payload = PreviousSample(gap, tuple(levels))
+        ticks = 0
+        if self._carries_ticks:
+            left -= TICK_BITS
+            ticks = bits >> left & (1 << TICK_BITS) - 1
         credit: int | None = None
         if self._carries_credit:
             left -= UPDATE_CREDIT_BITS
@@ -412,7 +424,7 @@ class UpdateLayout:
             payload = ModelParameters(data)
         if len(data) > (MOST_PARAMETER_BYTES if isinstance(payload, ModelParameters) else 0):
             raise ValueError(f"{len(data)} bytes after the levels")
-        return Update(lag, selector, newest, payload), credit
+        return Update(lag, selector, newest, payload), ticks, credit
 
     def length(self, update: Update, *, acknowledges: bool = True) -> int:
         """Bytes of an update whose sample is of its tick, without tag, with or without the acknowledgements."""
@@ -447,7 +459,7 @@ class DirectionLayout:
         self.carries_credit = carries_credit
         self._acks = acks
         self.updates = tuple(
-            UpdateLayout(forms, carries_credit=carries_credit, acks=acks, kind=kind)
+            UpdateLayout(forms, carries_credit=carries_credit, carries_ticks=len(streams) > 1, acks=acks, kind=kind)
             for forms, kind in zip(streams, UPDATE_KINDS, strict=False)
         )
 
@@ -478,7 +490,7 @@ class DirectionLayout:
             stream = int(kind == SECOND_UPDATE)
             if stream >= len(self.updates):
                 raise ValueError(f"stream {stream} of {len(self.updates)}")
-            update, credit = self.updates[stream].read(bits, left, selector, mark=mark)
+            update, tick, credit = self.updates[stream].read(bits, left, selector, mark=mark)
         elif kind == HEARTBEAT:
             tick, credit, report, round_trip_ms = self._read_heartbeat(bits, left, selector)
         elif kind in (BYE, CHANGE, PATH):

@@ -75,7 +75,7 @@ def test_an_update_that_is_refused_for_its_loop_age_is_no_sign_of_the_encoder() 
             pair.slave.endpoint.receive_datagram(held.pop(0)[1], MASTER, pair.now)
             delivered += 1
     assert delivered > 10 and len(pair.slave.updates()) == taken
-    assert not pair.slave.endpoint.is_peer_encoding(pair.now)
+    assert not pair.slave.endpoint.may_follow(pair.now)
 
 
 @pytest.mark.parametrize("own", [0, 1])

@@ -85,6 +85,8 @@ class World(Pair):
         self.renewed: dict[Endpoint, int] = {}
         self.halted_at: dict[Endpoint, float] = {}
         """When its encoder stopped, by endpoint that encodes no more."""
+        self.resumed_at: defaultdict[Endpoint, float] = defaultdict(lambda: inf)
+        """Since when it encodes in a session in which each hears the other; inf while it does not."""
         self.counts: dict[Endpoint, tuple[int, ...]] = {}
         self.count = 0
         self.settles_at = 0.0
@@ -98,6 +100,8 @@ class World(Pair):
             endpoint = side.endpoint
             is_encoding = endpoint not in self.halted_at
             endpoint.report_encoding(side.local(self.now), is_encoding=is_encoding)
+            works = is_encoding and endpoint.state is State.ENGAGED
+            self.resumed_at[endpoint] = min(self.resumed_at[endpoint], self.now) if works else inf
             if side.renewals > self.renewed.get(endpoint, 0) and is_encoding and endpoint.state is State.ENGAGED:
                 self.renewed[endpoint] = side.renewals
                 for stream in range(self.streams):
@@ -203,7 +207,7 @@ class World(Pair):
         for side in self.everyone:
             endpoint, own = side.endpoint, key_of(side)
             if endpoint.state is not State.ENGAGED:
-                assert not endpoint.is_peer_encoding(side.local(self.now))
+                assert not endpoint.may_follow(side.local(self.now))
                 continue
             liveness = endpoint.liveness
             assert self.now < self.settles_at or side.local(self.now) < endpoint.silent_at + LATE
@@ -213,7 +217,7 @@ class World(Pair):
             assert self.now - self.heard_at[own] <= SILENCE + LATE, "reception"
             assert self.now - self.arrived[own] <= limit, "loop age"
             assert side.world(liveness.confirmed_at) <= self.arrived[own] + 1e-6, "the loop age is never underestimated"
-            if endpoint.is_peer_encoding(side.local(self.now)):
+            if endpoint.may_follow(side.local(self.now)):
                 self._check_driving(own, limit)
 
     def _check_driving(self, own: Key, limit: float) -> None:
@@ -224,8 +228,10 @@ class World(Pair):
         for stream in range(self.streams):
             old = [at for at, _ in self.updates[peer, stream] if at < self.now - SILENCE - limit]
             current.append(self.held.get((own, stream), -1) >= len(old) - 1)
-        # An update of one of two streams stands for both (Endpoint.is_peer_encoding).
-        assert any(current), "an update that was held back counts as missing"
+            since, before = self.resumed_at[own[0]], self.now - limit - LATE
+            own_old = [at for at, _ in self.updates[own, stream] if max(at, since) < before]
+            assert self.held.get((peer, stream), -1) >= len(own_old) - 1, "who follows is held by the other end"
+        assert all(current), "an update that was held back counts as missing"
 
     def go(self, duration: float) -> None:
         """Advance, and compare every few ticks."""
@@ -498,7 +504,7 @@ class Endpoints(RuleBasedStateMachine):
         for side, other, seen in zip(world.sides, world.sides[::-1], quiet, strict=True):
             assert not told(side.events[seen:]), (side.endpoint.role, told(side.events[seen:]))
             own, peer = key_of(side), key_of(other)
-            assert side.endpoint.is_peer_encoding(side.local(world.now))
+            assert side.endpoint.may_follow(side.local(world.now))
             for stream in range(world.streams):
                 assert self.world.held[own, stream] == len(world.updates[peer, stream]) - 1, "the newest is held"
             assert side.endpoint.credit.known == other.endpoint.credit.granted

@@ -78,15 +78,48 @@ def test_overtaken_datagram_does_not_say_that_the_encoder_runs() -> None:
     """The dead-man button was released; an update that left before it comes later."""
     end = Liveness(0.0, SILENCE, 0.0, 0.0)
     assert end.in_touch_at == end.encodes_until == -inf
-    end.hear_encoder(1, 0.01, runs=True)
+    end.hear_encoder(1, 0.01, runs=True, streams=(0,))
     assert end.encodes_until == 0.01 + SILENCE
     end = Liveness(0.0, SILENCE, 0.0, 0.0)
     end.hear_encoder(2, 0.03, runs=False)
-    end.hear_encoder(1, 0.04, runs=True)
+    end.hear_encoder(1, 0.04, runs=True, streams=(0,))
     assert end.encodes_until == end.encoder_heard_at == -inf
-    end.hear_encoder(4, 0.07, runs=True)
+    end.hear_encoder(4, 0.07, runs=True, streams=(0,))
     assert end.encoder_heard_at == 0.07
     assert end.encodes_until == 0.07 + SILENCE
+
+
+def test_each_stream_must_be_proven_and_what_lacks_for_too_long_is_undelivered() -> None:
+    end = Liveness(0.0, SILENCE, 0.0, 0.0, streams=2)
+    end.agree(0.2, 0.0)
+    assert end.undelivered_at == inf and end.held_until == inf
+    end.hear_encoder(1, 0.01, runs=True, streams=(0,))
+    assert end.encodes_until == -inf, "nothing is known of the second stream"
+    assert end.undelivered_at == pytest.approx(0.01 + 0.2 + end.limit)
+    end.hear_encoder(2, 0.02, runs=True, streams=(0, 1))
+    end.hear_encoder(3, 0.05, runs=True, streams=(1,))
+    end.hear_encoder(4, 0.06, runs=True)
+    assert (end.encoder_heard_at, end.encodes_until) == (0.05, 0.05 + SILENCE), "it may lag by the round trip"
+    end.hear_encoder(5, 0.3, runs=True, streams=(1,))
+    assert (end.encoder_heard_at, end.encodes_until) == (pytest.approx(0.22), pytest.approx(0.22 + SILENCE))
+    assert end.undelivered_at == pytest.approx(0.22 + 0.2 + end.limit)
+    end.resume(0.5)
+    assert end.undelivered_at == pytest.approx(0.5 + 0.2 + end.limit)
+    end.hear_encoder(6, 0.6, runs=False)
+    assert (end.encodes_until, end.undelivered_at) == (-inf, inf), "who does not encode owes nothing"
+    end.hear_encoder(7, 0.7, runs=True, streams=(0,))
+    assert end.encodes_until == -inf
+
+
+def test_what_the_peer_lacks_ends_what_is_followed_and_fades_before() -> None:
+    end = Liveness(0.0, SILENCE, 0.0, 0.0, confirmed_at=1.0)
+    end.agree(0.04, 0.0)
+    end.hear_encoder(1, 1.0, runs=True, streams=(0,))
+    end.hold(0.7, is_proven=True)
+    assert (end.held_until, end.undelivered_at) == (pytest.approx(0.84), pytest.approx(0.88))
+    assert end.in_touch_at == pytest.approx(0.74)
+    end.hold(inf, is_proven=False)
+    assert end.held_until == -inf and end.undelivered_at == pytest.approx(1.0 + 0.04 + end.limit)
 
 
 def test_age_counts_against_the_smaller_of_the_two_round_trips() -> None:

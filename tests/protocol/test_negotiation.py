@@ -155,7 +155,7 @@ def test_an_opening_session_drives_nothing_until_something_was_confirmed() -> No
 
     def on_tick(pair: Pair, now: float, tick: int) -> None:
         for place, side in enumerate(pair.sides):
-            liveness, is_driven = side.endpoint.liveness, side.endpoint.is_peer_encoding(now)
+            liveness, is_driven = side.endpoint.liveness, side.endpoint.may_follow(now)
             assert not (liveness.is_opening and is_driven)
             seen[0] += liveness.is_opening and now <= liveness.encodes_until
             seen[1] += is_driven
@@ -255,4 +255,4 @@ def test_after_a_cut_both_ends_are_silent_within_both_limits(delay: float, cut: 
         pair.backward = pair.link(dark)
     pair.run(SILENCE + longest + TICK)
     for side in pair.sides:
-        assert not side.endpoint.is_peer_encoding(pair.now)
+        assert not side.endpoint.may_follow(pair.now)

@@ -30,10 +30,16 @@ from weberlink.update import Update, UpdateForm
 
 LAYOUT = UpdateLayout([UpdateForm((3,), None)])
 UPDATE = Update(0, 0, (1, 2, 3))
+SILENCE = 0.1
 
 
 def stream(allowance: Allowance | None = None) -> OutgoingStream:
-    return OutgoingStream(LAYOUT, allowance or Allowance())
+    return OutgoingStream(LAYOUT, allowance or Allowance(), SILENCE)
+
+
+def due(stream: OutgoingStream, rtt: float, fallback: float) -> float:
+    """When the next repeat is due, without urgency."""
+    return stream.due_at(rtt, fallback, inf)
 
 
 def acknowledge(stream: OutgoingStream, ack: int) -> bool:
@@ -42,20 +48,20 @@ def acknowledge(stream: OutgoingStream, ack: int) -> bool:
 
 def test_a_repeat_is_due_until_the_update_or_a_repeat_of_it_is_acknowledged() -> None:
     sent = stream()
-    assert sent.due_at(0.01, 0.1) == inf
+    assert due(sent, 0.01, 0.1) == inf
     sent.begin(UPDATE, 6, 0.9)
     sent.begin(UPDATE, 7 + 2**16, 1.0)
-    assert sent.due_at(0.01, 0.1) == 1.1
+    assert due(sent, 0.01, 0.1) == 1.1
     sent.is_missed = True  # evidence of a loss
-    assert (sent.due_at(0.01, 0.1), sent.due_at(0.0, 0.1)) == (1.01, 1.0 + SHORTEST_PACE)
+    assert (due(sent, 0.01, 0.1), due(sent, 0.0, 0.1)) == (1.01, 1.0 + SHORTEST_PACE)
     sent.repeated(9 + 2**16, 1.1)
     assert not acknowledge(sent, 6) and sent.is_pending
     assert acknowledge(sent, 7)
-    assert sent.due_at(0.01, 0.1) == inf
+    assert due(sent, 0.01, 0.1) == inf
     sent.begin(UPDATE, 20, 2.0, copies=1)  # early, without evidence
-    assert sent.due_at(0.3, 9.0) == 2.0 + SHORTEST_PACE
+    assert due(sent, 0.3, 9.0) == 2.0 + SHORTEST_PACE
     sent.repeated(21, 2.005)
-    assert sent.due_at(0.3, 9.0) > 9.0
+    assert due(sent, 0.3, 9.0) > 9.0
 
 
 def test_an_update_is_lost_slower_with_each_repeat_and_forgotten_only_by_the_newest_datagram() -> None:
@@ -67,7 +73,7 @@ def test_an_update_is_lost_slower_with_each_repeat_and_forgotten_only_by_the_new
     for repeats, pace in ((1, 0.01), (2, 0.01), (3, 0.02), (4, 0.04)):
         sent.repeated(5 + repeats, 0.0)
         sent.is_missed = True
-        assert sent.due_at(0.01, 1.0) == pytest.approx(pace), repeats
+        assert due(sent, 0.01, 1.0) == pytest.approx(pace), repeats
     assert sent.unambiguous(2**16) == 2**16 + 1 and sent.unambiguous(2**16 + 7) == 2**16 + 7
     assert sent.acknowledge(10, 7, is_newest=True)
     assert sent.unambiguous(2**16 + 7) == 2**16 + 8 and sent.unambiguous(2**16) == 2**16 + 1
@@ -77,6 +83,44 @@ def test_an_update_is_lost_slower_with_each_repeat_and_forgotten_only_by_the_new
     assert sent.is_lost(0.2, 0.1) and not sent.is_lost(0.3, 0.1), "once"
     sent.begin(UPDATE, 12, 0.5)
     assert sent.is_lost(0.61, 0.1) and not sent.is_pending, "not arrived within the limit"
+
+
+def test_what_the_peer_lacks_is_as_old_as_the_first_update_after_the_one_that_it_holds() -> None:
+    sent = stream()
+    first = 2**16 - 5
+    for index in range(10):
+        sent.begin(UPDATE, first + 2 * index, 0.02 * index)
+    sent.repeated(first + 19, 0.19)
+    assert (sent.unheld_since, sent.is_held) == (0.0, False)
+    sent.acknowledge(1, first + 7 & 0xFFFF, is_newest=True)  # what the fourth one left in is not known: a repeat of it
+    assert (sent.unheld_since, sent.is_held) == (pytest.approx(0.08), True)
+    sent.acknowledge(2, None, is_newest=True)
+    sent.acknowledge(3, first + 7 & 0xFFFF, is_newest=True)
+    assert sent.unheld_since == pytest.approx(0.08)
+    sent.acknowledge(4, first + 19 & 0xFFFF, is_newest=True)
+    assert sent.unheld_since == inf and not sent.is_pending
+    sent.begin(UPDATE, first + 2**16, 0.3)
+    sent.acknowledge(5, None, is_newest=True)
+    assert sent.unheld_since == 0.3, "one that was acknowledged 2^16 numbers ago says nothing"
+    sent.begin(UPDATE, first + 2**16 + 1, 0.302)
+    sent.acknowledge(6, first & 0xFFFF, is_newest=True)
+    assert sent.unheld_since == 0.3, "what left within 6 ms counts as old as its first"
+    sent.forget()
+    assert (sent.unheld_since, sent.is_held) == (0.302, False), "it is still to arrive"
+
+
+def test_an_update_is_urgent_when_its_time_runs_out() -> None:
+    """It must be acknowledged within 0.1 s and the round trip; then nothing follows, and nothing is urgent."""
+    sent = stream()
+    sent.begin(UPDATE, 1, 1.0)
+    assert sent.due_at(0.05, 9.0, 0.06) == pytest.approx(1.125)
+    assert not sent.repeated(2, 1.124)
+    assert sent.due_at(0.05, 9.0, 0.06) == pytest.approx(1.128)
+    assert sent.repeated(3, 1.158) and sent.due_at(0.05, 9.0, 0.06) > 9.0
+    sent.begin(UPDATE, 4, 1.16)
+    assert sent.due_at(0.05, 9.0, 0.06) > 9.0, "there is no time left for one"
+    sent.acknowledge(1, 3, is_newest=True)
+    assert sent.due_at(0.05, 9.0, 0.06) == pytest.approx(1.285)
 
 
 STEPS = st.lists(st.tuples(st.floats(0.0, 0.05), st.sampled_from(["update", "acknowledged", "missed", "nothing"])))
@@ -96,7 +140,7 @@ def test_repeats_keep_to_their_bound_over_any_pattern(steps: list[tuple[float, s
             acknowledge(sent, number)
         elif what == "missed":
             sent.is_missed = True
-        while sent.due_at(rtt, 0.0) <= now:
+        while due(sent, rtt, 0.0) <= now:
             assert now >= sent.sent_at + max(SHORTEST_PACE, 0.0 if copies else rtt) - 1e-12
             number, repeats = number + 1, repeats + 1
             sent.repeated(number, now)
@@ -124,7 +168,7 @@ def test_early_repeats_are_bounded_by_their_allowance(
             number += 1
             streams[place % 2].begin(UPDATE, number, now, copies)
         for each in streams:
-            while each.due_at(0.0, inf) <= now:  # without evidence, and without end of patience
+            while due(each, 0.0, inf) <= now:  # without evidence, and without end of patience
                 number, repeats = number + 1, repeats + 1
                 each.repeated(number, now)
     assert repeats <= MOST_EARLY_PER_S * (1.0 + now) + 1e-9

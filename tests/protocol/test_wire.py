@@ -43,7 +43,7 @@ def test_the_lengths_are_those_of_the_table(groups: tuple[int, ...], carries_cre
     stream = (UpdateForm(groups, groups), UpdateForm(groups, None))
     direction = DirectionLayout([stream] * acks, carries_credit=carries_credit, acks=acks)
     least, most = sum(4 + count for count in groups), sum(4 + 16 * count for count in groups)
-    update = "update", *("update_credit",) * carries_credit
+    update = "update", *("update_ticks",) * (acks > 1), *("update_credit",) * carries_credit
     heartbeat = "heartbeat", *("heartbeat_credit",) * carries_credit
     bits = {
         Kind.HEARTBEAT: (span(acks, *heartbeat)[0], span(acks, *heartbeat, "report", "opening")[1]),

@@ -4,17 +4,23 @@ from pathlib import Path
 
 import pytest
 
-from trials.model.__main__ import MUTANTS, PASSING, Run, missing_tool, verify
+from trials.model.__main__ import FORMER, MUTANTS, PASSING, Run, missing_tool, verify
 
 pytestmark = pytest.mark.skipif(missing_tool() is not None, reason="spin and gcc are not installed: make system")
 QUICK = {
     "link: R changes, datagrams held until stamps and echoes wrap": True,
     "link 4: no replay window": False,
     "link 19: next proposal at once": False,
+    "streams: lost apart, interruptions": True,
+    "streams: who follows is not held": False,
+    "streams 2: a new update starts the time anew": False,
 }
 
 
-@pytest.mark.parametrize("run", [run for run in (*PASSING, *MUTANTS) if run.name in QUICK], ids=lambda run: run.name)
+CHOSEN = [run for run in (*PASSING, *FORMER, *MUTANTS) if run.name in QUICK]
+
+
+@pytest.mark.parametrize("run", CHOSEN, ids=lambda run: run.name)
 def test_protocol_holds_in_every_state_and_faults_do_not(run: Run, tmp_path: Path) -> None:
     found = verify(run, tmp_path, is_quick=not QUICK[run.name])
     assert found.holds is QUICK[run.name], found.failure

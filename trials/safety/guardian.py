@@ -204,12 +204,12 @@ def stays(board: Board, kind: str, deed: str) -> float | str:
             return REFUSED if "in this container" in " ".join(said.split()) else said
         sleep(0.3)
         found = guardians() - known if service is None else {int(each.stem) for each in service.leases}
-        if not found:
+        while force() <= 0.0 and session.poll() is None:  # it may bounce
+            sleep(2e-4)
+        if not found or session.poll() is not None:
             return "ended soon after its start"
         guardian = max(found)
         stack.callback(signalled, guardian, signal.SIGKILL)
-        while force() <= 0.0 and session.poll() is None:  # it may bounce
-            sleep(2e-4)
         began = ended = monotonic()
         DEEDS[deed](Pushing(session, force, group, service, guardian))
         while (now := monotonic()) < min(began + FOR_S, ended + AFTER_S):

@@ -11,6 +11,7 @@ from weberlink.geometry.vector import Vector
 from weberlink.watching.session import WatchedSession
 from weberlink_page import driving
 from weberlink_page.driving import BURST, LEASE_S, MOST_PER_S, Driving
+from weberlink_page.requests import Requests
 from weberlink_page.viewer import Viewer
 
 PID = 4711
@@ -44,6 +45,8 @@ class Visit:
         self.pages = [Viewer(None, may_change=True) for _ in range(2)]
         self.devices: list[Device] = []
         self.driving = Driving({"7": WatchedSession("7", self.source)}, lambda _: self.pages, self._connect)
+        self.requests = Requests()
+        self.requests.handlers["drive"] = self.driving.drive
         self.now = 100.0
         monkeypatch.setattr(driving, "monotonic", lambda: self.now)
         for page in self.pages:
@@ -55,8 +58,9 @@ class Visit:
         return self.devices[-1]
 
     def drive(self, page: int, target: Any, held: Any) -> dict[str, Any] | None:
+        request = {"type": "drive", "target": target, "held": held}
         with pytest.raises(StopIteration) as ended:  # it waits for nothing, so it needs no event loop
-            self.driving.drive(self.pages[page], {"target": target, "held": held}).send(None)
+            self.requests.answer(self.pages[page], request).send(None)
         answer: dict[str, Any] | None = ended.value.value
         return answer
 
@@ -76,7 +80,8 @@ def test_first_page_that_holds_drives(visit: Visit) -> None:
     assert visit.drive(0, ABOVE, True) is None
     assert visit.states() == ["yours", "taken"]
     refused = visit.drive(1, BELOW, True)
-    assert refused is not None and (refused["type"], refused["state"]) == ("handle", "taken")
+    assert refused is not None and (refused.pop("type"), refused.pop("state")) == ("handle", "taken")
+    assert list(refused) == ["why"], "as the message is declared"
     assert visit.drive(1, BELOW, False) is None
     assert [device.sent for device in visit.devices] == [[(ABOVE, True)]]
 

@@ -143,6 +143,23 @@ def test_the_front_is_started_again_and_its_arguments_tell_no_token(tmp_path: Pa
         asyncio.run(run(sides))
 
 
+def test_a_request_that_does_not_come_is_given_up_and_the_front_goes_on(tmp_path: Path) -> None:
+    async def run() -> None:
+        said: list[str] = []
+        async with served(tmp_path, said) as (where, watch):
+            reader, writer = await asyncio.open_connection(*where.split(":"))
+            writer.write(f"POST {EMERGENCY} HTTP/1.1\r\nHost: localhost".encode())
+            await asyncio.to_thread(stop, where, watch.requests.token)
+            async with asyncio.timeout(PATIENCE):
+                assert await reader.read() == b"", "closed"
+            await asyncio.to_thread(stop, where, watch.requests.token)
+            assert said == []
+            writer.close()
+
+    with daemons(tmp_path):
+        asyncio.run(run())
+
+
 def front_of(pid: int) -> int | None:
     """The process that takes the connections of a monitor."""
     for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():

@@ -62,6 +62,7 @@ class Tuning:
 
     Attributes:
         generation: number of changes of `settings` since the session began.
+        agreed: changes that are not in effect yet: a tick, whether that is of the peer, and the change.
         result: of the last change that this side's user proposed; None while it is open, or before the first one.
     """
 
@@ -80,23 +81,23 @@ class Tuning:
         self.generation = 0
         self.result: ChangeResult | None = None
         self._proposes = False  # a proposal of this side has no answer yet
-        self._agreed: list[tuple[int, bool, Mapping[str, Any]]] = []  # a tick, whether of the peer, and the change
+        self.agreed: list[tuple[int, bool, Mapping[str, Any]]] = []
 
     @property
     def pending(self) -> LiveSettings | None:
         """Settings that are agreed and not yet in effect; None if there are none."""
-        return self.settings._replace(**self._agreed[-1][2]) if self._agreed else None
+        return self.settings._replace(**self.agreed[-1][2]) if self.agreed else None
 
     @property
     def is_busy(self) -> bool:
         """Whether a change is proposed by this side, or agreed and not yet in effect."""
-        return self._proposes or bool(self._agreed)
+        return self._proposes or bool(self.agreed)
 
     def reset(self) -> None:
         """Begin a new session: return to the settings of the file and drop any open change."""
-        if self._proposes or any(not of_peer for _, of_peer, _ in self._agreed):
+        if self._proposes or any(not of_peer for _, of_peer, _ in self.agreed):
             self.result = ChangeResult(0, "the session ended")
-        self._proposes, self._agreed = False, []
+        self._proposes, self.agreed = False, []
         if self.settings != self._initial:
             self._apply(self._initial, -inf)
         self.settings, self.generation = self._initial, 0
@@ -137,11 +138,11 @@ class Tuning:
         refusal = "not a change" if change is None else self._refusal(change)
         if change is None or refusal is not None:
             return refusal
-        if self._agreed or (self._proposes and self._is_master):  # the master refuses a proposal that crosses its own
+        if self.agreed or (self._proposes and self._is_master):  # the master refuses a proposal that crosses its own
             return BUSY
         if answered_at > tick:
             return LATE
-        self._agreed.append((tick, True, change))
+        self.agreed.append((tick, True, change))
         return None
 
     def on_answer(self, tick: int, body: bytes, refusal: str | None) -> None:
@@ -150,7 +151,7 @@ class Tuning:
         change = parsed(body)
         self.result = ChangeResult(tick, refusal)
         if refusal is None and change is not None:
-            self._agreed.append((tick, False, change))
+            self.agreed.append((tick, False, change))
 
     def advance(self, tick: int, peer_tick: float | None) -> None:
         """Make what is agreed for this tick, or for the tick of the peer that is nearest to it.
@@ -160,8 +161,8 @@ class Tuning:
             peer_tick: the same time on the tick clock of the peer; None while unknown.
         """
         nearest = -inf if peer_tick is None else peer_tick + 0.5
-        for agreed in [each for each in self._agreed if each[0] <= (nearest if each[1] else tick)]:
-            self._agreed.remove(agreed)
+        for agreed in [each for each in self.agreed if each[0] <= (nearest if each[1] else tick)]:
+            self.agreed.remove(agreed)
             at, of_peer, change = agreed
             self.settings = self.settings._replace(**change)
             self.generation += 1

@@ -23,6 +23,9 @@ class Words(NamedTuple):
 FAULTS = {
     "silence": Words(ALARM, "hears nothing from the {peer}: the force is zero and the robot holds"),
     "unheard": Words(ALARM, "hears the {peer}, which does not hear this side: the force is zero and the robot holds"),
+    "undelivered": Words(
+        ALARM, "updates of one direction do not come through, although this side and the {peer} hear each other"
+    ),
     "device": Words(ALARM, "its {hardware} gives no usable sample: this side leaves the session"),
     "refused": Words(ALARM, "the {peer} runs another configuration or version: no session"),
     "update": Words(WARN, "an update from the {peer} does not fit the channel: it was not applied"),

@@ -119,9 +119,9 @@ class Side:
         self._session = 0
         """Number of the session, as the endpoint counts them; 0 before the first."""
         self._encodes = False
-        self._is_fresh = True
+        self._is_fresh = self._is_first = True
         self._is_paused = False
-        self._is_unfounded = False
+        self._is_unfounded = self._is_undelivered = False
         self._last_reading_at = nan
         self._peer_tick = 0.0
         self._credit = 0
@@ -177,7 +177,7 @@ class Side:
             self._settle(now)
         self._receive(now)
         endpoint = self.endpoint
-        if self.tuning.is_busy:
+        if self.tuning.agreed:
             peer_time = endpoint.clock.peer_time(deadline)
             self._guarded(self.tuning.advance, index, None if peer_time is None else peer_time / self._tick_period)
         # The tick of the peer for which this tick decodes: now, but not long past its encoder's last sign.
@@ -422,6 +422,9 @@ class Side:
         self._waiting.clear()
         for outgoing in self.outgoing:
             outgoing.encoder.reset()
+            if not self._is_first:  # the peer must prove that it holds something: send it, even if it is nothing
+                outgoing.encoder.restart()
+        self._is_first = False
         for incoming in self.incoming:
             incoming.decoder.reset()
         self.port.reset()
@@ -488,7 +491,10 @@ class Side:
         To begin afresh is to send complete updates and to fade in from zero. A stall ends both for some ticks, so that
         the peer is told.
         """
-        pace, port = self.pace, self.port
+        pace, port, undelivered = self.pace, self.port, self.endpoint.is_undelivered(now)
+        if undelivered is not self._is_undelivered:
+            self._is_undelivered = undelivered
+            (self._faults.meet if undelivered else self._faults.clear)(Fault.UNDELIVERED)
         encodes = (
             self.endpoint.state is _ENGAGED
             and port.enabled
@@ -497,7 +503,7 @@ class Side:
             # What ended a moment ago fades out first: to begin afresh closes the gate at once.
             and (self._encodes or port.at_rest)
         )
-        engaged = encodes and self.endpoint.is_peer_encoding(now) and self._stopping is None
+        engaged = encodes and self.endpoint.may_follow(now) and self._stopping is None
         engaged = engaged and (self.engaged or port.at_rest)
         encoded, was_engaged = self._encodes, self.engaged
         if self._leads:  # told before energy is booked: what is said now carries the credit of the last tick

@@ -29,6 +29,9 @@ class Fault(IntEnum):
     """There is no session, and a handshake came whose sender did not prove the key."""
     UNFOUNDED = 10
     """Force was to be displayed that the robot's end states no contact for; it was faded out."""
+    UNDELIVERED = 11
+    """Updates of one direction have not come through for longer than the limit, although the two sides hear each other.
+    """
 
 
 def name_of(kind: type[Enum], number: Any) -> str:
@@ -49,6 +52,7 @@ _RANKED = (
     Fault.UNPROVEN,
     Fault.SILENCE,
     Fault.UNHEARD,
+    Fault.UNDELIVERED,
     Fault.UPDATE,
 )
 """Of several active faults, a record names the first of these."""

@@ -76,7 +76,7 @@ class MeasuredLink:
     def _on_tick(self, pair: Pair, now: float, _tick: int) -> None:
         if now >= self._due:
             self._due = self.measurement.service(now)
-        self.was_encoding |= pair.slave.endpoint.is_peer_encoding(pair.slave.local(now))
+        self.was_encoding |= pair.slave.endpoint.may_follow(pair.slave.local(now))
 
 
 @pytest.mark.parametrize(

@@ -175,6 +175,7 @@ class AnswerMessage(TypedDict):
     generation: NotRequired[int]
     link: NotRequired[dict[str, float | None] | None]
     path: NotRequired[str]
+    sessions: NotRequired[list[str]]
 
 
 Message = Hello | Samples | Felt | Figures | Events | Handle | Launcher | RecordingState | AnswerMessage

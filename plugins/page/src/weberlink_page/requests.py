@@ -58,10 +58,10 @@ class Requests:
         return request
 
     async def answer(self, viewer: Viewer, request: dict[str, Any]) -> Answer | None:
-        """The handler's answer, of type `answer` unless it names another, and `to`, the type of the request."""
+        """The handler's answer: of type `answer`, with `to`, the type of the request, unless it names its own."""
         kind = request["type"]
         handler = self.handlers.get(kind)
         if handler is None:
             return refusal(f"{kind}: this monitor does not do that") | {"to": kind}
         answer = await handler(viewer, {key: value for key, value in request.items() if key not in ("type", "token")})
-        return None if answer is None else {"type": "answer", "to": kind} | answer
+        return answer if answer is None or answer.get("type") == "handle" else {"type": "answer", "to": kind} | answer

@@ -130,6 +130,7 @@ export interface AnswerMessage {
   generation?: number;
   link?: Record<string, number | null> | null;
   path?: string;
+  sessions?: string[];
 }
 
 export interface ChangeRequest {
