@@ -58,10 +58,10 @@ def pair(
                 if "paired" in event:
                     screen.note(f"paired with {event['paired']}; no code is needed from now on")
                     return str(event["paired"])
-                screen.show(event)
                 if "asks" in event:
                     is_asked = True
-                    termios.tcflush(sys.stdin, termios.TCIFLUSH)  # what was typed before is no answer
+                    termios.tcflush(sys.stdin, termios.TCIFLUSH)  # what was typed before it is shown is no answer
+                screen.show(event)
             if is_asked and select([sys.stdin], [], [], 0.0)[0]:
                 is_asked = False
                 child.write_line("yes" if sys.stdin.readline().strip().lower() in ("y", "yes") else "no")
