@@ -169,8 +169,9 @@ class RoundTripAgreement(Negotiation):
         self._switches_at = now + ahead
         self._settled_after = max(present, wanted)
         self._needed_since = now
-        liveness.expect(wanted)
-        self.propose(ceil((tick_at + ahead) / self._tick_period), in_ms(wanted).to_bytes(_BYTES, "big"), now)
+        milliseconds = in_ms(wanted)
+        liveness.expect(milliseconds * 1e-3)  # as the peer will, to the last bit
+        self.propose(ceil((tick_at + ahead) / self._tick_period), milliseconds.to_bytes(_BYTES, "big"), now)
 
     def answer_proposal(self, number: int, tick: int, body: bytes, ahead: float, now: float) -> None:
         """Answer a proposal of the initiator; `ahead` is how far its tick is from now, by the mapped clocks [s]."""

@@ -150,11 +150,12 @@ def test_no_start_from_before_an_emergency_stop_is_done_after_it(tmp_path: Path,
         assert len(told.launcher.started) == started
         late = told.launcher.request_start("box", 0)
         assert (late["accepted"], "emergency stop" in late["why"]) == (False, True), "asked before it was known"
+        begun = len(told.started)
         assert told.launcher.request_start("box", 1) == {"accepted": True}
         while len(told.launcher.started) == started:
             await asyncio.sleep(0.01)
         told.launcher.on_emergency(monotonic() - 0.5)  # a press from before, repeated
-        await told.until_begun(len(told.started) + 1)
+        await told.until_begun(begun + 1)
         return SIGINT
 
     told = conduct(tmp_path, order(), stop)

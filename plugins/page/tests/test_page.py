@@ -87,7 +87,6 @@ def server(page: Browser, served: ScriptedServer) -> Iterator[ScriptedServer]:
     served.sessions = []
     served.answer = lambda asked: {"type": "answer", "accepted": True, "to": asked["type"]}
     yield served
-    chain(page).reset_actions()  # a test that failed may still hold the handle
     page.driver.get("about:blank")
     page.wait(lambda: not served.viewers, "the page to leave")
     served.asked.clear()
