@@ -14,7 +14,8 @@ from weberlink.master.devices.operator import OperatorDevice
 
 def apart(one: Any, other: Any) -> Any:
     """Angles between rotation vectors, row by row [rad]."""
-    return np.array([angle_between(quaternion(a), quaternion(b)) for a, b in zip(one, other, strict=True)])
+    pairs = zip(one.tolist(), other.tolist(), strict=True)
+    return np.array([angle_between(quaternion(tuple(a)), quaternion(tuple(b))) for a, b in pairs])
 
 
 def test_nothing_is_shown_until_the_tool_is_turned_as_the_hand_is() -> None:

@@ -5,7 +5,10 @@ import sys
 from types import FrameType
 from typing import Any
 
+import pytest
+
 from tests.program import ROOT
+from weberlink.compiled import is_compiled
 from weberlink.config import load
 from weberlink.protocol.aio import sockets, udp
 from weberlink.session.simulation import Simulation, build_simulation
@@ -64,6 +67,7 @@ def update_sent_and_taken(simulation: Simulation) -> list[Call]:
     raise AssertionError("no force was sent")
 
 
+@pytest.mark.skipif(is_compiled(), reason="compiled code calls without Python frames")
 def test_a_force_goes_the_way_of_the_table_and_no_module_between() -> None:
     made = update_sent_and_taken(build_simulation(load(ROOT / "configs" / "loopback.yaml")))
     names = [name for name in told() if name not in SOCKETS]
