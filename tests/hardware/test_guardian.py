@@ -207,6 +207,7 @@ def test_stale_force_is_not_written(wire: Wire) -> None:
 )
 def test_without_its_guardian_there_is_no_force(wire: Wire, number: signal.Signals, says: str) -> None:
     wire.push()
+    process = wire.guardian.pid
     wire.signal_guardian(number)
     gives_up = monotonic() + PATIENCE
     with pytest.raises(HardwareFault, match=says) as caught:
@@ -218,6 +219,9 @@ def test_without_its_guardian_there_is_no_force(wire: Wire, number: signal.Signa
     with suppress(HardwareFault):
         wire.port.write(ZERO)
     assert wire.heard(PATIENCE) == ZERO, "which is written all the same"
+    assert process is not None
+    with suppress(ProcessLookupError):
+        os.kill(process, signal.SIGCONT)  # it ends with its client
 
 
 def test_a_guardian_that_runs_is_trusted_and_one_that_died_is_told_at_rest_too(wire: Wire) -> None:
