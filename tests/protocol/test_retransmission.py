@@ -20,6 +20,7 @@ from weberlink.protocol.retransmission import (
     RAISE,
     RESIDUAL,
     SHORTEST_PACE,
+    URGENT_PACE,
     Allowance,
     OutgoingStream,
     copies_needed,
@@ -126,9 +127,13 @@ def test_an_update_is_urgent_when_its_time_runs_out() -> None:
 STEPS = st.lists(st.tuples(st.floats(0.0, 0.05), st.sampled_from(["update", "acknowledged", "missed", "nothing"])))
 
 
-@given(STEPS, st.integers(0, MOST_COPIES), st.floats(0.0, 0.2))
-def test_repeats_keep_to_their_bound_over_any_pattern(steps: list[tuple[float, str]], copies: int, rtt: float) -> None:
-    """Whatever is lost or acknowledged, whenever updates come, however late the owner looks at the clock."""
+@given(STEPS, st.integers(0, MOST_COPIES), st.floats(0.0, 0.2), st.just(inf) | st.floats(0.0, 0.4))
+def test_repeats_keep_to_their_bound_over_any_pattern(
+    steps: list[tuple[float, str]], copies: int, rtt: float, agreed: float
+) -> None:
+    """Whatever is lost or acknowledged, whenever updates come, however late the owner looks at the clock. Only where a
+    round trip is agreed on is anything urgent."""
+    pace, most = (max(SHORTEST_PACE, 0.0 if copies else rtt), 13) if agreed == inf else (URGENT_PACE * SILENCE, 23)
     sent = stream()
     now, number, begun_at, repeats = 0.0, 0, 0.0, 0
     for wait, what in steps:
@@ -140,11 +145,11 @@ def test_repeats_keep_to_their_bound_over_any_pattern(steps: list[tuple[float, s
             acknowledge(sent, number)
         elif what == "missed":
             sent.is_missed = True
-        while due(sent, rtt, 0.0) <= now:
-            assert now >= sent.sent_at + max(SHORTEST_PACE, 0.0 if copies else rtt) - 1e-12
+        while sent.due_at(rtt, 0.0, agreed) <= now:
+            assert now >= sent.sent_at + pace - 1e-12
             number, repeats = number + 1, repeats + 1
             sent.repeated(number, now)
-        assert repeats <= 13 + (now - begun_at) / LONGEST_PACE
+        assert repeats <= most + (now - begun_at) / LONGEST_PACE
 
 
 REPORTS = st.lists(st.tuples(st.floats(0.0, 3.0), st.integers(-5, 400)), max_size=60)

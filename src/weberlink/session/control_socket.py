@@ -340,19 +340,19 @@ class ControlSocket:
                 self._socket.sendto(json.dumps(content | in_force).encode(), sender)
 
 
-class WithControlSocket:
-    """A transport with a control socket, or something else that is open as long as it is."""
+class WithCompanion:
+    """A transport, and what is opened and closed with it: the control socket, or the watch over the keys."""
 
-    def __init__(self, transport: "Transport", control: "ControlSocket | KeyWatch") -> None:
+    def __init__(self, transport: "Transport", companion: "ControlSocket | KeyWatch") -> None:
         self._transport = transport
-        self._control = control
-        self.service = transport.service  # bound here, so that a tick pays nothing for the control socket
+        self._companion = companion
+        self.service = transport.service  # bound here, so that a tick pays nothing for the companion
         self.flush = transport.flush
 
     def open(self, loop: "asyncio.AbstractEventLoop") -> Awaitable[None] | None:
-        self._control.open(loop)
+        self._companion.open(loop)
         return self._transport.open(loop)
 
     def close(self) -> None:
-        self._control.close()
+        self._companion.close()
         self._transport.close()

@@ -31,7 +31,7 @@ from weberlink.realtime.process import die_with_parent, prepare
 from weberlink.registry import fault_of, in_words
 from weberlink.session import description
 from weberlink.session.composition.link import Acquaintance, Identity, acquaintance
-from weberlink.session.control_socket import ControlSocket, WithControlSocket
+from weberlink.session.control_socket import ControlSocket, WithCompanion
 from weberlink.session.description import DaemonOrder, failure
 from weberlink.session.key_watch import key_watch
 from weberlink.session.side import Side
@@ -138,9 +138,9 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
             side.close()
             return failure(str(stopped)) | {"failed": str(stopped) == EMERGENCY, "realtime": grants.as_dict()}
         stack.callback(side.close)
-        transport: Transport = WithControlSocket(udp, control)
+        transport: Transport = WithCompanion(udp, control)
         if order.side == SLAVE and (watch := key_watch(configuration, finder, met.security, side.endpoint)) is not None:
-            transport = WithControlSocket(transport, watch)
+            transport = WithCompanion(transport, watch)
         ran = TickLoop(
             side,
             transport,
