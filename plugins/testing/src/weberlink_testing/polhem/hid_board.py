@@ -12,7 +12,6 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from weberlink.hardware.emulator import HidIdentity
 from weberlink.master.devices.polhem.parameters import Board
 from weberlink.master.devices.polhem.protocol import (
     HID_WATCHDOG_S,
@@ -24,7 +23,8 @@ from weberlink.master.devices.polhem.protocol import (
     decode_command,
     encode_sensors,
 )
-from weberlink.master.emulators.polhem.board import FAULTS, OFF, BoardOptions, PolhemBoard
+from weberlink_testing.emulator import HidIdentity
+from weberlink_testing.polhem.board import FAULTS, OFF, BoardOptions, PolhemBoard
 
 VENDOR, PRODUCT = 0x1234, 0x0006
 FRAME_S = 0.001
@@ -47,7 +47,7 @@ class PolhemHidEmulatorOptions(BoardOptions):
 
 
 class PolhemHidEmulator(PolhemBoard):
-    """See `weberlink.hardware.emulator`."""
+    """See `weberlink_testing.emulator`."""
 
     Options = PolhemHidEmulatorOptions
     transport: ClassVar[str] = "hid"
