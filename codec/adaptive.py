@@ -21,6 +21,7 @@ from weberlink.codec.channel import Channel
 from weberlink.codec.deadband import Deadband
 from weberlink.codec.predictors.estimation import NOTHING, Ahead, Candidate, EncodeContext, History, Signal
 from weberlink.codec.predictors.model import Hold, Model
+from weberlink.codec.predictors.zoh import ZOH
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.update import MAX_GAP
@@ -108,6 +109,7 @@ class AdaptiveChoice:
         self._channel = channel
         self._grid = channel.grid
         self._deadband = channel.deadband
+        self._hold = channel.bank.index(ZOH.name) if ZOH.name in channel.bank else -1
         self.reset()
 
     def reset(self) -> None:
@@ -165,7 +167,8 @@ class AdaptiveChoice:
 
         Where the control scheme renders the contact, those that describe a surface and are not suspended come first
         while there is a force. A model that leaves the deadband within the known signal is a last resort: of such the
-        one that lasts longest. A model that does not begin within the deadband is left out.
+        one that lasts longest. A model that does not begin within the deadband is left out. A sample that is held goes
+        by `zoh` where that is allowed, which sends no position.
         """
         context = EncodeContext(newest, earlier, bound, self._history, ahead)
         allowed = [shadow for shadow in self._shadows if shadow.selector in selectors]
@@ -191,7 +194,7 @@ class AdaptiveChoice:
                 highest, best = rank, (shadow.selector, model)
             if rank == (True, len(ahead.values)):
                 break
-        return best
+        return (self._hold, None) if best[1] is None and self._hold in selectors else best
 
     def _begins(self, model: Model, newest: Sample) -> float:
         """Error of a new model at the newest sample; a surface may not hold a force outside of its friction cone."""

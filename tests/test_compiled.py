@@ -13,7 +13,9 @@ from types import ModuleType
 import pytest
 
 import weberlink
-from weberlink.compiled import is_compiled
+from tests.program import weberlink as run
+from tests.session.systems import CONFIGS
+from weberlink.compiled import build, is_compiled
 
 ROOT = Path(__file__).parents[1]
 SAY = "import weberlink.update as found; print(found.__doc__)"
@@ -48,6 +50,12 @@ def test_every_module_of_the_list_runs_compiled(recipe: ModuleType) -> None:
     for path in recipe.modules():
         name = ".".join(Path(path).relative_to("src").with_suffix("").parts)
         assert str(importlib.import_module(name).__file__).endswith(tuple(EXTENSION_SUFFIXES)), name
+
+
+@pytest.mark.parametrize("command", [["--version"], ["simulate", CONFIGS / "loopback.yaml", "--duration", "0.1"]])
+def test_the_last_line_says_which_build_runs_and_how_to_get_the_other(command: list[object]) -> None:
+    assert build(compiled=is_compiled()) in " ".join(run(*command).output.split())
+    assert build(compiled=True) != build(compiled=False)
 
 
 def test_the_environment_chooses_the_source(tmp_path: Path) -> None:

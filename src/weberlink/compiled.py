@@ -17,10 +17,17 @@ else:
         return lambda cls: cls
 
 
-__all__ = ["is_compiled", "mypyc_attr"]
+__all__ = ["build", "is_compiled", "mypyc_attr"]
 
 
 def is_compiled() -> bool:
     """Whether this process runs the compiled build; all of its modules are compiled, or none is."""
     spec = find_spec("weberlink.update")
     return spec is not None and str(spec.origin).endswith(tuple(EXTENSION_SUFFIXES))
+
+
+def build(*, compiled: bool) -> str:
+    """One of the two builds in words, and how to get the other one."""
+    if compiled:
+        return "compiled build (the source instead: WEBERLINK_PURE=1)"
+    return "Python build (compiled, in half the time a tick: a wheel for this platform, or make compiled)"

@@ -1,4 +1,4 @@
-"""A robot, an integrator, a shape and a control scheme of another distribution, found by entry points."""
+"""A device, a robot, an integrator, a shape and a control scheme of another distribution, found by entry points."""
 
 import json
 import os
@@ -16,9 +16,12 @@ from pydantic import BaseModel
 
 from weberlink.control.ends import MasterControl
 from weberlink.control.table import Scheme
-from weberlink.slave.integrators import IntegrationScheme, MassState
+from weberlink.master.devices.hand_device import HandDevice
+from weberlink.master.devices.hand_options import HandDeviceOptions
+from weberlink.slave.integrators import IntegrationScheme, Integrator, MassState
 from weberlink.slave.integrators.problem import contact_force
-from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
+from weberlink.slave.robots.computed import ComputedRobot
+from weberlink.slave.robots.contract import RobotSpec
 from weberlink.slave.scenes.shape import SceneShapeSettings
 
 
@@ -58,29 +61,45 @@ class Euler:
 EULER = IntegrationScheme("toy:Euler", order=1, l_stable=False)
 
 
-class ToyRobot:
-    COMPUTED = True
+class Formal(Euler, Integrator): ...
 
+
+FORMAL = IntegrationScheme("toy:Formal", order=1, l_stable=False)
+
+
+class ToyRobot(ComputedRobot):
     class Options(BaseModel):
         home_m: tuple[float, float, float] = (0.0, 0.0, 0.03)
 
     def __init__(self, options, scene, tick_period):
-        self.spec = RobotSpec("toy", "xyz", 30.0, 1000.0, ((-0.1,) * 3, (0.1,) * 3), 1.0 / tick_period, True)
-        self.options, self.scene, self.at, self.goal = options, scene, None, options.home_m
+        spec = RobotSpec("toy", "xyz", 30.0, 1000.0, ((-0.1,) * 3, (0.1,) * 3), 1.0 / tick_period, True)
+        super().__init__(spec, options.home_m)
+        self.scene = scene
 
-    def open(self, now):
-        self.at, self.goal = now, self.options.home_m
+    def _reset(self):
+        self.resets = getattr(self, "resets", 0) + 1
 
-    def command(self, position, now):
-        self.goal = position
+    def _advance(self, commanded, elapsed):
+        return commanded, self.scene.force(commanded, elapsed), (0.0, 0.0, 0.0)
 
-    def latest(self, now):
-        if self.at is None:
-            raise RobotFault("toy: not open")
-        return RobotReading(now, self.goal, self.scene.force(self.goal, 0.001))
 
-    def close(self):
-        self.at = None
+class ToyHand(HandDevice):
+    class Options(HandDeviceOptions):
+        depth_m: float = 0.01
+
+    def __init__(self, options, tick_period):
+        super().__init__("toy_hand", options, self.means, tick_period)
+        self.depth = options.depth_m
+
+    def means(self, now):
+        return (0.0, 0.0, -self.depth), False
+
+    def command(self, force, now):
+        commanded.append(force)
+        super().command(force, now)
+
+
+commanded = []
 
 
 class HalfMaster(MasterControl):
@@ -96,10 +115,13 @@ LOOSE = Scheme("toy:Loose", "weberlink.control.ends:SlaveControl", carries_credi
 HALF = Scheme("toy:HalfMaster", "weberlink.control.ends:SlaveControl", carries_credit=False, does="half force")
 """
 ENTRY_POINTS = """
+[weberlink.devices]
+toy_hand = toy:ToyHand
 [weberlink.robots]
 toy = toy:ToyRobot
 [weberlink.integrators]
 toy_euler = toy:EULER
+toy_formal = toy:FORMAL
 [weberlink.shapes]
 toy_slab = toy:SlabSettings
 [weberlink.control_schemes]
@@ -112,14 +134,21 @@ SESSION = """
 import json
 import sys
 from pathlib import Path
+from toy import commanded
 from weberlink.config import ConfigurationError, load
 from weberlink.session.advice import dry_run
 from weberlink.session.simulation import build_simulation
 
 SLAB = "{shape: toy_slab, height_m: 0.0, stiffness_n_m: 500}"
 felt, ratios, errors = [], set(), {}
-for robot in ("{driver: toy}", "{driver: simulated, integrator: toy_euler, substeps: 20}"):
-    overrides = [f"slave.robot={robot}", f"slave.scene=[{SLAB}]", "link.security=session", "control.scheme=half"]
+SIMULATED = "slave.robot={driver: simulated, integrator: toy_%s, substeps: 20}"
+TOYS = (
+    ["slave.robot={driver: toy}"],
+    [SIMULATED % "euler"],
+    [SIMULATED % "formal", "master.device={driver: toy_hand}"],
+)
+for toys in TOYS:
+    overrides = [*toys, f"slave.scene=[{SLAB}]", "link.security=session", "control.scheme=half"]
     simulation = build_simulation(load(Path(sys.argv[1]), overrides))
     records = [simulation.step()[0] for _ in range(2000)]
     felt.append(max(record.decoded_z for record in records))
@@ -130,11 +159,11 @@ for name in ("broken", "loose"):
         dry_run(load(Path(sys.argv[1]), [f"control.scheme={name}"]))
     except ConfigurationError as fault:
         errors[name] = str(fault)
-json.dump({"felt": felt, "ratios": sorted(ratios), "errors": errors}, sys.stdout)
+json.dump({"felt": felt, "commanded": len(commanded), "ratios": sorted(ratios), "errors": errors}, sys.stdout)
 """
 
 
-def test_another_distribution_adds_robot_integrator_shape_and_scheme(tmp_path: Path) -> None:
+def test_another_distribution_adds_device_robot_integrator_shape_and_scheme(tmp_path: Path) -> None:
     folder, file = install(tmp_path, "toy", {"toy": TOY}, ENTRY_POINTS), CONFIGS / "loopback.yaml"
     ended = subprocess.run(
         [sys.executable, "-c", SESSION, str(file)],
@@ -147,6 +176,7 @@ def test_another_distribution_adds_robot_integrator_shape_and_scheme(tmp_path: P
     assert ended.returncode == 0, ended.stderr
     found = json.loads(ended.stdout)
     assert all(force > 0.5 for force in found["felt"])
+    assert found["commanded"] >= 2000
     assert found["ratios"] == [0.5]
     assert found["errors"]["broken"].startswith(f"{file}: control.scheme: control scheme broken of toy")
     assert "control scheme loose of toy: toy:Loose does not inherit from weberlink.control" in found["errors"]["loose"]

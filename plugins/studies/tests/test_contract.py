@@ -34,7 +34,7 @@ from weberlink_studies.precision.study import Effort
 from weberlink_studies.sheet import save, sheet
 from weberlink_studies.stability.cells import EXTREMES, SystemCell
 from weberlink_studies.stability.display import STUDY as DISPLAY
-from weberlink_studies.stability.display import DisplayCell
+from weberlink_studies.stability.display import DisplayCell, DisplayOptions
 from weberlink_studies.stability.study import STUDY as MAP
 from weberlink_studies.stability.study import MapOptions
 from weberlink_studies.stability.wall import SampledWall
@@ -114,7 +114,7 @@ STUDIES = {
         {"stability_map.png", "stability_wall.png"}, 5, True,
     ),
     "stability --cells": StudyCase(
-        lambda *_: replace(DISPLAY, cases=lambda _: DISPLAYED).result(["none"], workers=1),
+        lambda *_: replace(DISPLAY, cases=lambda _: DISPLAYED).result(DisplayOptions(("none",)), workers=1),
         {"stability_display.png"}, 2,
     ),
     "ratings": StudyCase(lambda folder, _: rated(folder), CURVES | {"curves.csv"}, 30),
@@ -196,6 +196,7 @@ EVALUATION, EXPERIMENT = ("evaluate", OPERATOR), ("experiment", LOOPBACK, "--out
         (("evaluate", "tue", "tue_rigid_1"), 2, "listed twice"), (("evaluate", "{here}/far.csv"), 2, "--units"),
         (("evaluate", "{here}/wrong.csv"), 2, "row 1"), (("paper", "{here}/wrong.csv"), 2, "row 1"),
         (("paper", OPERATOR, OPERATOR), 2, "listed twice"), (("stability", "--cells", "--scheme", "x"), 2, "--scheme"),
+        (("stability", "--held-out", 1, "--plots", "{here}/out"), 2, "--plots"),
         *(((*EXPERIMENT, *more), 2, field) for more, field in [
             (("--subject", 0), "--subject"), (("--duration", 0), "--duration"), (("--duration", "nan"), "--duration"),
             (("--seed", -1), "--seed"), (("--set", "codec.force.webber=1"), "webber"), ((), "operator"),

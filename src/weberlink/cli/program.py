@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import typer
 
 from weberlink.cli.arguments import CommandGroup
-from weberlink.compiled import is_compiled
+from weberlink.compiled import build, is_compiled
 
 _HERE = "weberlink.cli"
 
@@ -44,7 +44,7 @@ def program(
     if show_version:
         from importlib.metadata import version  # noqa: PLC0415 - as long an import as all of ours
 
-        typer.echo(f"weberlink {version('weberlink')}{' (compiled)' if is_compiled() else ''}")
+        typer.echo(f"weberlink {version('weberlink')}, {build(compiled=is_compiled())}")
         raise typer.Exit
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())

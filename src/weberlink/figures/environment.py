@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from weberlink.compiled import is_compiled
+from weberlink.compiled import build, is_compiled
 
 PACKAGES = ("weberlink", "numpy", "uvloop", "cryptography", "scipy")
 
@@ -43,7 +43,7 @@ def footer(facts: dict[str, Any], seed: int | None = None) -> str:
         facts["system"],
         f"Python {facts['python']}",
         packages,
-        *(["compiled"] if facts.get("compiled") else []),
+        build(compiled=facts.get("compiled", False)),
         f"commit {facts['commit'] or 'unknown'}",
     ]
     if seed is not None:

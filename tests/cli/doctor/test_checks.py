@@ -155,7 +155,8 @@ CASES = [
     # software
     Case("Python", OK, "Python 3."),
     Case("Python", PROBLEM, "release build", answers={"python": lambda: BUILD | {"is_debug": True}}),
-    Case("build", OK, "is compiled", answers={"is_compiled": lambda: True}),
+    Case("build", OK, "WEBERLINK_PURE=1", answers={"is_compiled": lambda: True}),
+    Case("build", OK, "make compiled", answers={"is_compiled": lambda: False}),
     Case("uvloop", PROBLEM, " uvloop", answers={"version": lambda _package: None}),
     # devices
     Case("driver", OK, "ready", needs=NAMED, answers=driver("master", "paddle", READY)),

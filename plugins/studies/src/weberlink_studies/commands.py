@@ -207,6 +207,15 @@ def stability(
         list[str] | None,
         typer.Option("--scheme", metavar="NAME", help="Of --cells; may be repeated. Default: bounded."),
     ] = None,
+    held_out: Annotated[
+        int | None,
+        typer.Option(
+            "--held-out",
+            metavar="SEED",
+            min=0,
+            help="48 cells that this seed draws instead of the 156, and the baselines beside bounded; implies --cells.",
+        ),
+    ] = None,
     workers: Workers = None,
     dask: Dask = None,
     json_out: Json = None,
@@ -224,10 +233,12 @@ def stability(
 
     with progress_shown() as progress:
         check_resources(workers, dask)
-        if cells:
+        if cells or held_out is not None:
             from weberlink_studies.stability import display  # noqa: PLC0415
 
-            result = display.run(scheme or ["bounded"], workers=workers, dask=dask, progress=progress)
+            result = display.run(
+                scheme or [], held_out, plots=plots is not None, workers=workers, dask=dask, progress=progress
+            )
         else:
             from weberlink_studies.stability.study import STUDY, MapOptions  # noqa: PLC0415
 

@@ -7,6 +7,7 @@ from ipaddress import ip_address
 from weberlink.cli.devices import BROKEN, NO_EXTRA, NOTHING, READY, UNSEEN, DriverStatus
 from weberlink.cli.doctor.machine import Machine
 from weberlink.cli.doctor.report import Finding, Needs, advice, check, ok, problem, unknown
+from weberlink.compiled import build
 from weberlink.config.model import is_placeholder
 from weberlink.installation import all_guests, pip_install
 from weberlink.protocol import keys
@@ -160,20 +161,19 @@ def _named(status: DriverStatus) -> Finding:
 
 @check("software", "software")
 def software(machine: Machine, _needs: Needs) -> Iterator[Finding]:
-    build = machine.python()
-    name = f"Python {build['number']}"
-    if build["is_debug"]:
+    python = machine.python()
+    name = f"Python {python['number']}"
+    if python["is_debug"]:
         yield problem(f"{name} is a debug build, several times slower", "use a release build of Python", "Python")
-    elif build["is_dev_mode"]:
+    elif python["is_dev_mode"]:
         found = f"{name} in development mode, which is slow"
         yield advice(found, "unset PYTHONDEVMODE; run without -X dev", "Python")
-    elif build["is_free_threaded"]:
+    elif python["is_free_threaded"]:
         found = f"{name} is a free-threaded build, which is untested"
         yield advice(found, "use the ordinary build of Python", "Python")
     else:
         yield ok(name, "Python")
-    is_compiled = machine.is_compiled()
-    yield ok("weberlink is compiled" if is_compiled else "weberlink is not compiled: a tick takes longer", "build")
+    yield ok(f"weberlink: {build(compiled=machine.is_compiled())}", "build")
     number = machine.version("uvloop")
     fix = f"{pip_install()} uvloop"
     yield ok(f"uvloop {number}", "uvloop") if number else problem("uvloop is not installed", fix, "uvloop")

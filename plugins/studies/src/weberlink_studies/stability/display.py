@@ -2,7 +2,8 @@
 
 The reference of a cell is the force that the same hand feels of the same scene under `none` without delay; the hand
 yields to what it feels, so the motions of both differ too. Beside the schemes are those that were here before, `none`,
-`tdpa`, `mmt` and `auto`; their figures are data, with their origin.
+`tdpa`, `mmt` and `auto`; their figures are data, with their origin. Cells that a seed draws
+(`weberlink_studies.stability.held_out`) are compared with those that can still be run.
 """
 
 import json
@@ -62,12 +63,16 @@ HANDS: dict[str, tuple[str, ...]] = {
 
 
 class DisplayCell(NamedTuple):
-    """One run: scene and hand by name, delay each way [ms]; a lossy link has jitter and loses 5 % in bursts."""
+    """One run: scene and hand by name, delay each way [ms]; a lossy link has jitter and loses 5 % in bursts.
+
+    `overrides` of a drawn cell are beside those of its names.
+    """
 
     scene: str
     delay_ms: int
     link: str = "clean"
     hand: str = "default"
+    overrides: tuple[str, ...] = ()
 
 
 def cells() -> list[DisplayCell]:
@@ -110,7 +115,7 @@ def _measure(cell: DisplayCell, scheme: str) -> Row:
     felt, pressed = np.asarray(master["output"], np.float64), np.asarray(slave["raw"], np.float64)
     hand, command, delay = master["position"], slave["output"], cell.delay_ms
     sizes, loads = _lengths(felt), _lengths(pressed)
-    ideal = _reference(cell.scene, cell.hand)
+    ideal = _reference(cell._replace(delay_ms=0, link="clean"))
     both = min(len(felt), len(ideal))
     given = np.concatenate([[0.0], np.cumsum((felt[:-1] * np.diff(hand, axis=0)).sum(axis=1))])
     away = _lengths(command[delay:] - hand[: len(hand) - delay])[1000:]
@@ -139,13 +144,13 @@ def _measure(cell: DisplayCell, scheme: str) -> Row:
 
 def _simulated(cell: DisplayCell, scheme: str) -> tuple[tuple[Records, Records], float, str]:
     """Records of both sides, the share of the account's bound, and why a side ended early."""
-    (file, more), delay = SCENES[cell.scene], cell.delay_ms
+    (file, more), delay = SCENES.get(cell.scene, ("loopback", ())), cell.delay_ms
     lossy = cell.link == "lossy"
     faults = f", jitter_ms: {min(5, delay)}, loss: 0.05, burst: 3, seed: 1" if lossy else ", seed: 0"
     silence = max(100, int(5.5 * (delay + (5 if lossy else 0)) + 60))
     longest = max(400, 2 * delay + 100)
     link = [f"emulate={{delay_ms: {delay}{faults}}}", f"silence_ms={silence}", f"longest_round_trip_ms={longest}"]
-    overrides = [*(f"link.{each}" for each in link), *more, *HANDS[cell.hand]]
+    overrides = [*(f"link.{each}" for each in link), *more, *HANDS.get(cell.hand, ()), *cell.overrides]
     configuration = load(Path(str(files("weberlink.configs") / f"{file}.yaml")), overrides)
     records, failure = recorded(configuration, scheme, 10.6 + 4e-3 * delay)
     system = configuration.system
@@ -153,9 +158,9 @@ def _simulated(cell: DisplayCell, scheme: str) -> tuple[tuple[Records, Records],
 
 
 @lru_cache(maxsize=len(SCENES) * len(HANDS))
-def _reference(scene: str, hand: str) -> Floats:
-    """The force felt under `none` without delay, shape (n, 3) [N]."""
-    return np.asarray(_simulated(DisplayCell(scene, 0, hand=hand), "none")[0][0]["output"], np.float64)
+def _reference(cell: DisplayCell) -> Floats:
+    """The force felt under `none`, shape (n, 3) [N]."""
+    return np.asarray(_simulated(cell, "none")[0][0]["output"], np.float64)
 
 
 def _rms(vectors: Floats) -> float:
@@ -171,6 +176,8 @@ MOST_CONTACTS = 24  # the scripts make no more begins and ends of contacts than 
 WORSE, WORSE_N = 1.1, 0.05
 """A cell is worse if its error is above that of the best scheme before by this ratio and by this force [N] too."""
 KEYS = list(DisplayCell._fields)
+RIVALS = ("none", *BASELINES)
+"""With what drawn cells are compared: the four schemes before never ran them."""
 FIGURES = (
     "ideal_error_n", "error_n", "contacts", "ghost_s", "energy_out_j", "tracking_m", "shifted_error_n",
     "impulse_ratio", "peak_n", "ripple_n", "bound_share", "failure",
@@ -182,7 +189,7 @@ def former() -> "DataFrame":
     """Rows of the four schemes before; `attrs` has where they come from as `origin`."""
     stored = json.loads((files(__package__) / "former.json").read_text(encoding="utf-8"))
     frame = data_frame([
-        dict(zip([*KEYS, "scheme", *FIGURES], [*row[:4], scheme, *each], strict=False))
+        dict(zip([*KEYS, "scheme", *FIGURES], [*row[:4], (), scheme, *each], strict=False))
         for row in stored["cells"]
         for scheme, each in zip(stored["schemes"], row[4:], strict=True)
     ])  # fmt: skip
@@ -191,9 +198,16 @@ def former() -> "DataFrame":
 
 
 def judged(rows: "DataFrame") -> "DataFrame":
-    """Rows with the best error before (missing without one), and what is judged of each; without those that failed."""
-    best = former().groupby(KEYS).error_n.min().rename("former_error_n").reset_index()
-    ran = rows[rows.failure == ""].merge(best, on=KEYS, how="left")
+    """Rows with the best error of others (missing without one), and what is judged of each; without those that failed.
+
+    The others are the four schemes before; of drawn cells, `RIVALS` as far as they ran.
+    """
+    from pandas import concat  # noqa: PLC0415 - heavy
+
+    ran = rows[rows.failure == ""]
+    others = concat([former(), ran[(ran.overrides != ()) & ran.scheme.isin(RIVALS)]])
+    best = others.groupby(KEYS).error_n.min().rename("former_error_n").reset_index()
+    ran = ran.merge(best, on=KEYS, how="left")
     beyond = (ran.ghost_s - 2e-3 * ran.delay_ms).clip(lower=0.0)
     least = ran.former_error_n
     return ran.assign(
@@ -222,7 +236,7 @@ COLUMNS = {
     "delay_ms": Column("ms"),
     "scene": Column("scene", left=True),
     "scheme": Column("scheme", left=True),
-    "former": Column("former", "{:.2f}"),
+    "former": Column("best", "{:.2f}"),
     "felt": Column("felt", "{:.2f}"),
     "ghost": Column("ghost", lambda seconds: f"{1e3 * seconds:.0f}"),
     "contacts": Column("contacts", "{:.0f}"),
@@ -232,25 +246,44 @@ COLUMNS = {
 }
 
 
-def _tables(schemes: Sequence[str], rows: "DataFrame", run_time_s: float, caption: str) -> RenderableType:
-    del schemes
-    ran = judged(rows).sort_values("delay_ms", kind="stable")
-    table = ran.groupby(["delay_ms", "scene", "scheme"], sort=False).agg(
-        former=("former_error_n", "mean"),
-        felt=("error_n", "mean"),
-        ghost=("ghost_beyond_s", "max"),
-        contacts=("contacts", "max"),
-        out=("energy_out_j", "max"),
-        bound=("bound_share", "max"),
-        apart=("tracking_m", "max"),
+class DisplayOptions(NamedTuple):
+    """Of the study: schemes, and the seed of the cells; None for the 156."""
+
+    schemes: tuple[str, ...]
+    held_out: int | None = None
+
+
+def _cases(options: DisplayOptions) -> list[tuple[DisplayCell, str]]:
+    from weberlink_studies.stability.held_out import held_out  # noqa: PLC0415 - it makes cells of this module
+
+    chosen = cells() if options.held_out is None else held_out(options.held_out)
+    return [(cell, scheme) for scheme in options.schemes for cell in chosen]
+
+
+def _tables(options: DisplayOptions, rows: "DataFrame", run_time_s: float, caption: str) -> RenderableType:
+    keys, others, ran = ["delay_ms", "scene", "scheme"], "none, tdpa, mmt, auto", judged(rows)
+    if options.held_out is not None:
+        keys, others = keys[1:], ", ".join(RIVALS)
+    table = (
+        ran.sort_values(keys[:-1], kind="stable")
+        .groupby(keys, sort=False)
+        .agg(
+            former=("former_error_n", "mean"),
+            felt=("error_n", "mean"),
+            ghost=("ghost_beyond_s", "max"),
+            contacts=("contacts", "max"),
+            out=("energy_out_j", "max"),
+            bound=("bound_share", "max"),
+            apart=("tracking_m", "max"),
+        )
     )
     notes = [
-        "felt: RMS of felt minus pressed in N, the delay contained, mean over links",
-        "  and hands; former: that of the best of none, tdpa, mmt, auto in each cell",
+        "felt: RMS of felt minus pressed in N, the delay contained, mean over cells;",
+        f"  best: that of the best of {others} in each cell",
         "the largest of ghost (beyond the round trip, ms), contacts",
         "  (begins and ends), out (mJ), bound (share got out, %), apart (mm)",
         *(
-            f"{one.scheme}: {one.worse} of {one.compared} worse than the best before by 10 % and {WORSE_N:g} N\n"
+            f"{one.scheme}: {one.worse} of {one.compared} worse than that best by 10 % and {WORSE_N:g} N\n"
             f"  {one.ghost} ghosts; bound kept in {one.bound_kept} of {one.cells}; {one.failed} failed\n"
             f"  at most {MOST_CONTACTS} contacts in {one.few_contacts}; up to 100 ms at most "
             f"{1e3 * one.tracking_m:.1f} mm apart"
@@ -259,24 +292,25 @@ def _tables(schemes: Sequence[str], rows: "DataFrame", run_time_s: float, captio
         f"{len(rows)} runs in {run_time_s:.0f} s",
         caption,
     ]
-    return frame_table(table.reset_index(), COLUMNS, notes=notes)
+    columns = {name: column for name, column in COLUMNS.items() if name not in {"delay_ms"} - {*keys}}
+    return frame_table(table.reset_index(), columns, notes=notes)
 
 
-def _plots(schemes: Sequence[str], rows: "DataFrame", folder: Path, caption: str) -> None:
+def _plots(options: DisplayOptions, rows: "DataFrame", folder: Path, caption: str) -> None:
     from weberlink_studies.stability.figures import display_map  # noqa: PLC0415 - imports matplotlib
 
-    del schemes
+    del options
     display_map(judged(rows), folder / "stability_display.png", caption)
 
 
-def _summary(schemes: Sequence[str], rows: "DataFrame") -> dict[str, Any]:
-    del schemes
-    return {"summary": records(summary(rows)), "former_origin": former().attrs["origin"]}
+def _summary(options: DisplayOptions, rows: "DataFrame") -> dict[str, Any]:
+    origin = {"former_origin": former().attrs["origin"]} if options.held_out is None else {"held_out": options.held_out}
+    return {"summary": records(summary(rows))} | origin
 
 
 STUDY = Study(
     "stability --cells",
-    lambda schemes: [(cell, scheme) for scheme in dict.fromkeys(schemes) for cell in cells()],
+    _cases,
     rows_of,
     _tables,
     _plots,
@@ -287,10 +321,27 @@ STUDY = Study(
 
 
 def run(
-    schemes: Sequence[str], *, workers: int | None = None, dask: str | None = None, progress: Progress = lambda *_: None
+    schemes: Sequence[str],
+    held_out: int | None = None,
+    *,
+    plots: bool = False,
+    workers: int | None = None,
+    dask: str | None = None,
+    progress: Progress = lambda *_: None,
 ) -> FrameResult:
-    """Run all cells with each scheme, or as many as are done when Ctrl-C stops them; arguments as of `Study.result`."""
+    """Run all cells with each scheme, or as many as are done when Ctrl-C stops them.
+
+    Args:
+        schemes: by name; empty for `bounded`, and with drawn cells `RIVALS` too.
+        held_out: seed of drawn cells; None for the 156.
+        plots: whether figures are wanted, which are of the 156.
+        workers: as of `Study.result`, and `dask` and `progress` too.
+    """
+    if held_out is not None and plots:
+        raise ConfigurationError("--plots: drawn cells have no figure; write them with --csv or --json")
     for name in schemes:
         if name not in BASELINES and name not in SCHEMES:
             raise ConfigurationError(f"--scheme: {name!r} is none of {', '.join((*SCHEMES, *BASELINES))}")
-    return STUDY.result(list(schemes), workers=workers, dask=dask, progress=progress)
+    known = schemes or (["bounded"] if held_out is None else ["bounded", *RIVALS])
+    options = DisplayOptions(tuple(dict.fromkeys(known)), held_out)
+    return STUDY.result(options, workers=workers, dask=dask, progress=progress)
