@@ -121,10 +121,8 @@ def test_camera_that_fails_ends_no_session_and_is_named(tmp_path: Path) -> None:
     os.mkfifo(pipe)
     sources = f"{PATTERN}, {{name: gone, device: {tmp_path / 'nothing'}}}, {{name: pipe, device: {pipe}}}"
     file = write(tmp_path / "one.yaml", None, sources=sources)
-    with (
-        program("loopback", file, "--json", tmp_path / "report.json") as session,
-        Reader(session.pid, "slave") as reader,
-    ):
+    report = tmp_path / "report.json"
+    with program("loopback", file, "--json", report) as session, Reader(session.pid, "slave") as reader:
         assert "nothing" in reader.first(note=True).note
         for data, why in ((jpeg(64, 48) + claims(60_000, 60_000), "60000"), (b"\xff\xd8" + b"rubbish" * 99, "damaged")):
             with pipe.open("wb", buffering=0) as camera:
