@@ -71,6 +71,7 @@ class Endpoint:
         events: that wait to be taken, the oldest first.
         peer_grant: what the key of the master of the session, or of the last one, is good for.
         told: gives what the owner adds to what a watcher is told; texts and numbers.
+        on_update: takes an update as it comes, if no event waits; False to have it as an event. Must not raise.
     """
 
     def __init__(
@@ -171,6 +172,7 @@ class Endpoint:
         self._served: Hello | None = None  # the master of the present session
         self.peer_grant = Grant()
         self.told: Callable[[], Mapping[str, object]] = dict
+        self.on_update: Callable[[events.UpdateReceived], bool] | None = None
         self._stopper: tuple[bytes, Address] | None = None
         """The answer to who asked to stop, and where to."""
         self._encoding_reported_at: float | None = None
@@ -517,7 +519,8 @@ class Endpoint:
             self._drop(outcome)
         elif isinstance(outcome, events.UpdateReceived):
             self.statistics.updates_received[outcome.stream] += 1
-            self._tell(outcome)
+            if self.on_update is None or self.events or not self.on_update(outcome):
+                self._tell(outcome)
         elif outcome is not None:
             self._on_message(session, outcome, address, now)
 

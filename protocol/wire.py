@@ -357,10 +357,8 @@ class UpdateLayout:
             expected = "model parameters" if self.forms[selector].previous is None else "a previous sample"
             raise ValueError(f"an update of selector {selector} must carry {expected}, not {payload}")
         if isinstance(payload, ModelParameters):
-            if len(payload.data) > MOST_PARAMETER_BYTES:
-                raise ValueError(
-                    f"model parameters must have at most {MOST_PARAMETER_BYTES} bytes, not {len(payload.data)}"
-                )
+            if len(payload.data) > (most := self.forms[selector].most_bytes):
+                raise ValueError(f"model parameters must have at most {most} bytes, not {len(payload.data)}")
             return
         gap, levels = payload
         if not 1 <= gap <= MAX_GAP:
@@ -422,7 +420,7 @@ class UpdateLayout:
         data = read_rest(bits, left)
         if mark and form.previous is None:
             payload = ModelParameters(data)
-        if len(data) > (MOST_PARAMETER_BYTES if isinstance(payload, ModelParameters) else 0):
+        if len(data) > (form.most_bytes if isinstance(payload, ModelParameters) else 0):
             raise ValueError(f"{len(data)} bytes after the levels")
         return Update(lag, selector, newest, payload), ticks, credit
 
@@ -438,7 +436,7 @@ class UpdateLayout:
         least, most = LONGEST_DATAGRAM, 0
         for selector, form in enumerate(self.forms):
             zeros, widest = (0,) * sum(form.newest), (-_LARGEST - 1,) * sum(form.newest)
-            payload: Payload = ModelParameters(bytes(MOST_PARAMETER_BYTES))
+            payload: Payload = ModelParameters(bytes(form.most_bytes))
             if form.previous is not None:
                 payload = PreviousSample(MAX_GAP, (0,) * sum(form.previous))
             least = min(least, len(self.pack(short, 0, Update(0, selector, zeros))))

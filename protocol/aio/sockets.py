@@ -31,6 +31,11 @@ SLICE_S: Final = 2e-4
 """Longest time spent on datagrams before the event loop does other work [s]; a single datagram may take longer."""
 MOST_S: Final = 2e-3
 """Largest balance of the budget [s], for the datagrams of a peer that wait after a stall."""
+WAKE_S: Final = 5e-6
+"""What waking the event loop for a datagram costs beside taking it [s]."""
+CLASS_LOOK_S: Final = 1.0
+"""Time between two looks at what the system gives beside the datagrams of a connected socket [s]: a read without it
+takes half as long."""
 _LONGEST_READ: Final = LONGEST_DATAGRAM + 5
 """More than the longest datagram in the header of a relay [bytes]."""
 _PKTINFO: Final = 8
@@ -174,18 +179,27 @@ class ReceiveQueue:
         loop: asyncio.AbstractEventLoop,
         now: Callable[[], float],
         take: Callable[[bytes, Address, Ancillary, float], None],
+        is_due: Callable[[], bool],
         on_datagrams: Callable[[], None],
         share: float,
+        source: Address | None = None,
     ) -> None:
-        """Listen. `take` is given each datagram with its sender and what the system gives beside it; `on_datagrams` is
-        called after the loop was woken and datagrams were taken; `share` of a processor is what reading may cost."""
+        """Listen. `take` is given each datagram with its sender and what the system gives beside it; `is_due` says
+        whether something else comes first, so that a datagram waits; `on_datagrams` is called after the loop was woken
+        and a datagram was taken; `share` of a processor is what reading may cost; `source` is whom the socket is
+        connected to: what the system gives beside is then there once in `CLASS_LOOK_S`."""
         self.socket = bound
         self.is_open = True
         self.budget = WorkBudget(share, MOST_S, now())
         self._loop = loop
         self._now = now
         self._take = take
+        self._is_due = is_due
         self._on_datagrams = on_datagrams
+        self._source = source
+        self._look_at = -inf
+        self._looks = True
+        """Whether the next read is one with what the system gives beside."""
         self._resume: asyncio.TimerHandle | None = None
         waiting = select.poll()
         waiting.register(bound.fileno(), select.POLLIN)
@@ -197,41 +211,55 @@ class ReceiveQueue:
     def read(self) -> bool:
         """Take the datagrams that wait, until a slice or the budget is used up; returns whether there were any."""
         # To ask first costs a third of a read that finds nothing and raises an exception.
-        if self._resume is not None or not self._waiting(0):
-            return False
+        return self._resume is None and bool(self._waiting(0)) and self._take_some(SLICE_S, 0.0)
+
+    def _take_some(self, slice_s: float, cost_s: float) -> bool:
+        """Take one datagram, and others for so long (-inf: none); whether there were any. `cost_s` was spent before."""
         began = now = -inf
         found = False
-        while self.is_open:
-            data = b""
-            source: Any = None
-            ancillary: Any = None
+        while True:
+            data: bytes | None = None
+            source: Any = self._source
+            ancillary: Any = ()
             try:
-                data, ancillary, _, source = self.socket.recvmsg(_LONGEST_READ, ANCILLARY_BYTES)
+                if self._looks:
+                    data, ancillary, _, name = self.socket.recvmsg(_LONGEST_READ, ANCILLARY_BYTES)
+                    source = source or address_of(name)
+                else:
+                    data = self.socket.recv(_LONGEST_READ)
             except BlockingIOError:
                 break
             except OSError:  # such as an ICMP error of an earlier send: it costs time as a datagram does
                 pass
-            if began == -inf:
-                began = now = self._now()
-            if source is not None:
-                found = True
-                self._take(data, address_of(source), ancillary, now)
             now = self._now()
-            if now - began > SLICE_S or not (self.is_open and self._waiting(0)):
+            if began == -inf:
+                began = now
+            if data is not None:
+                found = True
+                if self._looks:
+                    self._look_at = now + CLASS_LOOK_S
+                self._looks = self._source is None or now >= self._look_at
+                self._take(data, source, ancillary, now)
+                now = self._now()
+            if now - began > slice_s or not (self.is_open and self._waiting(0)):
                 break
         if began > -inf:
-            wait = self.budget.spend(now - began, now)
-            if wait > 0.0 and self.is_open:
-                self._forget(self.socket.fileno())
-                self._resume = self._loop.call_later(wait, self._go_on)
+            self._spend(now - began + cost_s, now)
         return found
+
+    def _spend(self, seconds: float, now: float) -> None:
+        wait = self.budget.spend(seconds, now)
+        if wait > 0.0 and self.is_open:
+            self._forget(self.socket.fileno())
+            self._resume = self._loop.call_later(wait, self._go_on)
 
     def _go_on(self) -> None:
         self._resume = None
         self._loop.add_reader(self.socket.fileno(), self._on_readable)
 
     def _on_readable(self) -> None:
-        if self.read():
+        """Take a datagram without asking whether there is one; the loop wakes again for the next."""
+        if not self._is_due() and self._take_some(-inf, WAKE_S):
             self._on_datagrams()
 
     def close(self) -> None:

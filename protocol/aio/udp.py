@@ -44,8 +44,8 @@ STRANGER_SHARE: Final = 0.05
 """Share of a processor for other datagrams while there is a peer: it may have moved or restarted."""
 TIMER_STEP_S: Final = 1e-3
 """Resolution of the timers of uvloop [s]: rounded down, a timer would fire again and again until it is due."""
-CLASS_LOOK_S: Final = 1.0
-"""Time between two looks at the class of service with which datagrams arrive [s]."""
+LONGEST_HANDLING_S: Final = 1e-4
+"""How long before a tick a datagram waits for it at most [s], as the newest one took as long."""
 
 
 class PathFacts(NamedTuple):
@@ -96,7 +96,6 @@ class Path:
         self._owner = owner
         self._loop = loop
         self._dscp: int | None = None
-        self._look_at = -inf
         self._called: list[tuple[Address, str, Ancillary]] = []
         """Sender of the newest datagram, and which address of this host it called; then the same of the peer."""
         self._bound = bound
@@ -108,11 +107,17 @@ class Path:
         self._open = self._queue(bound, self._take_from_anywhere)
         self._peer: ReceiveQueue | None = None
 
-    def _queue(self, bound: socket.socket, take: Callable[[bytes, Address, Ancillary, float], None]) -> ReceiveQueue:
+    def _queue(
+        self,
+        bound: socket.socket,
+        take: Callable[[bytes, Address, Ancillary, float], None],
+        source: Address | None = None,
+    ) -> ReceiveQueue:
         shell = self._owner.shell
         return ReceiveQueue(
-            bound, loop=self._loop, now=shell.now, take=take, on_datagrams=shell.on_datagrams, share=PEER_SHARE
-        )
+            bound, loop=self._loop, now=shell.now, take=take, is_due=shell.is_due, on_datagrams=shell.on_datagrams,
+            share=PEER_SHARE, source=source,
+        )  # fmt: skip
 
     def guard(self, peer: Address) -> None:
         """Receive from this address in a socket of its own, and send to it. Without that socket there is less
@@ -133,8 +138,7 @@ class Path:
             return
         self.remote = address_of(connected.getpeername())
         set_option(connected, socket.IP_RECVTOS, socket.IPV6_RECVTCLASS, 1)
-        self._look_at = -inf
-        self._peer = self._queue(connected, self._take_from_peer)
+        self._peer = self._queue(connected, self._take_from_peer, self.remote)
         self._open.budget.share = STRANGER_SHARE
 
     def read(self) -> bool:
@@ -173,8 +177,7 @@ class Path:
         self.on_datagram(data, source, now)
 
     def _take_from_peer(self, data: bytes, source: Address, ancillary: Ancillary, now: float) -> None:
-        if ancillary and now >= self._look_at:
-            self._look_at = now + CLASS_LOOK_S
+        if ancillary:
             ((_, _, value),) = ancillary  # IPv4 gives one octet, IPv6 an integer
             dscp = int.from_bytes(value, sys.byteorder) >> ECN_BITS
             if dscp != self._dscp:
@@ -294,6 +297,9 @@ class UdpShell:
         self._peer: Address | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._timer_at = inf
+        self._tick_at = inf
+        self._woken_at = self._handling = 0.0
+        """When the loop was woken for the newest datagram, and how long that took then [s]."""
         self._paths = paths(self)
 
     @property
@@ -342,8 +348,13 @@ class UdpShell:
                 break
         self.endpoint.handle_timer(self.now() if now is None else now)
 
-    def flush(self, now: float) -> None:
-        """Send what the endpoint and the emulated link have ready, and set the timer for what is due next."""
+    def flush(self, now: float, tick_at: float | None = None) -> None:
+        """Send what the endpoint and the emulated link have ready, and set the timer for what is due next.
+
+        The owner reads at `tick_at` itself: a datagram that comes so shortly before that it would delay it waits.
+        """
+        if tick_at is not None:
+            self._tick_at = tick_at
         self._tell_paths()
         link = self._link
         if self._loop is None:
@@ -371,9 +382,15 @@ class UdpShell:
         self.service()  # reads first, so that a stall of this end does not pass for silence of the other
         self.flush(self.now())
 
+    def is_due(self) -> bool:
+        """Whether a datagram for which the loop is woken now waits for a tick."""
+        self._woken_at = self.now()
+        return self._tick_at - self._woken_at < self._handling
+
     def on_datagrams(self) -> None:
         """What the loop was woken for has been read."""
         self.flush(self.now())
+        self._handling = min(self.now() - self._woken_at, LONGEST_HANDLING_S)
 
     def _tell_paths(self) -> None:
         """Tell the sockets of a new state or peer."""

@@ -83,6 +83,8 @@ class Leading:
 
 def test_command_of_control_is_sent_by_channel() -> None:
     leading = Leading()
+    assert leading.port.angles == (0.0, 0.0, 0.0), "until there is a reading"
+    assert leading.port.angle_range == ((-2.0, -1.5, 0.0), (2.0, 1.5, 1.0))
     leading.hand.angles = (0.1, -0.2, 0.3)
     leading.sense()
     assert leading.sensors[0].sample() == ((0.1, -0.2), (0.0, 0.0, 0.0), inf)
@@ -97,6 +99,7 @@ def test_command_of_control_is_sent_by_channel() -> None:
         ((0.0, 0.0), inf),
         ((0.05, -0.05), inf),  # no more than its own deadband
         ((0.5, 0.0), 0.05 / (0.01 * 10.0)),
+        ((-0.6, 0.0), 0.06 / (0.01 * 10.0)),
         ((-0.6, 0.8), 0.08 / (0.02 * 50.0)),
     ],
 )

@@ -55,8 +55,9 @@ class Transport:
     def service(self, now):
         self.journal.append("service")
 
-    def flush(self, now):
+    def flush(self, now, tick_at=None):
         self.journal.append("flush")
+        self.tick_at = tick_at
 
     def close(self):
         self.journal.append("close")
@@ -77,6 +78,17 @@ def test_order_of_calls_in_a_tick():
     side = Side(leave=2)
     go(side, after_tick=lambda *_: side.journal.append("after"))
     assert side.journal == ["open", *["service", "tick", "flush", "after"] * 2, "close"]
+
+
+def test_the_transport_knows_when_the_next_tick_is_due():
+    side, deadlines = Side(leave=3), []
+    transport = Transport(side.journal)
+    go(
+        side,
+        transport=transport,
+        after_tick=lambda _index, deadline, *_: deadlines.append((deadline, transport.tick_at)),
+    )
+    assert [due - deadline for deadline, due in deadlines] == pytest.approx([PERIOD] * 3, rel=1e-6)
 
 
 def test_after_the_duration_the_side_is_stopped_and_settles():

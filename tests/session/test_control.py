@@ -42,8 +42,7 @@ def bound_share(ran: Run) -> float:
     return score.figures().energy.bound_share or 0.0
 
 
-@pytest.mark.parametrize("stiffness", [500.0, 1e6])
-@pytest.mark.parametrize("round_trip", [0.005, 0.1, 0.7])
+@pytest.mark.parametrize(("round_trip", "stiffness"), [(0.005, 500.0), (0.1, 500.0), (0.1, 1e6), (0.7, 1e6)])
 def test_on_a_bad_link_the_hand_gets_no_more_energy_than_its_bound(round_trip: float, stiffness: float) -> None:
     ran = run(HAND, 2.4 + 2.0 * round_trip, *plane("bounded", stiffness, round_trip), *BAD_LINK)
     assert bound_share(ran) <= 1.0

@@ -97,6 +97,13 @@ def test_gripper_that_is_not_led_holds() -> None:
     assert following.port.applied == (0.1, 0.0, 0.4)
 
 
+@pytest.mark.parametrize("nothing", [None, (nan, 0.0), (inf, 0.0)])
+def test_it_holds_while_nothing_of_use_is_decoded(nothing: Joints | None) -> None:
+    following = Following().there((0.1, 0.0), (0.2,))
+    assert [following.tick(nothing, (0.9,)) for _ in range(3)] == [(0.1, 0.0, 0.2)] * 3
+    assert following.port.account(TICK, 0.0, encodes=True) == 0, "an arm hands no energy over"
+
+
 @pytest.mark.parametrize("retreat", [True, False])
 def test_it_holds_when_nobody_leads_and_fades(retreat: bool) -> None:
     following = Following(Servos(walls=(-0.02, -inf, -inf))).there((-0.05, 0.1), (0.2,))

@@ -23,7 +23,7 @@ from plugins.anywhere.tests.found import (
     send_ticks,
 )
 from tests.protocol.harness import make_endpoint
-from tests.wait import soon
+from tests.wait import PATIENCE, soon
 from weberlink.protocol import Connected, PeerSilent, Role, State
 from weberlink.protocol.aio.udp import PEER_SHARE, STRANGER_SHARE, peer_address
 from weberlink.protocol.events import Address, DropReason
@@ -31,7 +31,7 @@ from weberlink_anywhere import hand_over
 from weberlink_anywhere.found_paths import FINDER_ENDED, MOVED_PEERS, SILENT_S, STUN_BURST_S, STUN_S, FoundPaths
 from weberlink_anywhere.hand_over import PathFound, PathLost, PathNews, PathSilent, SessionState, StunReceived
 
-HANG_S = 10.0
+HANG_S = 2.0 * PATIENCE
 NONSENSE = [b"x", bytes(5000), msgpack.packb([2, ROBOT, "x" * 5000, True]), msgpack.packb([0, 1, 0]), b"\xc1" * 40]
 STUN = b"\x00\x01\x00\x00" + hand_over.STUN_COOKIE + bytes(12)
 """A binding request without attributes."""

@@ -48,8 +48,8 @@ class Transport(Protocol):
     def service(self, now: float) -> None:
         """Before each tick: timers that are due, datagrams that have arrived."""
 
-    def flush(self, now: float) -> None:
-        """After each tick: hand over what is to be sent. Does not block."""
+    def flush(self, now: float, tick_at: float | None = None) -> None:
+        """After each tick: hand over what is to be sent. Does not block. The next tick is due at `tick_at`."""
 
     def close(self) -> None:
         """Release what `open` claimed, also if that did not finish."""
@@ -188,7 +188,7 @@ class TickLoop:
             return
         self._transport.service(now)
         self._side.tick(index, deadline, now)
-        self._transport.flush(now)
+        self._transport.flush(now, deadline + self._period)
         self._ticks += 1
         if self._after_tick is not None:
             self._after_tick(index, deadline, now, (monotonic() - now) * 1e6)

@@ -100,7 +100,7 @@ class IncomingChannel:
         learner: is told each received contact model; None for nobody.
 
     Attributes:
-        received: updates applied in this tick.
+        received: updates applied since the last record.
         value: gives the value at a tick of the peer and a position; None before the first update.
     """
 
@@ -157,6 +157,8 @@ class Rows:
         row.widened = encoder.widened
         received = self._incoming[0].received
         row.received = received if received < MOST_RECEIVED else MOST_RECEIVED
+        for incoming in self._incoming:
+            incoming.received = 0
         if self._is_arm:
             self._fill_arm(row, statistics)
             return

@@ -115,6 +115,7 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
             paths=paths,
             on_no_path=lambda why: side.give_up(monotonic(), why),
         )
+        side.send_at_once = udp.flush
         told = description.describe(configuration, order.side, side.endpoint.name, side.port)
         described = description.Description(order.ring, told)
         described.publish(paths=udp.paths)

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from tests.wait import soon
-from weberlink.protocol.aio.sockets import MOST_S, SLICE_S, ReceiveQueue, WorkBudget
+from weberlink.protocol.aio.sockets import CLASS_LOOK_S, MOST_S, SLICE_S, ReceiveQueue, WorkBudget
 
 
 def test_spent_time_returns_at_the_rate_of_the_share() -> None:
@@ -34,15 +34,19 @@ def plain() -> socket.socket:
 
 
 def listening(
-    take: Callable[[bytes], object], share: float, bound: Any = None, now: Callable[[], float] = time.monotonic
+    take: Callable[[bytes], object],
+    share: float,
+    bound: Any = None,
+    now: Callable[[], float] = time.monotonic,
+    **changes: Any,
 ) -> ReceiveQueue:
     return ReceiveQueue(
         bound or plain(),
         loop=asyncio.get_running_loop(),
         now=now,
         take=lambda data, _source, _ancillary, _now: take(data),  # type: ignore[arg-type, return-value]
-        on_datagrams=lambda: None,
         share=share,
+        **{"is_due": lambda: False, "on_datagrams": lambda: None} | changes,
     )
 
 
@@ -89,6 +93,50 @@ def test_a_queue_that_has_paused_goes_on() -> None:
         queue.close()
 
     asyncio.run(scenario())
+
+
+class Counting(socket.socket):
+    """Counts reads by their kind."""
+
+    def __init__(self) -> None:
+        super().__init__(socket.AF_INET, socket.SOCK_DGRAM)
+        self.bind(("127.0.0.1", 0))
+        self.setblocking(False)
+        self.reads: list[str] = []
+
+    def recv(self, *arguments: Any) -> Any:
+        self.reads.append("recv")
+        return super().recv(*arguments)
+
+    def recvmsg(self, *arguments: Any) -> Any:
+        self.reads.append("recvmsg")
+        return super().recvmsg(*arguments)
+
+
+def test_each_datagram_is_acted_on_before_the_next_is_read_with_one_short_read() -> None:
+    """What the system gives beside the datagrams of a connected socket is read now and then."""
+
+    async def scenario() -> list[str]:
+        bound, now, acted = Counting(), 0.0, []
+        with plain() as peer:
+            bound.connect(peer.getsockname())
+            peer.connect(bound.getsockname())
+            queue = listening(
+                lambda data: bound.reads.append(data.decode()), 0.3, bound, lambda: now, source=peer.getsockname(),
+                on_datagrams=lambda: (acted.append(1), bound.reads.append("acted")),
+            )  # fmt: skip
+            for number, now in enumerate((0.0, 0.1, 0.2, CLASS_LOOK_S, CLASS_LOOK_S + 0.1)):  # noqa: B007 - is read
+                peer.send(str(number).encode())
+                await soon(lambda number=number: len(acted) > number, "the datagram")
+            for number in (5, 6):
+                peer.send(str(number).encode())
+            await soon(lambda: len(acted) == 7, "both")
+            queue.close()
+        return bound.reads
+
+    kinds = ["recvmsg", "recv", "recv", "recv", "recvmsg", "recv", "recv"]
+    expected = [word for number, kind in enumerate(kinds) for word in (kind, str(number), "acted")]
+    assert asyncio.run(scenario()) == expected
 
 
 class Endless(socket.socket):
@@ -145,3 +193,22 @@ def test_a_datagram_behind_an_error_is_taken() -> None:
         return taken
 
     assert asyncio.run(scenario()) == [b"behind"]
+
+
+def test_a_datagram_waits_while_something_else_is_due_unless_it_is_asked_for() -> None:
+    async def scenario() -> None:
+        taken: list[bytes] = []
+        is_due = True
+        with plain() as sender:
+            queue = listening(taken.append, 0.3, is_due=lambda: is_due)
+            sender.sendto(b"first", queue.socket.getsockname())
+            for _ in range(10):
+                await asyncio.sleep(0.0)
+            assert not taken
+            assert queue.read()
+            sender.sendto(b"second", queue.socket.getsockname())
+            is_due = False
+            await soon(lambda: taken == [b"first", b"second"], "the second")
+        queue.close()
+
+    asyncio.run(scenario())

@@ -234,6 +234,16 @@ async def test_flood_of_garbage_from_peer_counts_as_silence() -> None:
 
 
 @live
+async def test_a_tick_is_due_as_long_before_it_as_a_datagram_takes_and_until_it_is_done() -> None:
+    _, _, shell, _ = await engage()
+    now = monotonic()
+    for tick_at, is_due in ((now + 10.0, False), (now - 10.0, True), (now + 1e-9, True), (now + 10.0, False)):
+        shell.flush(now, tick_at)
+        shell.flush(now)  # which says nothing of a tick
+        assert shell.is_due() is is_due
+
+
+@live
 async def test_strangers_fill_a_buffer_of_their_own() -> None:
     """A datagram of the peer arrives at once while strangers have filled their buffer."""
     master_shell, master, slave_shell, slave = await engage()

@@ -1,0 +1,352 @@
+"""The `device emulate` command: connects an emulated device to a port, and obeys fault commands until the end."""
+
+import asyncio
+import json
+import os
+import selectors
+import signal
+import stat
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from difflib import get_close_matches
+from pathlib import Path
+from time import monotonic
+from typing import Any, TextIO
+
+import yaml
+
+from weberlink.config import ConfigurationError
+from weberlink.config.document import override
+from weberlink.config.errors import validated
+from weberlink.hardware.emulator import EMULATORS, WireFaults
+from weberlink.hardware.fault import HardwareFault
+from weberlink.master.devices import DEVICES
+from weberlink.master.devices.leaders import LEADERS
+from weberlink.order import COMPLETED, FAILED, STOP_SIGNALS
+from weberlink.realtime.process import prepare
+from weberlink.testing.serving import PtyDevice, ServedDevice
+from weberlink.testing.umockdev import Testbed, TestbedNode
+
+PORT = "{port}"
+"""Placeholder for the port in the arguments of the command."""
+PRIORITY = 60
+"""Above the daemons, since a real device has its own processor."""
+LOOK_S = 0.2
+"""Period of checking that the emulator still runs."""
+STOP_LIMIT_S = 3.0
+"""Time from SIGTERM to SIGKILL."""
+CHUNK = 4096
+OF_THE_KERNEL = ("hid", "evdev")
+"""Transports of devices that only a command in their testbed sees."""
+WIRE_FAULTS = {
+    "garble": "as many of the next answers arrive with a byte changed; on a WebSocket: cut in half",
+    "late": "every answer is delayed by as many seconds; 0: no delay",
+    "silent": "answers are lost",
+    "ok": "end these three faults",
+    "unplug": "disconnect the device; one with its own power goes on",
+    "plug": "connect it again",
+}
+WORDS = {"status": "print the state of the device as JSON", "help": "list the commands"}
+
+
+def run(
+    name: str,
+    link: Path | None,
+    overrides: Sequence[str],
+    command: Sequence[str],
+    *,
+    out: TextIO,
+    source: TextIO | None,
+    faults: Path | None = None,
+) -> int:
+    """Emulate a device until a signal, or until the command ends. Call it in the main thread.
+
+    Args:
+        name: driver of the device.
+        link: path of a serial device's port; weberlink-NAME in the working directory if None. Other devices have none.
+        overrides: "key=value" for the emulator's options.
+        command: to run meanwhile; `{port}` in it is replaced by the port. Only this command sees a HID or input device.
+        out: stream for the line with the port, and for answers.
+        source: stream of fault commands; not read while a command runs, which then has standard input.
+        faults: FIFO of fault commands; created and removed if it does not exist.
+
+    Returns:
+        The exit status of the command; without a command 0, or 1 if the emulator failed.
+
+    Raises:
+        ConfigurationError: an argument is wrong, or umockdev is missing for a device of the kernel.
+    """
+    emulator = _build(name, overrides)
+    if emulator.transport in OF_THE_KERNEL and not command:
+        raise ConfigurationError(f"{name}: this device is visible to one command only; give it: -- COMMAND...")
+    if emulator.transport != "serial" and link is not None:
+        raise ConfigurationError(f"--link: the path of this device cannot be chosen; omit it for {name}")
+
+    async def emulate() -> int:
+        stop: asyncio.Queue[int] = asyncio.Queue()
+        for number in STOP_SIGNALS:
+            if signal.getsignal(number) is not signal.SIG_IGN:  # ignored by nohup, for example, it stays ignored
+                asyncio.get_running_loop().add_signal_handler(number, stop.put_nowait, number)
+        with ExitStack() as stack:
+            device, port, environment = _connect(stack, name, emulator, link)
+            commands = FaultCommands(name, emulator, device, out)
+            sources = [] if faults is None else [stack.enter_context(fifo(faults))]
+            if source is not None and not command:
+                # Reading from a terminal in the background must not stop this process.
+                stack.callback(signal.signal, signal.SIGTTIN, signal.signal(signal.SIGTTIN, signal.SIG_IGN))
+                sources.append(source.fileno())
+            section = "master.device" if name in DEVICES or name in LEADERS else "slave.robot"
+            settings = yaml.safe_dump({"driver": name, "port": port}, default_flow_style=True, width=sys.maxsize)
+            commands.say(f"{name} is at {port}; configure it as {section}: {settings.strip()}")
+            arguments = [argument.replace(PORT, port) for argument in command]
+            end = _run_command(arguments, environment, stop) if command else _until_stopped(stop)
+            ends = [end, _until_failed(device), *(_execute_lines(each, commands) for each in sources)]
+            tasks = [asyncio.ensure_future(each) for each in ends]
+            try:
+                done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+                results = [task.result() for task in done]  # raises what one of them has raised
+                return results[0]
+            finally:
+                for task in tasks:
+                    task.cancel()
+                await asyncio.gather(*tasks, return_exceptions=True)
+
+    # The default selector cannot wait for a regular file, such as a redirected standard input.
+    with asyncio.Runner(loop_factory=lambda: asyncio.SelectorEventLoop(selectors.SelectSelector())) as runner:
+        return runner.run(emulate())
+
+
+def _build(name: str, overrides: Sequence[str]) -> Any:
+    """The emulator of a driver."""
+    try:
+        emulator_class = EMULATORS.load(name)
+    except ValueError as error:
+        raise ConfigurationError(str(error)) from None
+    content: dict[str, Any] = {}
+    for text in overrides:
+        override(content, text)
+    try:
+        return emulator_class(validated(emulator_class.Options, content))
+    except ConfigurationError as error:
+        raise ConfigurationError(f"--set {error}") from None
+
+
+def _connect(stack: ExitStack, name: str, emulator: Any, link: Path | None) -> tuple[ServedDevice, str, dict[str, str]]:
+    """The device, its port, and the environment of processes that use it."""
+
+    def hurry() -> None:
+        """Raise the priority of the thread that answers for the device, if permitted."""
+        prepare(PRIORITY, lock_memory=False, cpu=None)
+
+    verb = "plugged in" if emulator.transport in OF_THE_KERNEL else "served"
+    try:
+        if emulator.transport == "serial":
+            port = _terminal_path(link or Path(f"weberlink-{name}"))
+            return stack.enter_context(PtyDevice(emulator, port, begin=hurry)), str(port), dict(os.environ)
+        if emulator.transport in OF_THE_KERNEL:
+            testbed = stack.enter_context(Testbed(PRIORITY))
+            node = stack.enter_context(TestbedNode(testbed, emulator, begin=hurry))
+            return node, node.node, testbed.environment
+        device = stack.enter_context(emulator.served(hurry))
+        return device, device.address, dict(os.environ)
+    except FileExistsError as error:
+        raise ConfigurationError(f"{error.filename2}: exists already; choose another with --link") from None
+    except OSError as error:
+        what = f"{error.filename2 or link}: cannot be created" if emulator.transport == "serial" else None
+        raise ConfigurationError(f"{what or f'{name}: cannot be {verb}'}: {error.strerror}") from None
+    except HardwareFault as fault:
+        raise ConfigurationError(f"{name}: {fault}") from None
+
+
+def _terminal_path(path: Path) -> Path:
+    """The whole path; a link that a killed process left there is removed."""
+    path = Path.cwd() / path
+    if path.is_symlink() and path.readlink().is_relative_to("/dev/pts") and not path.exists():
+        path.unlink()
+    return path
+
+
+@contextmanager
+def fifo(path: Path) -> Iterator[int]:
+    """A descriptor of a FIFO that has no end of file."""
+    made = False
+    try:
+        if not path.exists():
+            os.mkfifo(path, 0o600)
+            made = True
+        elif not stat.S_ISFIFO(path.stat().st_mode):
+            raise ConfigurationError(f"--faults {path}: exists already and is no FIFO")
+        descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK)
+    except OSError as error:
+        raise ConfigurationError(f"--faults {path}: cannot be opened: {error.strerror}") from None
+    try:
+        yield descriptor
+    finally:
+        os.close(descriptor)
+        if made:
+            path.unlink(missing_ok=True)
+
+
+async def _until_stopped(stop: asyncio.Queue[int]) -> int:
+    await stop.get()
+    return COMPLETED
+
+
+async def _until_failed(device: ServedDevice) -> int:
+    while not device.plugged or device.serving:
+        await asyncio.sleep(LOOK_S)
+    return FAILED
+
+
+async def _execute_lines(descriptor: int, commands: "FaultCommands") -> int:
+    """Execute the commands that arrive; the end of input does not end the emulation."""
+    loop, pieces, rest = asyncio.get_running_loop(), asyncio.Queue[bytes](), b""
+
+    def read() -> None:
+        try:
+            data = os.read(descriptor, CHUNK)
+        except BlockingIOError:
+            return
+        except OSError:  # a terminal, while this runs in the background
+            data = b""
+        if not data:
+            loop.remove_reader(descriptor)
+        pieces.put_nowait(data)
+
+    loop.add_reader(descriptor, read)
+    try:
+        while True:
+            *lines, rest = (rest + await pieces.get()).split(b"\n")
+            rest = rest[-CHUNK:]
+            for line in lines:
+                commands.execute(line.decode(errors="replace"))
+    finally:
+        loop.remove_reader(descriptor)
+
+
+async def _run_command(arguments: Sequence[str], environment: Mapping[str, str], stop: asyncio.Queue[int]) -> int:
+    """Exit status of the command, which does not outlive this."""
+    try:
+        child = await asyncio.create_subprocess_exec(*arguments, env=environment)
+    except OSError as error:
+        raise ConfigurationError(f"{arguments[0]}: cannot be run: {error.strerror}") from None
+    forwarding = asyncio.ensure_future(_forward(stop, child))
+    try:
+        status = await child.wait()
+    finally:
+        forwarding.cancel()
+        if child.returncode is None:
+            child.terminate()
+            try:
+                await asyncio.wait_for(child.wait(), STOP_LIMIT_S)
+            except TimeoutError:
+                child.kill()
+                await child.wait()
+    return status if status >= 0 else 128 - status
+
+
+async def _forward(stop: asyncio.Queue[int], child: asyncio.subprocess.Process) -> None:
+    """Forward signals to the command; the second Ctrl-C terminates it."""
+    interrupts = 0
+    while True:
+        number = await stop.get()
+        interrupts += number == signal.SIGINT
+        if number != signal.SIGINT or (interrupts == 1 and not _in_foreground()):  # else the terminal has sent it too
+            child.send_signal(number)
+        elif interrupts > 1:
+            child.terminate()
+
+
+def _in_foreground() -> bool:
+    with suppress(OSError):
+        terminal = os.open("/dev/tty", os.O_RDONLY | os.O_NOCTTY)
+        try:
+            return os.tcgetpgrp(terminal) == os.getpgrp()
+        finally:
+            os.close(terminal)
+    return False
+
+
+class FaultCommands:
+    """Interprets lines of commands: faults of the wire and of the device, its status, help; answers go to `out`."""
+
+    def __init__(self, name: str, emulator: Any, device: ServedDevice, out: TextIO) -> None:
+        self._name = name
+        self._emulator = emulator
+        self._device = device
+        self._out = out
+        self._words: Mapping[str, str] = {**WIRE_FAULTS, **emulator.OWN_FAULTS, **WORDS}
+
+    def say(self, text: str) -> None:
+        with suppress(BrokenPipeError):  # nobody reads the answers
+            self._out.write(text + "\n")
+            self._out.flush()
+
+    def execute(self, line: str) -> None:
+        """Execute a command; a wrong one is answered with the reason."""
+        word, *values = line.split() or [""]
+        try:
+            self._do(word, float(" ".join(values)) if values else None)
+        except (ValueError, OSError, HardwareFault) as error:
+            said = str(error)
+            self.say(said if said.startswith(f"{word}:") else f"{word}: {said}")
+
+    def _do(self, word: str, value: float | None) -> None:
+        faults: WireFaults = self._emulator.faults
+        wire: Mapping[str, Callable[[], object]] = {
+            "": lambda: None,
+            "garble": lambda: setattr(faults, "garble", int(_at_least_0(1.0 if value is None else value))),
+            "late": lambda: setattr(faults, "late_s", _at_least_0(value)),
+            "silent": lambda: setattr(faults, "silent", value != 0.0),
+            "ok": lambda: vars(faults).update(vars(WireFaults())),
+            "unplug": self._device.unplug,
+            "plug": lambda: None if self._device.plugged else self._device.plug(),
+            "status": lambda: self.say(json.dumps(self.status(), allow_nan=False)),
+            "help": self._help,
+        }
+        if word in wire:
+            wire[word]()
+        elif word in self._words:
+            self._emulator.inject(word, 1.0 if value is None else value)
+        else:
+            close = get_close_matches(word, self._words, n=1, cutoff=0.5)
+            known = f"did you mean {close[0]}?" if close else f"there are {', '.join(self._words)}"
+            raise ValueError(f"unknown; {known}")
+
+    def _help(self) -> None:
+        width = max(map(len, self._words))
+        self.say("\n".join(f"{word:{width}}  {what}" for word, what in self._words.items()))
+        self.say("a number may follow a fault; the default is 1")
+
+    def status(self) -> dict[str, Any]:
+        """State of the device: the public attributes and properties of its emulator that are plain values."""
+        emulator = self._emulator
+        if not self._device.plugged:  # its port does not advance it
+            emulator.advance(monotonic())
+        properties = [
+            name for each in type(emulator).__mro__ for name, it in vars(each).items() if isinstance(it, property)
+        ]
+        public = {name for name in (*vars(emulator), *properties) if not name.startswith("_")}
+        values = {name: getattr(emulator, name) for name in sorted(public)}
+        return {
+            "name": self._name,
+            "plugged": self._device.plugged,
+            "now": monotonic(),
+            "faults": dict(vars(emulator.faults)),
+            **{name: value for name, value in values.items() if _is_plain(value)},
+        }
+
+
+def _is_plain(value: Any) -> bool:
+    if type(value) in (tuple, list):
+        return all(map(_is_plain, value))
+    if isinstance(value, float):
+        return value - value == 0.0
+    return value is None or isinstance(value, bool | int | str)
+
+
+def _at_least_0(value: float | None) -> float:
+    if value is None or not 0.0 <= value < 1e9:
+        raise ValueError("expected a number >= 0" if value is None else f"expected a number >= 0, got {value}")
+    return value

@@ -1,0 +1,137 @@
+"""Emulated devices: the interface of one, its faults, what it says of itself to the kernel, and the table of them all.
+
+`weberlink.testing.serving` and `weberlink.testing.umockdev` connect one to a port.
+"""
+
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from struct import Struct
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+from weberlink.registry import Registry
+
+BUILT_IN = {
+    "polhem_hid": "weberlink.master.emulators.polhem.hid_board:PolhemHidEmulator",
+    "polhem_serial": "weberlink.master.emulators.polhem.serial_board:PolhemSerialEmulator",
+}
+EMULATORS: Registry[Any] = Registry("emulated device", BUILT_IN, "weberlink.emulators")
+"""Each by the name of its driver; entry points of `weberlink.emulators` add more.
+
+An entry is a subclass of `FaultyDevice`, an `Emulator`, with the pydantic class of its `Options` and the name of its
+`transport`: serial, hid, evdev, or one of its own. For a device of the kernel (hid, evdev) it has `identity`. With a
+transport of its own it has `served(begin)`, which gives a `weberlink.testing.serving.ServedDevice` with an `address`.
+"""
+
+
+@dataclass
+class WireFaults:
+    """Faults between device and host; may be changed at any time, from any thread."""
+
+    garble: int = 0  # number of replies to come in which a byte is changed
+    late_s: float = 0.0  # every reply leaves this much later
+    silent: bool = False  # replies are lost
+
+
+class Emulator(Protocol):
+    """A device on the wire, without I/O. `now` [s] never goes back."""
+
+    faults: WireFaults
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Take bytes as they come, or one HID report without its number."""
+        ...
+
+    def advance(self, now: float) -> None:
+        """Move mechanics, watchdog and timers on to `now`."""
+        ...
+
+    def replies(self, now: float) -> list[bytes]:
+        """The messages that leave the device by `now`, oldest first; each of them once."""
+        ...
+
+    def next_timer(self) -> float | None:
+        """When `advance` or `replies` must be called next if nothing arrives [s]; None for never."""
+        ...
+
+
+class FaultyDevice(ABC):
+    """The faults of an emulator: those of its wire, and its own, which happen when it is advanced next."""
+
+    OWN_FAULTS: ClassVar[Mapping[str, str]] = {}
+    """What each of its own does, and what its value means."""
+    fault_values: Mapping[str, range | float] = {}
+    """The whole numbers that a fault takes, or the limit of its values either way; any number if there is none."""
+
+    def __init__(self) -> None:
+        self.faults = WireFaults()
+        self._injected: deque[tuple[str, float]] = deque()
+
+    def inject(self, name: str, value: float = 1.0) -> None:
+        """Cause one of `OWN_FAULTS` at the next `advance`; from any thread.
+
+        Raises:
+            ValueError: there is none of that name, or not with that value.
+        """
+        if name not in self.OWN_FAULTS:
+            raise ValueError(f"no fault is called {name!r}; there are {', '.join(self.OWN_FAULTS)}")
+        values = self.fault_values.get(name)
+        if isinstance(values, range) and value not in values:
+            raise ValueError(f"{name}: expected a whole number from {values[0]} to {values[-1]}, got {value:g}")
+        if isinstance(values, float) and not abs(value) <= values:
+            raise ValueError(f"{name}: expected a number within +-{values:g}, got {value:g}")
+        self._injected.append((name, value))
+
+    def take_faults(self) -> None:
+        """Apply what was injected; to be called by `advance`."""
+        while self._injected:
+            self.apply_fault(*self._injected.popleft())
+
+    @abstractmethod
+    def apply_fault(self, name: str, value: float) -> None:
+        """Let one of `OWN_FAULTS` happen now."""
+
+
+@dataclass(frozen=True, slots=True)
+class HidIdentity:
+    """What a USB device with one HID interface says of itself."""
+
+    vendor: int  # 16 bits
+    product: int  # 16 bits
+    name: str
+    report_descriptor: bytes
+    report_size: int  # of a report to the device, without its number [bytes]
+    serial_number: str = ""
+    manufacturer: str = ""
+
+
+class AxisRange(NamedTuple):
+    """What the kernel says of an absolute axis."""
+
+    least: int
+    most: int
+    value: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class InputIdentity:
+    """What a device of the kernel's input layer says of itself."""
+
+    vendor: int  # 16 bits
+    product: int  # 16 bits
+    name: str
+    keys: tuple[int, ...]  # their codes
+    axes: Mapping[int, AxisRange]  # the absolute ones, by their codes
+    serial_number: str = ""
+
+
+EVENT = Struct("@llHHi")
+"""struct input_event of a 64-bit kernel: seconds, microseconds, type, code, value."""
+EV_SYN, EV_KEY, EV_ABS = 0x00, 0x01, 0x03
+
+
+def event(kind: int, code: int, value: int, at: float) -> bytes:
+    """An event as the kernel writes it; `at` is its time [s]."""
+    seconds = int(at)
+    return EVENT.pack(seconds, int((at - seconds) * 1e6), kind, code, value)

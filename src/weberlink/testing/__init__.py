@@ -1,0 +1,19 @@
+"""What the tests of a driver need: contracts that every driver keeps, wires, and the time of ticks.
+
+Contracts need pytest; `weberlink device emulate` uses `serving` and `umockdev` without. A distribution with a driver
+inherits from the contract of its family, and gives it a bench:
+
+    class TestAcme(ForceDeviceContract):
+        FAULTS = ("unplug", "silent", "late", "garbled")
+
+        def make_bench(self, folder, /, **options):
+            return on_a_pty("acme", folder, **options)
+"""
+
+import sys
+
+if "pytest" in sys.modules:
+    import pytest
+
+    pytest.register_assert_rewrite("weberlink.testing.arms")
+    pytest.register_assert_rewrite(*(f"weberlink.testing.{name}" for name in ("devices", "messages", "robots")))

@@ -1,0 +1,335 @@
+"""Emulated devices of the kernel (HID, input) for real libraries, by umockdev: without a kernel module or privileges.
+
+umockdev redirects what a process sees of /sys and /dev by a preloaded library. `umockdev_service` runs in the system's
+Python, which has the bindings, and keeps /sys; the nodes in /dev are pseudo terminals served like serial devices. Only
+a process started with `Testbed.environment` sees the devices.
+"""
+
+import json
+import os
+import shutil
+import struct
+import termios
+import tty
+from collections.abc import Callable, Iterable
+from fcntl import ioctl
+from pathlib import Path
+from subprocess import PIPE, STDOUT
+from types import TracebackType
+from typing import Any, Self
+
+from weberlink.child_process import Child
+from weberlink.hardware.emulator import EV_ABS, EV_KEY, EV_SYN, Emulator, HidIdentity, InputIdentity
+from weberlink.hardware.fault import HardwareFault
+from weberlink.testing.serving import PtyDevice, serve
+
+LONGEST_DESCRIPTOR = 4096
+WRAPPER = "umockdev-wrapper"
+SYSTEM_PYTHON = "/usr/bin/python3"
+"""Not the one of a virtual environment: the bindings come with the distribution."""
+PRELOAD = "libumockdev-preload.so.0"
+ADVICE = "to emulate devices of the kernel, install umockdev: apt-get install umockdev gir1.2-umockdev-1.0 python3-gi"
+END_S, PAUSE_S = 5.0, 0.1
+
+QUEUE = 64
+"""Reports that the kernel keeps for a reader; later ones are lost."""
+TORN_S = 0.05
+"""After this time the rest of a report is not expected any more [s]."""
+LITERAL, END = b"\x16", b"\x04"
+
+KEY_BYTES, NAME_BYTES = 96, 256
+"""Sizes that python-evdev asks for, of bit maps and texts; umockdev gives less than was asked for as nothing."""
+USB_BUS = 3
+BUS = "/devices/pci0000:00/0000:00:14.0/usb1"
+
+Identity = HidIdentity | InputIdentity
+
+
+class Pluggable:
+    """A device as umockdev is told of it, while it is plugged in.
+
+    Args:
+        identity: what it says of itself.
+        number: of its node.
+        instance: counts pluggings.
+
+    Attributes:
+        node: its path for processes that see the testbed.
+        paths: in /sys, from the outside in.
+        description: in the text format of umockdev, without a node in /dev, which umockdev could not remove again.
+        ioctls: answers of the node to requests, likewise.
+    """
+
+    def __init__(self, identity: Identity, number: int, instance: int) -> None:
+        self.identity = identity
+        usb = f"{BUS}/1-{instance}"
+        interface = f"{usb}/1-{instance}:1.0"
+        if isinstance(identity, HidIdentity):
+            self.node = f"/dev/hidraw{number}"
+            hid = f"{interface}/0003:{identity.vendor:04X}:{identity.product:04X}.{instance:04X}"
+            self.paths: tuple[str, ...] = usb, interface, hid, f"{hid}/hidraw/hidraw{number}"
+            self.description, self.ioctls = self._hid(identity, number, instance), self._hid_ioctls(identity)
+        else:
+            self.node = f"/dev/input/event{number}"
+            device = f"{interface}/input/input{instance}"
+            self.paths = device, f"{device}/event{number}"
+            self.description, self.ioctls = self._input(identity, number, instance), self._input_ioctls(identity)
+
+    def _hid(self, identity: HidIdentity, number: int, instance: int) -> str:
+        usb, interface, hid, node = self.paths
+        vendor, product = identity.vendor, identity.product
+        usb_id = f"E: PRODUCT={vendor:x}/{product:x}/100"
+        name = " ".join(filter(None, (identity.manufacturer, identity.name)))
+        lines = [
+            *(f"P: {usb}", "E: DEVTYPE=usb_device", "E: SUBSYSTEM=usb", usb_id),
+            *(f"A: idVendor={vendor:04x}", f"A: idProduct={product:04x}", "A: bcdDevice=0100"),
+            f"A: product={identity.name}",
+            *([f"A: manufacturer={identity.manufacturer}"] if identity.manufacturer else []),
+            *([f"A: serial={identity.serial_number}"] if identity.serial_number else []),
+            *("", f"P: {interface}", "E: DEVTYPE=usb_interface", "E: SUBSYSTEM=usb", usb_id, "A: bInterfaceNumber=00"),
+            *("", f"P: {hid}", "E: SUBSYSTEM=hid", f"E: HID_ID=0003:{vendor:08X}:{product:08X}"),
+            *(f"E: HID_NAME={name}", f"E: HID_PHYS=usb-{instance}/input0", f"E: HID_UNIQ={identity.serial_number}"),
+            *("", f"P: {node}", f"E: DEVNAME={self.node}", "E: SUBSYSTEM=hidraw", "E: MAJOR=240"),
+            f"E: MINOR={number}",
+        ]
+        return "\n".join(lines) + "\n"
+
+    def _hid_ioctls(self, identity: HidIdentity) -> str:
+        descriptor = identity.report_descriptor
+        size = _hex(len(descriptor).to_bytes(4, "little"))
+        padded = _hex(descriptor.ljust(LONGEST_DESCRIPTOR, b"\0"))
+        return f"@DEV {self.node}\nHIDIOCGRDESCSIZE 0 {size}\nHIDIOCGRDESC 0 {size}{padded}\n"
+
+    def _input(self, identity: InputIdentity, number: int, instance: int) -> str:
+        device, node = self.paths
+        size = struct.calcsize("l")
+        bits = _bitmap(identity.keys, KEY_BYTES)
+        words = [f"{int.from_bytes(bits[at : at + size], 'little'):x}" for at in range(0, KEY_BYTES, size)]
+        keys = " ".join(reversed(words)).lstrip("0 ") or "0"
+        lines = [
+            *(f"P: {device}", "E: SUBSYSTEM=input", f'E: NAME="{identity.name}"'),
+            *("E: ID_INPUT=1", "E: ID_INPUT_JOYSTICK=1"),
+            *(f"A: name={identity.name}", f"A: uniq={identity.serial_number}", f"A: capabilities/key={keys}"),
+            *("", f"P: {node}", f"E: DEVNAME={self.node}", "E: SUBSYSTEM=input", "E: MAJOR=13"),
+            *(f"E: MINOR={64 + number}", f"L: device=../../input{instance}"),
+        ]
+        return "\n".join(lines) + "\n"
+
+    def _input_ioctls(self, identity: InputIdentity) -> str:
+        """Of the size that python-evdev asks for."""
+        usb_id = b"".join(part.to_bytes(2, "little") for part in (USB_BUS, identity.vendor, identity.product, 0x0100))
+        name = identity.name.encode()[: NAME_BYTES - 1]
+        texts = {"EVIOCGNAME": name, "EVIOCGPHYS": b"usb/input0", "EVIOCGUNIQ": identity.serial_number.encode()}
+        lines = [
+            f"@DEV {self.node}",
+            "EVIOCGVERSION 0 01000100",
+            f"EVIOCGID 0 {_hex(usb_id)}",
+            "EVIOCGEFFECTS 0 00000000",
+            *(f"{name}(0) {len(text) + 1} {_hex(text.ljust(NAME_BYTES, bytes(1)))}" for name, text in texts.items()),
+            f"EVIOCGBIT(0) 4 {_hex(_bitmap((EV_SYN, EV_KEY, EV_ABS), 4))}",
+            f"EVIOCGBIT({EV_KEY}) {KEY_BYTES} {_hex(_bitmap(identity.keys, KEY_BYTES))}",
+            f"EVIOCGBIT({EV_ABS}) {KEY_BYTES} {_hex(_bitmap(identity.axes, KEY_BYTES))}",
+            f"EVIOCGKEY(0) {KEY_BYTES} {_hex(bytes(KEY_BYTES))}",
+            *(
+                f"EVIOCGABS({code}) 0 {_hex(struct.pack('<6i', axis.value, axis.least, axis.most, 0, 0, 0))}"
+                for code, axis in identity.axes.items()
+            ),
+        ]
+        return "\n".join(lines) + "\n"
+
+
+def _hex(data: bytes) -> str:
+    return data.hex().upper()
+
+
+def _bitmap(codes: Iterable[int], size: int) -> bytes:
+    """Bit i of the `size` bytes is set for each code i."""
+    return sum(1 << code for code in codes).to_bytes(size, "little")
+
+
+def missing() -> str | None:
+    """Why there can be no testbed here, with what to do about it; None if there can."""
+    try:
+        with Testbed():
+            return None
+    except HardwareFault as fault:
+        return str(fault)
+
+
+class Testbed:
+    """While in the `with`, processes started with `environment` see these devices, and no other USB devices.
+
+    Args:
+        priority: SCHED_FIFO priority of the process that keeps /sys, where permitted; 0 for none.
+
+    Raises:
+        HardwareFault: umockdev is not installed, or fails.
+    """
+
+    __test__ = False  # not a test class of pytest
+
+    def __init__(self, priority: int = 0) -> None:
+        self._priority = priority
+        self._child: Child | None = None
+        self._instances = 0
+        self._plugged: dict[int, Pluggable] = {}
+        self._described: dict[int, Identity] = {}
+        self.root = Path()
+        """Replaces / for the processes that see the testbed."""
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """All variables for a process that is to see the devices."""
+        preload = ":".join(filter(None, (PRELOAD, os.environ.get("LD_PRELOAD", ""))))
+        return {**os.environ, "LD_PRELOAD": preload, "UMOCKDEV_DIR": str(self.root)}
+
+    def __enter__(self) -> Self:
+        if shutil.which(WRAPPER) is None or not Path(SYSTEM_PYTHON).exists():
+            raise HardwareFault(ADVICE)
+        service = str(Path(__file__).with_name("umockdev_service.py"))
+        command = [WRAPPER, SYSTEM_PYTHON, "-I", service, str(self._priority)]
+        self._child = Child(command, stdin=PIPE, stdout=PIPE, stderr=STDOUT)  # it ends with its input
+        try:
+            answer = self._answer()
+            if "root" not in answer:
+                raise HardwareFault(ADVICE)  # noqa: TRY301
+        except BaseException:
+            self._end()
+            raise
+        self.root = Path(answer["root"])
+        (self.root / "dev").mkdir(exist_ok=True)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._end()
+
+    def free_number(self) -> int:
+        """Number of the next node, as the kernel would count."""
+        return next(number for number in range(len(self._plugged) + 1) if number not in self._plugged)
+
+    def plug(self, identity: Identity, number: int) -> None:
+        """Let the device appear; the caller makes its node in /dev."""
+        self._instances += 1
+        device = Pluggable(identity, number, self._instances)
+        is_new = self._described.get(number) != identity
+        self._ask({"add": device.description, "ioctls": device.ioctls if is_new else ""})
+        self._described[number] = identity
+        self._plugged[number] = device
+
+    def unplug(self, number: int) -> None:
+        """Let the device disappear; may be called again."""
+        if number in self._plugged:
+            # From the inside out: umockdev forgets some links within the device that it removes.
+            self._ask({"remove": [f"/sys{path}" for path in reversed(self._plugged.pop(number).paths)]})
+
+    def _ask(self, request: dict[str, Any]) -> None:
+        assert self._child is not None
+        self._child.write_line(json.dumps(request))  # of one that has ended, the answer will be missing
+        answer = self._answer()
+        if answer:
+            raise HardwareFault(f"umockdev: {answer.get('error', answer)}")
+
+    def _answer(self) -> dict[str, Any]:
+        """The next line of JSON; others are complaints, of which the last one before the end counts."""
+        assert self._child is not None
+        said = "ended without a message"
+        while True:
+            is_over = not self._child.running
+            for line in self._child.lines(0.0 if is_over else PAUSE_S):
+                if line.startswith(b"{"):
+                    answer: dict[str, Any] = json.loads(line)
+                    return answer
+                said = line.decode(errors="replace").strip() or said
+            if is_over:
+                raise HardwareFault(f"umockdev: {said}")
+
+    def _end(self) -> None:
+        child, self._child = self._child, None
+        if child is not None:
+            child.end(END_S)
+            if self.root != Path() and self.root.name.startswith("umockdev."):
+                shutil.rmtree(self.root, ignore_errors=True)  # a killed process leaves it
+            self._plugged.clear()
+            self._described.clear()
+
+
+class TestbedNode(PtyDevice):
+    """While in the `with`, the device is plugged into a testbed: a pseudo terminal in place of its node.
+
+    Reports of a HID device are kept apart as the kernel does, and come to the emulator without their number; a reader
+    gets one report per read. Unlike with the kernel, whoever opens the node first reads what was sent while nobody had
+    it open.
+
+    Args:
+        testbed: to plug it into.
+        emulator: the device, which has `identity`.
+        begin: see `PtyDevice`.
+    """
+
+    __test__ = False
+
+    def __init__(self, testbed: Testbed, emulator: Any, *, begin: Callable[[], object] = lambda: None) -> None:
+        self._number = testbed.free_number()
+        self._identity: Identity = emulator.identity
+        self.node = Pluggable(self._identity, self._number, 0).node
+        """Its path for processes that see the testbed."""
+        super().__init__(emulator, testbed.root / self.node.removeprefix("/"), begin=begin)
+        self._testbed = testbed
+
+    def plug(self) -> None:
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        super().plug()
+        try:
+            self._testbed.plug(self._identity, self._number)
+        except BaseException:
+            super().unplug()
+            raise
+
+    def unplug(self) -> None:
+        self._testbed.unplug(self._number)
+        super().unplug()
+
+    def _prepare(self, far: int) -> None:
+        """Reports as lines: each ended by an end-of-file character, its bytes made literal by one in front."""
+        tty.setraw(far)
+        if isinstance(self._identity, HidIdentity):
+            settings = termios.tcgetattr(far)
+            settings[3] |= termios.ICANON | termios.IEXTEN
+            special = [b"\0"] * len(settings[6])  # none of them
+            special[termios.VLNEXT], special[termios.VEOF] = LITERAL, END
+            settings[6] = special
+            termios.tcsetattr(far, termios.TCSANOW, settings)
+
+    def _serve(self) -> None:
+        if isinstance(self._identity, HidIdentity):
+            device = _Reports(self.emulator, self._identity.report_size)
+            serve(device, self._near, self._stopping.is_set, encode=self._encode_report)
+        else:
+            super()._serve()
+
+    def _encode_report(self, message: bytes) -> bytes:
+        (waiting,) = struct.unpack("i", ioctl(self._far, termios.FIONREAD, bytes(4)))
+        if waiting >= QUEUE * len(message):
+            return b""
+        return b"".join(LITERAL + message[i : i + 1] for i in range(len(message))) + END
+
+
+class _Reports:
+    """Splits bytes as hidapi writes them into reports, and passes these on without the number in front."""
+
+    def __init__(self, emulator: Emulator, report_size: int) -> None:
+        self._device = emulator
+        self.faults = emulator.faults
+        self.advance = emulator.advance
+        self.replies = emulator.replies
+        self.next_timer = emulator.next_timer
+        self._size = 1 + report_size
+        self._rest = b""
+        self._came_at = 0.0
+
+    def receive(self, data: bytes, now: float) -> None:
+        self._rest = data if now - self._came_at > TORN_S else self._rest + data
+        self._came_at = now
+        while len(self._rest) >= self._size:
+            report, self._rest = self._rest[1 : self._size], self._rest[self._size :]
+            self._device.receive(report, now)
