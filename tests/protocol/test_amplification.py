@@ -25,9 +25,7 @@ DATAGRAMS = st.one_of(
         st.sampled_from(SIZES).flatmap(lambda size: st.binary(min_size=size - 1, max_size=size - 1)),
     ),
     st.builds(
-        lambda kind, body: bytes([kind, 1]) + body,
-        st.sampled_from([Kind.HELLO, Kind.WELCOME]),
-        st.binary(max_size=200),
+        lambda kind, body: bytes([kind, 1]) + body, st.sampled_from([Kind.HELLO, Kind.WELCOME]), st.binary(max_size=200)
     ),
 )
 

@@ -155,9 +155,7 @@ def test_one_program_leads_at_a_time_until_it_ends_or_is_killed(leader: Any) -> 
         assert leader.newest().leads
 
 
-def test_who_led_an_arm_that_has_ended_does_not_lead_the_next_and_a_file_in_its_place_is_refused(
-    leader: Any,
-) -> None:
+def test_who_led_an_arm_that_has_ended_does_not_lead_the_next_and_a_file_in_its_place_is_refused(leader: Any) -> None:
     with LeaderSender(ME) as sender:
         leader.close()
         assert not any(link_path(ME, kind).exists() for kind in (LEADER, LEADER_LOCK))
