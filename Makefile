@@ -15,7 +15,7 @@ SBOM := $(VENV)/sbom
 PAGE := plugins/page/src/weberlink_page/page
 PAGE_TOOLS := build/page
 
-GUESTS := anywhere arms devices foxglove franka mujoco page recording ros2 studies testing
+GUESTS := anywhere arms devices foxglove franka mujoco page recording ros2 studies
 DEMO := page recording
 
 MINUTES ?= 60
@@ -50,8 +50,8 @@ test: $(DEV) $(PAGE_TOOLS)  ## the whole test suite, on all processors; live ses
 	$(BIN)/python -m pytest -n auto
 
 test-kernel: export PYTHONDONTWRITEBYTECODE :=
-test-kernel: $(KERNEL)/.made  ## the kernel's tests where no guest but its test equipment and no extra is installed, with fewer examples
-	! $(KERNEL)/bin/python -m pip list --disable-pip-version-check | grep "^weberlink[-_]" | grep -v testing
+test-kernel: $(KERNEL)/.made  ## the kernel's tests where no guest and no extra is installed, with fewer examples
+	! $(KERNEL)/bin/python -m pip list --disable-pip-version-check | grep "^weberlink[-_]"
 	$(KERNEL)/bin/python -m pytest -n auto -m realtime tests/cli
 	$(KERNEL)/bin/python -m pytest -n auto -m "not realtime" --share 0.2 tests
 
@@ -198,25 +198,25 @@ $(RELEASE)/.made: requirements.lock requirements-release.lock  # what is compile
 $(KERNEL)/.made: requirements-dev.lock pyproject.toml
 	$(PYTHON) -m venv $(KERNEL)
 	$(KERNEL)/bin/python -m pip install --quiet --disable-pip-version-check --constraint requirements-dev.lock \
-		pytest pytest-xdist hypothesis noiseprotocol $(KERNEL_FROM) -e plugins/testing
+		pytest pytest-xdist hypothesis noiseprotocol $(KERNEL_FROM)
 	touch $@
 
 $(FRANKA)/.made: $(RUN)  # franka-sim wants its own numpy and MuJoCo
 	$(PYTHON) -m venv $(FRANKA)
 	$(FRANKA)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile \
-		"franka-sim==1.1.7" "pylibfranka==0.21.3" pytest pytest-xdist hypothesis -e . -e plugins/testing -e plugins/franka
+		"franka-sim==1.1.7" "pylibfranka==0.21.3" pytest pytest-xdist hypothesis -e . -e plugins/franka
 	touch $@
 
 $(LEROBOT)/.made: $(RUN) $(wildcard plugins/lerobot_*/pyproject.toml)
 	$(PYTHON) -m venv $(LEROBOT)
 	$(LEROBOT)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile "lerobot==0.4.4" pytest \
-		-e . -e plugins/testing -e plugins/mujoco -e plugins/arms \
+		-e . -e plugins/mujoco -e plugins/arms \
 		-e plugins/lerobot_teleoperator_weberlink -e plugins/lerobot_robot_weberlink
 	touch $@
 
 $(ISAACLAB)/.made: $(RUN)  # without what isaaclab depends on: only its client is imported
 	$(PYTHON) -m venv $(ISAACLAB)
-	$(ISAACLAB)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile torch pytest -e . -e plugins/testing -e plugins/devices
+	$(ISAACLAB)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile torch pytest -e . -e plugins/devices
 	$(ISAACLAB)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile --no-deps "isaaclab==2.3.2.post1"
 	touch $@
 

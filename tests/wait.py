@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import pytest
 
-from weberlink_testing.time import PATIENCE, PAUSE, until
+from weberlink.testing.time import PATIENCE, PAUSE, until
 
 __all__ = ["PATIENCE", "PAUSE", "soon", "until"]
 

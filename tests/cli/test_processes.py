@@ -44,7 +44,7 @@ tell()
 """
 """Ends with the modules that are there when a command is done, or starts its first process."""
 SLOW = {"numpy", "scipy", "matplotlib", "uvloop", "asyncio", "rich", "aiohttp", "mcap"}
-PROGRAMS = tuple(f"weberlink.cli.{name}" for name in ("check", "device", "doctor", "rules", "shipped"))
+PROGRAMS = tuple(f"weberlink.cli.{name}" for name in ("check", "device", "doctor", "emulate", "rules", "shipped"))
 LATE = {f"weberlink.{name}" for name in ("telemetry.reader", "figures.session", "figures.report", "session.daemon")}
 
 
@@ -81,7 +81,7 @@ WITHOUT = [
     (["loopback", "--record", "a.mcap"], 2, "--record is of weberlink-recording, which is not installed; install it"),
     (["record", "info", "a.mcap"], 2, install_line("recording")),
     (["device", "test", "touch"], 2, f"driver 'touch' is of weberlink-devices, which is not installed; {INSTALL}"),
-    (["device", "emulate", "inverse3"], 2, install_line("testing")),
+    (["device", "emulate", "inverse3"], 2, install_line("devices")),
 ]
 
 

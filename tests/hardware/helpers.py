@@ -3,7 +3,7 @@
 from contextlib import suppress
 from pathlib import Path
 
-from weberlink_testing.emulator import WireFaults
+from weberlink.hardware.emulator import WireFaults
 
 
 class Answering:

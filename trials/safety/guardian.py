@@ -28,10 +28,10 @@ from weberlink.figures.environment import environment, footer
 from weberlink.geometry.vector import norm
 from weberlink.master.devices import DEVICES
 from weberlink.realtime.process import prepare
+from weberlink.testing.serving import PtyDevice
+from weberlink.testing.umockdev import Testbed, TestbedNode
+from weberlink.testing.wires import emulated
 from weberlink_devices.inverse3.websocket_device import WebSocketDevice
-from weberlink_testing.serving import PtyDevice
-from weberlink_testing.umockdev import Testbed, TestbedNode
-from weberlink_testing.wires import emulated
 
 OWN, SERVICE = "of the session", "service"
 REFUSED, GOES_ON, STAYS = "refused", "goes on", "stays"

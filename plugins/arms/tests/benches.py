@@ -7,6 +7,8 @@ from typing import Any
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.guardian import Guardian
+from weberlink.testing.stepping import SteppedWorker, VirtualPort, VirtualTime
+from weberlink.testing.time import TICK
 from weberlink_arms.dynamixel.exchange import PositionExchange, TorqueExchange
 from weberlink_arms.dynamixel.follower import KochFollowerOptions, OpenManipulatorXOptions
 from weberlink_arms.dynamixel.leader import KochLeaderOptions, OmxLeaderOptions
@@ -17,8 +19,6 @@ from weberlink_arms.emulators.open_manipulator import DynamixelEmulator
 from weberlink_arms.feetech.follower import FollowerExchange, So101FollowerOptions
 from weberlink_arms.feetech.leader import LeaderExchange, So101LeaderOptions
 from weberlink_arms.servo.gravity import Gravity, gravity_of, no_gravity
-from weberlink_testing.stepping import SteppedWorker, VirtualPort, VirtualTime
-from weberlink_testing.time import TICK
 
 STILL = (0.0,) * 6
 

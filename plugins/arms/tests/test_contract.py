@@ -10,8 +10,8 @@ from plugins.arms.tests import benches
 from plugins.arms.tests.benches import FAMILIES, FOLLOWERS, LEADERS, Stepped
 from weberlink.master.devices import leaders
 from weberlink.slave.robots import followers
-from weberlink_testing.arms import ArmBench, HardwareFollowerContract, HardwareLeaderContract
-from weberlink_testing.time import TICK
+from weberlink.testing.arms import ArmBench, HardwareFollowerContract, HardwareLeaderContract
+from weberlink.testing.time import TICK
 
 SO101 = ("so101_leader", "so101_follower")
 DYNAMIXEL = tuple(name for name in FAMILIES if name not in SO101)

@@ -8,10 +8,10 @@ from plugins.arms.tests.benches import FOLLOWERS, ArmBench, only, opened
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.guardian import DIED, HoldingGuardian
+from weberlink.testing.stepping import KilledError
 from weberlink_arms.dynamixel import registers
 from weberlink_arms.emulators.feetech import FeetechEmulator
 from weberlink_arms.feetech.arm import SO101
-from weberlink_testing.stepping import KilledError
 
 every_follower = pytest.mark.parametrize("name", FOLLOWERS)
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from plugins.testing.tests.emulated import Emulated, norm
+from tests.cli.emulated import Emulated, norm
 from tests.program import Program, document
 from tests.wait import until
 from weberlink.master.devices.polhem.serial_device import PolhemSerialDevice

@@ -17,9 +17,9 @@ import pytest
 
 from tests.program import ROOT
 from tests.wait import PATIENCE, until
+from weberlink.hardware.emulator import EMULATORS
+from weberlink.testing.serving import PtyDevice
 from weberlink_arms.feetech.arm import SO101
-from weberlink_testing.emulator import EMULATORS
-from weberlink_testing.serving import PtyDevice
 
 pytestmark = pytest.mark.realtime(alone=True)
 

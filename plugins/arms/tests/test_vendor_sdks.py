@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.wait import until
+from weberlink.testing.serving import PtyDevice
 from weberlink_arms.dynamixel import registers
 from weberlink_arms.dynamixel.packet import FRAMING as DYNAMIXEL
 from weberlink_arms.emulators.feetech import FeetechEmulator
 from weberlink_arms.feetech.packet import FRAMING as FEETECH
-from weberlink_testing.serving import PtyDevice
 
 scservo: Any = pytest.importorskip("scservo_sdk")
 SDK = PacketHandler(2.0)

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from plugins.devices.tests.haply.far_end import BOARD, COUNT_DEG, answer, counts
 from weberlink.hardware.fault import BadReply
+from weberlink.testing.messages import Message, MessageContract
 from weberlink_devices.inverse3.protocol import decode
 from weberlink_devices.spacemouse.reports import PuckState
-from weberlink_testing.messages import Message, MessageContract
 
 
 class TestMessages(MessageContract):

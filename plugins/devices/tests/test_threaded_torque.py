@@ -5,8 +5,8 @@ from typing import Any
 
 from weberlink.geometry.vector import ZERO
 from weberlink.master.devices.contract import DeviceReading, DeviceSpec
+from weberlink.testing.devices import drive
 from weberlink_devices.threaded_torque import ThreadedTorqueDevice
-from weberlink_testing.devices import drive
 
 TICK = 0.001
 BOX = ((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1))

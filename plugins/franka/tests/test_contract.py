@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import pytest
 
 from plugins.franka.tests.program import PROGRAM
+from weberlink.testing.robots import HardwareRobotContract, RobotBench
+from weberlink.testing.time import TICK, real_time
 from weberlink_franka.driver import FrankaRobot
 from weberlink_franka.options import FrankaOptions
-from weberlink_testing.robots import HardwareRobotContract, RobotBench
-from weberlink_testing.time import TICK, real_time
 
 
 @pytest.mark.realtime

@@ -94,6 +94,7 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
 
 
 def test_recording_is_marked_and_finished(rig: Rig, tmp_path: Path) -> None:
+    pytest.importorskip("weberlink_recording")
     rig.tick()
     first = rig.state()
     assert (first or {})["state"] == "off"

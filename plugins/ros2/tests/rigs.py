@@ -12,11 +12,11 @@ from typing import Any
 from tests.watching.sources import description
 from weberlink.session.description import Description
 from weberlink.telemetry.ring import RingWriter
+from weberlink.testing.time import until
 from weberlink_ros2.admission import Subscription
 from weberlink_ros2.messages import encode_body, types
 from weberlink_ros2.node import Node, Publisher
 from weberlink_ros2.process import ListenerProcess
-from weberlink_testing.time import until
 
 TYPE = "geometry_msgs/msg/PoseStamped"
 TOPIC = "/weberlink/target"

@@ -11,9 +11,9 @@ import pytest
 from tests.master.devices.targets import Targets
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.target_link import PointerTarget
+from weberlink.testing.devices import DeviceBench, DeviceContract
+from weberlink.testing.time import TICK, virtual_time
 from weberlink_ros2.device import Ros2Device, Ros2Options
-from weberlink_testing.devices import DeviceBench, DeviceContract
-from weberlink_testing.time import TICK, virtual_time
 
 
 class Poses(Targets):

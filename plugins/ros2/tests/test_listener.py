@@ -12,9 +12,9 @@ import pytest
 from plugins.ros2.tests.rigs import await_trouble, endpoint, listening, publishing, steadily
 from tests.program import ENGAGED, PATIENT, Program, weberlink
 from weberlink.master.devices.contract import DeviceFault
+from weberlink.testing.time import TICK, until
 from weberlink_ros2.device import Ros2Device, Ros2Options
 from weberlink_ros2.node import Node
-from weberlink_testing.time import TICK, until
 
 pytestmark = pytest.mark.realtime
 FILE = Path(__file__).parents[1] / "configs" / "ros2.yaml"

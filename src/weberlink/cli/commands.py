@@ -122,13 +122,9 @@ def doctor(
     raise typer.Exit(FAILED if found.count(Grade.PROBLEM) else COMPLETED)
 
 
-class Devices(CommandGroup):
-    """Its own, and those of other distributions."""
-
-    extended_by = "weberlink.device_commands"
-
-
-device = typer.Typer(name="device", cls=Devices, help="List or test devices and robots.", no_args_is_help=True)
+device = typer.Typer(
+    name="device", cls=CommandGroup, help="List, test or emulate devices and robots.", no_args_is_help=True
+)
 Options = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set an option of the driver; may be repeated.")
 ]
@@ -162,6 +158,28 @@ def device_test(
     from weberlink.cli.dialog import Dialog  # noqa: PLC0415
 
     run(name, Dialog(sys.stdin, sys.stdout, yes=yes), config, set_ or ())
+
+
+@device.command()
+def emulate(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Driver of the device to emulate.")],
+    command: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[-- COMMAND...]", help="Command to run meanwhile; {port} is the port. HID devices need one."
+        ),
+    ] = None,
+    link: Annotated[
+        Path | None, typer.Option(metavar="PATH", help="Path of the serial port; default: weberlink-NAME.")
+    ] = None,
+    faults: Annotated[Path | None, typer.Option(metavar="PATH", help="FIFO that fault commands are read from.")] = None,
+    set_: Options = None,
+) -> None:
+    """Emulate a device, with faults on request, until Ctrl-C."""
+    from weberlink.cli.emulate import run  # noqa: PLC0415
+
+    out = sys.stderr if command else sys.stdout  # the command may use standard output itself
+    raise typer.Exit(run(name, link, tuple(set_ or ()), tuple(command or ()), out=out, source=sys.stdin, faults=faults))
 
 
 @device.command("rules")

@@ -18,7 +18,6 @@ from weberlink.config.model import EmulationSettings
 from weberlink.figures.session import Records, score_of
 from weberlink.figures.tree import Figures
 from weberlink.figures.verdict import verdict
-from weberlink.installation import guests
 from weberlink.order import COMPLETED, INTERRUPTED
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.protocol.states import State
@@ -188,11 +187,9 @@ def refuse_live(configuration: Configuration) -> None:
         ("slave.robot", configuration.robot, system.slave.robot.driver),
     ):
         if part is not None and is_hardware(part.driver):
-            emulated = (
-                f", against `weberlink device emulate {name}` if need be"
-                if name in guests("weberlink.emulators")
-                else ""
-            )
+            from weberlink.hardware.emulator import EMULATORS  # noqa: PLC0415 - for the complaint alone
+
+            emulated = f", against `weberlink device emulate {name}` if need be" if name in EMULATORS else ""
             unsaid = "" if hasattr(part.driver, "plugged") else "; one that moves nothing real says COMPUTED = True"
             raise ConfigurationError(
                 f"{configuration.path}: {where}.driver: {name} is a hardware driver and cannot run in "

@@ -5,7 +5,7 @@ from random import Random
 
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.target_link import PointerTarget
-from weberlink_testing.time import TICK
+from weberlink.testing.time import TICK
 
 Path = Callable[[float], tuple[Vector, bool] | None]
 """Target [m] at a time [s], and whether it is held; None where nothing is sent."""

@@ -12,9 +12,9 @@ from tests.master.devices.polhem.boards import hid_device
 from tests.master.devices.targets import Targets
 from weberlink.master.devices import BUILT_IN
 from weberlink.master.devices.pointer import PointerDevice, PointerOptions
-from weberlink_testing.devices import DeviceBench, DeviceContract, ForceDeviceContract, StoppedHostContract, armed
-from weberlink_testing.time import TICK, virtual_time
-from weberlink_testing.wires import HidWire, emulated, on_a_pty
+from weberlink.testing.devices import DeviceBench, DeviceContract, ForceDeviceContract, StoppedHostContract, armed
+from weberlink.testing.time import TICK, virtual_time
+from weberlink.testing.wires import HidWire, emulated, on_a_pty
 
 REACH = {"motion": "reach", "to_m": [0.2, 0, 0]}
 REST = {"motion": "rest"}

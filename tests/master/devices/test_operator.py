@@ -18,7 +18,7 @@ from weberlink.master.devices.hand_options import HandOptions, WristOptions
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
 from weberlink.master.devices.replay import ReplayDevice, ReplayOptions
 from weberlink.master.devices.turning import Wrist
-from weberlink_testing.time import TICK
+from weberlink.testing.time import TICK
 
 STIFFNESS = WristOptions().stiffness_n_m_rad
 STIFF = HandOptions(mass_kg=0.01, damping_n_s_m=20.0, stiffness_n_m=10_000.0)

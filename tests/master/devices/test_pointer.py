@@ -11,7 +11,7 @@ from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
 from weberlink.master.devices.pointer import PointerDevice, PointerOptions
 from weberlink.master.devices.target_link import PointerTarget
-from weberlink_testing.time import TICK
+from weberlink.testing.time import TICK
 
 HOME: Vector = (0.0, 0.0, 0.03)
 LEFT, RIGHT = (-0.05, 0.0, 0.03), (0.05, 0.0, 0.03)

@@ -13,8 +13,8 @@ from weberlink.master.devices import leaders
 from weberlink.master.devices.remote_leader import RemoteLeader, RemoteLeaderOptions
 from weberlink.master.devices.target_link import LeaderTarget
 from weberlink.slave.robots import followers
-from weberlink_testing.arms import ArmBench, LeaderContract
-from weberlink_testing.time import TICK, virtual_time
+from weberlink.testing.arms import ArmBench, LeaderContract
+from weberlink.testing.time import TICK, virtual_time
 
 OPTIONS: dict[str, Any] = {
     "joints": ("pan", "lift"),

@@ -11,7 +11,7 @@ from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.contract import DeviceReading, DeviceSpec
 from weberlink.master.devices.threaded_device import ThreadedDevice
-from weberlink_testing.devices import drive, fault_of, refusal
+from weberlink.testing.devices import drive, fault_of, refusal
 
 TICK = 0.001
 BOX = ((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1))

@@ -22,7 +22,7 @@ from weberlink.master.devices.polhem.protocol import (
     encode_sensors,
     encode_status,
 )
-from weberlink_testing.messages import Message, MessageContract
+from weberlink.testing.messages import Message, MessageContract
 
 HERE = (0.01, -0.02, 0.03)
 

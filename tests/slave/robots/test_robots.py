@@ -17,8 +17,8 @@ from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
 from weberlink.slave.scenes.contact import SceneObject
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import PlaneShape, SphereShape
-from weberlink_testing.robots import RobotBench, RobotContract
-from weberlink_testing.time import virtual_time
+from weberlink.testing.robots import RobotBench, RobotContract
+from weberlink.testing.time import virtual_time
 
 TICK = 0.001
 every_driver = pytest.mark.parametrize("name", BUILT_IN)

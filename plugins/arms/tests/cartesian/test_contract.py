@@ -6,9 +6,9 @@ import pytest
 
 from plugins.arms.tests.benches import Stepped
 from weberlink.slave.robots import ROBOTS
+from weberlink.testing.robots import HardwareRobotContract, RobotBench
+from weberlink.testing.time import TICK
 from weberlink_arms.emulators.open_manipulator import DynamixelEmulator, DynamixelEmulatorOptions
-from weberlink_testing.robots import HardwareRobotContract, RobotBench
-from weberlink_testing.time import TICK
 
 FLOOR_M = 0.10
 

@@ -15,10 +15,10 @@ from pydantic import ValidationError
 from tests.wait import until
 from weberlink.geometry.vector import Vector, distance
 from weberlink.slave.robots.contract import RobotFault, RobotReading
+from weberlink.testing.serving import PtyDevice
 from weberlink_arms.cartesian.driver import DynamixelRobot
 from weberlink_arms.cartesian.options import DynamixelOptions
 from weberlink_arms.emulators.open_manipulator import DynamixelEmulator
-from weberlink_testing.serving import PtyDevice
 
 TICK = 0.001
 GOAL: Vector = (0.19, 0.02, 0.18)

@@ -8,13 +8,13 @@ import pytest
 from plugins.arms.tests.cartesian.virtual_bus import Bench
 from weberlink.geometry.vector import Vector, distance, norm
 from weberlink.hardware.fault import HardwareFault
+from weberlink.testing.stepping import KilledError
 from weberlink_arms.cartesian.arm import LEAST_ROTOR_INERTIA_KG_M2, Joints, Mechanics
 from weberlink_arms.cartesian.external_force import force_error
 from weberlink_arms.cartesian.impedance import fastest_damping, stiffest
 from weberlink_arms.cartesian.options import DynamixelOptions, worst_force_error
 from weberlink_arms.dynamixel import registers
 from weberlink_arms.emulators.open_manipulator import DynamixelEmulatorOptions as EmulatedOptions
-from weberlink_testing.stepping import KilledError
 
 POSE = Mechanics().pose
 AT_WORK: Vector = (0.2, 0.03, 0.13)

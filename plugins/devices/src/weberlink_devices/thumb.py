@@ -7,7 +7,7 @@ from typing import ClassVar
 from pydantic import BaseModel, ConfigDict, Field
 
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink_testing.emulator import FaultyDevice
+from weberlink.hardware.emulator import FaultyDevice
 
 FAULTS: Mapping[str, str] = {
     "x": "push it toward the operator, in percent of a full deflection, and hold it; negative: away",

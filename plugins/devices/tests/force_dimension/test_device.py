@@ -12,8 +12,8 @@ import pytest
 from plugins.devices.tests.force_dimension.fake import Devices
 from weberlink.geometry.vector import Vector, norm
 from weberlink.master.devices.threaded_device import RAMP_S
+from weberlink.testing.devices import armed, drive, fault_of, refusal
 from weberlink_devices.force_dimension.library import Library, find
-from weberlink_testing.devices import armed, drive, fault_of, refusal
 
 TICK = 0.001
 PUSH: Vector = (0.0, 2.0, 0.0)

@@ -3,9 +3,9 @@
 from struct import pack
 from time import sleep
 
+from weberlink.hardware.emulator import WireFaults
 from weberlink_devices.haply.board import RESET
 from weberlink_devices.haply.linkage import VERSIONS
-from weberlink_testing.emulator import WireFaults
 
 BOARD = VERSIONS["v3"].board
 ZERO = BOARD.torques(0.0, 0.0)

@@ -13,11 +13,11 @@ import pytest
 from plugins.devices.tests.haply.far_end import BOARD, ZERO, Far, answer, at, counts
 from weberlink.geometry.vector import Vector
 from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.testing.serving import PtyDevice
 from weberlink_devices.haply.board import RESET, Pair
 from weberlink_devices.haply.exchange import FASTEST, STUCK_TRAVEL, AngleValidator, Forgotten, HaplyExchange, HaplyLine
 from weberlink_devices.haply.linkage import VERSIONS, HaplyFrame, radians
 from weberlink_devices.haply.options import HaplyOptions
-from weberlink_testing.serving import PtyDevice
 
 V3 = VERSIONS["v3"]
 HOME = at(*BOARD.home_deg)

@@ -10,11 +10,11 @@ import pytest
 from tests.wait import until
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.master.devices.contract import DeviceFault
+from weberlink.testing.devices import drive, fault_of, refusal
+from weberlink.testing.wires import on_a_wire
 from weberlink_devices.inverse3.emulator import Inverse3Emulator, Inverse3EmulatorOptions
 from weberlink_devices.inverse3.http_requests import service_devices, service_version
 from weberlink_devices.inverse3.websocket_device import WebSocketDevice
-from weberlink_testing.devices import drive, fault_of, refusal
-from weberlink_testing.wires import on_a_wire
 
 PLACE: Vector = (0.02, -0.03, 0.04)
 PULL: Vector = (0.2, -0.4, 0.8)

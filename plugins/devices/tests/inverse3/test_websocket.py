@@ -12,10 +12,10 @@ from websockets.sync.server import ServerConnection, serve
 
 from tests.hardware.test_ports import Noting
 from tests.wait import PATIENCE, until
+from weberlink.hardware.emulator import WireFaults
 from weberlink.hardware.fault import HardwareFault
 from weberlink_devices.inverse3.websocket_device import WebSocketDevice
 from weberlink_devices.inverse3.websocket_port import WebSocketPort, text_frame
-from weberlink_testing.emulator import WireFaults
 
 
 class Echo:

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from weberlink.geometry.vector import ZERO, Vector
+from weberlink.testing.devices import drive
 from weberlink_devices.rate_control import (
     LIVE_S,
     LONGEST_STEP,
@@ -19,7 +20,6 @@ from weberlink_devices.rate_control import (
     beyond_dead_zone,
     moved,
 )
-from weberlink_testing.devices import drive
 
 TICK = 0.001
 share = st.floats(-1.0, 1.0)

@@ -24,13 +24,13 @@ from weberlink.geometry.vector import Vector
 from weberlink.hardware.fault import HardwareFault
 from weberlink.master.devices.contract import DeviceFault, Quaternion
 from weberlink.master.devices.threaded_device import RAMP_S
+from weberlink.testing.devices import armed, drive, fault_of
 from weberlink_devices.touch import hdapi
 from weberlink_devices.touch.device import pose
 from weberlink_devices.touch.exchange import BEFORE_FIRST, MEMORY_SIZE, Phase, ServoMemory
 from weberlink_devices.touch.hdapi import HdError
 from weberlink_devices.touch.process import ServoProcess
 from weberlink_devices.touch.servo import ERRORS_MOST, LONGEST_S, ServoLoop, ServoOrder
-from weberlink_testing.devices import armed, drive, fault_of
 
 TICK = 0.001
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)

@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 
 from tests.session.systems import ARMS
+from weberlink.testing.arms import ArmBench, FollowerContract, LeaderContract
+from weberlink.testing.time import TICK, virtual_time
 from weberlink_mujoco.arms.follower import MujocoArm
 from weberlink_mujoco.arms.operator import ArmOperator
-from weberlink_testing.arms import ArmBench, FollowerContract, LeaderContract
-from weberlink_testing.time import TICK, virtual_time
 
 HOLD = {"motion": "hold", "duration_s": 1.0}
 Driver = type[ArmOperator] | type[MujocoArm]

@@ -8,8 +8,8 @@ import pytest
 from plugins.mujoco.tests.robot.models import gantry, robot, wall
 from tests.program import weberlink
 from weberlink.cli.shipped import copy
-from weberlink_testing.robots import RobotBench, RobotContract
-from weberlink_testing.time import virtual_time
+from weberlink.testing.robots import RobotBench, RobotContract
+from weberlink.testing.time import virtual_time
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

@@ -104,7 +104,7 @@ def _ports() -> list[str]:
 @pytest.mark.realtime
 def test_a_person_rates_and_leaves(tmp_path: Path) -> None:
     """Both sides as processes, each trial recorded."""
-    pytest.importorskip("mcap")
+    pytest.importorskip("weberlink_recording")
     screen = io.StringIO()
     patient = ("link.silence_ms=2000",)  # so that few trials are disturbed by a stall of the host
     request = ExperimentRequest(FILE, patient, tmp_path, 1, 0, SHORT, simulate=False, record=True)

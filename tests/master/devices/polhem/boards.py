@@ -17,7 +17,7 @@ from weberlink.master.devices.polhem.protocol import (
     encode_sensors,
     encode_status,
 )
-from weberlink_testing.time import TICK
+from weberlink.testing.time import TICK
 
 
 class Teensy(Answering):

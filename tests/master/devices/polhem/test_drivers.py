@@ -19,11 +19,11 @@ from weberlink.master.devices.polhem.options import PolhemSerialOptions
 from weberlink.master.devices.polhem.parameters import PARAMETERS
 from weberlink.master.devices.polhem.protocol import LONG, SHORT, SetCounters
 from weberlink.master.devices.polhem.serial_device import BracketExchange, PolhemSerialDevice
-from weberlink_testing.devices import drive, fault_of, refusal
-from weberlink_testing.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
-from weberlink_testing.serving import PtyDevice
-from weberlink_testing.stepping import VirtualPort, VirtualTime
-from weberlink_testing.time import TICK
+from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
+from weberlink.testing.devices import drive, fault_of, refusal
+from weberlink.testing.serving import PtyDevice
+from weberlink.testing.stepping import VirtualPort, VirtualTime
+from weberlink.testing.time import TICK
 
 MIDDLE = (*PARAMETERS["woodenhaptics_2015"].mechanism.counts_at(ZERO), 0, 0, 0)
 HID_WOODY = PARAMETERS["woodenhaptics_2015"].on("hid14").mechanism

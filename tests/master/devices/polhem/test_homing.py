@@ -10,7 +10,7 @@ from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.polhem.homing import PositionValidator, await_press, zeroed
 from weberlink.master.devices.polhem.parameters import PARAMETERS
 from weberlink.master.devices.polhem.protocol import Sensors
-from weberlink_testing.stepping import VirtualTime
+from weberlink.testing.stepping import VirtualTime
 
 WOODY = PARAMETERS["woodenhaptics_2015"]
 PHANTOM = PARAMETERS["vintage_phantom"]

@@ -14,10 +14,10 @@ from typing import Annotated, ClassVar, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from weberlink.geometry.joints import Joints
+from weberlink.hardware.emulator import WireFaults
 from weberlink_arms.emulators.bus import EmulatedBus, EmulatedServo
 from weberlink_arms.servo.layout import ArmLayout
 from weberlink_arms.servo.packet import Framing
-from weberlink_testing.emulator import WireFaults
 
 GAP_S = 1.0
 """Longest time per call; the rest of a longer silence is skipped [s]."""
@@ -157,7 +157,7 @@ class Joint:
 
 
 class ArmEmulator(ABC):
-    """Sans-I/O: bytes and `now` go in, messages come out. See `weberlink_testing.emulator`.
+    """Sans-I/O: bytes and `now` go in, messages come out. See `weberlink.hardware.emulator`.
 
     Args:
         framing: Of the protocol.

@@ -6,9 +6,9 @@ of rest.
 
 from typing import ClassVar
 
+from weberlink.hardware.emulator import EV_ABS, EV_KEY, EV_SYN, AxisRange, InputIdentity, event
 from weberlink_devices.gamepad.device import KEYS
 from weberlink_devices.thumb import DeflectionEmulator, ThumbOptions
-from weberlink_testing.emulator import EV_ABS, EV_KEY, EV_SYN, AxisRange, InputIdentity, event
 
 VENDOR, PRODUCT = 0x045E, 0x028E
 STICK = AxisRange(-32768, 32767)
@@ -18,7 +18,7 @@ PERIOD_S = 0.008
 
 
 class GamepadEmulator(DeflectionEmulator):
-    """See `weberlink_testing.emulator`. The left stick moves in the plane, the right one up and down."""
+    """See `weberlink.hardware.emulator`. The left stick moves in the plane, the right one up and down."""
 
     Options = ThumbOptions
     transport: ClassVar[str] = "evdev"

@@ -10,11 +10,11 @@ from typing import ClassVar, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from weberlink.geometry.vector import ZERO, Vector
+from weberlink.hardware.emulator import FaultyDevice
 from weberlink.master.devices.operator import CircleStep, ReachStep, RestStep, Script, SlideStep
+from weberlink.master.emulators.handle import Handle, HandleOptions
 from weberlink_devices.haply.board import Pair
 from weberlink_devices.haply.linkage import MOST_TORQUE_N_M, VERSIONS, HaplyFrame, Unreachable, degrees, radians
-from weberlink_testing.emulator import FaultyDevice
-from weberlink_testing.handle import Handle, HandleOptions
 
 PATIENCE_S = 1.0
 """Longest wait of the firmware for the rest of a message [s]."""

@@ -13,11 +13,11 @@ from typing import Any, ClassVar, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale
+from weberlink.hardware.emulator import FaultyDevice
 from weberlink.hardware.fault import BadReply
+from weberlink.master.emulators.handle import Handle, HandleOptions
 from weberlink_devices.inverse3.protocol import decode, listed, ours, theirs
 from weberlink_devices.inverse3.websocket_device import WebSocketDevice
-from weberlink_testing.emulator import FaultyDevice
-from weberlink_testing.handle import Handle, HandleOptions
 
 STEP_S = 0.001
 SCALE: Mapping[str, float] = dict.fromkeys("xyz", 1.0)

@@ -14,15 +14,15 @@ from websockets.http11 import Request
 from websockets.protocol import State
 from websockets.server import ServerProtocol
 
-from weberlink_testing.emulator import WireFaults
-from weberlink_testing.serving import LONGEST_PAUSE_S, ServedDevice
+from weberlink.hardware.emulator import WireFaults
+from weberlink.testing.serving import LONGEST_PAUSE_S, ServedDevice
 
 CHUNK = 65536
 LOOPBACK = "127.0.0.1"
 
 
 class ServiceSession(Protocol):
-    """One client of an emulated service, without I/O; the methods are as of `weberlink_testing.emulator.Emulator`."""
+    """One client of an emulated service, without I/O; the methods are as of `weberlink.hardware.emulator.Emulator`."""
 
     def receive(self, text: bytes, now: float) -> None: ...
 

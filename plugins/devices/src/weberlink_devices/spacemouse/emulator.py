@@ -8,9 +8,9 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from weberlink.geometry.vector import ZERO, Vector
+from weberlink.hardware.emulator import HidIdentity
 from weberlink_devices.spacemouse.reports import FULL_COUNTS, PuckState
 from weberlink_devices.thumb import DeflectionEmulator, ThumbOptions
-from weberlink_testing.emulator import HidIdentity
 
 Product = Literal["spacenavigator", "compact", "wireless"]
 PRODUCTS: dict[Product, tuple[int, int, str, bool]] = {
@@ -32,7 +32,7 @@ class SpaceMouseEmulatorOptions(ThumbOptions):
 
 
 class SpaceMouseEmulator(DeflectionEmulator):
-    """See `weberlink_testing.emulator`."""
+    """See `weberlink.hardware.emulator`."""
 
     Options = SpaceMouseEmulatorOptions
     transport: ClassVar[str] = "hid"

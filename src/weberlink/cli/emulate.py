@@ -19,14 +19,14 @@ import yaml
 from weberlink.config import ConfigurationError
 from weberlink.config.document import override
 from weberlink.config.errors import validated
+from weberlink.hardware.emulator import EMULATORS, WireFaults
 from weberlink.hardware.fault import HardwareFault
 from weberlink.master.devices import DEVICES
 from weberlink.master.devices.leaders import LEADERS
 from weberlink.order import COMPLETED, FAILED, STOP_SIGNALS
 from weberlink.realtime.process import prepare
-from weberlink_testing.emulator import EMULATORS, WireFaults
-from weberlink_testing.serving import PtyDevice, ServedDevice
-from weberlink_testing.umockdev import Testbed, TestbedNode
+from weberlink.testing.serving import PtyDevice, ServedDevice
+from weberlink.testing.umockdev import Testbed, TestbedNode
 
 PORT = "{port}"
 """Placeholder for the port in the arguments of the command."""

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
+from weberlink.hardware.emulator import EMULATORS, WireFaults
 from weberlink.master.devices import DEVICES
 from weberlink.master.devices.leaders import LEADERS
 from weberlink.master.devices.polhem.protocol import LONG, SHORT, encode_command, encode_currents
-from weberlink_testing.emulator import EMULATORS, WireFaults
 
 DRIVERS = {*DEVICES, *LEADERS}
 every_emulator = pytest.mark.parametrize("name", sorted(set(EMULATORS) & DRIVERS))

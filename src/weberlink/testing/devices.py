@@ -1,4 +1,4 @@
-"""The contract that every haptic device keeps, those of hardware before emulated hardware; see `weberlink_testing`."""
+"""The contract that every haptic device keeps, those of hardware before emulated hardware; see `weberlink.testing`."""
 
 import json
 import signal
@@ -22,8 +22,8 @@ from weberlink.master.devices import DEVICES
 from weberlink.master.devices.contract import Device, DeviceFault, TorqueDevice
 from weberlink.master.devices.threaded_device import RAMP_S
 from weberlink.session.composition.master import check_force_ends
-from weberlink_testing import pushing_host
-from weberlink_testing.time import TICK, real_time, until
+from weberlink.testing import pushing_host
+from weberlink.testing.time import TICK, real_time, until
 
 PUSH: Vector = (0.0, 1.0, 0.0)
 HOST_N = 0.8

@@ -21,7 +21,7 @@ from weberlink.master.devices.polhem.protocol import (
     Sensors,
     encode_status,
 )
-from weberlink_testing.polhem.board import FAULTS, BoardOptions, Currents, PolhemBoard
+from weberlink.master.emulators.polhem.board import FAULTS, BoardOptions, Currents, PolhemBoard
 
 BUFFER = 127
 FILLING = b"\n\r\0"
@@ -48,7 +48,7 @@ class PolhemSerialEmulatorOptions(BoardOptions):
 
 
 class PolhemSerialEmulator(PolhemBoard):
-    """See `weberlink_testing.emulator`."""
+    """See `weberlink.hardware.emulator`."""
 
     Options = PolhemSerialEmulatorOptions
     transport: ClassVar[str] = "serial"

@@ -13,7 +13,7 @@ from time import monotonic
 from types import TracebackType
 from typing import Self
 
-from weberlink_testing.emulator import Emulator, WireFaults
+from weberlink.hardware.emulator import Emulator, WireFaults
 
 CHUNK = 4096
 LONGEST_PAUSE_S = 0.02

@@ -12,14 +12,14 @@ from typing import Any
 
 import pytest
 
-from plugins.testing.tests.emulated import Emulated
+from tests.cli.emulated import Emulated
 from tests.wait import PATIENCE, until
+from weberlink.cli.emulate import FaultCommands, run
 from weberlink.config import ConfigurationError
+from weberlink.hardware.emulator import EMULATORS
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.master.devices.polhem.protocol import Sensors, StatusReader, encode_currents
-from weberlink_testing.emulate import FaultCommands, run
-from weberlink_testing.emulator import EMULATORS
 
 
 def ask(port: SerialPort, current: int) -> Sensors:

@@ -11,11 +11,11 @@ from time import monotonic, sleep
 from typing import Any, Self
 
 from weberlink.geometry.vector import Vector
+from weberlink.hardware.emulator import EMULATORS, WireFaults
 from weberlink.hardware.fault import HardwareFault
-from weberlink_testing.devices import DeviceBench, armed
-from weberlink_testing.emulator import EMULATORS, WireFaults
-from weberlink_testing.serving import PtyDevice, ServedDevice
-from weberlink_testing.time import real_time
+from weberlink.testing.devices import DeviceBench, armed
+from weberlink.testing.serving import PtyDevice, ServedDevice
+from weberlink.testing.time import real_time
 
 FLICKER = 3
 """Bad answers that pass."""

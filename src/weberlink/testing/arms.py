@@ -11,7 +11,7 @@ from weberlink.arms.contract import ArmFault, ArmReading
 from weberlink.geometry.joints import Joints, is_finite
 from weberlink.master.devices.leaders import LEADERS
 from weberlink.slave.robots.followers import FOLLOWERS
-from weberlink_testing.time import until
+from weberlink.testing.time import until
 
 
 @dataclass

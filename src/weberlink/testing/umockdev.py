@@ -19,9 +19,9 @@ from types import TracebackType
 from typing import Any, Self
 
 from weberlink.child_process import Child
+from weberlink.hardware.emulator import EV_ABS, EV_KEY, EV_SYN, Emulator, HidIdentity, InputIdentity
 from weberlink.hardware.fault import HardwareFault
-from weberlink_testing.emulator import EV_ABS, EV_KEY, EV_SYN, Emulator, HidIdentity, InputIdentity
-from weberlink_testing.serving import PtyDevice, serve
+from weberlink.testing.serving import PtyDevice, serve
 
 LONGEST_DESCRIPTOR = 4096
 WRAPPER = "umockdev-wrapper"

@@ -1,6 +1,6 @@
 """Emulated devices: the interface of one, its faults, what it says of itself to the kernel, and the table of them all.
 
-`weberlink_testing.serving` and `weberlink_testing.umockdev` connect one to a port.
+`weberlink.testing.serving` and `weberlink.testing.umockdev` connect one to a port.
 """
 
 from abc import ABC, abstractmethod
@@ -12,12 +12,16 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 
 from weberlink.registry import Registry
 
-EMULATORS: Registry[Any] = Registry("emulated device", {}, "weberlink.emulators")
-"""Each by the name of its driver; all are entry points of `weberlink.emulators`.
+BUILT_IN = {
+    "polhem_hid": "weberlink.master.emulators.polhem.hid_board:PolhemHidEmulator",
+    "polhem_serial": "weberlink.master.emulators.polhem.serial_board:PolhemSerialEmulator",
+}
+EMULATORS: Registry[Any] = Registry("emulated device", BUILT_IN, "weberlink.emulators")
+"""Each by the name of its driver; entry points of `weberlink.emulators` add more.
 
 An entry is a subclass of `FaultyDevice`, an `Emulator`, with the pydantic class of its `Options` and the name of its
 `transport`: serial, hid, evdev, or one of its own. For a device of the kernel (hid, evdev) it has `identity`. With a
-transport of its own it has `served(begin)`, which gives a `weberlink_testing.serving.ServedDevice` with an `address`.
+transport of its own it has `served(begin)`, which gives a `weberlink.testing.serving.ServedDevice` with an `address`.
 """
 
 

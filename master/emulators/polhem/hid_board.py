@@ -12,6 +12,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
+from weberlink.hardware.emulator import HidIdentity
 from weberlink.master.devices.polhem.parameters import Board
 from weberlink.master.devices.polhem.protocol import (
     HID_WATCHDOG_S,
@@ -23,8 +24,7 @@ from weberlink.master.devices.polhem.protocol import (
     decode_command,
     encode_sensors,
 )
-from weberlink_testing.emulator import HidIdentity
-from weberlink_testing.polhem.board import FAULTS, OFF, BoardOptions, PolhemBoard
+from weberlink.master.emulators.polhem.board import FAULTS, OFF, BoardOptions, PolhemBoard
 
 VENDOR, PRODUCT = 0x1234, 0x0006
 FRAME_S = 0.001
@@ -47,7 +47,7 @@ class PolhemHidEmulatorOptions(BoardOptions):
 
 
 class PolhemHidEmulator(PolhemBoard):
-    """See `weberlink_testing.emulator`."""
+    """See `weberlink.hardware.emulator`."""
 
     Options = PolhemHidEmulatorOptions
     transport: ClassVar[str] = "hid"

@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from plugins.testing.tests.test_emulator import Echo
+from tests.hardware.test_emulator import Echo
 from tests.program import ROOT
+from weberlink.hardware.emulator import HidIdentity
 from weberlink.hardware.fault import HardwareFault
-from weberlink_testing.emulator import HidIdentity
-from weberlink_testing.umockdev import ADVICE, WRAPPER, Testbed, TestbedNode, missing
+from weberlink.testing.umockdev import ADVICE, WRAPPER, Testbed, TestbedNode, missing
 
 REASON = missing()
 DESCRIPTOR = bytes.fromhex("06abff0a0002a1017508150025ff950e09018102950e09029102c0")
@@ -21,7 +21,7 @@ DESCRIPTOR = bytes.fromhex("06abff0a0002a1017508150025ff950e09018102950e09029102
 HOST = """
 import json, sys
 from time import monotonic
-from weberlink_testing.emulator import HidIdentity
+from weberlink.hardware.emulator import HidIdentity
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.discovery import UsbId, hid_devices
 from weberlink.hardware.hid_port import HidPort

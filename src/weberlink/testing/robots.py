@@ -12,7 +12,7 @@ import pytest
 from weberlink.geometry.vector import Vector, distance, dot, is_finite, norm
 from weberlink.slave.robots import ROBOTS
 from weberlink.slave.robots.contract import OrientedRobot, Robot, RobotFault
-from weberlink_testing.time import PATIENCE, until
+from weberlink.testing.time import PATIENCE, until
 
 
 @dataclass

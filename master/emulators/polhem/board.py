@@ -9,12 +9,12 @@ from typing import ClassVar, Self
 from pydantic import Field, model_validator
 
 from weberlink.geometry.vector import ZERO, Vector, subtract
+from weberlink.hardware.emulator import FaultyDevice
 from weberlink.master.devices.polhem.options import BOARDS, SetName, Signs
 from weberlink.master.devices.polhem.parameters import PARAMETERS, Board
 from weberlink.master.devices.polhem.protocol import Counts6
+from weberlink.master.emulators.handle import Handle, HandleOptions
 from weberlink.options import Options
-from weberlink_testing.emulator import FaultyDevice
-from weberlink_testing.handle import Handle, HandleOptions
 
 Currents = tuple[float, float, float]
 
@@ -67,7 +67,7 @@ class BoardOptions(Options):
 
 
 class PolhemBoard(FaultyDevice):
-    """The board of an emulated device (see `weberlink_testing.emulator`); subclasses speak the wire formats.
+    """The board of an emulated device (see `weberlink.hardware.emulator`); subclasses speak the wire formats.
 
     Attributes:
         messages: that came, right or wrong.

@@ -19,8 +19,8 @@ from weberlink.master.devices.polhem.mechanism import Counts, Signs, Triple, Wir
 from weberlink.master.devices.polhem.options import PolhemHidOptions, PolhemSerialOptions
 from weberlink.master.devices.polhem.parameters import PARAMETERS, Board, MechanismParameters
 from weberlink.master.devices.polhem.protocol import LONG, SHORT, decode_sensors, encode_command
-from weberlink_testing.polhem.hid_board import PolhemHidEmulator, PolhemHidEmulatorOptions
-from weberlink_testing.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
+from weberlink.master.emulators.polhem.hid_board import PolhemHidEmulator, PolhemHidEmulatorOptions
+from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
 
 
 class Host(NamedTuple):

@@ -1,0 +1,1 @@
+"""Emulated haptic devices."""
