@@ -38,7 +38,6 @@ system:  ## Debian packages for tests of HID devices, in a browser, of views and
 	command -v turnserver >/dev/null && command -v nft >/dev/null || { \
 		apt-get install -y -q --no-install-recommends coturn nftables; \
 		! test -d /run/systemd/system || systemctl disable --now coturn; }  # tests start their own
-	command -v sockperf >/dev/null || apt-get install -y -q --no-install-recommends sockperf
 	command -v ip >/dev/null || apt-get install -y -q --no-install-recommends iproute2
 	command -v spin >/dev/null && command -v gcc >/dev/null || apt-get install -y -q --no-install-recommends spin gcc libc6-dev
 

@@ -75,14 +75,6 @@ class Rights:
         """Give this process the rights of the daemon with this place (0 or 1)."""
         prepare(self.priority, self.lock_memory, self.cpu(place), wakeful=self.wakeful)
 
-    def give(self, pid: int, place: int) -> None:
-        """Give them to a process that has just begun; its later threads inherit them."""
-        if self.priority:
-            os.sched_setscheduler(pid, os.SCHED_FIFO, os.sched_param(self.priority))
-        cpu = self.cpu(place)
-        if cpu is not None:
-            os.sched_setaffinity(pid, {cpu})
-
     def as_json(self) -> dict[str, Any]:
         return {
             "scheduler": f"SCHED_FIFO {self.priority}" if self.priority else "SCHED_OTHER",

@@ -1,8 +1,8 @@
-"""One end of an echo through encoder, endpoint, security, socket, endpoint and decoder, as a process.
+"""One end of an exchange of updates through encoder, endpoint, security, socket, endpoint and decoder, as a process.
 
 The asking end is the master of a session and sends positions; the answering end is the slave and sends forces
-(`benchmarks.latency`). Both run as in a daemon: an event loop woken by the socket, its shell and an endpoint. Only the
-wait for the next tick is left out: a received update is decoded at once.
+(`benchmarks.latency`). Both run as in a daemon: an event loop woken by tick and socket, its shell and an endpoint. Only
+the wait for the next tick is left out: a received update is decoded at once.
 """
 
 import asyncio
@@ -15,7 +15,7 @@ from typing import Any
 import uvloop
 
 from benchmarks.arrangement import rights_of, serve, tell
-from benchmarks.latency import ASK, HOST, Moments
+from benchmarks.latency import ASK, CAME, HOST, SENT, Moments
 from weberlink.codec import Decoder, Encoder
 from weberlink.config import Configuration, load
 from weberlink.geometry.vector import Vector
@@ -38,40 +38,47 @@ TREMBLE_M, TREMBLE_SHARE = 1e-4, 0.02
 
 
 class EchoEnd:
-    """One end of the echo: codec, endpoint, shell and moments."""
+    """One end: codec, endpoint, shell and moments.
 
-    def __init__(self, configuration: Configuration, role: Role, port: int, epoch: float) -> None:
+    Args:
+        every: whether the master sends every sample, and the slave answers at once; otherwise both send from their
+            ticks what their deadband leaves.
+    """
+
+    def __init__(self, configuration: Configuration, role: Role, port: int, epoch: float, *, every: bool) -> None:
         system = configuration.system
         forward, backward = channels(system)
-        asks = role is Role.INITIATOR
-        outgoing, incoming = (forward, backward) if asks else (backward, forward)
+        self._asks = role is Role.INITIATOR
+        outgoing, incoming = (forward, backward) if self._asks else (backward, forward)
         self.encoder, self.decoder = Encoder(outgoing), Decoder(incoming)
-        peer = (HOST, port) if asks else None
+        peer = (HOST, port) if self._asks else None
         security = build_security(configuration)
         self.endpoint = build_endpoint(system, role, security, os.urandom, epoch, (outgoing,), (incoming,), peer)
         self._epoch, self._tick_period = epoch, system.tick_period
         # The shell asks for the time after every datagram that it takes: the moment to answer it.
         self.shell = UdpShell(self.endpoint, now=self._heard, listen=(HOST, 0))
-        self.samples = contact()
-        self.moments: dict[int, list[int]] = {}
+        self._samples = contact(trembles=every)
+        self._sends, self._answers = self._asks or not every, every and not self._asks
+        self.moments: Moments = {SENT: {}, CAME: {}}
+        self.ticks = 0
         self.ended = asyncio.Event()
-        self._take = self._end_trip if asks else self._answer
 
-    def position(self, tick: int) -> Vector:
-        return self.samples[tick % len(self.samples)][0]
-
-    def ask(self, _index: int, deadline: float, now: float) -> None:
+    def tick(self, _index: int, deadline: float, now: float) -> None:
         """A tick of the daemon: receive, encode, send and flush."""
         self.shell.service(now)
         if self.endpoint.state is State.ENGAGED:
-            tick = round((deadline - self._epoch) / self._tick_period)
-            position = self.position(tick)
-            began = monotonic_ns()
-            update = self.encoder.encode(tick, position)
-            if update is not None:
-                self.endpoint.send_update(now, update)
-                self.moments[tick] = [began]
+            self.ticks += 1
+            if self._sends:
+                self._send(round((deadline - self._epoch) / self._tick_period), now)
         self.shell.flush(now)
+
+    def _send(self, tick: int, now: float) -> None:
+        position, force = self._samples[tick % len(self._samples)]
+        began = monotonic_ns()
+        update = self.encoder.encode(tick, position if self._asks else force, position)
+        if update is not None:
+            self.endpoint.send_update(now, update)  # the shell sends it
+            self.moments[SENT][tick] = began
 
     def _heard(self) -> float:
         """Take all events; the time [s]."""
@@ -81,36 +88,23 @@ class EchoEnd:
 
     def _meet(self, event: Event) -> None:
         if isinstance(event, UpdateReceived):
+            tick = event.update.tick
             self.decoder.apply(event.update)
-            self.decoder.value(event.update.tick + 1, self.position(event.update.tick))
-            self._take(event.update.tick)
+            self.decoder.value(tick + 1, self._samples[tick % len(self._samples)][0])
+            self.moments[CAME][tick] = monotonic_ns()
+            if self._answers:
+                self._send(tick, monotonic())
         elif isinstance(event, PeerClosed):
             self.ended.set()
 
-    def _answer(self, tick: int) -> None:
-        there = monotonic_ns()
-        position, force = self.samples[tick % len(self.samples)]
-        back = monotonic_ns()
-        update = self.encoder.encode(tick, force, position)
-        if update is not None:
-            self.endpoint.send_update(monotonic(), update)  # the shell sends it
-            self.moments[tick] = [there, back]
 
-    def _end_trip(self, tick: int) -> None:
-        moment = self.moments.get(tick)
-        if moment is not None:
-            moment.append(monotonic_ns())
-
-    def answered(self) -> Moments:
-        """The moments of the answered questions."""
-        return {tick: (pair[0], pair[1]) for tick, pair in self.moments.items() if len(pair) == 2}
-
-
-def contact() -> list[tuple[Vector, Vector]]:
-    """Positions and forces of the shipped recording during contact, with an unpredictable tremor."""
+def contact(*, trembles: bool = True) -> list[tuple[Vector, Vector]]:
+    """Positions and forces of the shipped recording during contact, by default with an unpredictable tremor."""
     trace = read_trace(SHIPPED)
     rows = zip(trace.position_m.tolist(), trace.force_n.tolist(), strict=True)
-    touching = [(position, force) for position, force in rows if max(map(abs, force)) > CONTACT_N]
+    touching = [(tuple(position), tuple(force)) for position, force in rows if max(map(abs, force)) > CONTACT_N]
+    if not trembles:
+        return touching
     return [_trembling(position, force, (-1) ** index) for index, (position, force) in enumerate(touching)]
 
 
@@ -122,44 +116,37 @@ def _trembling(position: Vector, force: Vector, sign: int) -> tuple[Vector, Vect
 
 
 async def run(end: EchoEnd, order: dict[str, Any]) -> None:
-    """Run until all questions are asked, or the peer has left."""
-    loop = asyncio.get_running_loop()
-    await end.shell.open(loop)
+    """Run until the ticks of the order are done, or the peer has left."""
+    await end.shell.open(asyncio.get_running_loop())
     end.endpoint.connect(monotonic())
     end.shell.flush(monotonic())
+    # Without an advance, as the bare exchange: busy-waiting would warm the caches.
+    ticker = Ticker(1.0 / order["rate_hz"], end.tick, advance=False)
+    ticker.start()
     try:
         if order["end"] == ASK:
-            await _ask(end, order)
+            until = monotonic() + order["count"] / order["rate_hz"] + PATIENCE_S
+            while end.ticks < order["count"] and monotonic() < until:
+                await asyncio.sleep(0.05)
+            end.endpoint.close(monotonic(), "completed")
         else:
             tell(f"{end.shell.address[1]}\n")
             await end.ended.wait()
     finally:
+        ticker.stop()
         end.shell.close()
 
 
-async def _ask(end: EchoEnd, order: dict[str, Any]) -> None:
-    wanted = order["warm_up"] + order["questions"]
-    # Without a lead, as the plain echo: busy-waiting would warm the caches.
-    ticker = Ticker(1.0 / order["rate_hz"], end.ask, advance=False)
-    ticker.start()
-    try:
-        until = monotonic() + wanted / order["rate_hz"] + PATIENCE_S
-        while len(end.moments) < wanted and monotonic() < until:
-            await asyncio.sleep(0.05)
-    finally:
-        ticker.stop()
-    end.endpoint.close(monotonic(), "completed")
-
-
 def _serve(order: dict[str, Any]) -> Moments:
-    asks = order["end"] == ASK
-    configuration = load(Path(order["file"]), [*order["overrides"], *OVERRIDES])
-    end = EchoEnd(configuration, Role.INITIATOR if asks else Role.RESPONDER, order.get("port", 0), order["epoch"])
-    rights_of(order).take(0 if asks else 1)
+    role = Role.INITIATOR if order["end"] == ASK else Role.RESPONDER
+    every = order["every"]
+    configuration = load(Path(order["file"]), [*order["overrides"], *(OVERRIDES if every else ())])
+    end = EchoEnd(configuration, role, order.get("port", 0), order["epoch"], every=every)
+    rights_of(order).take(0 if role is Role.INITIATOR else 1)
     freeze_garbage()
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         runner.run(run(end, order))
-    return end.answered()
+    return end.moments
 
 
 if __name__ == "__main__":

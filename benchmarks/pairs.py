@@ -27,7 +27,7 @@ from rich.text import Text
 from benchmarks.arrangement import MAIN_RATE_HZ, ROOT, Arrangement, BenchError, granted
 from benchmarks.codec_speed import measure as codec_speed
 from benchmarks.host import during, host, in_words, share_between, steal
-from benchmarks.latency import ONE_WAY, echo
+from benchmarks.latency import WAYS, one_way
 from benchmarks.loopback import Session
 from benchmarks.percentiles import summary
 from weberlink.cli.doctor import Needs
@@ -37,7 +37,8 @@ from weberlink.protocol.keys import generate
 from weberlink_studies.result import plain_table
 
 A, B = "A", "B"
-ECHO_S = 2.0
+ECHO_S = {True: 2.0, False: 10.0}
+"""Of updates of every sample, and of those that the deadbands leave [s]."""
 PATIENCE_S = 240.0
 MEASURE = "--measure"
 
@@ -73,10 +74,14 @@ def measure(duration_s: float) -> Figures:
         arrangement = Arrangement(file, key, (), lambda overrides: one_host(file, overrides))
         overrides = arrangement.overrides(MAIN_RATE_HZ)
         rights = granted(arrangement.configuration(overrides).system.realtime)
-        trips = echo("coded_echo", {"file": str(file), "overrides": overrides}, MAIN_RATE_HZ, ECHO_S, rights)
-    for way in ONE_WAY:
-        found = summary(trips.of(way))
-        figures |= {f"{way} p50 [us]": found["p50"] or 0.0, f"{way} p99 [us]": found["p99"] or 0.0}
+        order = {"file": str(file), "overrides": overrides}
+        for every, duration in ECHO_S.items():
+            found = one_way(order, duration, rights, every=every)
+            for way in WAYS:
+                updates, bare = summary(found.coded[way]), summary(found.sealed[way])
+                name = f"{way}, every" if every else way
+                figures |= {f"{name} {share} [us]": updates[share] or 0.0 for share in ("p50", "p99")}
+                figures |= {f"{name} {share}, bare [us]": bare[share] or 0.0 for share in ("p50", "p99")}
     figures["codec [samples/s]"] = codec_speed(quick=True).live_samples_per_s
     return figures
 

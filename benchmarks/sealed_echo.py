@@ -1,8 +1,9 @@
-"""One end of an echo of sealed datagrams between two bare Python processes: the limit of a sealed update.
+"""One end of an exchange of sealed datagrams between two bare Python processes: the limit of a sealed update.
 
 Both ends wake at the rate of the daemons from a timerfd, do about as much Python work as little as a tick can, and wait
-with epoll for timer and socket in a plain loop. The asking end sends a question in every tick; a moment is read before
-sealing and after opening and unpacking. Cipher, nonce, tag and clear bytes are those of `weberlink.protocol.psk`.
+with epoll for timer and socket in a plain loop. An end sends in given ticks; the answering one may instead answer each
+datagram at once. A moment is read before sealing and after opening and unpacking. Cipher, nonce, tag and clear bytes
+are those of `weberlink.protocol.psk`.
 """
 
 import gc
@@ -10,16 +11,17 @@ import os
 import select
 import socket
 import sys
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Iterable, Mapping
 from math import inf
 from struct import Struct
-from time import monotonic, monotonic_ns
+from time import monotonic_ns
 from typing import Any
 
 from cryptography.hazmat.primitives.ciphers.aead import AESCCM
 
 from benchmarks.arrangement import rights_of, serve, tell
-from benchmarks.latency import ASK, HOST, SIZE, Moments
+from benchmarks.latency import ASK, CAME, HOST, SENT, SIZE, Moments
 from weberlink.protocol.wire import CLEAR_BYTES
 from weberlink.realtime import timerfd
 
@@ -29,7 +31,7 @@ KEYS = bytes(16), bytes(range(16))  # of the questions and of the answers
 BODY = Struct(f"<Q{SIZE - CLEAR_BYTES - TAG_BYTES - 8}s")
 FILLING = bytes(SIZE)
 WORK_US = 10.0  # python work in a tick, with warm caches [us]
-PATIENCE_S = 2.0  # how long the asking end waits for the last answers [s]
+LAST_TICKS = 200  # in which the last datagrams arrive
 
 
 def seal(cipher: AESCCM, number: int) -> bytes:
@@ -60,43 +62,49 @@ class BareEnd:
 
     Args:
         bound: its socket; that of the asking end is connected.
-        questions: how many the asking end sends; None for the answering end.
+        asks: whether it is the asking end, which ends the exchange.
+        ticks: in which it sends, ascending.
+        count: of ticks.
+        answers: whether it answers each datagram at once.
     """
 
-    def __init__(self, bound: socket.socket, questions: int | None) -> None:
+    def __init__(self, bound: socket.socket, ticks: Iterable[int], count: int, *, asks: bool, answers: bool) -> None:
         bound.setblocking(False)
         self._socket = bound
         ciphers = [AESCCM(key, tag_length=TAG_BYTES) for key in KEYS]
-        self._out, self._in = ciphers if questions is not None else ciphers[::-1]
-        self._questions = questions
-        self._asked = self._newest = 0
-        self._until = inf
-        self._began: dict[int, int] = {}
+        self._out, self._in = ciphers if asks else ciphers[::-1]
+        self._due = deque(ticks)
+        self._last = count + LAST_TICKS if asks else inf
+        self._answers = answers
+        self._tick = self._newest = 0
+        self._peer: Any = bound.getpeername() if asks else None
         self._steps = range(steps_of(WORK_US))
-        self.moments: Moments = {}
+        self.moments: Moments = {SENT: {}, CAME: {}}
         self.done = False
 
     def tick(self) -> None:
-        """Do some work, then ask the next question."""
+        """Do some work, then send what is due."""
         work(self._steps)
-        if self._questions is None:
+        if self._peer is None:  # the answering end hears first where to send
             return
-        if self._asked < self._questions:
-            number = self._asked
-            began = monotonic_ns()
-            self._socket.send(seal(self._out, number))
-            self._began[number] = began
-            self._asked += 1
-            self._until = monotonic() + PATIENCE_S
-        elif monotonic() > self._until or len(self.moments) == self._questions:
+        if self._due and self._due[0] <= self._tick:
+            self._due.popleft()
+            self._send(self._tick)
+        self._tick += 1
+        if self._tick > self._last:
             self.done = True
             self._socket.send(b"")
 
+    def _send(self, number: int) -> None:
+        began = monotonic_ns()
+        self._socket.sendto(seal(self._out, number), self._peer)
+        self.moments[SENT][number] = began
+
     def receive(self) -> None:
-        """Open all datagrams that wait, and answer each at once; an empty one ends the echo."""
+        """Open all datagrams that wait; an empty one ends the exchange."""
         while True:
             try:
-                datagram, source = self._socket.recvfrom(SIZE + 1)
+                datagram, self._peer = self._socket.recvfrom(SIZE + 1)
             except BlockingIOError:
                 return
             if not datagram:
@@ -104,13 +112,9 @@ class BareEnd:
                 return
             self._newest = expand(int.from_bytes(datagram[:CLEAR_BYTES], "little"), self._newest)
             number = unseal(self._in, self._newest, datagram)
-            opened = monotonic_ns()
-            if self._questions is not None:
-                self.moments[number] = self._began[number], opened
-            else:
-                began = monotonic_ns()
-                self._socket.sendto(seal(self._out, number), source)
-                self.moments[number] = opened, began
+            self.moments[CAME][number] = monotonic_ns()
+            if self._answers:
+                self._send(number)
 
     def run(self, rate_hz: float) -> Moments:
         """Tick and receive to the end of the echo; returns the moments."""
@@ -154,15 +158,17 @@ def steps_of(duration_us: float) -> int:
 
 def _sealed(order: Mapping[str, Any]) -> Moments:
     asks = order["end"] == ASK
+    answers = order["every"] and not asks
+    ticks, count = [] if answers else order["ticks"][0 if asks else 1], order["count"]
     rights_of(order).take(0 if asks else 1)
     gc.disable()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bound:
         if asks:
             bound.connect((HOST, order["port"]))
-            return BareEnd(bound, order["warm_up"] + order["questions"]).run(order["rate_hz"])
-        bound.bind((HOST, 0))
-        tell(f"{bound.getsockname()[1]}\n")
-        return BareEnd(bound, None).run(order["rate_hz"])
+        else:
+            bound.bind((HOST, 0))
+            tell(f"{bound.getsockname()[1]}\n")
+        return BareEnd(bound, ticks, count, asks=asks, answers=answers).run(order["rate_hz"])
 
 
 if __name__ == "__main__":

@@ -9,18 +9,16 @@ from hypothesis import strategies as st
 
 from benchmarks.arrangement import BenchError
 from benchmarks.figures import exceedance
-from benchmarks.latency import join
+from benchmarks.latency import CAME, SENT, trips
 from benchmarks.live_side import LiveSide
 from benchmarks.pairs import A, B, compare
 from benchmarks.percentiles import NAMES, PERCENTILES, percentile, ratio, ratios, summary
-from benchmarks.programs import parse_histogram, parse_trips
+from benchmarks.programs import parse_histogram
 from tests.records import ticks
 
 CAPTURED = Path(__file__).parent / "captured"
 CYCLICTEST = (CAPTURED / "cyclictest.txt").read_text(encoding="utf-8")
 """Of version 2.40: two threads, 400 cycles each, bins up to 60 us, three latencies beyond them."""
-SOCKPERF = (CAPTURED / "sockperf.csv").read_text(encoding="utf-8")
-"""Of version 3.7: 33 round trips."""
 TWO_THREADS = """# Histogram
 000003 000001\t000002
 000007 000000\t000001
@@ -49,15 +47,12 @@ def test_rounding_moves_no_rank_and_a_ratio_is_to_the_limit() -> None:
     assert (found, shares) == (pytest.approx([2.0, 5.0, 9.0], rel=0.003), pytest.approx([1.0, 0.5, 0.25]))
 
 
-def test_every_cycle_of_every_thread_and_every_round_trip_is_counted() -> None:
+def test_every_cycle_of_every_thread_is_counted() -> None:
     seen = parse_histogram(CYCLICTEST)
     assert (seen.threads, len(seen.latencies_us), seen.latencies_us[0]) == (2, 800, 16.0)
     assert list(seen.latencies_us[-3:]) == [84.0, 84.0, 7297.0]  # what has no bin counts as the latest of its thread
     assert np.count_nonzero(seen.latencies_us < 60.0) == 399 + 398
     assert parse_histogram(TWO_THREADS).latencies_us.tolist() == [3.0, 3.0, 3.0, 7.0, 50.0, 50.0]
-    trips = parse_trips(SOCKPERF)
-    assert (len(trips), trips.min() > 0.0) == (33, True)
-    assert trips[-2:].tolist() == pytest.approx([92.357, 316.697], abs=1e-2)
 
 
 @pytest.mark.parametrize(
@@ -66,13 +61,11 @@ def test_every_cycle_of_every_thread_and_every_round_trip_is_counted() -> None:
         "",
         "# Histogram\n000001 000001\t000002\n",
         "000001 000001\n# Total: 000000001 000000001\n",
-        "packet, txTime(sec), rxTime(sec), rtt(usec)\n",
     ],
 )
 def test_output_without_a_measurement_is_an_error(text: str) -> None:
-    for read in (parse_histogram, parse_trips):
-        with pytest.raises(BenchError):
-            read(text)
+    with pytest.raises(BenchError):
+        parse_histogram(text)
 
 
 @pytest.mark.parametrize(
@@ -89,12 +82,14 @@ def test_a_stall_counts_from_the_oldest_deadline(
     assert LiveSide(records, rate_hz, []).lateness_us.tolist() == counted
 
 
-def test_trips_join_both_ends_without_warm_up() -> None:
-    asked = {str(number): [number * 1000_000, number * 1000_000 + 90_000] for number in (8, 9, 10, 11)}
-    answered = {str(number): [number * 1000_000 + 40_000, number * 1000_000 + 50_000] for number in (7, 8, 10, 11)}
-    trips = join(asked, answered, 1)  # 10 and 11: 8 warms up, 9 had no answer
-    assert (trips.there_us.tolist(), trips.back_us.tolist()) == (pytest.approx([40.0] * 2), pytest.approx([40.0] * 2))
-    assert trips.round_us.tolist() == pytest.approx([90.0] * 2)
+def test_trips_are_from_the_one_end_to_the_other_without_warm_up() -> None:
+    """The datagram 400 warms up, 701 did not arrive, and no way needs that the other end sends in the same ticks."""
+    asked = {SENT: {400: 0, 700: 1_000_000, 701: 2_000_000, 702: 3_000_000}, CAME: {450: 60_000, 703: 4_050_000}}
+    answered = {SENT: {450: 0, 703: 4_000_000, 704: 5_000_000}, CAME: {400: 50_000, 700: 1_040_000, 702: 3_020_000}}
+    found = trips(asked, answered)
+    assert {way: times.tolist() for way, times in found.items()} == {"position": [40.0, 20.0], "force": [50.0]}
+    with pytest.raises(BenchError, match="no force"):
+        trips(asked, {SENT: {}, CAME: answered[CAME]})
 
 
 def test_ratios_are_of_the_same_pair() -> None:

@@ -24,7 +24,7 @@ OK, ADVICE, PROBLEM, UNKNOWN = Grade.OK, Grade.ADVICE, Grade.PROBLEM, Grade.UNKN
 
 
 def test_an_ideal_machine_has_nothing_to_fix_and_missing_files_are_unknown(tmp_path: Path) -> None:
-    ideal = machine(tmp_path, which=lambda name: name if name in ("cyclictest", "sockperf") else None)
+    ideal = machine(tmp_path, which=lambda name: name if name == "cyclictest" else None)
     assert [each for each in examine(Needs(), ideal).findings if each.grade is not OK] == []
     found = examine(Needs(), machine(tmp_path / "dark", dict.fromkeys(FILES)), READ).findings
     assert {"clock source", "throttling", "receive buffer"} <= {each.check for each in found if each.grade is UNKNOWN}
