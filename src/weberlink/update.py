@@ -18,10 +18,12 @@ class UpdateForm(NamedTuple):
         newest: number of levels in each group of the newest sample.
         previous: likewise of the previous sample, which has the first groups of the newest one; None for a selector
             whose payload is model parameters.
+        most_bytes: of model parameters; more than a model has are for streams of other data, such as pictures.
     """
 
     newest: tuple[int, ...]
     previous: tuple[int, ...] | None
+    most_bytes: int = MOST_PARAMETER_BYTES
 
 
 class PreviousSample(NamedTuple):
@@ -40,7 +42,7 @@ class ModelParameters(NamedTuple):
     """The parameters of a model that the sender estimated, packed by its predictor.
 
     Args:
-        data: 0 to `MOST_PARAMETER_BYTES` bytes.
+        data: 0 to `UpdateForm.most_bytes` bytes.
     """
 
     data: bytes

@@ -8,6 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from weberlink.config.cameras import CAMERAS
 from weberlink.config.document import override, parse
 from weberlink.config.errors import ConfigurationError, require_package, validated
 from weberlink.config.finders import FINDERS
@@ -30,13 +31,15 @@ class Part:
 
 @dataclass(frozen=True)
 class Configuration:
-    """A validated file. `device` or `robot` is None if that side was not asked for, `finder` if the file has none."""
+    """A validated file. `device` or `robot` is None if that side was not asked for, `finder` and `cameras` if the file
+    has none."""
 
     path: Path
     system: System
     device: Part | None
     robot: Part | None
     finder: Part | None = None
+    cameras: Part | None = None
 
     @property
     def finds_path(self) -> bool:
@@ -59,7 +62,7 @@ def load(path: Path, overrides: Iterable[str] = (), sides: Iterable[str] = SIDES
     """
     content = parse(path)
     overridden = {override(content, text) for text in overrides}
-    device = robot = finder = None
+    device = robot = finder = cameras = None
     try:
         system: System = make_absolute(validated(System, content), path.parent, overridden)
         devices, robots = _tables(system)
@@ -69,12 +72,14 @@ def load(path: Path, overrides: Iterable[str] = (), sides: Iterable[str] = SIDES
             robot = _part(robots, system.slave.robot, "slave.robot", path.parent, overridden)
         if system.link.finder is not None:
             finder = _part(FINDERS, system.link.finder, "link.finder", path.parent, overridden)
+        if system.slave.cameras is not None:
+            cameras = _part(CAMERAS, system.slave.cameras, "slave.cameras", path.parent, overridden)
         if system.link.security == "none":
             _refuse_hardware("master.device", system.master.device, device)
             _refuse_hardware("slave.robot", system.slave.robot, robot)
     except ConfigurationError as error:
         raise ConfigurationError(f"{path}: {error}") from None
-    return Configuration(path, system, device, robot, finder)
+    return Configuration(path, system, device, robot, finder, cameras)
 
 
 def load_device(configuration: Configuration) -> Part:

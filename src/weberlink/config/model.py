@@ -532,6 +532,8 @@ class SlaveSettings(Settings):
     scene: SceneSettings = ()
     """What there is to touch; nothing for free space or a real robot."""
     limits: SlaveLimits = SlaveLimits()
+    cameras: DriverSettings | None = None
+    """Pictures of the robot for the operator, by a `driver` of another distribution and with its options."""
 
 
 class System(Settings):

@@ -14,6 +14,7 @@ from textwrap import dedent
 from typing import Any
 
 from weberlink.codec.deadband import DEADBANDS
+from weberlink.config.cameras import CAMERAS
 from weberlink.config.finders import FINDERS
 from weberlink.config.model import System
 from weberlink.config.settings import Settings, settings_of
@@ -39,6 +40,7 @@ def schema() -> dict[str, Any]:
     parts: tuple[tuple[str, str, tuple[Registry[Any], ...]], ...] = (
         ("MasterSettings", "device", (DEVICES, LEADERS)),
         ("SlaveSettings", "robot", (ROBOTS, FOLLOWERS)),
+        ("SlaveSettings", "cameras", (CAMERAS,)),
         ("LinkSettings", "finder", (FINDERS,)),
     )
     for owner, field, tables in parts:

@@ -7,7 +7,7 @@ there are any: until then the daemons need the processors.
 import json
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -28,6 +28,7 @@ from weberlink.protocol.keys import generate
 from weberlink.session import control_socket, description
 from weberlink.session.composition.channels import lookahead_ms
 from weberlink.session.description import DaemonOrder, failure
+from weberlink.telemetry import pictures
 from weberlink.telemetry.ring import default_path, process_started
 from weberlink.telemetry.runtime_directory import directories, directory
 
@@ -43,9 +44,13 @@ Watch = Callable[[dict[str, Any], "Figures"], None]
 
 LOOK_S = 0.1
 """Time between two looks at the telemetry."""
-LEFT_BEHIND = re.compile(r"weberlink-(\d+)(?:-(?:master|slave)\.(?:ring|json|ask)|\.(?:key|pointer|leader|pose))")
+LEFT_BEHIND = re.compile(
+    r"weberlink-(\d+)(?:-(?:master|slave)\.(?:ring|json|ask|pictures)|\.(?:key|pointer|leader|pose))"
+)
 LEFT_FOR_S = 3600.0
 """Age at which files without a writer are removed [s]; until then their last records can be read."""
+CAMERAS_END_S = 1.0
+"""For the process of the pictures to end after SIGTERM [s]."""
 TELL_S = 0.5
 """Time between two looks at what is to be told at once."""
 MEASURED_S = 2.0
@@ -123,6 +128,7 @@ class Daemon:
         for left in (
             self._ring,
             description.path_beside(self._ring),
+            pictures.path_beside(self._ring),
             control_socket.path_beside(self._ring),
             *(target_link.link_path(self.pid, kind) for kind in target_link.KINDS),
         ):
@@ -158,6 +164,8 @@ class LiveRun:
     tell: Callable[[str], None] = lambda _: None
     on_delay: Callable[[float], str | None] = lambda _: None
     daemons: dict[str, Daemon] = field(default_factory=dict)
+    _cameras: dict[Path, Child] = field(default_factory=dict)
+    """Processes of pictures, by the socket that each serves once it has read its key."""
     _signals: list[Signals] = field(default_factory=list)
     _stack: ExitStack = field(default_factory=ExitStack)
     _recorder: "Recorder | None" = None
@@ -192,6 +200,7 @@ class LiveRun:
 
             by_side = {side: str(ring) for side, ring in rings.items()}
             self._recorder = format_for(self.record).start(facts(self.configuration), by_side, self.record)
+        self._start_cameras(rings)
         for side in sorted(self.sides, reverse=True):  # the slave first: it listens when the master calls
             order = DaemonOrder(
                 side=side,
@@ -205,6 +214,19 @@ class LiveRun:
             daemon = self.daemons[side] = Daemon(order)
             self._stack.callback(daemon.release)
         return self
+
+    def _start_cameras(self, rings: Mapping[str, Path]) -> None:
+        """Start what makes or receives the pictures of the file: with both sides, that of the slave alone."""
+        part = self.configuration.cameras
+        side = SLAVE if SLAVE in rings else MASTER
+        if part is not None:
+            order = pictures.PicturesOrder(
+                side, str(self.configuration.path), tuple(self.overrides), str(rings[side]), len(rings) == 1
+            )
+            child = Child(python("-m", part.driver.MODULE, order.to_json()))
+            self._cameras[pictures.path_beside(rings[side])] = child
+            self._stack.callback(child.end, CAMERAS_END_S)
+            self._stack.callback(child.send_signal, SIGTERM)
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         for daemon in self.daemons.values():
@@ -284,7 +306,9 @@ class LiveRun:
                 return
             self._watch = self._stack.enter_context(self.display())
         records = {side: daemon.records() for side, daemon in self.daemons.items()}
-        if self._key is not None and all(daemon.begun for daemon in self.daemons.values()):
+        self._look_at_cameras()
+        has_key = (path.exists() for path in self._cameras)
+        if self._key is not None and all((*has_key, *(daemon.begun for daemon in self.daemons.values()))):
             self._key.unlink(missing_ok=True)
             self._key = None
         self._host.add(records)
@@ -305,6 +329,13 @@ class LiveRun:
             self._tell()
         if self._watch is not None:
             self._watch(self.score.state, self._figures())
+
+    def _look_at_cameras(self) -> None:
+        """Say once that the pictures have ended; the session goes on."""
+        for path, child in list(self._cameras.items()):
+            if not child.running:
+                del self._cameras[path]
+                self.tell(f"no more pictures: their process {child.how_it_ended}")
 
     def _look_at_recorder(self) -> None:
         """Say once, at once, that the recorder ended before the daemons."""

@@ -44,28 +44,19 @@ def monitor(
     recordings: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder of the recordings that the page starts; made on first use.")
     ] = Path("recordings"),
-    view: Annotated[
-        str | None, typer.Option(metavar="SOURCE", help="Picture beside the scene: camera:/dev/video0 or robot.")
-    ] = None,
 ) -> None:
     """Show running sessions in a browser.
 
     Until Ctrl-C. The same address has figures for Prometheus.
     """
-    from weberlink.config.errors import require_package  # noqa: PLC0415 - each command imports what it needs
-    from weberlink_page.address import MonitorError  # noqa: PLC0415
-    from weberlink_page.camera import ViewError, parse_view  # noqa: PLC0415
+    from weberlink_page.address import MonitorError  # noqa: PLC0415 - each command imports what it needs
     from weberlink_page.program import MonitorSettings, run  # noqa: PLC0415
 
     check_public(listen, public)
     if not is_loopback(listen):
         tell(f"warning: {listen}: not encrypted, and everybody who can reach it sees everything")
-    if view is not None:
-        require_package("cv2", "page[camera]", "--view")
-    with failing(ViewError, MISCONFIGURED):
-        shown = None if view is None else parse_view(view)
     with failing(MonitorError):
-        run(MonitorSettings(listen, MONITOR_PORT if port is None else port, session, browse, recordings, shown))
+        run(MonitorSettings(listen, MONITOR_PORT if port is None else port, session, browse, recordings))
 
 
 def try_session(

@@ -21,11 +21,11 @@ from aiohttp import web
 
 from weberlink.telemetry.runtime_directory import directory
 from weberlink_page import access, address
-from weberlink_page.camera import CameraService, View
 from weberlink_page.front import FrontOrder
 from weberlink_page.launcher import SessionLauncher, SessionResult, TryOrder
 from weberlink_page.listener import Listener
 from weberlink_page.metrics import exposition
+from weberlink_page.pictures import PictureService
 from weberlink_page.recording import FOLDER, RecordingService
 from weberlink_page.watch import SessionWatcher
 from weberlink_page.web import Site
@@ -52,8 +52,6 @@ class MonitorSettings:
     """Whether to open the page in a browser."""
     recordings: Path = FOLDER
     """Folder of the recordings that pages start."""
-    view: View | None = None
-    """A picture to show beside the scene."""
 
 
 @dataclass(frozen=True)
@@ -95,17 +93,15 @@ async def _serve(settings: MonitorSettings, attempt: TrySession | None) -> Sessi
     allowed = access.names(settings.listen)
     site = Site(watch, allowed, exposition(watch.sessions.values))
     application = site.application()
-    camera = None if settings.view is None else CameraService(watch, settings.view, tell)
-    if camera is not None:
-        application.router.add_get("/view", camera.serve)
+    pictures = PictureService(watch)
+    application.router.add_get("/view", pictures.serve)
     runner = web.AppRunner(application, access_log=None, handle_signals=False, shutdown_timeout=STOP_LIMIT_S)
     await runner.setup()
     assert runner.server is not None
     async with AsyncExitStack() as stack:
         stack.callback(RecordingService(watch, settings.recordings, tell).close)
         stack.push_async_callback(runner.cleanup)
-        if camera is not None:
-            stack.push_async_callback(camera.close)
+        stack.push_async_callback(pictures.close)
         listening = address.bind(settings.listen, settings.port) if attempt is None else attempt.listening
         url = address.url(listening, watch.requests.token)
         order = FrontOrder(None if allowed is None else sorted(allowed), watch.requests.token, watch.scope)

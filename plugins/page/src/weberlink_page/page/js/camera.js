@@ -1,27 +1,41 @@
-// A camera of the robot, or a rendering of its scene: the newest picture, and how old it is.
+// Pictures of the robot: of each camera the newest one and its age, beside the age of the force.
 //
-// A message is the age of the picture when it was sent [s], 8 bytes, little-endian, and a JPEG file.
+// A message is the age of the picture when it was sent [s], the lengths of name, note and JPEG, and these three; little-endian.
 
-import { by, show } from "./dom.js";
+import { by, element, show } from "./dom.js";
 import { Link } from "./link.js";
 
 const STALE_MS = 1000;
 const LOOK_MS = 250;
-const HEADER_BYTES = 8;
+const HEADER_BYTES = 16;
+const words = new TextDecoder();
+
+/** @param {ArrayBuffer} data */
+export function read(data) {
+  const view = new DataView(data);
+  const [name, note] = [view.getUint16(8, true), view.getUint16(10, true)];
+  const text = (from, length) => words.decode(new Uint8Array(data, HEADER_BYTES + from, length));
+  const jpeg = data.slice(HEADER_BYTES + name + note);
+  return { age: 1000 * view.getFloat64(0, true), name: text(0, name), note: text(name, note), jpeg };
+}
 
 export class Camera {
-  constructor() {
+  // `forceAge()` is the age of the newest force [ms]; NaN while unknown.
+  constructor(forceAge) {
     this.link = new Link("view", (data) => this.#take(data), () => {});
+    this.forceAge = forceAge;
     this.followed = null;
+    this.shown = new Map();
   }
 
-  // Follows the view of a session; null for none.
+  // Follows the pictures of a session; null for none.
   follow(session) {
     by("panel-view").hidden = session === null;
     document.body.dataset.view = String(session !== null);
     if (session === this.followed) return;
     this.followed = session;
-    this.waiting = this.came = null;
+    this.shown.clear();
+    by("frames").replaceChildren();
     clearInterval(this.timer);
     this.link.close();
     if (session === null) return;
@@ -33,39 +47,58 @@ export class Camera {
 
   // Of pictures that come faster than they can be decoded, only the newest is shown.
   #take(data) {
-    if (!(data instanceof ArrayBuffer) || data.byteLength <= HEADER_BYTES) return;
-    const idle = this.waiting === null;
-    this.waiting = { data, came: performance.now() };
-    if (idle) this.#draw();
+    if (!(data instanceof ArrayBuffer) || data.byteLength < HEADER_BYTES) return;
+    const picture = read(data);
+    let camera = this.shown.get(picture.name);
+    if (!camera) {
+      const canvas = element("canvas", { role: "img", ariaLabel: `Picture of ${picture.name}` });
+      const caption = element("figcaption", {}, picture.name);
+      by("frames").append(element("figure", {}, canvas, caption));
+      camera = { canvas, caption, waiting: null, busy: false, came: null, taken: 0, note: "" };
+      this.shown.set(picture.name, camera);
+    }
+    camera.note = picture.note;
+    if (picture.jpeg.byteLength > 0) camera.waiting = { ...picture, came: performance.now() };
+    if (!camera.busy) this.#draw(camera);
   }
 
-  async #draw() {
-    const { followed } = this;
-    while (this.waiting?.data) {
-      const { data, came } = this.waiting;
-      this.waiting = {};
+  async #draw(camera) {
+    camera.busy = true;
+    while (camera.waiting) {
+      const { jpeg, came, age } = camera.waiting;
+      camera.waiting = null;
       try {
-        const picture = await createImageBitmap(new Blob([data.slice(HEADER_BYTES)], { type: "image/jpeg" }));
-        if (followed !== this.followed) return;
-        Object.assign(by("frame"), { width: picture.width, height: picture.height });
-        by("frame").getContext("2d").drawImage(picture, 0, 0);
+        const picture = await createImageBitmap(new Blob([jpeg], { type: "image/jpeg" }));
+        Object.assign(camera.canvas, { width: picture.width, height: picture.height });
+        camera.canvas.getContext("2d").drawImage(picture, 0, 0);
         picture.close();
-        this.came = came;
-        this.taken = came - 1000 * new DataView(data).getFloat64(0, true);
+        camera.came = came;
+        camera.taken = came - age;
+        camera.canvas.dataset.drawn = String(Number(camera.canvas.dataset.drawn ?? 0) + 1);
         this.#say();
       } catch {
         // not a picture: the text shows that none came
       }
     }
-    this.waiting = null;
+    camera.busy = false;
   }
 
   #say() {
     const now = performance.now();
-    const since = now - (this.came ?? this.opened);
-    by("panel-view").dataset.stale = String(since > STALE_MS);
-    if (since > STALE_MS) show(by("frame-age"), `no frame for ${(since / 1000).toFixed(1)} s`, since / 1000);
-    else if (this.came === null) show(by("frame-age"), "no frame yet", null);
-    else show(by("frame-age"), `${Math.round(now - this.taken)} ms old`, (now - this.taken) / 1000);
+    let [age, stale] = [NaN, this.shown.size === 0];
+    for (const [name, camera] of this.shown) {
+      const since = now - (camera.came ?? this.opened);
+      const isStale = since > STALE_MS;
+      const own = camera.came === null ? NaN : now - camera.taken;
+      stale ||= isStale;
+      age = isStale || Number.isNaN(own) ? age : Math.max(own, Number.isNaN(age) ? own : age);
+      camera.canvas.dataset.stale = String(isStale);
+      camera.caption.textContent = camera.note || (isStale ? `${name}: no picture for ${(since / 1000).toFixed(1)} s` : name);
+    }
+    by("panel-view").dataset.stale = String(stale);
+    const force = this.forceAge();
+    const felt = Number.isNaN(force) ? "" : `, force ${force.toFixed(force < 10 ? 1 : 0)} ms`;
+    const none = this.shown.size === 0 ? "no picture yet" : "no picture";
+    show(by("frame-age"), Number.isNaN(age) ? none : `${Math.round(age)} ms old${felt}`, Number.isNaN(age) ? null : age / 1000);
   }
 }

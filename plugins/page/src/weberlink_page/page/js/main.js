@@ -34,7 +34,7 @@ const room = new Room(store, send);
 const recording = new Recording(store, send);
 const events = new EventLog();
 const alarms = new Alarms();
-const camera = new Camera();
+const camera = new Camera(() => Number(store.figures?.ways_now?.to_master?.one_way_us ?? NaN) / 1000);
 const drawing = { window: 5, paused: null, due: false, more: false, again: 0, drawn: 0, rest: 0 };
 const inSight = new Set(); // the charts and the scene that are in the window: only these are drawn
 let [view, connected] = [null, false];

@@ -1,0 +1,193 @@
+"""Carries pictures from the robot's host to the operator's: a session of its own, by the same keys and paths.
+
+The link is that of `weberlink.protocol`, so that keys, new addresses, lost paths and clocks are dealt with as those of
+the session that moves the robot. A key that may watch is enough. One host at a time is served.
+"""
+
+import asyncio
+import os
+from collections.abc import Iterable
+from contextlib import ExitStack
+from functools import partial
+from time import monotonic, time_ns
+from typing import Any, Final
+
+from weberlink.config import MASTER, SLAVE, Configuration
+from weberlink.config.finders import PathFinder, finder_of, finding
+from weberlink.config.model import split_address
+from weberlink.protocol import Endpoint, Event, Role
+from weberlink.protocol.aio.udp import UdpShell, peer_address
+from weberlink.protocol.events import Connected, Refused, TakenOver, UpdateReceived
+from weberlink.protocol.keys import HeldKey, Right
+from weberlink.protocol.security import Security
+from weberlink.session.composition.link import acquaintance, default_name, held_keys
+from weberlink.session.key_watch import KeyWatch
+from weberlink.telemetry.pictures import Picture, pack, split
+from weberlink.update import ModelParameters, Update, UpdateForm
+from weberlink_video.hub import Hub
+from weberlink_video.jpeg import check
+from weberlink_video.options import VideoOptions
+from weberlink_video.stream import FORM_BYTES, REPORT_BYTES, Receiver, Sender
+
+TICK_S: Final = 1e-3
+SILENCE_S: Final = 1.0
+LONGEST_ROUND_TRIP_S: Final = 2.0
+LOOK_S: Final = 0.002
+IDLE_LOOK_S: Final = 0.02
+CLASS: Final = 8
+"""Class of service of pictures: lower than that of all other traffic (CS1, RFC 8325)."""
+AGREEMENT: Final = {"pictures": 1}
+
+
+def watching_keys(keys: Iterable[HeldKey]) -> list[HeldKey]:
+    """Keys as this link holds them: who may watch may have its session; who may stop is refused in words."""
+    return [key._replace(right=Right.DRIVE) if key.right.allows(Right.WATCH) else key for key in keys]
+
+
+def robots_security(configuration: Configuration, finder: PathFinder | None) -> tuple[Security, Any]:
+    """The suite of the robot's end, and where its keys are and what reads them; None for it without a key."""
+    link = configuration.system.link
+    path = link.key_file
+    if finder is None and (link.security == "none" or path is None):
+        from weberlink.protocol.checksum import Checksum  # noqa: PLC0415 - only the one that is used
+
+        return Checksum(), None
+    from weberlink.protocol.psk import Keyring  # noqa: PLC0415 - likewise
+
+    where, read = (path, partial(held_keys, path)) if finder is None else finder.stored_keys()  # type: ignore[arg-type]
+
+    def held() -> list[HeldKey]:
+        return watching_keys(read())
+
+    return Keyring(held()), (where, held)
+
+
+class Carrier:
+    """One end of the link of the pictures.
+
+    Args:
+        configuration: of the session.
+        side: of this host.
+        hub: from which the robot's end takes what it sends, or to which the operator's gives it.
+    """
+
+    def __init__(self, configuration: Configuration, side: str, hub: Hub) -> None:
+        self._configuration, self._side, self._hub = configuration, side, hub
+        assert configuration.cameras is not None
+        self._options: VideoOptions = configuration.cameras.options  # type: ignore[assignment]
+        self._epoch = monotonic()
+        self._finder = finder_of(configuration, side)
+        self._keys: Any = None
+        self._security: Any = None
+        self.endpoint = self._build()
+        self._sender, self._receiver = Sender(self._options.most_kbit_s * 1e3), Receiver()
+        self._cameras: list[str] = []
+        self.ended = asyncio.Event()
+
+    def _build(self) -> Endpoint:
+        link = self._configuration.system.link
+        pictures, reports = [[UpdateForm((1,), None, FORM_BYTES)]], [[UpdateForm((1,), None, REPORT_BYTES)]]
+        common: dict[str, Any] = {
+            "agreement": AGREEMENT,
+            "entropy": os.urandom,
+            "epoch": self._epoch,
+            "tick_period": TICK_S,
+            "silence": SILENCE_S,
+            "longest_round_trip": LONGEST_ROUND_TRIP_S,
+            "stamp": lambda _now: time_ns(),
+        }
+        finder = self._finder
+        if self._side == SLAVE:
+            self._security, self._keys = robots_security(self._configuration, finder)
+            own = link.names.slave or (finder.own if finder else default_name(SLAVE, link.listen))
+            return Endpoint(
+                role=Role.RESPONDER, outgoing=pictures, incoming=reports, security=self._security, name=own, **common
+            )
+        security, own, expects = acquaintance(self._configuration, MASTER, finder)
+        peer = peer_address(expects) if self._configuration.finds_path else self._address(link.slave)
+        return Endpoint(
+            role=Role.INITIATOR, outgoing=reports, incoming=pictures, security=security, peer=peer,
+            name=link.names.master or own, expects=link.names.slave or expects, take_over=True, **common,
+        )  # fmt: skip
+
+    def _address(self, of_link: str) -> tuple[str, int]:
+        return split_address(of_link)[0], self._options.port
+
+    def put(self, picture: Picture) -> None:
+        """Send a picture, where somebody watches."""
+        if picture.camera not in self._cameras:
+            self._cameras.append(picture.camera)
+        at_us = round((picture.at - self._epoch) * 1e6)
+        self._sender.put(self._cameras.index(picture.camera), pack(picture), picture.at, at_us)
+
+    async def run(self) -> str:
+        """Carry until `ended`; returns why the other end does not want pictures, or ""."""
+        link, listens = self._configuration.system.link, self._side == SLAVE
+        with ExitStack() as stack:
+            paths = stack.enter_context(finding(self._configuration, self._finder, take_over=False))
+            shell = UdpShell(
+                self.endpoint,
+                now=monotonic,
+                listen=self._address(link.listen) if listens else ("", 0),
+                dscp=CLASS,
+                paths=paths,
+            )
+            loop = asyncio.get_running_loop()
+            await shell.open(loop)
+            stack.callback(shell.close)
+            if self._keys is not None:
+                where, read = self._keys
+                watch = KeyWatch(where, read, self._security, self.endpoint)
+                watch.open(loop)
+                stack.callback(watch.close)
+            self.endpoint.connect(monotonic())
+            while not self.ended.is_set():
+                shell.service()
+                while (event := self.endpoint.next_event()) is not None:
+                    if isinstance(event, Refused | TakenOver) and not listens:
+                        return event.message if isinstance(event, Refused) else f"{event.name} watches now"
+                    self._on_event(event)
+                now = monotonic()
+                self._send(now)
+                shell.flush(now)
+                await asyncio.sleep(IDLE_LOOK_S if self.endpoint.clock.rtt is None else LOOK_S)
+            self.endpoint.close(monotonic(), "the session ends")
+        return ""
+
+    def _on_event(self, event: Event) -> None:
+        now = monotonic()
+        if isinstance(event, Connected):
+            self._sender, self._receiver = Sender(self._options.most_kbit_s * 1e3), Receiver()
+            for picture in self._hub.newest.values() if self._side == SLAVE else ():
+                self.put(picture if picture.jpeg else picture._replace(at=now))
+        elif isinstance(event, UpdateReceived) and isinstance(event.update.payload, ModelParameters):
+            data = event.update.payload.data
+            if self._side == SLAVE:
+                self._sender.hear(data, now)
+            elif (whole := self._receiver.take(data, event.age, now)) is not None:
+                self._give(*whole, now)
+
+    def _give(self, message: bytes, at_us: int, now: float) -> None:
+        """Show a picture of the robot's host, if it is one, with its moment on the clock of this host."""
+        peer_time = self.endpoint.clock.peer_time(now)
+        try:
+            (picture,), rest = split(message)
+            if peer_time is None or rest:
+                return
+            if picture.jpeg:
+                check(picture.jpeg)
+        except ValueError:
+            return
+        self._hub.put(picture._replace(at=now - (peer_time - at_us * 1e-6)))
+
+    def _send(self, now: float) -> None:
+        """Send what may leave now."""
+        if self._side == SLAVE:
+            for fragment in self._sender.take(now) if self.endpoint.clock.rtt is not None else ():
+                self._update(fragment, now)
+        elif (report := self._receiver.report(now, self.endpoint.clock.rtt or 0.0)) is not None:
+            self._update(report, now)
+
+    def _update(self, data: bytes, now: float) -> None:
+        tick = round((now - self._epoch) / TICK_S)
+        self.endpoint.send_update(now, Update(tick, 0, (0,), ModelParameters(data)))

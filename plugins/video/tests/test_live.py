@@ -1,0 +1,165 @@
+"""Pictures of live sessions: over a link of their own by a watching key, on one host, and what of it fails alone.
+
+Only live processes have cameras that vanish, readers that never read, and a launcher that says what has ended.
+"""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from io import BytesIO
+from pathlib import Path
+from time import sleep
+
+import numpy as np
+import psutil
+import pytest
+from PIL import Image
+
+from plugins.video.tests.test_jpeg import claims, jpeg
+from tests.program import ROOT, document, faults_of
+from tests.wait import PATIENCE, until
+from weberlink.protocol.keys import generate
+from weberlink.telemetry.pictures import LARGEST, Picture, path_beside, split
+from weberlink.telemetry.ring import default_path
+from weberlink_video.pattern import time_in
+
+pytestmark = pytest.mark.realtime
+
+PATTERN = "{name: test, kind: pattern, size: [320, 240], rate_hz: 30}"
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        return int(taken.getsockname()[1])
+
+
+def write(path: Path, key: Path | None, *, port: int = 0, pictures: int = 47_001, sources: str = PATTERN) -> Path:
+    security = "security: none" if key is None else f"key_file: {key}"
+    address = f"127.0.0.1:{port}"
+    path.write_text(
+        f"link: {{listen: '{address}', slave: '{address}', silence_ms: 2000, {security}}}\n"
+        f"slave: {{robot: {{driver: point}}, cameras: {{driver: video, port: {pictures}, sources: [{sources}]}}}}\n"
+    )
+    return path
+
+
+@contextmanager
+def program(*arguments: object) -> Iterator["subprocess.Popen[str]"]:
+    command = [sys.executable, "-m", "weberlink", *map(str, arguments)]
+    started = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        yield started
+    finally:
+        started.send_signal(signal.SIGINT)
+        started.communicate(timeout=PATIENCE)
+
+
+class Reader(AbstractContextManager["Reader"]):
+    """Who shows the pictures of a side of a session."""
+
+    def __init__(self, pid: int, side: str) -> None:
+        path = path_beside(default_path(f"{pid}-{side}"))
+        until(path.exists, "who serves the pictures")
+        self._socket = socket.socket(socket.AF_UNIX)
+        self._socket.connect(str(path))
+        self._socket.setblocking(False)
+        self._rest = b""
+
+    def __exit__(self, *_: object) -> None:
+        self._socket.close()
+
+    def read(self) -> list[Picture]:
+        data = b""
+        try:
+            while part := self._socket.recv(1 << 20):
+                data += part
+        except BlockingIOError:
+            pass
+        pictures, self._rest = split(self._rest + data)
+        return pictures
+
+    def first(self, *, note: bool = False) -> Picture:
+        def look() -> Picture | None:
+            return next((each for each in self.read() if bool(each.note) is note), None)
+
+        return until(look, "a note" if note else "a picture")
+
+
+def shown(picture: Picture) -> float | None:
+    return time_in(np.asarray(Image.open(BytesIO(picture.jpeg)).convert("L")))
+
+
+def pictures_process(program: "subprocess.Popen[str]") -> psutil.Process:
+    def look() -> psutil.Process | None:
+        children = psutil.Process(program.pid).children()
+        return next((each for each in children if "weberlink_video.process" in each.cmdline()), None)
+
+    return until(look, "the process of the pictures")
+
+
+def test_pictures_cross_by_the_key_of_the_session_on_the_clock_of_each_host(tmp_path: Path) -> None:
+    generate(tmp_path / "key")
+    file = write(tmp_path / "two.yaml", tmp_path / "key", port=free_port(), pictures=free_port())
+    with program("slave", file) as slave, program("master", file) as master, Reader(master.pid, "master") as reader:
+        reader.first()
+        sleep(1.0)
+        pictures = reader.read()
+        assert len(pictures) >= 10
+        for picture in pictures:
+            assert picture.camera == "test"
+            assert shown(picture) == pytest.approx(picture.at, abs=5e-3), "stamped at its capture, on this clock"
+        assert os.sched_getscheduler(pictures_process(slave).pid) == os.SCHED_OTHER, "with no right of a daemon"
+
+
+def test_camera_that_fails_ends_no_session_and_is_named(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    sources = f"{PATTERN}, {{name: gone, device: {tmp_path / 'nothing'}}}, {{name: pipe, device: {pipe}}}"
+    file = write(tmp_path / "one.yaml", None, sources=sources)
+    report = tmp_path / "report.json"
+    with program("loopback", file, "--json", report) as session, Reader(session.pid, "slave") as reader:
+        assert "nothing" in reader.first(note=True).note
+        for data, why in ((jpeg(64, 48) + claims(60_000, 60_000), "60000"), (b"\xff\xd8" + b"rubbish" * 99, "damaged")):
+            with pipe.open("wb", buffering=0) as camera:
+                camera.write(data)
+                assert why in reader.first(note=True).note
+        assert reader.first().camera == "test"
+        session.send_signal(signal.SIGINT)
+        assert session.wait(PATIENCE) == 0
+    assert faults_of(document(report.read_text())) == {"master": {}, "slave": {}}
+
+
+def test_reader_that_never_reads_and_endless_picture_grow_nothing(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    file = write(tmp_path / "one.yaml", None, sources=f"{PATTERN}, {{name: pipe, device: {pipe}}}")
+    with program("loopback", file) as session, ExitStack() as readers:
+        reader = readers.enter_context(Reader(session.pid, "slave"))
+        for _ in range(8):
+            readers.enter_context(Reader(session.pid, "slave"))
+        reader.first()
+        process = pictures_process(session)
+        before = process.memory_info().rss
+        with pipe.open("wb", buffering=0) as camera, suppress(BrokenPipeError):
+            camera.write(jpeg(64, 48)[:-2])
+            for _ in range(2 * LARGEST // (1 << 16)):
+                camera.write(bytes(1 << 16))
+        sleep(2.0)
+        assert process.memory_info().rss - before < 8 * 2 * LARGEST + 2**25
+        assert any(each.camera == "test" for each in reader.read())
+
+
+def test_session_goes_on_without_the_process_of_the_pictures(tmp_path: Path) -> None:
+    file = write(tmp_path / "one.yaml", None)
+    with program("loopback", file, "--duration", 4) as session:
+        with Reader(session.pid, "slave") as reader:
+            reader.first()
+        pictures_process(session).kill()
+        _, said = session.communicate(timeout=PATIENCE)
+        assert session.returncode == 0
+        assert said.count("no more pictures: their process was killed by SIGKILL") == 1

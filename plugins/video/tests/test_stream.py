@@ -1,0 +1,124 @@
+"""Pictures on an emulated link, in virtual time: they arrive whole, give way on a slow link, and nothing grows."""
+
+import heapq
+import random
+from typing import NamedTuple
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from weberlink_video.stream import DEADLINE_S, FORM_BYTES, HEAD, KEPT, MOST_FRAGMENTS, Receiver, Sender
+
+STEP_S = 0.002
+DATAGRAM_OVERHEAD = 64
+"""Bytes of a datagram beside the fragment, IP included."""
+
+
+class Outcome(NamedTuple):
+    ages: list[float]
+    shown: int
+    sent_bit_s: float
+    worst_queue_s: float
+    late_queue_s: float
+    """In the second half."""
+
+
+def run(
+    *,
+    rate_bit_s: float,
+    delay_s: float,
+    loss: float,
+    picture_bytes: int = 20_000,
+    rate_hz: float = 30.0,
+    length_s: float = 20.0,
+) -> Outcome:
+    """Pictures of one camera over a link with a queue of any length, and reports back."""
+    draw = random.Random(7).random
+    sender, receiver = Sender(2e7), Receiver()
+    wire: list[tuple[float, int, bool, bytes]] = []
+    ages, queues, sent, count, free_at, due = [], [], 0, 0, 0.0, 0.0
+    for step in range(round(length_s / STEP_S)):
+        now = step * STEP_S
+        if now >= due:
+            due += 1.0 / rate_hz
+            sender.put(0, count.to_bytes(4, "big") * (picture_bytes // 4), now, round(now * 1e6))
+            count += 1
+        for fragment in sender.take(now):
+            sent += 8 * (len(fragment) + DATAGRAM_OVERHEAD)
+            free_at = max(free_at, now) + 8 * (len(fragment) + DATAGRAM_OVERHEAD) / rate_bit_s
+            queues.append((now, free_at - now))
+            if draw() >= loss:
+                heapq.heappush(wire, (free_at + delay_s, step, False, fragment))
+        while wire and wire[0][0] <= now:
+            at, left, is_report, data = heapq.heappop(wire)
+            if is_report:
+                sender.hear(data, now)
+            elif (whole := receiver.take(data, at - left * STEP_S, now)) is not None:
+                message, at_us = whole
+                assert len({message[i : i + 4] for i in range(0, len(message), 4)}) == 1, "of one picture alone"
+                ages.append(now - at_us * 1e-6)
+        if (report := receiver.report(now, 2.0 * delay_s)) is not None and draw() >= loss:
+            heapq.heappush(wire, (now + delay_s, step, True, report))
+    late = [queue for now, queue in queues if now > length_s / 2.0]
+    return Outcome(sorted(ages), len(ages), sent / length_s, max(queue for _, queue in queues), max(late))
+
+
+def test_every_picture_arrives_soon_on_a_link_that_carries_them() -> None:
+    outcome = run(rate_bit_s=1e8, delay_s=0.001, loss=0.0)
+    assert outcome.shown >= 590
+    assert outcome.ages[len(outcome.ages) * 99 // 100] < 0.08
+    assert outcome.ages[len(outcome.ages) // 2] < 0.015
+
+
+def test_lost_fragments_are_sent_again() -> None:
+    outcome = run(rate_bit_s=1e8, delay_s=0.025, loss=0.02)
+    assert outcome.shown >= 420, "a newer picture that comes first replaces one that waits for a fragment"
+    assert outcome.ages[len(outcome.ages) // 2] < 0.025 + 0.06
+    assert outcome.ages[len(outcome.ages) * 99 // 100] < 0.025 + 0.12
+
+
+@pytest.mark.parametrize("rate_bit_s", [1e6, 2e6, 5e6])
+def test_pictures_give_way_on_a_slow_link(rate_bit_s: float) -> None:
+    outcome = run(rate_bit_s=rate_bit_s, delay_s=0.01, loss=0.0, picture_bytes=30_000)
+    assert outcome.late_queue_s < 0.06, "what shares the link waits no longer behind pictures"
+    assert outcome.sent_bit_s > 0.4 * min(rate_bit_s, 7.2e6), "and the link is used"
+
+
+def test_link_that_carries_nothing_leaves_nothing_behind() -> None:
+    sender = Sender(1e7)
+    for step in range(5000):
+        now = step * STEP_S
+        sender.put(step % 3, bytes(200_000), now, 0)
+        list(sender.take(now))
+    assert len(sender._sent) <= KEPT
+    assert len(sender._queue) <= MOST_FRAGMENTS
+    assert len(sender._next) <= 3
+
+
+@given(
+    st.lists(st.tuples(st.binary(max_size=40), st.integers(0, 5), st.integers(0, 2**32 - 1), st.integers(0, 65_535)))
+)
+def test_rubbish_is_dropped_and_kept_by_nobody(noise: list[tuple[bytes, int, int, int]]) -> None:
+    receiver, sender = Receiver(), Sender(1e6)
+    for number, (data, camera, message, count) in enumerate(noise):
+        now = number * 0.1
+        receiver.take(data, 0.0, now)
+        receiver.take(HEAD.pack(camera, message, 0, count, 0) + data, 0.0, now)
+        sender.hear(data, now)
+        assert len(receiver._partial) <= KEPT
+        assert len(receiver.report(now, 0.0) or b"") <= FORM_BYTES
+
+
+def test_message_that_claims_gigabytes_is_dropped() -> None:
+    receiver = Receiver()
+    assert receiver.take(HEAD.pack(0, 1, 0, MOST_FRAGMENTS + 1, 0) + bytes(100), 0.0, 0.0) is None
+    assert not receiver._partial
+
+
+def test_picture_that_stays_incomplete_is_given_up() -> None:
+    receiver = Receiver()
+    receiver.take(HEAD.pack(0, 1, 1, 3, 0) + bytes(FORM_BYTES - HEAD.size), 0.0, 0.0)
+    assert receiver.report(0.1, 0.0)
+    receiver.report(DEADLINE_S + 0.2, 0.0)
+    assert not receiver._partial

@@ -1,0 +1,83 @@
+"""Pictures of a session for who shows or records them on this host: a local stream socket beside the ring.
+
+The process of a camera driver (`weberlink.config.cameras`) serves it. Who connects gets the newest picture of each
+camera, then every new one; who reads too slowly misses some. `at` is on the monotonic clock of this host, as that of
+the records is, whichever host took the picture.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from struct import Struct
+from typing import Final, NamedTuple
+
+from weberlink.child_process import Order
+
+HEAD: Final = Struct("<dHHI")
+"""Moment, and the bytes of name, note and JPEG that follow."""
+LONGEST_TEXT: Final = 500
+"""Of a name or a note [bytes]."""
+LARGEST: Final = 2**21
+"""Of a JPEG [bytes]."""
+
+
+class Picture(NamedTuple):
+    """A picture, or why there is none.
+
+    Args:
+        at: when it was taken [s].
+        camera: name.
+        jpeg: empty where there is none.
+        note: why there is none, in one line.
+    """
+
+    at: float
+    camera: str
+    jpeg: bytes
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class PicturesOrder(Order):
+    """What the process of a camera driver does; as of `weberlink.session.description.DaemonOrder`.
+
+    Args:
+        is_alone: whether the other side is on another host; else the pictures stay on this one.
+    """
+
+    side: str
+    file: str
+    overrides: tuple[str, ...]
+    ring: str
+    is_alone: bool
+
+
+def path_beside(ring: str | Path) -> Path:
+    return Path(ring).with_suffix(".pictures")
+
+
+def pack(picture: Picture) -> bytes:
+    """As on the socket; raises ValueError for what `split` would refuse."""
+    texts = [text.encode() for text in (picture.camera, picture.note)]
+    if len(picture.jpeg) > LARGEST or max(map(len, texts)) > LONGEST_TEXT:
+        raise ValueError(f"a picture of {len(picture.jpeg)} bytes; at most {LARGEST}")
+    return HEAD.pack(picture.at, *map(len, texts), len(picture.jpeg)) + b"".join((*texts, picture.jpeg))
+
+
+def split(data: bytes) -> tuple[list[Picture], bytes]:
+    """The whole pictures in what was read from the socket, and the rest; ValueError for what `pack` does not make."""
+    pictures, at = [], 0
+    while len(data) - at >= HEAD.size:
+        when, *lengths = HEAD.unpack_from(data, at)
+        if max(lengths[:2]) > LONGEST_TEXT or lengths[2] > LARGEST:
+            raise ValueError("no picture")
+        begin = at + HEAD.size
+        if len(data) < begin + sum(lengths):
+            break
+        parts = []
+        for length in lengths:
+            parts.append(data[begin : begin + length])
+            begin += length
+        camera, note = (part.decode(errors="replace") for part in parts[:2])
+        pictures.append(Picture(when, camera, parts[2], note))
+        at = begin
+    return pictures, data[at:]
