@@ -1,11 +1,9 @@
 """Targets from another process of the same user, for a device or an arm that a program leads: datagrams on AF_UNIX.
 
 The daemon of the master opens the socket as a file of mode 0600 in the runtime directory, which no other user can
-enter. A datagram is complete in itself, so a lost one costs nothing once the next has arrived. One process at a time
-leads an arm: it holds a lock on a file beside the socket, which the kernel removes with the process.
+enter. A datagram is complete in itself, so a lost one costs nothing once the next has arrived.
 """
 
-import fcntl
 import os
 import select
 import socket
@@ -17,10 +15,8 @@ from pathlib import Path
 from struct import Struct
 from struct import error as StructError  # noqa: N812 - as of an exception
 from time import monotonic_ns
-from typing import Generic, NamedTuple, Protocol, Self, TypeVar
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
-from weberlink.geometry import joints
-from weberlink.geometry.joints import MOST_JOINTS, Joints
 from weberlink.geometry.vector import ZERO, Vector, is_finite, norm
 from weberlink.telemetry.runtime_directory import check, directories, directory, listening_socket
 
@@ -29,11 +25,8 @@ POINTER, LEADER, LEADER_LOCK = KINDS = "pointer", "leader", "leader.lock"
 LAYOUT = Struct("<4sQ?6d")
 """Mark, number, held, x, y, z [m], rotation vector [rad]."""
 MARK = b"WLP2"
-ANGLES_LAYOUT = Struct("<4sQ?")
-"""Mark, number, leads; the angles of all axes [rad] follow as doubles."""
-ANGLES_MARK = b"WLA2"
-LONGEST = ANGLES_LAYOUT.size + 8 * (MOST_JOINTS + 1)
-"""Bytes of a datagram."""
+LONGEST = 128
+"""Bytes of a datagram, of whatever kind of target."""
 MOST_A_TICK = 16
 """Datagrams that one call of `TargetSocket.newest` reads; the kernel's queue holds 10 by default."""
 
@@ -50,19 +43,9 @@ class PointerTarget(NamedTuple):
     rotation: Vector = ZERO
 
 
-class LeaderTarget(NamedTuple):
-    """Angles of all axes [rad], and whether the process that sent them leads; the highest number is the newest."""
-
-    angles: Joints
-    leads: bool
-    number: int
-
-
 def pack(target: Vector, held: bool, number: int, rotation: Vector = ZERO) -> bytes:
-    """The datagram of a target.
-
-    Raises:
-        ValueError: the target is not finite, its rotation is more than a turn, or the number is not one of 64 bits.
+    """The datagram of a target; raises ValueError if the target is not finite, its rotation is more than a turn, or the
+    number is not one of 64 bits.
     """
     if not is_finite(target):
         raise ValueError(f"a target must be finite, not {target}")
@@ -85,36 +68,16 @@ def unpack(data: bytes) -> PointerTarget:
     return PointerTarget((x, y, z), held, number, rotation)
 
 
-def pack_angles(angles: Joints, leads: bool, number: int) -> bytes:
-    """The datagram of a target for an arm; raises ValueError for an angle that is not finite."""
-    if not joints.is_finite(angles):
-        raise ValueError(f"expected finite angles, not {angles}")
-    return ANGLES_LAYOUT.pack(ANGLES_MARK, number, leads) + Struct(f"<{len(angles)}d").pack(*angles)
-
-
-def unpack_angles(data: bytes, axes: int) -> LeaderTarget:
-    """The target of so many axes in a datagram; raises ValueError if it is none."""
-    if len(data) != ANGLES_LAYOUT.size + 8 * axes:
-        raise ValueError(f"a target of {axes} axes has {ANGLES_LAYOUT.size + 8 * axes} bytes, not {len(data)}")
-    mark, number, leads = ANGLES_LAYOUT.unpack_from(data)
-    angles: Joints = Struct(f"<{axes}d").unpack_from(data, ANGLES_LAYOUT.size)
-    if mark != ANGLES_MARK or not joints.is_finite(angles):
-        raise ValueError("not a target")
-    return LeaderTarget(angles, leads, number)
-
-
 def link_path(pid: int, kind: str) -> Path:
-    """Where the daemon with this process id has a kind of file: the file if it is there, else its place.
-
-    Raises:
-        RuntimeDirectoryError: there is no place for it.
+    """Where the daemon with this process id has a kind of file: the file if it is there, else its place; raises
+    RuntimeDirectoryError if there is no place for it.
     """
     name = f"weberlink-{pid}.{kind}"
     found = (path for path in (folder / name for folder in directories()) if path.exists())
     return next(found, None) or directory() / name
 
 
-Target = TypeVar("Target", PointerTarget, LeaderTarget)
+Target = TypeVar("Target", bound=Any)
 Target_co = TypeVar("Target_co", covariant=True)
 
 
@@ -173,54 +136,61 @@ class TargetSocket(Generic[Target]):
             self._socket.close()
             self._socket = None
             self._path.unlink(missing_ok=True)
-            _lock_of(self._path).unlink(missing_ok=True)
+            lock_of(self._path).unlink(missing_ok=True)
 
 
-def _lock_of(path: Path) -> Path:
+def lock_of(path: Path) -> Path:
+    """Of a socket: what a program that leads alone holds locked; the kernel unlocks it with the process."""
     return path.with_name(f"{path.name}.lock")
 
 
-class _Sender:
-    """The other end. Its numbers are times, so those of a sender that replaces another one are newer."""
+class Sender:
+    """The other end; a subclass says what it sends. Its numbers are times: those of a successor are newer."""
 
     def __init__(self, pid: int, kind: str) -> None:
         self._pid, self._kind = pid, kind
         self._socket: socket.socket | None = None
-        self._last = 0
+        self._newest = 0
 
-    def _number(self) -> int:
-        self._last = max(self._last + 1, monotonic_ns())
-        return self._last
+    @property
+    def is_connected(self) -> bool:
+        return self._socket is not None
 
-    def _connect(self) -> Path:
-        """The path of the socket; raises FileNotFoundError, or another OSError, also for a file of another user."""
+    def number(self) -> int:
+        """That of the next target."""
+        self._newest = max(self._newest + 1, monotonic_ns())
+        return self._newest
+
+    def connect(self) -> Path:
+        """Connect to the socket, and give its path; OSError if it is not there, or of another user."""
         path = link_path(self._pid, self._kind)
         check(path, path.lstat(), stat.S_IFSOCK)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
         self._socket.connect(str(path))
         return path
 
-    def _send(self, data: bytes) -> bool:
+    def send_datagram(self, data: bytes) -> bool:
         """Whether the daemon has it to read."""
         try:
             if self._socket is None:
-                self._connect()
+                self.connect()
             assert self._socket is not None
             self._socket.send(data)
         except BlockingIOError:  # its queue is full
             return False
         except OSError:
-            self._disconnect()
+            self.disconnect()
             return False
         return True
 
-    def _disconnect(self) -> None:
+    def disconnect(self) -> None:
+        """Release the socket; may be repeated."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
 
 
-class PointerSender(_Sender):
+class PointerSender(Sender):
     """Sends targets to the daemon with a process id, which may begin later or end meanwhile."""
 
     def __init__(self, pid: int) -> None:
@@ -235,69 +205,8 @@ class PointerSender(_Sender):
         Raises:
             ValueError: the target is not finite, or is turned by more than a turn.
         """
-        return self._send(pack(target, held, self._number(), rotation))
+        return self.send_datagram(pack(target, held, self.number(), rotation))
 
     def close(self) -> None:
         """Release the socket; may be repeated. Sends nothing: send `held` False before."""
-        self._disconnect()
-
-
-class TargetInUseError(RuntimeError):
-    """Another process leads the arm."""
-
-
-class LeaderSender(_Sender):
-    """Leads the arm of the daemon with a process id, alone, until it is closed.
-
-    Raises:
-        FileNotFoundError: there is no such daemon, or its arm is no `remote_leader`.
-        TargetInUseError: another process leads it.
-        OSError: the socket cannot be used, or is another user's.
-    """
-
-    def __init__(self, pid: int) -> None:
-        super().__init__(pid, LEADER)
-        try:
-            self._lock = self._locked(_lock_of(self._connect()))
-        except BaseException as error:
-            self._disconnect()
-            if isinstance(error, ConnectionRefusedError):  # the daemon was killed
-                raise FileNotFoundError(f"no daemon with process id {pid} has a remote leader") from None
-            raise
-        self._angles: Joints | None = None
-
-    @staticmethod
-    def _locked(path: Path) -> int:
-        lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(lock)
-            raise TargetInUseError(f"another process leads this arm already ({path}); end it first") from None
-        return lock
-
-    def send(self, angles: Joints) -> None:
-        """Lead to these angles of all axes [rad]. Repeat it, at 30 Hz for example: a sender that is silent has let go.
-
-        Raises:
-            ValueError: an angle is not finite.
-        """
-        data = pack_angles(angles, True, self._number())
-        self._angles = angles
-        if self._socket is not None:  # else the daemon has ended; one that follows it is another's to lead
-            self._send(data)
-
-    def close(self) -> None:
-        """Let go, and let another process lead; may be repeated."""
-        if self._socket is not None and self._angles is not None:
-            self._send(pack_angles(self._angles, False, self._number()))
-        self._disconnect()
-        if self._lock >= 0:
-            os.close(self._lock)
-            self._lock = -1
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+        self.disconnect()

@@ -1,6 +1,5 @@
-"""The table of follower arms, extended by entry points of the group `weberlink.followers`."""
+"""The table of follower arms, all of them entry points of the group `weberlink.followers`."""
 
 from weberlink.registry import Driver, Registry
 
-BUILT_IN: dict[str, str] = {}
-FOLLOWERS: Registry[Driver] = Registry("follower arm", BUILT_IN, "weberlink.followers")
+FOLLOWERS: Registry[Driver] = Registry("follower arm", {}, "weberlink.followers")

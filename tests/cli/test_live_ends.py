@@ -1,18 +1,13 @@
-"""What a program with a loop of its own reads of a live session, and how LeRobot names and scales it."""
+"""What a program with a loop of its own reads of a live session."""
 
 from collections.abc import Iterator
-from functools import partial
-from math import degrees, radians
 from pathlib import Path
 from time import monotonic
-from typing import Any
 
-import numpy as np
 import pytest
 
-from tests.cli.arm_rings import REMOTE, SYSTEM, ArmRings, arm_rings
-from weberlink.cli.live_ends import AxisUnits, NoSessionError, NotRemoteError, RemoteLead, find_end
-from weberlink.master.devices.target_link import LEADER, TargetSocket, unpack_angles
+from tests.cli.arm_rings import ArmRings, arm_rings
+from weberlink.cli.live_ends import NoSessionError, find_end
 
 
 @pytest.fixture
@@ -64,75 +59,3 @@ def test_session_is_chosen_where_there_are_several(tmp_path: Path, rings: ArmRin
     rings.end("master")
     with pytest.raises(NoSessionError, match="no master runs on this host"):
         find_end("master", where=tmp_path)
-
-
-def units(folder: Path, use_degrees: bool = True) -> AxisUnits:
-    end = find_end("slave", where=folder)
-    try:
-        return AxisUnits(end, use_degrees=use_degrees)
-    finally:
-        end.close()
-
-
-@pytest.mark.parametrize(
-    ("use_degrees", "angles", "shown"),
-    [
-        (True, (0.5, -1.0, 0.125), (degrees(0.5), degrees(-1.0), 25.0)),
-        (False, (0.5, -1.0, 0.125), (50.0, -50.0, 25.0)),
-        (False, (7.0, -7.0, -7.0), (100.0, -100.0, 0.0)),
-    ],
-)
-def test_names_and_units_are_those_of_lerobot(
-    tmp_path: Path, rings: ArmRings, use_degrees: bool, angles: tuple[float, ...], shown: tuple[float, ...]
-) -> None:
-    axes = units(tmp_path, use_degrees)
-    features = dict(zip(("pan.pos", "lift.pos", "gripper.pos"), shown, strict=True))
-    assert axes.features(np.array(angles)) == pytest.approx(features)
-    assert abs(angles[0]) > 1.0 or axes.values(features) == pytest.approx(angles)
-    assert axes.window_names(1) == ["pan.torque.0", "lift.torque.0", "gripper.torque.0"]
-    with pytest.raises(ValueError, match=r"the action lacks lift\.pos, gripper\.pos; it has pan\.pos"):
-        axes.values({"pan.pos": 0.0})
-
-
-def test_unknown_range_is_needed_for_shares_only(tmp_path: Path) -> None:
-    codec = {"joints": {"names": ("pan", "lift")}, "gripper": None}
-    with arm_rings(tmp_path, system=SYSTEM | {"codec": codec}, ranges={}):
-        assert units(tmp_path).features(np.array([1.0, 0.0])) == {"pan.pos": degrees(1.0), "lift.pos": 0.0}
-        with pytest.raises(ValueError, match="does not tell the range of pan"):
-            units(tmp_path, use_degrees=False)
-
-
-def test_cartesian_session_is_in_metres(tmp_path: Path) -> None:
-    with arm_rings(tmp_path, system={"codec": {}}) as rings:
-        rings.write(1)
-        axes, end = units(tmp_path), find_end("master", where=tmp_path)
-        sample = end.sample()
-        assert axes.features(sample.position) == {"x.pos": 0.25, "y.pos": 0.5, "z.pos": 0.75}
-        assert dict(zip(axes.efforts, sample.effort, strict=True)) == {"x.force": 1.0, "y.force": 2.0, "z.force": 3.0}
-        end.close()
-
-
-def test_lead_writes_angles_within_the_leaders_limits(tmp_path: Path, rings: ArmRings) -> None:
-    memory = TargetSocket(LEADER, partial(unpack_angles, axes=3))  # of this process, whose rings these are
-    memory.open()
-    lead = RemoteLead(where=tmp_path)
-    assert lead.send((radians(20.0), -3.0, 0.25)).tolist() == [radians(20.0), -1.0, 0.25]
-    assert (memory.newest() or ())[:2] == ((radians(20.0), -1.0, 0.25), True)
-    with pytest.raises(ValueError, match="expected 3 angles, not 2"):
-        lead.send((0.0, 0.0))
-    lead.close()
-    newest = memory.newest()
-    assert newest is not None and not newest.leads
-    memory.close()
-
-
-@pytest.mark.parametrize(
-    ("master", "complaint"),
-    [
-        ({"device": {"driver": "koch_leader", "port": "x"}}, "koch_leader leads this session: to look on, observe"),
-        ({"device": REMOTE, "joint_mapping": {"scale": 1.0}}, "leave out master.joint_mapping"),
-    ],
-)
-def test_leader_that_is_not_for_programs_is_refused(tmp_path: Path, master: dict[str, Any], complaint: str) -> None:
-    with arm_rings(tmp_path, system=SYSTEM | {"master": master}), pytest.raises(NotRemoteError, match=complaint):
-        RemoteLead(where=tmp_path)

@@ -6,6 +6,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.master.devices.polhem.boards import decode_currents
 from weberlink.master.devices import target_link
 from weberlink.master.devices.polhem.protocol import (
     LONG,
@@ -15,7 +16,6 @@ from weberlink.master.devices.polhem.protocol import (
     SetCounters,
     StatusReader,
     decode_command,
-    decode_currents,
     decode_sensors,
     encode_command,
     encode_currents,
@@ -101,13 +101,6 @@ MESSAGES = {
             (HERE, True, 1, (nan, 0.0, 0.0)),
             (HERE, True, 1, (0.0, tau * 1.0001, 0.0)),
         ),
-    ),
-    "remote leader": Message(
-        st.builds(target_link.LeaderTarget, three(finite), st.booleans(), st.integers(0, 2**64 - 1)),
-        lambda target: target_link.pack_angles(*target),
-        lambda data: target_link.unpack_angles(data, 3),
-        refused=(b"WLA1" + target_link.pack_angles(HERE, True, 1)[4:], target_link.pack_angles((*HERE, 0.0), True, 1)),
-        unsendable=(((nan, 0.0, 0.0), True, 1), ((0.0, inf, 0.0), True, 1)),
     ),
 }
 

@@ -2,20 +2,50 @@
 
 from functools import partial
 from math import inf, pi
-from typing import Annotated, Any, ClassVar, Self
+from struct import Struct
+from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
 from weberlink.arms.contract import ArmFault, ArmReading, ArmSpec
 from weberlink.geometry.joints import MOST_JOINTS, Joints, is_finite
-from weberlink.master.devices.target_link import LEADER, LeaderTarget, TargetSocket, TargetSource, unpack_angles
+from weberlink.master.devices.target_link import LEADER, TargetSocket, TargetSource
 from weberlink.options import Options
 
 LEADS = 1
 """Bit of the button in a reading."""
+ANGLES_LAYOUT = Struct("<4sQ?")
+"""Mark, number, leads; the angles of all axes [rad] follow as doubles."""
+ANGLES_MARK = b"WLA2"
 
 Angle = Annotated[float, Field(ge=-100.0, le=100.0)]
 Angles = Annotated[tuple[Angle, ...], Field(min_length=1, max_length=MOST_JOINTS + 1)]
+
+
+class LeaderTarget(NamedTuple):
+    """Angles of all axes [rad], and whether the process that sent them leads; the highest number is the newest."""
+
+    angles: Joints
+    leads: bool
+    number: int
+
+
+def pack_angles(angles: Joints, leads: bool, number: int) -> bytes:
+    """The datagram of a target for an arm; raises ValueError for an angle that is not finite."""
+    if not is_finite(angles):
+        raise ValueError(f"expected finite angles, not {angles}")
+    return ANGLES_LAYOUT.pack(ANGLES_MARK, number, leads) + Struct(f"<{len(angles)}d").pack(*angles)
+
+
+def unpack_angles(data: bytes, axes: int) -> LeaderTarget:
+    """The target of so many axes in a datagram; raises ValueError if it is none."""
+    if len(data) != ANGLES_LAYOUT.size + 8 * axes:
+        raise ValueError(f"a target of {axes} axes has {ANGLES_LAYOUT.size + 8 * axes} bytes, not {len(data)}")
+    mark, number, leads = ANGLES_LAYOUT.unpack_from(data)
+    angles: Joints = Struct(f"<{axes}d").unpack_from(data, ANGLES_LAYOUT.size)
+    if mark != ANGLES_MARK or not is_finite(angles):
+        raise ValueError("not a target")
+    return LeaderTarget(angles, leads, number)
 
 
 class RemoteLeaderOptions(Options):

@@ -9,12 +9,9 @@ import pytest
 
 from weberlink.arms.contract import ArmReading
 from weberlink.geometry.joints import Joints
-from weberlink.master.devices import leaders
-from weberlink.master.devices.remote_leader import RemoteLeader, RemoteLeaderOptions
-from weberlink.master.devices.target_link import LeaderTarget
-from weberlink.slave.robots import followers
 from weberlink.testing.arms import ArmBench, LeaderContract
 from weberlink.testing.time import TICK, virtual_time
+from weberlink_arms.remote_leader import LeaderTarget, RemoteLeader, RemoteLeaderOptions
 
 OPTIONS: dict[str, Any] = {
     "joints": ("pan", "lift"),
@@ -54,10 +51,6 @@ class Sweep(Program):
 
 def made(program: Program, **options: Any) -> RemoteLeader:
     return RemoteLeader(RemoteLeaderOptions.model_validate(OPTIONS | options), TICK, program)
-
-
-def test_every_built_in_driver_is_tried() -> None:
-    assert [*leaders.BUILT_IN, *followers.BUILT_IN] == ["remote_leader"]
 
 
 class TestRemoteLeader(LeaderContract):
