@@ -51,7 +51,7 @@ def test_picture_is_read_as_it_was_packed(wall_ns: int, camera: str, data: bytes
 def test_other_decoders_read_pictures_and_ours_puts_them_on_the_clock_of_the_records(tmp_path: Path) -> None:
     path = tmp_path / "pictures.mcap"
     made = [RecordedPicture(round((WALL_S + 0.5 * number) * 1e9), "wrist cam", jpeg(number)) for number in range(3)]
-    with RecordingWriter.create(path, FACTS) as writer:
+    with RecordingWriter.create(path, {"bank": FACTS["bank"]}) as writer:
         writer.add_side(origin("master"))
         for number, picture in enumerate(made):
             writer.write("master", ticks(5, start=MONOTONIC_S + 0.005 * number, tick=5 * number + np.arange(5)))
