@@ -76,7 +76,7 @@ class ChecksumCipher:
     def open(self, sequence: int, datagram: bytes) -> bytes | None:
         clear = datagram[:-_TAG]
         tag = crc32(clear, (self._start + sequence) & 0xFFFF_FFFF).to_bytes(_TAG, "little")
-        return clear[CLEAR_BYTES:] if datagram[-_TAG:] == tag else None
+        return clear[:1] + clear[CLEAR_BYTES:] if datagram[-_TAG:] == tag else None
 
     def next(self) -> "ChecksumCipher":
         return ChecksumCipher(crc32(b"weberlink key update", self._start))

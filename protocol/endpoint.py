@@ -163,7 +163,7 @@ class Endpoint:
         )
         self._encoding_report = max(ENCODING_REPORT_S, ENCODING_REPORT_TICKS * tick_period)
         self._agreement = handshake.read_map(packed) or {}
-        self._lengths = backward.lengths(security.tag_size)
+        self._shortest, self._longest = (size + security.tag_size for size in backward.lengths)
         self._datagrams: list[tuple[bytes, Address]] = []
         self.events: deque[Event] = deque()
         self._session: Session | None = None
@@ -399,11 +399,11 @@ class Endpoint:
         if self._calls and address != self.peer:
             self._drop(DropReason.FOREIGN_ADDRESS)
             return
-        if wire.kind_of(data) in _HANDSHAKE:
+        if data[0] in _HANDSHAKE:
             self._on_handshake(data, address, now)
             return
-        if reason := wire.length_fault(data, self._lengths):
-            self._drop(reason)
+        if not self._shortest <= len(data) <= self._longest:
+            self._drop(DropReason.TRUNCATED if len(data) < self._shortest else DropReason.WRONG_LENGTH)
             return
         session = self._session
         if session is not None and now >= session.expires_at:
@@ -419,7 +419,7 @@ class Endpoint:
         self._on_authentic(session, outcome, address, now)
 
     def _on_handshake(self, data: bytes, address: Address, now: float) -> None:
-        if self.state in (State.IDLE, State.CLOSED) or (wire.kind_of(data) == Kind.WELCOME) is not self._calls:
+        if self.state in (State.IDLE, State.CLOSED) or (data[0] == Kind.WELCOME) is not self._calls:
             self._drop(DropReason.UNEXPECTED)
             return
         if len(data) > wire.LONGEST_DATAGRAM:

@@ -16,10 +16,9 @@ class DropReason(StrEnum):
     """Why a datagram was dropped, as counters, events and tests name it. None of them ends a session."""
 
     TRUNCATED = "truncated"
-    """Shorter than its kind can be."""
+    """Shorter than any can be."""
     WRONG_LENGTH = "wrong_length"
-    """Longer than its kind can be."""
-    UNKNOWN_KIND = "unknown_kind"
+    """Longer than any can be."""
     FOREIGN_ADDRESS = "foreign_address"
     """Not from the peer that the initiator calls."""
     UNEXPECTED = "unexpected"

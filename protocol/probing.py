@@ -6,7 +6,7 @@ answer when it leaves, which is when the question arrived: each answer tells the
 numbers of the peer's datagrams tell whether a question or its answer was lost.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from weberlink.protocol import wire
 from weberlink.protocol.endpoint import Endpoint
@@ -29,10 +29,13 @@ class Heard(NamedTuple):
 class ProbingEndpoint(Endpoint):
     """An initiator with questions to the peer: when each was `asked` [s], and each authentic datagram `heard`."""
 
-    def __init__(self, **arguments: Any) -> None:
-        super().__init__(**arguments)
-        self.asked: list[float] = []
-        self.heard: list[Heard] = []
+    asked: list[float]
+    heard: list[Heard]
+
+    def begin(self, now: float) -> None:
+        """Forget what was asked and heard, and call the peer."""
+        self.asked, self.heard = [], []
+        self.connect(now)
 
     def ask(self, now: float) -> bool:
         """Send a question; False if there is no session, and nothing was sent."""

@@ -8,11 +8,14 @@ This module and `weberlink.protocol.noise` load `cryptography`; they are importe
 - Key and nonce salt of a direction: HKDF-Expand of its secret. The next secret: HKDF-Expand of it under another label.
 - Datagrams: AES-128-CCM with an 8-byte tag (RFC 6655 uses the same), a third of a 3-DoF force update. Nonce: 5 bytes of
   salt for the direction and the full sequence number (8 bytes), which never repeats under a key.
+- First byte: kind, mark and selector are hidden by a pad, HMAC-SHA256 of the number under a key of its own, which is
+  added modulo the number of values that are no handshake. The byte is authenticated as it is sent.
 """
 
 import os
 from collections.abc import Iterable
 from hmac import digest
+from struct import Struct
 from typing import ClassVar, Final
 
 from cryptography.exceptions import InvalidTag
@@ -24,12 +27,28 @@ from weberlink.protocol.handshake import HELLO_HEADER, identity_of
 from weberlink.protocol.keys import Grant, HeldKey
 from weberlink.protocol.noise import OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Heard, Secrets, Waiting
 from weberlink.protocol.security import Protection
-from weberlink.protocol.wire import CLEAR_BYTES
+from weberlink.protocol.wire import CLEAR_BYTES, PHASE
 
 SECRET_BYTES: Final = 32
 _CCM_KEY: Final = 16
 _SALT: Final = 5
 _TAG: Final = 8
+_PADS: Final = Struct("<16H")  # of a hash, for as many numbers
+_VALUES: Final = bytes((0, *range(3, PHASE)))
+"""What the first byte hides: 7 bits, but no handshake."""
+
+
+def _turned(by: int) -> bytes:
+    """What `bytes.translate` needs to put another value in the place of each, and keep the phase."""
+    shown = _VALUES[by:] + _VALUES[:by]
+    return bytes.maketrans(_of_both_phases(_VALUES), _of_both_phases(shown))
+
+
+def _of_both_phases(values: bytes) -> bytes:
+    return values + bytes(value | PHASE for value in values)
+
+
+_TURNS: Final = tuple(map(_turned, range(len(_VALUES))))
 _copies: Final = [0]
 """How often this process was copied since its beginning: a copy would seal other datagrams under the same numbers."""
 
@@ -125,21 +144,33 @@ class CcmCipher:
         self._encrypt, self._decrypt = cipher.encrypt, cipher.decrypt
         self._salt = material[_CCM_KEY:]
         self._secret = secret
+        self._pad_key = _expand(secret, b"weberlink kind", SECRET_BYTES)
+        self._padded = -1
+        self._pads: tuple[int, ...] = ()
         self._copies = _copies[0]
 
     def seal(self, sequence: int, clear: bytes) -> bytes:
         """Raises RuntimeError in a copy of the process that made the keys."""
         if self._copies != _copies[0]:
             raise RuntimeError("a copied process cannot go on with the session of another one; begin a new session")
-        head = clear[:CLEAR_BYTES]
+        head = clear[:1].translate(_TURNS[self._pad(sequence)]) + clear[1:CLEAR_BYTES]
         return head + self._encrypt(self._salt + sequence.to_bytes(8, "little"), clear[CLEAR_BYTES:], head)
 
     def open(self, sequence: int, datagram: bytes) -> bytes | None:
         nonce = self._salt + sequence.to_bytes(8, "little")
         try:
-            return self._decrypt(nonce, datagram[CLEAR_BYTES:], datagram[:CLEAR_BYTES])
+            body: bytes = self._decrypt(nonce, datagram[CLEAR_BYTES:], datagram[:CLEAR_BYTES])
         except InvalidTag:
             return None
+        return datagram[:1].translate(_TURNS[-self._pad(sequence)]) + body
+
+    def _pad(self, sequence: int) -> int:
+        """How far the first byte of the datagram of this number is turned."""
+        block = sequence >> 4
+        if block != self._padded:
+            pads = _PADS.unpack(digest(self._pad_key, block.to_bytes(8, "little"), "sha256"))
+            self._padded, self._pads = block, tuple([pad % len(_VALUES) for pad in pads])
+        return self._pads[sequence & 15]
 
     def next(self) -> "CcmCipher":
         made = CcmCipher(_expand(self._secret, b"weberlink key update", SECRET_BYTES))

@@ -20,10 +20,11 @@ class Cipher(Protocol):
     """The keys of one direction."""
 
     def seal(self, sequence: int, clear: bytes) -> bytes:
-        """The datagram to send; the first `CLEAR_BYTES` stay readable. Never twice for one sequence number."""
+        """The datagram to send, of which phase and number are readable. Never twice for one sequence number."""
 
     def open(self, sequence: int, datagram: bytes) -> bytes | None:
-        """What follows the first `CLEAR_BYTES`; None if the datagram is not authentic under this number."""
+        """The first byte that was sealed, and what follows the first `CLEAR_BYTES`; None if the datagram is not
+        authentic under this number."""
 
     def next(self) -> "Cipher":
         """The keys that replace these, derived from them one-way."""
@@ -57,7 +58,7 @@ class Protection:
         return self._outgoing.seal(sequence, clear)
 
     def open(self, sequence: int, datagram: bytes, newest: int) -> bytes | None:
-        """What follows the first `CLEAR_BYTES`; None if it is not authentic. Changes nothing.
+        """As `Cipher.open`. Changes nothing.
 
         A datagram of the other phase is of the next keys if its number is above the `newest` accepted one, else of the
         previous keys.

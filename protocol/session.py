@@ -46,7 +46,7 @@ _TICK_MASK: Final = (1 << wire.TICK_BITS) - 1
 Outcome = UpdateReceived | PeerClosed | ChangeProposed | ChangeAnswered | PathProbe | DropReason | None
 """What an authentic datagram says, or the reason to drop it; None if only the session needs it."""
 Opened = tuple[int, int, bytes]
-"""An authentic datagram: full sequence number, first byte, and the rest after the clear part."""
+"""An authentic datagram: full sequence number, its first byte in clear, and what it says (`DirectionLayout.read`)."""
 
 
 class LocalEnd(NamedTuple):
@@ -149,12 +149,12 @@ class Session:
         """Open a datagram of the right length; None if it is not of this session. Changes nothing."""
         newest = self._replay.newest
         sequence = expand_counter(wire.sequence_of(data), wire.SEQUENCE_BITS, newest + 1)
-        body = self._protection.open(sequence, data, newest)
-        return None if body is None else (sequence, data[0], body)
+        content = self._protection.open(sequence, data, newest)
+        return None if content is None else (sequence, data[0], content)
 
     def accept(self, opened: Opened, now: float) -> Outcome:  # noqa: C901, PLR0911, PLR0912 - each reason to drop
         """Take an authentic datagram, whatever it says."""
-        sequence, first, body = opened
+        sequence, first, said = opened
         newest = self._replay.newest
         self.sequence, self.is_fresh, self.is_newest = sequence, False, sequence > newest
         if not self._replay.accept(sequence):
@@ -168,7 +168,7 @@ class Session:
         self._statistics.lost += self._loss.record(sequence)
         self.is_confirmed = True
         try:
-            content = self._incoming.read(first, body)
+            content = self._incoming.read(said)
         except ValueError:
             return DropReason.MALFORMED
         clock = self.clock

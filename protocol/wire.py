@@ -3,7 +3,8 @@
 A session carries one or two streams of updates each way; each stream has its own kind of update. A datagram is a string
 of bits, of which each field takes the next ones, highest bit first. Zeros fill the last byte. A field of whole
 bytes begins at a whole byte, and its length follows from that of the datagram. The tag of the security suite comes
-last. The clear part is authenticated and not encrypted; a suite with a key encrypts what follows it.
+last. The clear part is authenticated. A suite with a key encrypts what follows it, and hides selector, mark and kind
+among the values of the first byte that are no handshake.
 
 The mark of an update means that a previous sample, or model parameters in its place, follow; of a heartbeat, that the
 sender wants an answer at once; of a change or path, that it is an answer. The selector of an update is that of its
@@ -18,7 +19,6 @@ from collections.abc import Sequence
 from enum import IntEnum
 from typing import Final, NamedTuple
 
-from weberlink.protocol.events import DropReason
 from weberlink.update import (
     MAX_GAP,
     MAX_SELECTOR,
@@ -118,7 +118,6 @@ LOST_MASK: Final = 0xFFFF
 
 _KIND_MASK: Final = 0b0111
 _SELECTOR_SHIFT: Final = 4
-_SHAPE_MASK: Final = _KIND_MASK | MARK
 _TIMES_BITS: Final = GENERATION_BITS + SENT_BITS + ECHO_BITS
 _SENT_MASK: Final = (1 << SENT_BITS) - 1
 _ECHO_MASK: Final = (1 << ECHO_BITS) - 1
@@ -129,7 +128,7 @@ _LARGEST: Final = (1 << _LEVEL_BITS - 1) - 1
 
 
 class Kind(IntEnum):
-    """The low three bits of every datagram."""
+    """The low three bits of every datagram that is packed; the whole first byte of a handshake."""
 
     PATH = 0
     """Asks whether the peer is at an address, or answers that."""
@@ -148,6 +147,7 @@ UPDATE_KINDS = (Kind.UPDATE, Kind.SECOND_UPDATE)
 # A comparison with an int is faster than one with a member of an enumeration.
 UPDATE, HEARTBEAT, SECOND_UPDATE = int(Kind.UPDATE), int(Kind.HEARTBEAT), int(Kind.SECOND_UPDATE)
 BYE, CHANGE, PATH = int(Kind.BYE), int(Kind.CHANGE), int(Kind.PATH)
+_DATA_BYTES: Final = {BYE: (0, LONGEST_REASON), CHANGE: (1, LONGEST_CHANGE), PATH: (TOKEN_BYTES, TOKEN_BYTES)}
 
 Envelope = tuple[int, int, int, int, tuple[int | None, ...]]
 """What every datagram says beside its content, already truncated: its number; generation and echo of `Liveness`, and
@@ -193,11 +193,6 @@ class Content(NamedTuple):
     report: Report | None = None
     round_trip_ms: int | None = None
     data: bytes = b""
-
-
-def kind_of(data: bytes) -> int:
-    """Kind of a datagram that is not empty."""
-    return data[0] & _KIND_MASK
 
 
 def sequence_of(data: bytes) -> int:
@@ -461,13 +456,13 @@ class DirectionLayout:
             for forms, kind in zip(streams, UPDATE_KINDS, strict=False)
         )
 
-    def read(self, first: int, body: bytes) -> Content:
-        """What a datagram says: its first byte, and what follows `CLEAR_BYTES`, decrypted.
+    def read(self, content: bytes) -> Content:
+        """What a datagram says: its first byte as it was packed, and what follows `CLEAR_BYTES`, decrypted.
 
         Raises ValueError if it is none that a peer of these layouts sends.
         """
-        bits = int.from_bytes(body, "big")
-        left = 8 * len(body) - _TIMES_BITS
+        first, bits = content[0], int.from_bytes(content, "big")
+        left = 8 * (len(content) - 1) - _TIMES_BITS
         word = bits >> left & (1 << _TIMES_BITS) - 1
         generation, sent, echo = word >> SENT_BITS + ECHO_BITS, word >> ECHO_BITS & _SENT_MASK, word & _ECHO_MASK
         acks: list[int | None] = []
@@ -496,6 +491,9 @@ class DirectionLayout:
                 left -= CHANGE_TICK_BITS
                 tick = bits >> left & (1 << CHANGE_TICK_BITS) - 1
             data = read_rest(bits, left)
+            least, most = _DATA_BYTES[kind]
+            if not least <= len(data) <= most:
+                raise ValueError(f"{len(data)} bytes in a datagram of kind {kind}")
         else:
             raise ValueError(f"kind {kind}")
         return Content(
@@ -525,31 +523,9 @@ class DirectionLayout:
             raise ValueError("bytes after the heartbeat")
         return tick, credit, report, round_trip_ms
 
-    def lengths(self, tag_size: int) -> dict[int, tuple[int, int]]:
-        """Shortest and longest datagram of each shape (kind and mark) that a peer of these layouts sends."""
-        short: Envelope = (0, 0, 0, 0, (None,) * self._acks)
-        long: Envelope = (0, 0, 0, 0, (0,) * self._acks)
-        credit = 0 if self.carries_credit else None
-        longest = pack_heartbeat(long, 0, Report(*[0] * len(_REPORT)), credit, round_trip_ms=0)
-        token = bytes(TOKEN_BYTES)
-        made = {
-            HEARTBEAT: (pack_heartbeat(short, 0, None, credit), longest),
-            BYE: (pack(short, BYE, b""), pack(long, BYE, bytes(LONGEST_REASON))),
-            CHANGE: (pack(short, CHANGE, b"x", tick=0), pack(long, CHANGE, bytes(LONGEST_CHANGE), tick=0)),
-            PATH: (pack(short, PATH, token), pack(long, PATH, token)),
-        }
-        found = {kind: (len(low) + tag_size, len(high) + tag_size) for kind, (low, high) in made.items()}
-        for kind, layout in zip((UPDATE, SECOND_UPDATE), self.updates, strict=False):
-            low, high = layout.lengths
-            found[kind] = low + tag_size, high + tag_size
-        return found | {kind | MARK: limits for kind, limits in found.items() if kind != BYE}
-
-
-def length_fault(data: bytes, lengths: dict[int, tuple[int, int]]) -> DropReason | None:
-    """Why the length of a datagram, not empty, does not fit its shape; None if it does."""
-    limits = lengths.get(data[0] & _SHAPE_MASK)
-    if limits is None:
-        return DropReason.UNKNOWN_KIND
-    if len(data) < limits[0]:
-        return DropReason.TRUNCATED
-    return DropReason.WRONG_LENGTH if len(data) > limits[1] else None
+    @property
+    def lengths(self) -> tuple[int, int]:
+        """Bytes of the shortest and of the longest datagram that a peer of these layouts sends, as packed."""
+        shortest = len(pack((0, 0, 0, 0, (None,) * self._acks), BYE, b""))
+        change = len(pack((0, 0, 0, 0, (0,) * self._acks), CHANGE, bytes(LONGEST_CHANGE), tick=0))
+        return shortest, max(change, *(layout.lengths[1] for layout in self.updates))

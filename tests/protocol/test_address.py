@@ -5,10 +5,10 @@ from random import Random
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.protocol.harness import Pair, Side
+from tests.protocol.harness import Pair, Side, kind_of
 from weberlink.protocol import Address, Connected, State
 from weberlink.protocol.address import OVERTAKEN, AddressCheck
-from weberlink.protocol.wire import Kind, kind_of
+from weberlink.protocol.wire import Kind
 from weberlink.update import Update
 
 HOME: Address = ("192.0.2.1", 40_000)

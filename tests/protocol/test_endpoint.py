@@ -21,25 +21,18 @@ from tests.protocol.harness import (
     both,
     dropped,
     forms,
+    kind_of,
     make_endpoint,
     sample_update,
     sent,
     states,
 )
-from weberlink.protocol import (
-    Connected,
-    DatagramDropped,
-    DropReason,
-    PeerSilent,
-    Role,
-    State,
-    UpdateReceived,
-)
+from weberlink.protocol import Connected, DatagramDropped, DropReason, PeerSilent, Role, State, UpdateReceived
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.endpoint import QUEUED_DATAGRAMS, QUEUED_EVENTS
 from weberlink.protocol.liveness import ASK_PACE, DENSEST, FADE_SHARE, HeartbeatSchedule
 from weberlink.protocol.retransmission import LEAST_EARLY_PER_S, SHORTEST_PACE
-from weberlink.protocol.wire import MARK, Kind, kind_of
+from weberlink.protocol.wire import MARK, Kind
 
 # --- what counts as heard
 

@@ -12,7 +12,19 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
 
 from tests.examples import examples
-from tests.protocol.harness import KEY, MASTER, SILENCE, SLAVE, STRANGER, TICK, Pair, Side, forms, make_endpoint
+from tests.protocol.harness import (
+    KEY,
+    MASTER,
+    SILENCE,
+    SLAVE,
+    STRANGER,
+    TICK,
+    Pair,
+    Side,
+    forms,
+    kind_of,
+    make_endpoint,
+)
 from weberlink.protocol import (
     Address,
     ChangeAnswered,
@@ -36,7 +48,7 @@ from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.session import EXPIRY
 from weberlink.protocol.timing import WINDOW
-from weberlink.protocol.wire import Kind, kind_of
+from weberlink.protocol.wire import Kind
 from weberlink.update import MAX_SELECTOR, PreviousSample, Update
 
 OWN = st.integers(0, 1)
@@ -159,7 +171,7 @@ class World(Pair):
     def _accept(self, to: Side, data: bytes, origin: Sent, events: list[Event], reasons: list[DropReason]) -> None:
         own = key_of(to)
         self.accepted[to.endpoint].add(data)
-        if not reasons and kind_of(data) != Kind.BYE:
+        if not reasons and not any(isinstance(event, (PeerClosed, TakenOver)) for event in events):
             assert origin.session[0] is not to.endpoint, "its own datagram, reflected"
             for one, other in ((own, origin.session), (origin.session, own)):
                 assert self.partners.setdefault(one, other) == other, "two ends of one session"

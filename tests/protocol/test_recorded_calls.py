@@ -6,10 +6,11 @@ from random import Random
 
 import pytest
 
-from tests.protocol.harness import KEY, MASTER, STRANGER, Pair, local_end, make_endpoint
+from tests.protocol.harness import MASTER, STRANGER, Pair, kind_of, local_end, make_endpoint
 from weberlink.protocol import DropReason, Endpoint, Role, State
 from weberlink.protocol.aio.sockets import MOST_S
 from weberlink.protocol.aio.udp import PEER_SHARE
+from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.handshake import (
     EXCHANGE_PACE,
     EXCHANGE_PACE_ENGAGED,
@@ -21,8 +22,7 @@ from weberlink.protocol.handshake import (
     STALE_PACE,
     Dialer,
 )
-from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.wire import Kind, kind_of
+from weberlink.protocol.wire import Kind
 
 
 def recorded(count: int, *, name: str = "master", first: int = 1, step: int = 1) -> list[bytes]:
@@ -45,7 +45,7 @@ def answers(slave: Endpoint) -> int:
     return sum(kind_of(data) == Kind.WELCOME for data, _ in slave.datagrams_to_send())
 
 
-class CountingKey(PresharedKey):
+class CountingSuite(Checksum):
     """Counts what was opened."""
 
     opened = 0
@@ -56,7 +56,7 @@ class CountingKey(PresharedKey):
 
 
 def test_recordings_of_a_known_master_are_dropped_before_any_cryptography_or_opened_rarely() -> None:
-    key = CountingKey(KEY)
+    key = CountingSuite()
     slave = make_endpoint(Role.RESPONDER, security=key)
     slave.connect(0.0)
     *old, newest = recorded(400)
@@ -135,7 +135,7 @@ FLOODS = {
 @pytest.mark.parametrize("kind", FLOODS)
 def test_master_connects_under_20000_calls_a_second(kind: str) -> None:
     """A processor opens a call in 60 us and drops one in 10 us, and the kernel keeps 160 of them."""
-    key, random, flood = CountingKey(KEY), Random(1), cycle(FLOODS[kind]())
+    key, random, flood = CountingSuite(), Random(1), cycle(FLOODS[kind]())
     pair = Pair(slave={"security": key}).connect()
     slave = pair.slave.endpoint
     genuine: list[bytes] = []

@@ -4,13 +4,13 @@ from random import Random
 
 import pytest
 
-from tests.protocol.harness import ENGAGED, MASTER, SLAVE, Pair, Side, make_endpoint, sent, states
+from tests.protocol.harness import ENGAGED, MASTER, SLAVE, Pair, Side, kind_of, make_endpoint, sent, states
 from weberlink.protocol import Connected, Endpoint, PeerClosed, Refused, Right, Role, State, StopAsked, Told
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.endpoint import WITHDRAWN
 from weberlink.protocol.keys import HeldKey
 from weberlink.protocol.psk import Keyring, PresharedKey
-from weberlink.protocol.wire import Kind, kind_of
+from weberlink.protocol.wire import Kind
 
 KEYS = {right: Random(right).randbytes(32) for right in Right}
 NAMES = {Right.DRIVE: "ann@desk", Right.WATCH: "wall@hall", Right.STOP: "pedal"}

@@ -13,10 +13,11 @@ from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.keys import HeldKey
 from weberlink.protocol.psk import Keyring, PresharedKey
 from weberlink.protocol.security import Security
-from weberlink.protocol.wire import CLEAR_BYTES, Kind, pack, sequence_of
+from weberlink.protocol.wire import CLEAR_BYTES, PHASE, Kind, pack, sequence_of
 
 CLEAR = b"\x03\x01\x00\x00"[:CLEAR_BYTES]
 DATAGRAM = CLEAR + b"what follows is hidden"
+SAID = DATAGRAM[:1] + DATAGRAM[CLEAR_BYTES:]
 KEYS = {name: Random(name).randbytes(32) for name in ("ann@desk", "bob@desk")}
 HELD = [HeldKey(key, name=name) for name, key in KEYS.items()]
 STRANGER = Random("eve@desk").randbytes(32)
@@ -29,6 +30,12 @@ def flipped(data: bytes, first: int = 0, last: int | None = None) -> list[bytes]
     return [data[: bit // 8] + bytes([data[bit // 8] ^ 1 << bit % 8]) + data[bit // 8 + 1 :] for bit in bits]
 
 
+def said(opened: bytes | None) -> bytes:
+    """What was opened, without the phase."""
+    assert opened is not None
+    return bytes((opened[0] & ~PHASE,)) + opened[1:]
+
+
 @by_suite
 @pytest.mark.parametrize("number", [0x1234, 0xFFFF, 0x10000])
 def test_every_flipped_bit_and_every_other_number_direction_and_session_is_found(
@@ -36,14 +43,28 @@ def test_every_flipped_bit_and_every_other_number_direction_and_session_is_found
 ) -> None:
     sealing, opening = exchanged(security)
     sealed = sealing.seal(number, DATAGRAM, 0.0)
-    assert sealed[:CLEAR_BYTES] == CLEAR and len(sealed) == len(DATAGRAM) + security.tag_size
-    assert opening.open(number, sealed, 0) == DATAGRAM[CLEAR_BYTES:]
+    assert sealed[1:CLEAR_BYTES] == CLEAR[1:] and len(sealed) == len(DATAGRAM) + security.tag_size
+    assert opening.open(number, sealed, 0) == SAID
     assert all(opening.open(number, damaged, 0) is None for damaged in flipped(sealed))
     assert opening.open(number + 1, sealed, 0) is opening.open(number + 2**24, sealed, 0) is None
     assert sealing.open(number, sealed, 0) is exchanged(security, prologue=b"other")[1].open(number, sealed, 0) is None
     sealed = sealing.seal(number, pack((number & 0xFFFF, 0, 1, 2, (None,)), Kind.PATH, bytes(8)), 0.0)
     for damaged in flipped(sealed, 1, CLEAR_BYTES):  # under the number that it then seems to have
         assert opening.open(number & ~0xFFFF | sequence_of(damaged), damaged, 0) is None
+
+
+def test_a_key_hides_the_kind_of_a_datagram_among_those_of_a_session() -> None:
+    sealing, opening = exchanged(PresharedKey(KEY))
+    packed = [first for first in range(128) if first & 7 not in (Kind.HELLO, Kind.WELCOME)]
+    shown: dict[int, set[int]] = {}
+    for number, first in enumerate(packed * 40):
+        sealed = sealing.seal(number, bytes((first,)) + DATAGRAM[1:], 0.0)
+        assert opening.open(number, sealed, 0) == bytes((first,)) + SAID[1:]
+        shown.setdefault(first, set()).add(sealed[0])
+    assert set().union(*shown.values()) == {0, *range(3, 128)}, "no handshake"
+    assert min(map(len, shown.values())) > 20, "any kind looks like any other"
+    sealing.begin(0.0, 4096, 1)
+    assert {sealing.seal(number, DATAGRAM, 0.0)[0] & PHASE for number in range(4097, 4100)} == {0, PHASE}
 
 
 def test_a_copied_process_seals_nothing_also_under_the_next_keys() -> None:
@@ -79,12 +100,12 @@ def test_a_datagram_opens_under_the_keys_of_its_phase_the_former_ones_for_what_w
     for number in range(1, 20):
         newest = number - 1
         for _ in range(2):  # asking changes nothing
-            assert opening.open(number, sealed[number], newest) == DATAGRAM[CLEAR_BYTES:]
-            assert opening.open(newest, sealed[newest], newest) == DATAGRAM[CLEAR_BYTES:]
+            assert said(opening.open(number, sealed[number], newest)) == SAID
+            assert said(opening.open(newest, sealed[newest], newest)) == SAID
             assert opening.open(newest, sealed[number], newest) is opening.open(number, sealed[newest], newest) is None
         opening.accept(sealed[number][0])
-        assert opening.open(newest, sealed[newest], number) == DATAGRAM[CLEAR_BYTES:]
-    assert sealing.open(3, opening.seal(3, DATAGRAM, 0.0), 0) == DATAGRAM[CLEAR_BYTES:], "the other way keeps its keys"
+        assert said(opening.open(newest, sealed[newest], number)) == SAID
+    assert said(sealing.open(3, opening.seal(3, DATAGRAM, 0.0), 0)) == SAID, "the other way keeps its keys"
 
 
 @by_suite

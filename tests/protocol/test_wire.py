@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.protocol.harness import KEY, forms
+from tests.protocol.harness import KEY, forms, kind_of
 from weberlink.codec import force_channel
-from weberlink.protocol import DropReason, wire
+from weberlink.protocol import wire
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import CLEAR_BYTES, Content, DirectionLayout, Envelope, Kind, Report, UpdateLayout
@@ -28,7 +28,7 @@ PSK_TAG = PresharedKey(KEY).tag_size
 
 
 def read(direction: DirectionLayout, data: bytes) -> Content:
-    return direction.read(data[0], data[CLEAR_BYTES:])
+    return direction.read(data[:1] + data[CLEAR_BYTES:])
 
 
 def span(acks: int, *parts: str) -> tuple[int, int]:
@@ -44,16 +44,11 @@ def test_the_lengths_are_those_of_the_table(groups: tuple[int, ...], carries_cre
     direction = DirectionLayout([stream] * acks, carries_credit=carries_credit, acks=acks)
     least, most = sum(4 + count for count in groups), sum(4 + 16 * count for count in groups)
     update = "update", *("update_ticks",) * (acks > 1), *("update_credit",) * carries_credit
-    heartbeat = "heartbeat", *("heartbeat_credit",) * carries_credit
-    bits = {
-        Kind.HEARTBEAT: (span(acks, *heartbeat)[0], span(acks, *heartbeat, "report", "opening")[1]),
-        **{kind: span(acks, kind.name.lower()) for kind in (Kind.BYE, Kind.CHANGE, Kind.PATH)},
-    }
     longest = max(span(acks, *update, "parameters")[1], span(acks, *update, "previous")[1] + most) + most
-    bits |= {kind: (span(acks, *update)[0] + least, longest) for kind in wire.UPDATE_KINDS[:acks]}
-    expected = {kind: tuple(PSK_TAG - -each // 8 for each in both) for kind, both in bits.items()}
-    marked = {kind | wire.MARK: limits for kind, limits in expected.items() if kind != Kind.BYE}
-    assert direction.lengths(PSK_TAG) == expected | marked
+    bits = span(acks, "bye")[0], max(longest, span(acks, "change")[1])
+    assert direction.lengths == tuple(-(-each // 8) for each in bits)
+    short, long = span(acks, *update)[0] + least, longest
+    assert all(layout.lengths == (-(-short // 8), -(-long // 8)) for layout in direction.updates)
 
 
 TYPICAL = ((-310, 42, 1180), (1520, -2210, -930))
@@ -105,10 +100,10 @@ def test_an_update_survives_the_wire(envelope: Envelope, update: Update, credit:
     layout.check(update)
     data = layout.pack(envelope, update.tick, update, credit or 0)
     kind = Kind.SECOND_UPDATE if second else Kind.UPDATE
-    assert (wire.kind_of(data), wire.sequence_of(data)) == (kind, envelope[0])
-    assert wire.length_fault(data, direction.lengths(0)) is None
+    assert (kind_of(data), wire.sequence_of(data)) == (kind, envelope[0])
+    assert direction.lengths[0] <= len(data) <= direction.lengths[1]
     found = read(direction, data)
-    assert found == direction.read(data[0] | wire.PHASE, data[CLEAR_BYTES:])
+    assert found == read(direction, bytes((data[0] | wire.PHASE,)) + data[1:])
     head = (kind, update.payload is not None, update.selector, *envelope[1:])
     assert found == Content(*head, update, credit=None if credit is None else credit % 2**16)
 
@@ -168,7 +163,7 @@ def test_a_report_saturates() -> None:
     assert read(DirectionLayout([forms(3)]), data).report == Report(0, 2**24 - 1, 2**24 - 1, 0, 2**16 - 1, 7)
 
 
-@given(ENVELOPES, st.text(), st.binary(min_size=1, max_size=300), st.integers(0, 2**32 - 1), st.integers(0, 7))
+@given(ENVELOPES, st.text(), st.binary(min_size=8, max_size=200), st.integers(0, 2**32 - 1), st.integers(0, 7))
 def test_other_kinds_survive_the_wire(envelope: Envelope, reason: str, body: bytes, tick: int, number: int) -> None:
     """A reason is cut at a character."""
     direction = DirectionLayout([forms(3)], acks=2)
@@ -177,12 +172,13 @@ def test_other_kinds_survive_the_wire(envelope: Envelope, reason: str, body: byt
     assert reason.encode(errors="replace").decode().startswith(said.decode())
     change = read(direction, wire.pack(envelope, Kind.CHANGE, body, selector=number, tick=tick))
     assert change == Content(Kind.CHANGE, False, number, *envelope[1:], tick=tick, data=body)
-    path = read(direction, wire.pack(envelope, Kind.PATH, body, mark=True))
-    assert path == Content(Kind.PATH, True, 0, *envelope[1:], data=body)
+    path = read(direction, wire.pack(envelope, Kind.PATH, body[:8], mark=True))
+    assert path == Content(Kind.PATH, True, 0, *envelope[1:], data=body[:8])
 
 
 ENVELOPE: Envelope = (1, 0, 2, 3, (None,))
-PADDED = {  # datagrams and their bits after the head, of 33 bits
+BODIES = {"change": b"x", "path": bytes(wire.TOKEN_BYTES)}
+PADDED = {  # datagrams and their bits after the head, of 33 bits, and before the body
     "update": (UpdateLayout(forms(3)).pack(ENVELOPE, 0, Update(1, 0, (1, 2, 3))), 1 + 4 + 9),
     "update in whole bytes": (UpdateLayout(forms(3)).pack(ENVELOPE, 0, Update(1, 0, (2000, 1, 0))), 1 + 4 + 36),
     "pair": (
@@ -191,8 +187,8 @@ PADDED = {  # datagrams and their bits after the head, of 33 bits
     ),
     "heartbeat": (wire.pack_heartbeat(ENVELOPE, 5), 16),
     "bye": (wire.pack(ENVELOPE, Kind.BYE, b""), 0),
-    "change": (wire.pack(ENVELOPE, Kind.CHANGE, b"", selector=4, tick=3), 32),
-    "path": (wire.pack(ENVELOPE, Kind.PATH, b"", mark=True), 0),
+    "change": (wire.pack(ENVELOPE, Kind.CHANGE, BODIES["change"], selector=4, tick=3), 32),
+    "path": (wire.pack(ENVELOPE, Kind.PATH, BODIES["path"], mark=True), 0),
 }
 
 
@@ -201,10 +197,11 @@ def test_a_datagram_ends_where_it_ends_and_zeros_fill_its_last_byte(name: str) -
     data, bits = PADDED[name]
     direction = DirectionLayout([forms(3)])
     read(direction, data)
-    assert len(data) == CLEAR_BYTES - -(33 + bits) // 8
-    harmed = [data[:-1] + bytes([data[-1] | 1 << bit]) for bit in range(-(33 + bits) % 8)]
+    end = CLEAR_BYTES - -(33 + bits) // 8
+    assert data[end:] == BODIES.get(name, b"")
+    harmed = [data[: end - 1] + bytes([data[end - 1] | 1 << bit]) + data[end:] for bit in range(-(33 + bits) % 8)]
     harmed += [data[:size] for size in range(CLEAR_BYTES, len(data))]
-    for wrong in [*harmed, data + b"\0"] if name not in ("bye", "change", "path") else harmed:
+    for wrong in [*harmed, data + b"\0"] if name not in ("bye", "change") else harmed:
         with pytest.raises(ValueError):
             read(direction, wrong)
 
@@ -216,9 +213,14 @@ def test_what_no_peer_of_these_layouts_sends_is_refused() -> None:
     assert read(direction, data).update == update._replace(tick=0)
     for first in (data[0] | 1 << 4, Kind.SECOND_UPDATE, Kind.HELLO, Kind.WELCOME):  # selector, stream, kinds
         with pytest.raises(ValueError, match=r"selector|stream|kind"):
-            direction.read(first, data[CLEAR_BYTES:])
+            read(direction, bytes((first,)) + data[1:])
     with pytest.raises(ValueError, match="49 bytes"):
         read(direction, data + b"\0")
+    for kind, sizes in ((Kind.BYE, [65]), (Kind.CHANGE, [0, 201]), (Kind.PATH, [7, 9])):
+        for size in sizes:
+            tick = 3 if kind == Kind.CHANGE else None
+            with pytest.raises(ValueError, match=f"{size} bytes"):
+                read(direction, wire.pack(ENVELOPE, kind, bytes(size), tick=tick))
 
 
 @given(st.lists(st.one_of(LEVEL.map(lambda level: (level,)), LEVELS), max_size=6))
@@ -233,19 +235,3 @@ def test_groups_come_back_and_take_the_bits_they_need(groups: list[tuple[int, ..
     for cut in range(1, size + 1):
         with pytest.raises(ValueError):
             wire.read_groups(made >> cut, size - cut, counts)
-
-
-@pytest.mark.parametrize("tag", [4, 8])
-def test_each_shape_has_its_lengths_and_no_other(tag: int) -> None:
-    limits = DirectionLayout([forms(3)]).lengths(tag)
-    for first in range(256):
-        low, high = limits.get(first & 0xF, (1, 0))
-        for size in range(1, 120):
-            fault = wire.length_fault(bytes((first,)) + bytes(size - 1), limits)
-            if first & 0xF not in limits:
-                assert fault is DropReason.UNKNOWN_KIND
-            elif size < low:
-                assert fault is DropReason.TRUNCATED
-            else:
-                assert fault is (DropReason.WRONG_LENGTH if size > high else None)
-    assert set(range(16)) - set(limits) == {1, 2, 7, 9, 10, 13, 15}

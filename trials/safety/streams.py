@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.program import Records
+from tests.protocol.harness import kind_of
 from tests.session.systems import ARMS, HAS_ARMS, configuration
 from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.events import Address
-from weberlink.protocol.wire import Kind, kind_of
+from weberlink.protocol.wire import Kind
 from weberlink.session.simulation import Simulation, as_array, build_simulation
 from weberlink.telemetry.fault import Fault
 

@@ -66,7 +66,7 @@ class Measurement:
         self.failure: str | None = None
         self.is_done = False
         endpoint.report_encoding(now, is_encoding=False)
-        endpoint.connect(now)
+        endpoint.begin(now)
 
     def service(self, now: float) -> float:
         """Do what is due; returns when to be called again [s]."""
