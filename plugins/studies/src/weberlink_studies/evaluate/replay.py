@@ -94,7 +94,8 @@ def replay(signal: Signal, channel: Channel) -> ReplayResult:
 
 def _lengths(vectors: Array) -> Array:
     x, y, z = vectors.T
-    return np.sqrt(x * x + y * y + z * z)
+    lengths: Array = np.sqrt(x * x + y * y + z * z)
+    return lengths
 
 
 def _vectors(array: Array) -> list[Vector]:
