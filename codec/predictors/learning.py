@@ -167,6 +167,8 @@ class State:
             self.reset()
             return
         self.weights[0][horizon] = equations.solutions[0]
+        if self._kinds > 1:
+            self.weights[1][horizon] = self._beside_stiffness(equations)
         self._horizon = (horizon + 1) % len(HORIZONS)
         if self._kinds > 1 and self._horizon == 0:
             self._stiffen()
@@ -184,14 +186,15 @@ class State:
             if rest > 0.0:
                 normal = (bc - ab / aa * ac) / rest
                 along = (ac - ab * normal) / aa
-        elastic = []
-        for equations in self.equations:
-            path, first, second = equations.solutions
-            elastic.append([w - (along * a + normal * b) for w, a, b in zip(path, first, second)])  # noqa: B905 - as above
-            if not isfinite(sum(elastic[-1])):
-                self.reset()
-                return
-        self.weights[1], self.stiffness = elastic, (along, normal)
+        self.stiffness = (along, normal)
+        self.weights[1] = [self._beside_stiffness(equations) for equations in self.equations]
+        if not all(isfinite(sum(each)) for each in self.weights[1]):
+            self.reset()
+
+    def _beside_stiffness(self, equations: Equations) -> Row:
+        path, first, second = equations.solutions
+        along, normal = self.stiffness
+        return [w - (along * a + normal * b) for w, a, b in zip(path, first, second)]  # noqa: B905 - as above
 
 
 class Noted:
