@@ -76,10 +76,8 @@ def read_trace(path: Path | str, factors: Array | float = 1.0) -> Trace:
 
 
 def read_motion(path: Path | str) -> Trace:
-    """Read what the operator did: the motion of the device, or of the robot in a recording of the slave's side alone.
-
-    Raises:
-        TraceError: as for `read_trace`.
+    """Read what the operator did: the motion of the device, or of the robot in a recording of the slave's side alone;
+    raises TraceError as for `read_trace`.
     """
     return _read(Path(path), ("master", "slave"))
 

@@ -81,18 +81,14 @@ class Device(Protocol):
     def open(self, now: float) -> None: ...
 
     def latest(self, now: float) -> DeviceReading:
-        """The newest reading; the same one for the same `now`.
-
-        Raises:
-            DeviceFault: the device is not open, or cannot go on.
+        """The newest reading; the same one for the same `now`. Raises DeviceFault if the device is not open, or cannot
+        go on.
         """
         ...
 
     def command(self, force: Vector, now: float) -> None:
-        """The force to display on the operator's hand [N]; holds until the next command. No effect unless open.
-
-        Raises:
-            ValueError: the force is not finite.
+        """The force to display on the operator's hand [N]; holds until the next command. No effect unless open. Raises
+        ValueError if the force is not finite.
         """
         ...
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from struct import Struct
 from struct import error as StructError  # noqa: N812 - as of an exception
 from time import monotonic_ns
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 from weberlink.geometry.vector import ZERO, Vector, is_finite, norm
 from weberlink.telemetry.runtime_directory import check, directories, directory, listening_socket
@@ -44,10 +44,8 @@ class PointerTarget(NamedTuple):
 
 
 def pack(target: Vector, held: bool, number: int, rotation: Vector = ZERO) -> bytes:
-    """The datagram of a target.
-
-    Raises:
-        ValueError: the target is not finite, its rotation is more than a turn, or the number is not one of 64 bits.
+    """The datagram of a target; raises ValueError if the target is not finite, its rotation is more than a turn, or the
+    number is not one of 64 bits.
     """
     if not is_finite(target):
         raise ValueError(f"a target must be finite, not {target}")
@@ -71,24 +69,15 @@ def unpack(data: bytes) -> PointerTarget:
 
 
 def link_path(pid: int, kind: str) -> Path:
-    """Where the daemon with this process id has a kind of file: the file if it is there, else its place.
-
-    Raises:
-        RuntimeDirectoryError: there is no place for it.
+    """Where the daemon with this process id has a kind of file: the file if it is there, else its place; raises
+    RuntimeDirectoryError if there is no place for it.
     """
     name = f"weberlink-{pid}.{kind}"
     found = (path for path in (folder / name for folder in directories()) if path.exists())
     return next(found, None) or directory() / name
 
 
-class Numbered(Protocol):
-    """A target; the highest number is the newest."""
-
-    @property
-    def number(self) -> int: ...
-
-
-Target = TypeVar("Target", bound=Numbered)
+Target = TypeVar("Target", bound=Any)
 Target_co = TypeVar("Target_co", covariant=True)
 
 

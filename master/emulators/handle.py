@@ -24,11 +24,7 @@ class HandleOptions(OperatorOptions):
 
 
 class Handle:
-    """A handle in a hand, in the frame of the device; deterministic for the same calls.
-
-    Args:
-        options: who holds it.
-    """
+    """A handle in a hand, in the frame of the device; deterministic for the same calls. `options`: who holds it."""
 
     def __init__(self, options: HandleOptions) -> None:
         self._origin = options.origin_m

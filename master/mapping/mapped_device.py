@@ -122,11 +122,7 @@ class Walls(NamedTuple):
 
 
 class Clutch:
-    """Keeps the offset between hand and robot.
-
-    Args:
-        button: which one disengages, from 0.
-    """
+    """Keeps the offset between hand and robot. `button`: which one disengages, from 0."""
 
     __slots__ = ("_button", "_held", "_held_turn", "_index", "_turn")
 

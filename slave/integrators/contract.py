@@ -47,10 +47,8 @@ class IntegrationScheme:
     gains_nothing: bool = False  # no step with its goal held gains energy, in any scene of one stiffness
 
     def build(self, body: ControlledMass, scene: Scene | None) -> Integrator:
-        """The integrator for `body`; without a scene it moves freely.
-
-        Raises:
-            ValueError: it cannot be imported, or is no integrator.
+        """The integrator for `body`; without a scene it moves freely. Raises ValueError if it cannot be imported, or is
+        no integrator.
         """
         integrator = import_part("integrator", self.where)(body, scene or Scene([]))
         check_contract("integrator", integrator, Integrator)

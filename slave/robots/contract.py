@@ -60,19 +60,13 @@ class Robot(Protocol):
     def open(self, now: float) -> None: ...
 
     def command(self, position: Vector, now: float) -> None:
-        """Go to a position [m]; it holds until the next command. No effect unless the robot is open.
-
-        Raises:
-            ValueError: the position is not finite.
+        """Go to a position [m]; it holds until the next command. No effect unless the robot is open. Raises ValueError
+        if the position is not finite.
         """
         ...
 
     def latest(self, now: float) -> RobotReading:
-        """The newest reading; the same for the same `now`.
-
-        Raises:
-            RobotFault: the robot is not open, or cannot go on.
-        """
+        """The newest reading; the same for the same `now`. RobotFault if it is not open, or cannot go on."""
         ...
 
     def close(self) -> None:

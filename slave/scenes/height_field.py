@@ -170,10 +170,8 @@ class HeightFieldSettings(SceneShapeSettings):
 
 
 def read_heights(path: Path) -> list[list[float]]:
-    """Rows of heights [m] from a CSV file without a header.
-
-    Raises:
-        ValueError: With the file, and the row where one is at fault.
+    """Rows of heights [m] from a CSV file without a header; raises ValueError with the file, and the row where one is
+    at fault.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()

@@ -82,10 +82,8 @@ class ObjectSettings(SceneShapeSettings):
 
 @lru_cache
 def object_model(name: str) -> type[ObjectSettings]:
-    """The settings of an object of this shape: those of the shape and those of a surface.
-
-    Raises:
-        ValueError: there is no such shape.
+    """The settings of an object of this shape: those of the shape and those of a surface; raises ValueError if there is
+    no such shape.
     """
     title = "".join(word.capitalize() for word in name.split("_")) + "Object"
     bases = (SHAPES.load(name), ObjectSettings)
@@ -99,9 +97,7 @@ SceneSettings = tuple[Annotated[ObjectSettings, ByShape(object_model)], ...]
 
 
 def build(objects: Sequence[ObjectSettings]) -> Scene:
-    """The scene that the settings describe.
-
-    Raises:
-        ValueError: A height field file is missing, not numeric or not rectangular.
+    """The scene that the settings describe; raises ValueError if a height field file is missing, not numeric or not
+    rectangular.
     """
     return Scene([settings.thing() for settings in objects])

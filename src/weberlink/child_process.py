@@ -50,10 +50,8 @@ class Order:
 
 @contextmanager
 def shared_memory(name: str, size: int) -> Iterator[tuple[mmap, int]]:
-    """Memory to share with a child: ours, and the descriptor for `pass_fds`, which is closed at the end of the block.
-
-    Raises:
-        OSError: there is none.
+    """Memory to share with a child: ours, and the descriptor for `pass_fds`, which is closed at the end of the block;
+    raises OSError if there is none.
     """
     descriptor = os.memfd_create(name)
     try:

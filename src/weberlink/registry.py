@@ -111,11 +111,8 @@ class Registry(Mapping[str, T], Generic[T]):
         return self[self.check_known(name)]
 
     def check_known(self, name: str) -> str:
-        """Return the name if an entry has it.
-
-        Raises:
-            ValueError: no entry has this name; the message says how to install the guest that has it, or lists all
-                names and the nearest one.
+        """Return the name if an entry has it; raises ValueError if no entry has this name; the message says how to
+        install the guest that has it, or lists all names and the nearest one.
         """
         if name in self:
             return name

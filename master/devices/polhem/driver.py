@@ -114,10 +114,8 @@ class PolhemExchange(ABC):
 
     @abstractmethod
     def _connect(self, path: str) -> None:
-        """Open the port, begin the dialogue, and check that the device is the expected one.
-
-        Raises:
-            HardwareFault: it is another one, or the port cannot be opened.
+        """Open the port, begin the dialogue, and check that the device is the expected one; raises HardwareFault if it
+        is another one, or the port cannot be opened.
         """
 
     @abstractmethod

@@ -41,10 +41,8 @@ class HidLine(Line):
         """Bytes in a report of this device, as `find_size` found."""
 
     def find_size(self) -> None:
-        """Find the kind of device from the size of its first report, whose contents may be old.
-
-        Raises:
-            HardwareFault: no report comes, or one of another length.
+        """Find the kind of device from the size of its first report, whose contents may be old; raises HardwareFault if
+        no report comes, or one of another length.
         """
         gives_up = monotonic() + OPENING_S
         while not (reports := self._port.read_all(monotonic() + REPLY_S)):

@@ -154,10 +154,8 @@ def await_press(
     clock: Callable[[], float] = monotonic,
     pause: Callable[[float], None] = sleep,
 ) -> None:
-    """Look until one look shows, by the counts of the one before, that the button was pressed between the two.
-
-    Raises:
-        HardwareFault: nobody presses it within `patience` [s], or the device is gone.
+    """Look until one look shows, by the counts of the one before, that the button was pressed between the two; raises
+    HardwareFault if nobody presses it within `patience` [s], or the device is gone.
     """
     until = clock() + patience
     before: tuple[Counts, float] | None = None

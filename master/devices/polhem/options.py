@@ -93,10 +93,8 @@ class PolhemOptions(ForceOptions, PortOptions):
         return "; ".join((*where.get(self.homing, ()), *(parameters.warnings if self.is_named else ())))
 
     def wire(self, name: str, board: Board) -> MechanismParameters:
-        """The set `name` with the signs published for `board`, changed as these options say.
-
-        Raises:
-            ValueError: signs are missing or given twice, or masses are missing.
+        """The set `name` with the signs published for `board`, changed as these options say; raises ValueError if signs
+        are missing or given twice, or masses are missing.
         """
         known = PARAMETERS[name]
         wiring = known.wirings.get(board)

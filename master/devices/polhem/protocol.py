@@ -169,7 +169,6 @@ LONGEST = 8 * 12 + 2
 """Longest answer: eight numbers of 32 bits with separators."""
 
 _STATUS = re.compile(rb"\[(-?\d{1,10}(?:,-?\d{1,10}){7})\]")
-_COMMAND = re.compile(rb"\[(-?\d{1,10}),(-?\d{1,10}),(-?\d{1,10})\][\n\r\0]*")
 
 
 def encode_currents(currents_ma: Currents) -> bytes:
@@ -177,15 +176,6 @@ def encode_currents(currents_ma: Currents) -> bytes:
     if max(map(abs, currents_ma)) > CURRENT_LIMIT_MA:
         raise ValueError(f"expected currents within +-{CURRENT_LIMIT_MA} mA, got {currents_ma}")
     return (b"[%d,%d,%d]\n" % currents_ma).ljust(LEAST_WRITE, b"\0")
-
-
-def decode_currents(message: bytes) -> Currents:
-    """The currents that one whole message commands [mA], within the limit or not; raises ValueError if it is none."""
-    match = _COMMAND.fullmatch(message)
-    if match is None:
-        raise ValueError(f"expected [mA,mA,mA], got {message!r}")
-    a, b, c = (int(part) for part in match.groups())
-    return (a, b, c)
 
 
 def encode_status(status: Sensors) -> bytes:

@@ -96,11 +96,7 @@ class Arm(Protocol):
     def open(self, now: float) -> None: ...
 
     def latest(self, now: float) -> ArmReading:
-        """The newest reading; the same one for the same `now`.
-
-        Raises:
-            ArmFault: the arm is not open, or cannot go on.
-        """
+        """The newest reading; the same one for the same `now`. ArmFault if it is not open, or cannot go on."""
         ...
 
     def close(self) -> None:
@@ -127,8 +123,6 @@ class FollowerArm(Arm, Protocol):
 
     def follow(self, angles: Joints, now: float) -> None:
         """Go to these angles of all axes [rad]; they hold until the next ones. Never blocks; no effect unless open.
-
-        Raises:
-            ValueError: an angle is not finite.
+        Raises ValueError if an angle is not finite.
         """
         ...

@@ -45,11 +45,7 @@ class Stream(NamedTuple):
 
 
 def describe(configuration: Configuration) -> Iterator[str]:
-    """Describe a configuration, line by line.
-
-    Raises:
-        ConfigurationError: a part cannot be built as the file asks.
-    """
+    """Describe a configuration, line by line; raises ConfigurationError if a part cannot be built as the file asks."""
     system, parts = configuration.system, dry_run(configuration)
     advice = advise(parts)
     tag = build_security(configuration).tag_size

@@ -104,10 +104,8 @@ class LiveEnd:
         return self._reader.alive
 
     def sample(self) -> Sample:
-        """The newest record. Copies what was written since the last call, and never waits.
-
-        Raises:
-            NoSessionError: the daemon has ended, stands still, or has not begun.
+        """The newest record. Copies what was written since the last call, and never waits. Raises NoSessionError if the
+        daemon has ended, stands still, or has not begun.
         """
         new = self._reader.read()
         if len(new) >= self._ticks:

@@ -121,10 +121,8 @@ def acquainted(
 
 
 def one_host(path: Path, overrides: Sequence[str]) -> list[str]:
-    """Overrides by which both sides meet on this host, several loopbacks at once too: a port that is free replaces 0.
-
-    Raises:
-        ConfigurationError: the file is wrong, or of two hosts that pair.
+    """Overrides by which both sides meet on this host, several loopbacks at once too: a port that is free replaces 0;
+    raises ConfigurationError if the file is wrong, or of two hosts that pair.
     """
     import socket  # noqa: PLC0415
 

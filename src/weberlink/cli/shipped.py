@@ -64,10 +64,8 @@ def _about(path: Path) -> str:
 
 
 def find(name: str) -> Path:
-    """A shipped file or folder by its name; a configuration also without `.yaml`.
-
-    Raises:
-        ConfigurationError: there is none.
+    """A shipped file or folder by its name; a configuration also without `.yaml`. Raises ConfigurationError if there is
+    none.
     """
     asked = name.removeprefix("configs/")
     inside = {str(path.relative_to(folder)): path for folder in config_folders() for path in _all(folder)}
@@ -91,11 +89,7 @@ def _all(folder: Path) -> Iterator[Path]:
 
 
 def text_of(name: str) -> str:
-    """A shipped file as text.
-
-    Raises:
-        ConfigurationError: there is none, or it is a folder or no text.
-    """
+    """A shipped file as text; raises ConfigurationError if there is none, or it is a folder or no text."""
     path = find(name)
     if path.is_dir():
         raise ConfigurationError(f"{name}: is a folder; name one of its files")

@@ -58,11 +58,8 @@ DEEPEST_FOREIGN = 32
 
 
 def parse_foreign(text: str) -> Any:
-    """The YAML in a file that anybody may have made.
-
-    Raises:
-        ValueError: it is none, or longer than `LONGEST_FOREIGN`, deeper than `DEEPEST_FOREIGN`, or has aliases, by
-            which a short text stands for a long one; in one line.
+    """The YAML in a file that anybody may have made; raises ValueError if it is none, or longer than `LONGEST_FOREIGN`,
+    deeper than `DEEPEST_FOREIGN`, or has aliases, by which a short text stands for a long one; in one line.
     """
     if len(text) > LONGEST_FOREIGN:
         raise ValueError(f"more than {LONGEST_FOREIGN} characters")
@@ -80,10 +77,8 @@ def parse_foreign(text: str) -> Any:
 
 
 def parse(path: Path) -> dict[str, Any]:
-    """The mapping in a file.
-
-    Raises:
-        ConfigurationError: there is no such file, it is empty or holds no mapping, or a key is given twice.
+    """The mapping in a file; raises ConfigurationError if there is no such file, it is empty or holds no mapping, or a
+    key is given twice.
     """
     try:
         text = path.read_text(encoding="utf-8")

@@ -83,10 +83,8 @@ FINDERS: Registry[type[PathFinder]] = Registry("path finder", {}, "weberlink.pat
 
 
 def finder_of(configuration: "Configuration", side: str) -> PathFinder | None:
-    """The finder that the file asks for, if it does. As there are keys, no core is dumped any more.
-
-    Raises:
-        ConfigurationError: whom to meet is not known.
+    """The finder that the file asks for, if it does. As there are keys, no core is dumped any more. Raises
+    ConfigurationError if whom to meet is not known.
     """
     part = configuration.finder
     if part is None:

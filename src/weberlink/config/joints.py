@@ -26,11 +26,7 @@ _Each = Annotated[tuple[_T, ...], Field(max_length=MOST_JOINTS + 1)]
 
 
 def per_axis(setting: float | tuple[float, ...], count: int) -> Joints:
-    """One value for each of `count` axes.
-
-    Raises:
-        ValueError: there are more or fewer.
-    """
+    """One value for each of `count` axes; raises ValueError if there are more or fewer."""
     if isinstance(setting, tuple):
         if len(setting) != count:
             raise ValueError(f"has {len(setting)} values for {count} axes; give one for each, or one number for all")

@@ -83,10 +83,8 @@ def load(path: Path, overrides: Iterable[str] = (), sides: Iterable[str] = SIDES
 
 
 def load_device(configuration: Configuration) -> Part:
-    """The device of the file, also where only the robot's side was loaded.
-
-    Raises:
-        ConfigurationError: its driver cannot be imported here, or an option is wrong.
+    """The device of the file, also where only the robot's side was loaded; raises ConfigurationError if its driver
+    cannot be imported here, or an option is wrong.
     """
     if configuration.device is not None:
         return configuration.device

@@ -56,11 +56,7 @@ Name = Annotated[str, AfterValidator(check_name)]
 
 
 def split_address(text: str) -> tuple[str, int]:
-    """Host and port of "host:port" or "[v6]:port".
-
-    Raises:
-        ValueError: if it is neither.
-    """
+    """Host and port of "host:port" or "[v6]:port"; raises ValueError if it is neither."""
     host, colon, port = text.rpartition(":")
     if not (colon and host.strip("[]") and port.isdigit() and int(port) < 65_536):
         raise ValueError(f"must be host:port, not {text!r}")

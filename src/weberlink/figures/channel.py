@@ -122,10 +122,8 @@ class ArmLayout:
 
 
 def arm_in(dump: Mapping[str, Any]) -> ArmLayout | None:
-    """The layout in the dump of a `System`, as descriptions and recordings hold it; None without an arm.
-
-    Raises:
-        ValueError: it says something else of joints than this release does.
+    """The layout in the dump of a `System`, as descriptions and recordings hold it; None without an arm. Raises
+    ValueError if it says something else of joints than this release does.
     """
 
     def floors(setting: Any, names: tuple[str, ...]) -> Joints:

@@ -119,10 +119,8 @@ def _attribute(device: Path, name: str) -> str:
 
 
 def only(found: Sequence[PluggedDevice], what: str, option: str) -> PluggedDevice:
-    """Choose the device when the file names none; `option` is the key that chooses among several.
-
-    Raises:
-        HardwareFault: none is there, several are, or the one cannot be used.
+    """Choose the device when the file names none; `option` is the key that chooses among several. Raises HardwareFault
+    if none is there, several are, or the one cannot be used.
     """
     if not found:
         raise HardwareFault(f"{what}: nothing of the kind is plugged in; `weberlink device list` lists what there is")
@@ -161,10 +159,8 @@ class DeviceLocator:
         self._serial_number = ""
 
     def locate(self) -> str:
-        """The path to open; that of the same device as last time.
-
-        Raises:
-            HardwareFault: none is there, several are, the one cannot be used, or it is another one.
+        """The path to open; that of the same device as last time. Raises HardwareFault if none is there, several are,
+        the one cannot be used, or it is another one.
         """
         there = list(self._plugged())
         if self._port is None:

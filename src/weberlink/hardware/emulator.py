@@ -69,10 +69,8 @@ class FaultyDevice(ABC):
         self._injected: deque[tuple[str, float]] = deque()
 
     def inject(self, name: str, value: float = 1.0) -> None:
-        """Cause one of `OWN_FAULTS` at the next `advance`; from any thread.
-
-        Raises:
-            ValueError: there is none of that name, or not with that value.
+        """Cause one of `OWN_FAULTS` at the next `advance`; from any thread. Raises ValueError if there is none of that
+        name, or not with that value.
         """
         if name not in self.OWN_FAULTS:
             raise ValueError(f"no fault is called {name!r}; there are {', '.join(self.OWN_FAULTS)}")

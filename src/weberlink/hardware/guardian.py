@@ -81,10 +81,8 @@ class Guardian:
         return None if self._connection is None else self._words[PID]
 
     def watch(self, descriptor: int) -> None:
-        """Have a process guard the device, whose descriptor it gets, open for writing.
-
-        Raises:
-            HardwareFault: there is no guardian, or none that outlives this process.
+        """Have a process guard the device, whose descriptor it gets, open for writing; raises HardwareFault if there is
+        no guardian, or none that outlives this process.
         """
         self.stop()
         self._all_rests = (self.zero, *self.rests)
@@ -127,11 +125,7 @@ class Guardian:
             raise BadReply(f"was held up for {late * 1e3:.0f} ms; the force comes up again from zero")
 
     def after(self, data: bytes) -> None:
-        """Call after a whole message was written.
-
-        Raises:
-            HardwareFault: the guardian is dead.
-        """
+        """Call after a whole message was written; raises HardwareFault if the guardian is dead."""
         if data.startswith(self._all_rests):
             self._words[LEASE] = 0
             if self._connection is not None:
@@ -238,10 +232,8 @@ class HoldingGuardian(Guardian):
         self._lease = self._stale = lease
 
     def hold(self, message: bytes) -> None:
-        """Set what leaves the arm safe from now on, and that this process is at work.
-
-        Raises:
-            HardwareFault: the guardian is dead or silent.
+        """Set what leaves the arm safe from now on, and that this process is at work; raises HardwareFault if the
+        guardian is dead or silent.
         """
         put_message(self._shared, message)
         self._words[LEASE] = int((monotonic() + self._lease) * 1e9)

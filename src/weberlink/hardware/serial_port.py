@@ -86,10 +86,8 @@ class SerialPort:
             raise HardwareFault(f"{self.path}: unplugged") from None
 
     def read(self, until: float) -> bytes:
-        """Read what has come, waiting for the first byte until `until` [s, monotonic]; empty if none comes.
-
-        Raises:
-            HardwareFault: it was unplugged.
+        """Read what has come, waiting for the first byte until `until` [s, monotonic]; empty if none comes. Raises
+        HardwareFault if it was unplugged.
         """
         try:
             ready, _, _ = select((self._descriptor,), (), (), max(0.0, until - monotonic()))

@@ -148,10 +148,8 @@ class Worker(Generic[Command, Sample]):
         return self._newest
 
     def start(self) -> None:
-        """Connect, and begin to exchange.
-
-        Raises:
-            HardwareFault: the device cannot be used, or still hangs since the last time; nothing is left running.
+        """Connect, and begin to exchange; raises HardwareFault if the device cannot be used, or still hangs since the
+        last time; nothing is left running.
         """
         self.stop()
         if self._hangs():

@@ -92,11 +92,9 @@ class DryRun(NamedTuple):
 
 @with_file_name
 def dry_run(configuration: Configuration) -> DryRun:
-    """Build what a run would build, so that every error of the file shows before a process is started.
-
-    Raises:
-        ConfigurationError: as the builders do; or for a port that nobody could find, or a key that nobody else has,
-            where one side runs alone.
+    """Build what a run would build, so that every error of the file shows before a process is started; raises
+    ConfigurationError as the builders do; or for a port that nobody could find, or a key that nobody else has, where
+    one side runs alone.
     """
     link, scheme = configuration.system.link, configuration.system.control.scheme
     build_security(configuration)

@@ -117,11 +117,7 @@ class IncomingChannel:
         self.value = decoder.joints if decoder.is_arm else decoder.value
 
     def apply(self, update: Update) -> None:
-        """Take an update.
-
-        Raises:
-            ValueError: it does not fit the channel; nothing is changed.
-        """
+        """Take an update; raises ValueError if it does not fit the channel; nothing is changed."""
         self.decoder.apply(update)
         self.received += 1
         if self.learner is not None:

@@ -57,10 +57,8 @@ def facts_of(description: Mapping[str, Any], *, virtual: bool = False) -> dict[s
 
 
 def format_for(path: Path) -> RecordingFormat:
-    """The format of a recording to be made, with its target checked before anything is started.
-
-    Raises:
-        ConfigurationError: it exists, cannot be written, or no format is installed.
+    """The format of a recording to be made, with its target checked before anything is started; raises
+    ConfigurationError if it exists, cannot be written, or no format is installed.
     """
     try:
         found = format_of(path, "--record")
@@ -87,10 +85,8 @@ def failure(recorder: Recorder) -> str | None:
 
 
 class VirtualRecording:
-    """Writes the recording of a live session, on a clock that begins at 0. A full disk ends the recording alone.
-
-    Raises:
-        ConfigurationError: from the constructor, if the file cannot be made.
+    """Writes the recording of a live session, on a clock that begins at 0. A full disk ends the recording alone. Raises
+    ConfigurationError from the constructor, if the file cannot be made.
     """
 
     def __init__(self, configuration: Configuration, path: Path, tell: Callable[[str], None]) -> None:

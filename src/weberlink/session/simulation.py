@@ -157,10 +157,8 @@ def as_array(records: Sequence[Record]) -> Records:
 
 
 def build_simulation(configuration: Configuration) -> Simulation:
-    """Both sides and their link, not yet begun. All random numbers follow from the seed of `link.emulate`.
-
-    Raises:
-        ConfigurationError: if a part cannot be made as the file asks.
+    """Both sides and their link, not yet begun. All random numbers follow from the seed of `link.emulate`. Raises
+    ConfigurationError if a part cannot be made as the file asks.
     """
     refuse_live(configuration)
     system = configuration.system
@@ -295,10 +293,8 @@ class TraceRecorder:
         return as_trace(np.column_stack((records["at"] - records["at"][0], records["output"], records["raw"])))
 
     def save(self, path: Path) -> int:
-        """Write the trace with all digits, so that the same numbers are read back; returns the number of rows.
-
-        Raises:
-            OSError: the file cannot be written.
+        """Write the trace with all digits, so that the same numbers are read back; returns the number of rows. Raises
+        OSError if the file cannot be written.
         """
         from weberlink.master.trace import COLUMNS  # noqa: PLC0415 - where one is asked for
 

@@ -26,10 +26,8 @@ class TargetError(ValueError):
 
 
 def check_file(path: Path) -> None:
-    """See that a file can be written; nothing is left behind, and an existing file keeps its content.
-
-    Raises:
-        TargetError: it cannot.
+    """See that a file can be written; nothing is left behind, and an existing file keeps its content. Raises
+    TargetError if it cannot.
     """
     _refuse_standard_output(path, "file")
     try:
@@ -54,10 +52,8 @@ def check_file(path: Path) -> None:
 
 
 def check_folder(path: Path) -> None:
-    """See that files can be written in a folder, which may have to be created later; nothing is left behind.
-
-    Raises:
-        TargetError: they cannot.
+    """See that files can be written in a folder, which may have to be created later; nothing is left behind. Raises
+    TargetError if they cannot.
     """
     _refuse_standard_output(path, "folder")
     try:

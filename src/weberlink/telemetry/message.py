@@ -52,10 +52,8 @@ SCHEMA_TEXT = "\n".join(
 
 
 def fields_in(definition: str) -> Iterator[tuple[str, str]]:
-    """Type and name of each field of the first definition in a text; a constant is none.
-
-    Raises:
-        ValueError: a line is no field.
+    """Type and name of each field of the first definition in a text; a constant is none. Raises ValueError if a line is
+    no field.
     """
     for line in definition.partition("===")[0].splitlines():
         told = line.partition("#")[0].strip()

@@ -93,10 +93,8 @@ def default_path(name: str) -> Path:
 
 
 def read_header(path: Path, fd: int) -> Header:
-    """The checked header of an open file.
-
-    Raises:
-        RingFormatError: it is no ring, or one of another release, or it is shorter than it says.
+    """The checked header of an open file; raises RingFormatError if it is no ring, or one of another release, or it is
+    shorter than it says.
     """
     header = _parse_header(path, fd)
     if header.version != VERSION:
@@ -188,10 +186,8 @@ class RingWriter:
         return cls(path, _place(path, header, RECORDS_AT + capacity * size), capacity, records)
 
     def write(self, record: Sequence[float]) -> None:
-        """Publish the values of one record; never blocks and does not depend on readers.
-
-        Raises:
-            struct.error, OverflowError: a value does not fit its type; nothing is published.
+        """Publish the values of one record; never blocks and does not depend on readers. Raises struct.error or
+        OverflowError if a value does not fit its type; nothing is published.
         """
         slot, count = self._slot, self._count + 1
         body: bytes = self._body.pack(count, *record)

@@ -52,10 +52,8 @@ class Places:
     mounts: Path = Path("/proc/self/mountinfo")
 
     def directory(self) -> Path:
-        """The directory of this user, for new files; made if there is none.
-
-        Raises:
-            RuntimeDirectoryError: there is none, and none can be made.
+        """The directory of this user, for new files; made if there is none. Raises RuntimeDirectoryError if there is
+        none, and none can be made.
         """
         parent = self.memory()
         path = self._plain if parent == self.shared else parent / NAME
@@ -144,10 +142,8 @@ def open_file(path: Path, longest: int) -> int:
 
 
 def check(path: Path, status: os.stat_result, kind: int, longest: int = sys.maxsize) -> None:
-    """Check that a file is of a kind, as of `stat.S_IFMT`, not larger, and belongs to this user or to root.
-
-    Raises:
-        ForeignFileError: it is not, or does not.
+    """Check that a file is of a kind, as of `stat.S_IFMT`, not larger, and belongs to this user or to root; raises
+    ForeignFileError if it is not, or does not.
     """
     if stat.S_IFMT(status.st_mode) != kind:
         raise ForeignFileError(f"{path} is {_kind(status.st_mode)}, not {_kind(kind)}")
@@ -185,10 +181,8 @@ def _kind(mode: int) -> str:
 
 
 def listening_socket(path: Path) -> socket.socket:
-    """A datagram socket with a file of mode 0600, in place of one that a killed process left; it does not block.
-
-    Raises:
-        OSError: there is no room for the file.
+    """A datagram socket with a file of mode 0600, in place of one that a killed process left; it does not block. Raises
+    OSError if there is no room for the file.
     """
     path.unlink(missing_ok=True)
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)

@@ -94,11 +94,7 @@ class ServedDevice(ABC):
         return self._thread is not None and self._thread.is_alive()
 
     def plug(self) -> None:
-        """Connect the device.
-
-        Raises:
-            OSError: its address is taken, or not permitted.
-        """
+        """Connect the device; raises OSError if its address is taken, or not permitted."""
         assert not self._plugged
         self._connect()
         self._plugged = True

@@ -112,11 +112,7 @@ class RingSource:
 
 
 class RingOpener:
-    """Opens every ring of a living writer once.
-
-    Args:
-        tell: called with the reason if a file is no ring of this release.
-    """
+    """Opens every ring of a living writer once. `tell`: called with the reason if a file is no ring of this release."""
 
     def __init__(self, tell: Callable[[str], None] = lambda _: None) -> None:
         self._tell = tell

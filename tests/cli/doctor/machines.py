@@ -6,7 +6,7 @@ from typing import Any
 
 from weberlink.cli.doctor import CHECKS, Finding, Machine, Needs, examine
 from weberlink.cli.doctor.machine import Unreadable
-from weberlink.cli.doctor.trial import HostTrial, RightsTrial, Stretch
+from weberlink.cli.doctor.trial import HostTrial, RightsTrial, SessionTrial, Stretch
 
 CPU = "sys/devices/system/cpu"
 CLOCK = "sys/devices/system/clocksource/clocksource0"
@@ -85,6 +85,7 @@ def _answers() -> dict[str, Any]:
         "resolution_ns": lambda: 1.0,
         "rights_trial": lambda **_: TRIAL,
         "host_trial": lambda **_: HOST,
+        "session_trial": lambda _settings: SessionTrial(p99_us=40.0),
         "drivers": tuple,
         "python": lambda: BUILD,
         "version": lambda _package: "1.0",

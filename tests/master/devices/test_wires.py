@@ -6,6 +6,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.master.devices.polhem.boards import decode_currents
 from weberlink.master.devices import target_link
 from weberlink.master.devices.polhem.protocol import (
     LONG,
@@ -15,7 +16,6 @@ from weberlink.master.devices.polhem.protocol import (
     SetCounters,
     StatusReader,
     decode_command,
-    decode_currents,
     decode_sensors,
     encode_command,
     encode_currents,

@@ -32,10 +32,8 @@ WayOut = tuple[Mapping[str, Any], Sequence[Finding]]
 
 
 def examine_link(configuration: Configuration, overrides: Iterable[str], seconds: float) -> DoctorReport:
-    """Examine the way out of this host if the file has a path finder, then measure the link to the waiting slave.
-
-    Raises:
-        ConfigurationError: the key cannot be read, or the peer is not known.
+    """Examine the way out of this host if the file has a path finder, then measure the link to the waiting slave;
+    raises ConfigurationError if the key cannot be read, or the peer is not known.
     """
     assert configuration.path is not None
     build_probe(configuration, 0.0, finder_of(configuration, MASTER))  # for its errors, before anything takes time

@@ -131,11 +131,8 @@ def _pressed(
 
 @with_file_name
 def build_leader(configuration: Configuration) -> LeaderArm:
-    """The leader in the frame of the follower, not yet open.
-
-    Raises:
-        ConfigurationError: if it cannot be made of its options, has other joints than the file, or the wire cannot say
-            its angles.
+    """The leader in the frame of the follower, not yet open; raises ConfigurationError if it cannot be made of its
+    options, has other joints than the file, or the wire cannot say its angles.
     """
     from weberlink.session.composition.master import check_button, check_force_ends  # noqa: PLC0415 - for this end
 
@@ -157,11 +154,7 @@ def build_leader(configuration: Configuration) -> LeaderArm:
 
 @with_file_name
 def build_follower(configuration: Configuration) -> FollowerArm:
-    """The follower, not yet open.
-
-    Raises:
-        ConfigurationError: as `build_leader`.
-    """
+    """The follower, not yet open; raises ConfigurationError as `build_leader`."""
     system, part = configuration.system, configuration.robot
     assert part is not None
     follower: FollowerArm = build_driver(
@@ -179,10 +172,8 @@ def build_follower(configuration: Configuration) -> FollowerArm:
 
 
 def torque_limits(system: System, spec: ArmSpec) -> tuple[Joints, Joints]:
-    """The largest torques [N m] and their fastest changes [N m/s] on the axes of a leader.
-
-    Raises:
-        ConfigurationError: a limit has not one value for each axis.
+    """The largest torques [N m] and their fastest changes [N m/s] on the axes of a leader; raises ConfigurationError if
+    a limit has not one value for each axis.
     """
     own = system.master.limits.joints or LeaderLimits()
     most = within("master.limits.joints.torque_nm", own.torque_nm, spec.torque_nm)
@@ -192,10 +183,8 @@ def torque_limits(system: System, spec: ArmSpec) -> tuple[Joints, Joints]:
 
 
 def angle_limits(system: System, spec: ArmSpec) -> tuple[Joints, Joints]:
-    """The range of commanded angles of a follower: its own within that of the file [rad].
-
-    Raises:
-        ConfigurationError: nothing of it is left for an axis, or a limit has not one value for each axis.
+    """The range of commanded angles of a follower: its own within that of the file [rad]; raises ConfigurationError if
+    nothing of it is left for an axis, or a limit has not one value for each axis.
     """
     own = system.slave.limits.joints or FollowerLimits()
     lower, upper = spec.lower, spec.upper

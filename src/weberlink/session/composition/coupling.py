@@ -52,10 +52,8 @@ def coupling(configuration: Configuration, device: Device | None = None) -> floa
 
 
 def press_limit(system: System, robot: Robot) -> float:
-    """Largest force with which the robot presses [N]: as the file states it, or what the operator can feel of it.
-
-    Raises:
-        ConfigurationError: the robot cannot measure it, or it is less than a contact.
+    """Largest force with which the robot presses [N]: as the file states it, or what the operator can feel of it;
+    raises ConfigurationError if the robot cannot measure it, or it is less than a contact.
     """
     limit, most = system.slave.limits.contact_n, robot.spec.force_n
     if limit is not None:

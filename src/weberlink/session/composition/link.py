@@ -96,9 +96,7 @@ def _flat(tree: dict[str, Any], prefix: str) -> dict[str, object]:
 @with_file_name
 def build_security(configuration: Configuration) -> Security:
     """The security suite that the file asks for; only that one is imported. With a key, no core is dumped any more.
-
-    Raises:
-        ConfigurationError: if the key file cannot be used, or the peer is not known.
+    Raises ConfigurationError if the key file cannot be used, or the peer is not known.
     """
     link = configuration.system.link
     parts = {MASTER: configuration.device, SLAVE: configuration.robot}
@@ -286,10 +284,8 @@ def build_driver(where: str, driver: Any, *arguments: Any, contract: type | None
 
 
 def check_axes(where: str, axes: str, system: System) -> None:
-    """See that a device or robot moves on every axis that is sent.
-
-    Raises:
-        ConfigurationError: naming those that it lacks.
+    """See that a device or robot moves on every axis that is sent; raises ConfigurationError naming those that it
+    lacks.
     """
     missing = [axis for axis in system.axes if axis not in axes]
     if missing:

@@ -114,10 +114,8 @@ def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
 
 @with_file_name
 def build_device(configuration: Configuration) -> Device:
-    """The haptic device in the robot's frame, not yet open.
-
-    Raises:
-        ConfigurationError: if it cannot be made of its options, or the wire cannot say its positions.
+    """The haptic device in the robot's frame, not yet open; raises ConfigurationError if it cannot be made of its
+    options, or the wire cannot say its positions.
     """
     system, part = configuration.system, configuration.device
     assert part is not None
@@ -194,11 +192,7 @@ def _check_range(where: str, workspace: tuple[Vector, Vector], axes: str, system
 
 
 def _mapped(system: System, device: Device) -> Device:
-    """The device in the robot's frame.
-
-    Raises:
-        ConfigurationError: if the device has no such button.
-    """
+    """The device in the robot's frame; raises ConfigurationError if the device has no such button."""
     from weberlink.master.mapping.mapped_device import Clutch, FrameMap, MappedDevice, Walls  # noqa: PLC0415
 
     mapping, limits = system.master.mapping, system.master.limits

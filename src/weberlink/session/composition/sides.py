@@ -24,11 +24,7 @@ def build_master(
     peer: Address,
     identity: Identity = ANONYMOUS,
 ) -> Side:
-    """The operator's side, not yet open.
-
-    Raises:
-        ConfigurationError: the device cannot do what the file asks.
-    """
+    """The operator's side, not yet open; raises ConfigurationError if the device cannot do what the file asks."""
     system = configuration.system
     if system.codec.joints is None:
         from weberlink.session.composition.master import build_hand as build  # noqa: PLC0415 - what the file names

@@ -90,11 +90,8 @@ def build_led(configuration: Configuration, endpoint: Endpoint, live: Stopwatch 
 
 @with_file_name
 def build_robot(configuration: Configuration) -> Robot:
-    """The robot with the scene that it touches, not yet open.
-
-    Raises:
-        ConfigurationError: if either cannot be made of its options, the wire cannot say its forces, or a limit
-            of the file is beyond its range.
+    """The robot with the scene that it touches, not yet open; raises ConfigurationError if either cannot be made of its
+    options, the wire cannot say its forces, or a limit of the file is beyond its range.
     """
     system, part = configuration.system, configuration.robot
     assert part is not None
@@ -132,10 +129,8 @@ def _check_rotation(system: System, robot: Robot) -> None:
 
 @with_file_name
 def build_scene(configuration: Configuration) -> Scene | None:
-    """What there is to touch; None where the file names nothing.
-
-    Raises:
-        ConfigurationError: if an object of the scene cannot be made.
+    """What there is to touch; None where the file names nothing. Raises ConfigurationError if an object of the scene
+    cannot be made.
     """
     return _scene(configuration.system)
 

@@ -1,5 +1,6 @@
 """Scripted boards, just enough to see what a driver does: one behind a pty, one in place of a HID port."""
 
+import re
 from time import monotonic, sleep
 from typing import Any
 
@@ -10,14 +11,25 @@ from weberlink.master.devices.polhem.hid_device import PolhemHidDevice
 from weberlink.master.devices.polhem.options import PolhemHidOptions
 from weberlink.master.devices.polhem.protocol import (
     LONG,
+    Currents,
     Sensors,
     SetCounters,
     decode_command,
-    decode_currents,
     encode_sensors,
     encode_status,
 )
 from weberlink.testing.time import TICK
+
+_COMMAND = re.compile(rb"\[(-?\d{1,10}),(-?\d{1,10}),(-?\d{1,10})\][\n\r\0]*")
+
+
+def decode_currents(message: bytes) -> Currents:
+    """The currents that one whole message commands [mA], within the limit or not; raises ValueError if it is none."""
+    match = _COMMAND.fullmatch(message)
+    if match is None:
+        raise ValueError(f"expected [mA,mA,mA], got {message!r}")
+    a, b, c = (int(part) for part in match.groups())
+    return (a, b, c)
 
 
 class Teensy(Answering):
