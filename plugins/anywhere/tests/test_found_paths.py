@@ -12,16 +12,7 @@ import msgpack
 import pytest
 import uvloop
 
-from plugins.anywhere.tests.found import (
-    OPERATOR,
-    ROBOT,
-    End,
-    Middle,
-    bound_socket,
-    connect,
-    engage,
-    send_ticks,
-)
+from plugins.anywhere.tests.found import OPERATOR, ROBOT, End, Middle, bound_socket, connect, engage, send_ticks
 from tests.compiled import replaces_methods
 from tests.protocol.harness import make_endpoint
 from tests.wait import PATIENCE, soon

@@ -19,10 +19,7 @@ GRANTS: dict[str, dict[str, bool | str]] = {
     "wakeful": {"granted": True, "detail": "processors awake"},
 }
 TRIAL = RightsTrial(
-    grants=GRANTS,
-    memory_bytes=65_000_000,
-    lateness_us={"p50": 20.0, "p99": 60.0, "max": 90.0},
-    missed=0,
+    grants=GRANTS, memory_bytes=65_000_000, lateness_us={"p50": 20.0, "p99": 60.0, "max": 90.0}, missed=0
 )
 STRETCH: Stretch = {"p99_us": 60.0, "missed": 0.0, "steal": 0.001}
 HOST = HostTrial(asleep=[STRETCH] * 4, awake=[STRETCH] * 4)

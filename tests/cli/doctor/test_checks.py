@@ -153,21 +153,9 @@ CASES = [
     Case("receive buffer", ADVICE, f"={int(2 * 0.1 * 4000 * CHARGED_BYTES)}", needs=Needs(rate_hz=4000.0)),
     Case("port", OK, needs=LISTENING),
     Case("port", PROBLEM, "UDP port 47000 is in use", SOCKETS, LISTENING, {"bind": failing(EADDRINUSE)}),
-    Case(
-        "slave address",
-        PROBLEM,
-        "link.slave: ROBOT:PORT",
-        needs=CALLING,
-        answers=at("2001:db8::5"),
-    ),
+    Case("slave address", PROBLEM, "link.slave: ROBOT:PORT", needs=CALLING, answers=at("2001:db8::5")),
     Case("slave address", PROBLEM, "not known", needs=CALLING, answers={"resolve": failing(-2, socket.gaierror)}),
-    Case(
-        "slave address",
-        OK,
-        "robot is this host",
-        needs=CALLING,
-        answers=at("127.0.0.1") | has("ping"),
-    ),
+    Case("slave address", OK, "robot is this host", needs=CALLING, answers=at("127.0.0.1") | has("ping")),
     Case("firewall", UNKNOWN, "sudo iptables -S INPUT | grep -w -e DROP", needs=LISTENING, answers=has("iptables")),
     # software
     Case("Python", OK, "Python 3."),
