@@ -20,11 +20,7 @@ def hunt(times: int, share: float = 1.0) -> None:
     patient = [HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much] if times else []
     # No deadline: a busy machine is slow, which says nothing about an example.
     settings.register_profile(
-        "weberlink",
-        deadline=None,
-        derandomize=not times,
-        max_examples=_number(COUNT),
-        suppress_health_check=patient,
+        "weberlink", deadline=None, derandomize=not times, max_examples=_number(COUNT), suppress_health_check=patient
     )
     settings.load_profile("weberlink")
 

@@ -23,6 +23,7 @@ from weberlink.protocol.wire import LONGEST_DATAGRAM
 
 Ancillary = list[tuple[int, int, bytes]]
 """Level, kind and data of what the system gives or takes beside a datagram."""
+_NOTHING: Final[Ancillary] = []
 ANCILLARY_BYTES: Final = socket.CMSG_SPACE(20)
 """Enough for a class of service or a called address."""
 ECN_BITS: Final = 2
@@ -220,7 +221,7 @@ class ReceiveQueue:
         while True:
             data: bytes | None = None
             source: Any = self._source
-            ancillary: Any = ()
+            ancillary: Any = _NOTHING
             try:
                 if self._looks:
                     data, ancillary, _, name = self.socket.recvmsg(_LONGEST_READ, ANCILLARY_BYTES)

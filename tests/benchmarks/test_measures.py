@@ -29,8 +29,7 @@ TWO_THREADS = """# Histogram
 
 
 @given(
-    st.lists(st.floats(0.0, 1e6), min_size=1, max_size=50),
-    st.sampled_from([*PERCENTILES.values(), 0.1, 33.0, 100.0]),
+    st.lists(st.floats(0.0, 1e6), min_size=1, max_size=50), st.sampled_from([*PERCENTILES.values(), 0.1, 33.0, 100.0])
 )
 def test_percentiles_are_nearest_rank(values: list[float], p: float) -> None:
     ordered = sorted(values)

@@ -10,12 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.codec.law import (
-    ESTIMATED,
-    FORCE_PREDICTORS,
-    Law,
-    make_channel,
-)
+from tests.codec.law import ESTIMATED, FORCE_PREDICTORS, Law, make_channel
 from tests.examples import examples
 from weberlink.codec import Channel, Decoder, Update, force_channel
 from weberlink.codec.predictors import PREDICTORS

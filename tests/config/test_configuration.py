@@ -125,8 +125,7 @@ class WithButtons(OperatorDevice):
 
 
 @pytest.mark.parametrize(
-    ("engage", "clutch", "is_refused"),
-    [(1, None, False), (2, None, True), (1, 0, False), (1, 1, True), (0, 2, True)],
+    ("engage", "clutch", "is_refused"), [(1, None, False), (2, None, True), (1, 0, False), (1, 1, True), (0, 2, True)]
 )
 def test_a_button_is_there_and_has_one_use(engage: int, clutch: int | None, is_refused: bool) -> None:
     mapping = "null" if clutch is None else f"{{clutch: {{button: {clutch}}}, walls: {{}}}}"

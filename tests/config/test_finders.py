@@ -52,7 +52,7 @@ class Finder:
         self.security = PresharedKey(bytes(32))
         self.own, self.expects = side, options.peer
 
-    def process(self, *, take_over: bool) -> tuple[str, ...]:
+    def process(self, *, take_over: bool, stream: str = "") -> tuple[str, ...]:
         return "finder_of_a_stranger", f"{self.expects} {take_over}"
 
     def paths(self, end: socket.socket) -> MakePaths:

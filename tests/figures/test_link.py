@@ -74,8 +74,7 @@ def test_states_are_counted_by_what_they_mean(stretches: list[Stretch], ended: s
 
 @examples(50)
 @given(
-    st.lists(st.tuples(st.sampled_from(list(State)), st.floats(0.01, 4.0)), min_size=1, max_size=8),
-    st.integers(1, 40),
+    st.lists(st.tuples(st.sampled_from(list(State)), st.floats(0.01, 4.0)), min_size=1, max_size=8), st.integers(1, 40)
 )
 def test_the_figures_do_not_depend_on_the_pieces(stretches: list[Stretch], pieces: int) -> None:
     made = stretched(*stretches)

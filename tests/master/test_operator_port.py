@@ -247,6 +247,8 @@ def test_the_record_has_what_the_hand_felt() -> None:
     desk.hand.take(DeviceReading(0.0, PLACE))
     desk.hand.sample()
     desk.go((0.0, 0.0, 20.0), 10)
+    assert (desk.hand.displayed, desk.hand.touched) == (desk.handle.forces[-1], (0.0, 0.0, 20.0))
+    assert desk.hand.asked == desk.port.gate.bounds[0].asked != desk.port.gate.bounds[1].asked
     row: Any = SimpleNamespace()
     desk.port.buttons = 0x1FF
     desk.port.report(row, is_led=True)

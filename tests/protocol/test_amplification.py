@@ -38,9 +38,7 @@ DATAGRAMS = st.one_of(
         st.binary(min_size=SHORTEST, max_size=SHORTEST + 40),
     ),
     st.builds(
-        lambda kind, body: bytes([kind, 1]) + body,
-        st.sampled_from([Kind.HELLO, Kind.WELCOME]),
-        st.binary(max_size=200),
+        lambda kind, body: bytes([kind, 1]) + body, st.sampled_from([Kind.HELLO, Kind.WELCOME]), st.binary(max_size=200)
     ),
 )
 

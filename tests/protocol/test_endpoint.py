@@ -27,15 +27,7 @@ from tests.protocol.harness import (
     sent,
     states,
 )
-from weberlink.protocol import (
-    Connected,
-    DatagramDropped,
-    DropReason,
-    PeerSilent,
-    Role,
-    State,
-    UpdateReceived,
-)
+from weberlink.protocol import Connected, DatagramDropped, DropReason, PeerSilent, Role, State, UpdateReceived
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.endpoint import QUEUED_DATAGRAMS, QUEUED_EVENTS
 from weberlink.protocol.liveness import ASK_PACE, DENSEST, FADE_SHARE, HeartbeatSchedule

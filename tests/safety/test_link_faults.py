@@ -16,8 +16,7 @@ def test_no_law_is_broken(case: Case) -> None:
 
 
 @pytest.mark.parametrize(
-    ("direction", "mode", "age"),
-    [(TO_SLAVE, ALL, 0.105), (TO_MASTER, ALONE, 0.4), (TO_MASTER, ALL, WRAP_S)],
+    ("direction", "mode", "age"), [(TO_SLAVE, ALL, 0.105), (TO_MASTER, ALONE, 0.4), (TO_MASTER, ALL, WRAP_S)]
 )
 def test_a_held_batch_is_executed_only_within_the_limit(direction: str, mode: str, age: float) -> None:
     row = hold(direction, mode, age)

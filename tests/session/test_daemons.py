@@ -68,10 +68,7 @@ def in_contact(master: Telemetry) -> bool:
 def test_two_programs_find_and_lose_each_other_and_a_stranger_disturbs_none(system: Path) -> None:
     """Nothing but processes and sockets can be killed: first the slave in contact, then the master, each replaced."""
     wrong = ("--set", f"link.key_file={system.parent / WRONG}")
-    with (
-        Program("slave", system, "--json", "-") as slave,
-        Program("master", system, *wrong, "--json", "-") as stranger,
-    ):
+    with Program("slave", system, "--json", "-") as slave, Program("master", system, *wrong, "--json", "-") as stranger:
         listening, calling = slave.telemetry("slave"), stranger.telemetry("master")
         until(lambda: listening.last["datagrams_dropped"] >= 3, "calls without proof")
         assert set(listening.records["state"]) == {State.LISTENING.value}

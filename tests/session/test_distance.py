@@ -20,11 +20,7 @@ from weberlink.session.simulation import simulate
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 KEYLESS = ("link.listen=127.0.0.1:47000", "link.slave=127.0.0.1:47000", "link.security=none")
-FILES = {
-    "loopback.yaml": (),
-    "lan.yaml": KEYLESS,
-    "try.yaml": (),
-}
+FILES = {"loopback.yaml": (), "lan.yaml": KEYLESS, "try.yaml": ()}
 
 
 @pytest.mark.parametrize(("file", "delay_ms"), [*zip(FILES, (50, 150, 20), strict=True)])

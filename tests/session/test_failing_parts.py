@@ -9,15 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.session.kinds import (
-    KINDS,
-    TICK,
-    Kind,
-    changed,
-    each_kind,
-    run,
-    says,
-)
+from tests.session.kinds import KINDS, TICK, Kind, changed, each_kind, run, says
 from tests.session.systems import system
 from weberlink.arms.contract import ArmFault
 from weberlink.config import ConfigurationError

@@ -5,13 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.session.kinds import (
-    HAND,
-    KINDS,
-    STEP,
-    TICK,
-    run,
-)
+from tests.session.kinds import HAND, KINDS, STEP, TICK, run
 
 
 def thrown(seconds: float, **values: Any) -> Any:

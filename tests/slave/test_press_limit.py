@@ -195,10 +195,7 @@ def test_noise_of_the_sensors_makes_the_robot_no_slower(mass: float | None) -> N
 
 
 @given(
-    elastic=st.floats(0.02, 1.0),
-    damped=log_spread(0.01, 200.0),
-    step=st.floats(1e-3, 1.0),
-    depth=st.floats(0.0, 0.9),
+    elastic=st.floats(0.02, 1.0), damped=log_spread(0.01, 200.0), step=st.floats(1e-3, 1.0), depth=st.floats(0.0, 0.9)
 )
 @example(elastic=0.2, damped=100.0, step=1e-3, depth=0.9)
 @example(elastic=1.0, damped=1.0, step=0.5, depth=0.5)

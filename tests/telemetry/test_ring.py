@@ -145,11 +145,7 @@ def record(i):
 BYTES = {field.name for field in FIELDS if field.kind == "u1"}
 
 
-@given(
-    capacity=st.integers(2, 9),
-    before=st.integers(0, 25),
-    steps=st.lists(st.integers(0, 25), max_size=12),
-)
+@given(capacity=st.integers(2, 9), before=st.integers(0, 25), steps=st.lists(st.integers(0, 25), max_size=12))
 def test_a_reader_gets_the_newest_records_without_a_gap_and_counts_the_rest(capacity, before, steps):
     with tempfile.TemporaryDirectory() as directory, create(Path(directory) / "ring", capacity=capacity) as writer:
         for i in range(before):

@@ -18,15 +18,7 @@ from weberlink.figures.tree import to_json
 from weberlink.protocol.states import State
 from weberlink.telemetry.fault import Fault
 from weberlink.watching.hello import hello
-from weberlink.watching.rows import (
-    CARTESIAN,
-    COLUMNS,
-    ROTATION,
-    Pace,
-    Thinning,
-    felt_message,
-    samples_message,
-)
+from weberlink.watching.rows import CARTESIAN, COLUMNS, ROTATION, Pace, Thinning, felt_message, samples_message
 from weberlink.watching.session import BACKLOG_S, WatchedSession
 
 

@@ -352,9 +352,5 @@ CONDITIONS: dict[str, Callable[[Field], AbstractContextManager[object]]] = {
 }
 """What faults happen under, when several come together."""
 _LINK = {"noise", "delay", "bursts", "blackout", "cut_to_slave", "cut_to_master", "stolen_path", "many_calls"}
-EXCLUDED = {
-    "noise": _LINK,
-    "delay": _LINK,
-    "busy_core": {"busy_core"},
-}
+EXCLUDED = {"noise": _LINK, "delay": _LINK, "busy_core": {"busy_core"}}
 """Faults that cannot happen under a condition: they would replace it, or wait for it."""

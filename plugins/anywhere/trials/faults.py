@@ -91,12 +91,7 @@ RELAYED = {"robot": SYMMETRIC, "operator": SYMMETRIC}
 TWO = ("link.finder.paths=2", f"link.finder.interfaces=[{FIRST},{SECOND}]")
 FAULTS: Mapping[str, Fault] = {
     "cut": Fault("operator's interface down", UNPLUG, PLUG, lasts=2.0),
-    "cut-robot": Fault(
-        "robot's interface down",
-        at_robot(unplug),
-        at_robot(Router.connect_host),
-        lasts=2.0,
-    ),
+    "cut-robot": Fault("robot's interface down", at_robot(unplug), at_robot(Router.connect_host), lasts=2.0),
     "cut-one": Fault("one of two down", UNPLUG, PLUG, lasts=2.0, effect=NOTHING, second=CONE, settings=TWO),
     "moved": Fault("Wi-Fi down, phone stays (1 path)", UNPLUG, second=CONE, settings=("link.finder.paths=1",)),
     "dark": Fault("router passes nothing", DARKEN, LIGHTEN, lasts=2.0),
@@ -118,10 +113,7 @@ FAULTS: Mapping[str, Fault] = {
 def inflict(fault: Fault) -> tuple[Interruption | None, list[str]]:
     """Start a session, wait for contact, do the fault and undo it; the figures, and what was broken."""
     words = [word for each in fault.settings for word in ("--set", each)]
-    with (
-        scene(fault.robot, fault.operator, second=fault.second) as place,
-        place.robot.command(SLAVE, *words) as robot,
-    ):
+    with scene(fault.robot, fault.operator, second=fault.second) as place, place.robot.command(SLAVE, *words) as robot:
         if not waits(robot):
             return None, [f"no slave: {robot.last_line}"]
         with place.operator.command(MASTER, *words, "--set", SCRIPT) as operator:

@@ -88,6 +88,15 @@ OPTIONS: list[tuple[str, dict[str, Any], str]] = [
 ]
 
 
+@pytest.mark.parametrize(
+    ("name", "ratio"),
+    [*((name, "torque_ratio") for name in DYNAMIXEL), *((name, "torque_per_load_nm") for name in SO101)],
+)
+def test_torques_are_calibrated_where_their_ratio_is_given(name: str, ratio: str) -> None:
+    plain = made(name).spec
+    assert (plain.calibrated, made(name, **{ratio: (0.7,) * plain.axes}).spec.calibrated) == (False, True)
+
+
 @pytest.mark.parametrize(("name", "options", "field"), OPTIONS)
 def test_options_are_taken_or_refused_by_name(name: str, options: dict[str, Any], field: str) -> None:
     count = {"open_manipulator_x": 5}.get(name, 6)

@@ -2,12 +2,7 @@
 
 import pytest
 
-from weberlink_arms.dynamixel.packet import (
-    ALERT,
-    DATA_RANGE_ERROR,
-    FRAMING,
-    RESULT_FAIL,
-)
+from weberlink_arms.dynamixel.packet import ALERT, DATA_RANGE_ERROR, FRAMING, RESULT_FAIL
 from weberlink_arms.emulators.open_manipulator import DynamixelEmulator, DynamixelEmulatorOptions
 from weberlink_arms.servo.packet import REBOOT, Packet, Status
 

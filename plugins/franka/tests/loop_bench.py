@@ -7,16 +7,7 @@ from weberlink.geometry.rotation import IDENTITY, Quaternion
 from weberlink.geometry.vector import Vector
 from weberlink.slot import Slot
 from weberlink_franka.control_loop import CYCLE_S, ControlLoop
-from weberlink_franka.messages import (
-    COMMAND,
-    COMMAND_AT,
-    MEMORY_SIZE,
-    STATE,
-    STATE_AT,
-    ArmCommand,
-    ArmState,
-    Phase,
-)
+from weberlink_franka.messages import COMMAND, COMMAND_AT, MEMORY_SIZE, STATE, STATE_AT, ArmCommand, ArmState, Phase
 from weberlink_franka.options import FrankaOptions
 
 

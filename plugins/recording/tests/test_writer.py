@@ -11,16 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from plugins.recording.tests.records import (
-    FACTS,
-    MONOTONIC_S,
-    SIDES,
-    WALL_S,
-    noise,
-    origin,
-    same,
-    small_file,
-)
+from plugins.recording.tests.records import FACTS, MONOTONIC_S, SIDES, WALL_S, noise, origin, same, small_file
 from tests.examples import examples
 from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_NAME
 from weberlink.telemetry.reader import DTYPE

@@ -33,10 +33,7 @@ class Poses(Targets):
 
 class TestRos2(DeviceContract):
     NAME = "ros2"
-    REFUSED = (
-        ({"topic": "target"}, "topic"),
-        ({"connect": "192.168.1.5:7447"}, "a Zenoh endpoint is like tcp/"),
-    )
+    REFUSED = (({"topic": "target"}, "topic"), ({"connect": "192.168.1.5:7447"}, "a Zenoh endpoint is like tcp/"))
     TAKEN = ({"topic": "/a/b_1", "connect": "tcp/192.168.1.5:7447"},)
 
     @contextmanager

@@ -39,7 +39,7 @@ class PathFinder(Protocol):
 
     def __init__(self, options: Any, configuration: "Configuration", side: str) -> None: ...
 
-    def process(self, *, take_over: bool) -> Sequence[str]:
+    def process(self, *, take_over: bool, stream: str = "") -> Sequence[str]:
         """Module and arguments of the process that finds paths.
 
         The number of its end of the socket to the daemon is added as the last argument. It ends when the other end is
@@ -47,6 +47,8 @@ class PathFinder(Protocol):
 
         Args:
             take_over: whether to replace a master that the slave serves.
+            stream: what the paths are for, beside the session that moves the robot, such as pictures; both ends say
+                the same.
         """
 
     def paths(self, end: socket) -> "MakePaths":
@@ -97,14 +99,16 @@ def finder_of(configuration: "Configuration", side: str) -> PathFinder | None:
 
 
 @contextmanager
-def finding(configuration: "Configuration", finder: PathFinder | None, *, take_over: bool) -> "Iterator[MakePaths]":
+def finding(
+    configuration: "Configuration", finder: PathFinder | None, *, take_over: bool, stream: str = ""
+) -> "Iterator[MakePaths]":
     """What makes the paths of the endpoint; a process that finds them has ended when this is left."""
     from weberlink.protocol.aio.udp import Paths  # noqa: PLC0415 - for daemons alone
 
     if finder is None or not configuration.finds_path:
         yield Paths
     else:
-        with running(finder.process(take_over=take_over)) as end:
+        with running(finder.process(take_over=take_over, stream=stream)) as end:
             yield finder.paths(end)
 
 

@@ -95,7 +95,7 @@ FIELDS = (
     Field("joint_output", _F4, _ARM_AXES, "N m | rad", "commanded: torques (master), angles (slave)", ARM),
     Field("lateness_us", _F4, 1, "us", "from the deadline to the start of the tick"),
     Field("work_us", _F4, 1, "us", "from the start of the tick to its end"),
-    Field("codec_us", _F4, 1, "us", "part of the work spent encoding and decoding"),
+    Field("codec_us", _F4, 1, "us", "time spent encoding and decoding since the last record"),
     Field("rtt_us", _F4, 1, "us", "round trip, newest estimate; NaN while unknown"),
     Field("one_way_us", _F4, 1, "us", "from the peer to here, newest estimate; NaN while unknown"),
     Field("jitter_us", _F4, 1, "us", "by how much few datagrams exceed their least delay, in the worse direction"),
@@ -110,7 +110,7 @@ FIELDS = (
     Field("fault", _U1, 1, "", "the fault that is active, as its own number; 0 for none"),
     Field("selected", _U1, 1, "", "predictor in use on the force channel, as its index in the bank", HAND),
     Field("sent", _U1, 1, "", "1 if an update was sent in this tick"),
-    Field("received", _U1, 1, "", f"updates applied in this tick, {MOST_RECEIVED} for more"),
+    Field("received", _U1, 1, "", f"updates applied since the last record, {MOST_RECEIVED} for more"),
     Field("clipped", _U1, 1, "", "1 if a limiter changed the output"),
     Field(
         "ramping",

@@ -9,13 +9,7 @@ import pytest
 from pydantic import BaseModel
 
 from tests.cli.device_test.people import Clock, sitting
-from weberlink.cli.device_test import (
-    GIVES_WAY_M,
-    PUSH_N,
-    DeviceTestError,
-    StoppedByUser,
-    try_master,
-)
+from weberlink.cli.device_test import GIVES_WAY_M, PUSH_N, DeviceTestError, StoppedByUser, try_master
 from weberlink.geometry.vector import ZERO, Vector, add, norm, scale
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from weberlink.cli.doctor import CHECKS, Finding, Machine, Needs, examine
 from weberlink.cli.doctor.machine import Unreadable
-from weberlink.cli.doctor.trial import HostTrial, RightsTrial, Stretch
+from weberlink.cli.doctor.trial import HostTrial, RightsTrial, SessionTrial, Stretch
 
 CPU = "sys/devices/system/cpu"
 CLOCK = "sys/devices/system/clocksource/clocksource0"
@@ -19,10 +19,7 @@ GRANTS: dict[str, dict[str, bool | str]] = {
     "wakeful": {"granted": True, "detail": "processors awake"},
 }
 TRIAL = RightsTrial(
-    grants=GRANTS,
-    memory_bytes=65_000_000,
-    lateness_us={"p50": 20.0, "p99": 60.0, "max": 90.0},
-    missed=0,
+    grants=GRANTS, memory_bytes=65_000_000, lateness_us={"p50": 20.0, "p99": 60.0, "max": 90.0}, missed=0
 )
 STRETCH: Stretch = {"p99_us": 60.0, "missed": 0.0, "steal": 0.001}
 HOST = HostTrial(asleep=[STRETCH] * 4, awake=[STRETCH] * 4)
@@ -85,6 +82,7 @@ def _answers() -> dict[str, Any]:
         "resolution_ns": lambda: 1.0,
         "rights_trial": lambda **_: TRIAL,
         "host_trial": lambda **_: HOST,
+        "session_trial": lambda _settings: SessionTrial(p99_us=40.0),
         "drivers": tuple,
         "python": lambda: BUILD,
         "version": lambda _package: "1.0",

@@ -14,7 +14,7 @@ from tests.cli.doctor.machines import BUILD, CLOCK, CPU, GRANTS, REFUSED, STRETC
 from weberlink.cli.devices import NO_RULES, READY, DriverStatus
 from weberlink.cli.doctor import CHECKS, Grade, Machine, Needs, examine
 from weberlink.cli.doctor.network import CHARGED_BYTES
-from weberlink.cli.doctor.trial import HostTrial, RightsTrial
+from weberlink.cli.doctor.trial import HostTrial, RightsTrial, SessionTrial
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.protocol.keys import generate
 from weberlink.telemetry.ring import slot_bytes
@@ -76,6 +76,16 @@ def awake(**stretch: float | None) -> dict[str, Any]:
     return {"host_trial": lambda **_: trial}
 
 
+def sessions(most_hz: float, *, missed: float = 0.0, late_share: float = 0.2) -> dict[str, Any]:
+    """A machine that is punctual up to a rate; above it late by more than is allowed, and below it by so much."""
+
+    def trial(settings: Mapping[str, Any]) -> SessionTrial:
+        rate_hz = settings["rate_hz"]
+        return SessionTrial((0.3 if rate_hz > most_hz else late_share) * 1e6 / rate_hz, missed)
+
+    return {"session_trial": trial}
+
+
 class Case(NamedTuple):
     """An emulated machine, and the finding expected of one check."""
 
@@ -118,6 +128,13 @@ CASES = [
     Case("memory lock", PROBLEM, f"echo 'ann - memlock unlimited' {LIMITS}", answers=rights("memory")),
     Case("idle latency", ADVICE, "(then restart)", DEEP, answers=rights("wakeful")),
     Case("timer slack", OK, "1 ns"),
+    Case("rate", OK, "hold 4000 Hz here: late p99 50 us", answers=sessions(1e5)),
+    Case("rate", OK, "hold 2000 Hz here: late p99 100 us", answers=sessions(2000.0)),
+    Case("rate", ADVICE, "rate_hz: 2000", needs=Needs(rate_hz=5000.0), answers=sessions(2000.0)),
+    Case("rate", OK, "hold 5000 Hz", needs=Needs(rate_hz=5000.0), answers=sessions(1e5)),
+    Case("rate", ADVICE, "top -H", answers=sessions(1e5, missed=0.011)),
+    Case("rate", ADVICE, "at 500 Hz: late p99 600 us", needs=Needs(rate_hz=500.0), answers=sessions(100.0)),
+    Case("rate", UNKNOWN, "no port", answers={"session_trial": lambda _settings: SessionTrial(failure="no port")}),
     Case("punctuality", OK, answers=rights(p99=200.0)),
     Case("punctuality", ADVICE, "top -H", answers=rights(p99=300.0)),
     Case("punctuality", PROBLEM, answers=rights(p99=1200.0)),
@@ -136,21 +153,9 @@ CASES = [
     Case("receive buffer", ADVICE, f"={int(2 * 0.1 * 4000 * CHARGED_BYTES)}", needs=Needs(rate_hz=4000.0)),
     Case("port", OK, needs=LISTENING),
     Case("port", PROBLEM, "UDP port 47000 is in use", SOCKETS, LISTENING, {"bind": failing(EADDRINUSE)}),
-    Case(
-        "slave address",
-        PROBLEM,
-        "link.slave: ROBOT:PORT",
-        needs=CALLING,
-        answers=at("2001:db8::5"),
-    ),
+    Case("slave address", PROBLEM, "link.slave: ROBOT:PORT", needs=CALLING, answers=at("2001:db8::5")),
     Case("slave address", PROBLEM, "not known", needs=CALLING, answers={"resolve": failing(-2, socket.gaierror)}),
-    Case(
-        "slave address",
-        OK,
-        "robot is this host",
-        needs=CALLING,
-        answers=at("127.0.0.1") | has("ping"),
-    ),
+    Case("slave address", OK, "robot is this host", needs=CALLING, answers=at("127.0.0.1") | has("ping")),
     Case("firewall", UNKNOWN, "sudo iptables -S INPUT | grep -w -e DROP", needs=LISTENING, answers=has("iptables")),
     # software
     Case("Python", OK, "Python 3."),
@@ -193,8 +198,10 @@ def test_key_file_problems_come_with_fixes_and_no_key(tmp_path: Path) -> None:
 def test_failed_trial_is_reported_once_and_unknown(tmp_path: Path) -> None:
     trials = {"rights_trial": lambda **_: RightsTrial(failure="no processes")}
     trials["host_trial"] = lambda **_: HostTrial(failure="not permitted")
+    trials["session_trial"] = lambda _settings: SessionTrial(failure="no port")
     report = examine(Needs(), machine(tmp_path, **trials), [row for row in CHECKS if row.area in ("rights", "host")])
     assert [(each.check, each.grade, each.found) for each in report.findings] == [
         ("rights", UNKNOWN, "rights: no processes"),
+        ("rate", UNKNOWN, "rate: no port"),
         ("host", UNKNOWN, "host: its share of missed ticks: not permitted"),
     ]

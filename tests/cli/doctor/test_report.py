@@ -15,6 +15,7 @@ from tests.examples import examples
 from tests.program import document, weberlink
 from tests.session.systems import CONFIGS
 from weberlink.cli.doctor import CHECKS, Check, Finding, Grade, Machine, Needs, examine
+from weberlink.cli.doctor.trial import SessionTrial
 from weberlink.config import load
 
 READ = [row for row in CHECKS if row.area not in ("rights", "host", "devices")]
@@ -60,6 +61,7 @@ def test_failing_check_becomes_a_finding_and_the_fix_of_a_row_is_for_those_that_
 def test_command_reports_of_this_machine_and_fails_on_problems(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     # A trial of the host takes seconds; its own tests make a real one.
     monkeypatch.setattr(Machine, "host_trial", lambda _machine, **_request: HOST)
+    monkeypatch.setattr(Machine, "session_trial", lambda _machine, _settings: SessionTrial(p99_us=40.0))
     out = tmp_path / "doctor.json"
     ended = weberlink("doctor", LAN, "--side", "master", "--json", out)
     told = document(out.read_text(encoding="utf-8"))

@@ -75,12 +75,12 @@ def test_script_turns_the_handle(turn: list[float]) -> None:
     script = [
         {"motion": "reach", "to_m": [0.02, 0.0, 0.01], "turn_deg": turn, "duration_s": 1.0},
         {"motion": "rest", "duration_s": 0.5},
-        {"motion": "turn", "turn_deg": [0, 0, 0], "duration_s": 1.0},
+        {"motion": "turn", "turn_deg": [0, 0, 30], "duration_s": 1.0},
     ]
     device = operator(script=script, repeat=False, **CALM)
     turns = [turned(device, tick * TICK) for tick in range(1, 3501)]
     assert [degrees(part) for part in turns[1499]] == pytest.approx(turn, abs=0.5)
-    assert turns[-1] == pytest.approx(ZERO, abs=1e-4)
+    assert [degrees(part) for part in turns[-1]] == pytest.approx((0.0, 0.0, 30.0), abs=0.01)
     assert device.latest(3.5).position == pytest.approx((0.02, 0.0, 0.01), abs=1e-5)
     assert max(distance(a, b) for a, b in pairwise(turns)) < 2.5 * radians(hypot(*turn)) * TICK
 

@@ -55,6 +55,9 @@ long_sensors = st.builds(
     st.booleans(),
     st.booleans(),
 )
+short_sensors = st.builds(
+    lambda counts, number: Sensors(counts, number=number), three(integers(16)), st.integers(0, 0xFFFF)
+)
 targets = st.builds(
     target_link.PointerTarget, three(finite), st.booleans(), st.integers(0, 2**64 - 1), three(st.floats(-3.6, 3.6))
 )
@@ -74,6 +77,7 @@ MESSAGES = {
         statuses, encode_status, status, refused=(b"[1,2,x,4,5,6,7,0]\n", b"[1,2,3]\n"), padded=False
     ),
     "polhem sensors": Message(long_sensors, encode_sensors, decode_sensors, lengths=(SHORT,)),
+    "polhem short sensors": Message(short_sensors, encode_sensors, decode_sensors),
     "polhem report": Message(
         three(integers(16)), lambda value: encode_command(value, LONG), decode_command, lengths=(SHORT,)
     ),

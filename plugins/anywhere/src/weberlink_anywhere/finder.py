@@ -79,7 +79,7 @@ async def find(order: FinderOrder, end: socket) -> None:
         paths = Paths(order, ServerNames(order, order.own), daemon.tell)
         policy: Policy
         if order.side == "master":
-            peer = store.find(*order.peers)
+            peer = store.find(*order.peers).for_stream(order.stream)
             policy = MasterFinder(order, peer, Caller(peer, order.mailbox), paths)
         else:
             policy = SlaveFinder(order, store, paths)

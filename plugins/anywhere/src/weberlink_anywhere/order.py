@@ -19,6 +19,7 @@ class FinderOrder(Order):
         mailbox, stun, turn, paths, interfaces: as in the file (`AnywhereOptions`).
         dscp: class of service of every datagram.
         take_over: whether to replace a master that the slave serves.
+        stream: what the paths are for beside the session; those of each are called for in a mailbox of its own.
     """
 
     side: str
@@ -32,6 +33,7 @@ class FinderOrder(Order):
     interfaces: tuple[str, ...] = ()
     dscp: int = 46
     take_over: bool = False
+    stream: str = ""
 
 
 @dataclass(frozen=True)

@@ -66,17 +66,17 @@ class Anywhere:
     def _is_asked(self, peer: Peer) -> bool:
         return peer.role != self._side and self._options.peer in (None, peer.label)
 
-    def order(self, *, take_over: bool) -> FinderOrder:
+    def order(self, *, take_over: bool, stream: str = "") -> FinderOrder:
         """What the process that finds paths is to do."""
         asked_for = self._options.peer
         asked = self._options.model_dump(mode="json", exclude={"peer", "peer_store", "path"})
         peers = () if self._side == SLAVE and asked_for is None else tuple(peer.label for peer in self.peers)
         asked |= {"mailbox": asked["mailbox"] or "", "interfaces": self._options.interfaces}
         asked |= {"store": str(self._store.folder), "own": self.own, "dscp": self._dscp, "take_over": take_over}
-        return FinderOrder(self._side, peers, **asked)
+        return FinderOrder(self._side, peers, stream=stream, **asked)
 
-    def process(self, *, take_over: bool) -> Sequence[str]:
-        return "weberlink_anywhere.finder", self.order(take_over=take_over).to_json()
+    def process(self, *, take_over: bool, stream: str = "") -> Sequence[str]:
+        return "weberlink_anywhere.finder", self.order(take_over=take_over, stream=stream).to_json()
 
     def paths(self, end: socket) -> MakePaths:
         from weberlink_anywhere.found_paths import FoundPaths  # noqa: PLC0415 - for daemons alone

@@ -8,6 +8,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
+from hmac import digest
 from pathlib import Path
 from tempfile import mkstemp
 from typing import Literal
@@ -50,6 +51,11 @@ class Peer:
     @property
     def held_key(self) -> HeldKey:
         return HeldKey(self.key, self.right, self.name)
+
+    def for_stream(self, stream: str) -> "Peer":
+        """The same peer as who finds paths for a stream beside the session knows it: by a key made of that of the pair,
+        so that the calls for one are not those for the other."""
+        return replace(self, key=digest(self.key, f"stream {stream}".encode(), "sha256")) if stream else self
 
 
 def default_folder() -> Path:

@@ -72,7 +72,8 @@ class SlaveFinder:
         while True:
             with suppress(PeerError):  # no folder: as before
                 wanted = self._order.peers
-                peers = [peer for peer in self._store.usable() if peer.role == "master"]
+                known = (peer.for_stream(self._order.stream) for peer in self._store.usable())
+                peers = [peer for peer in known if peer.role == "master"]
                 peers = [peer for peer in peers if not wanted or peer.label in wanted]
                 for name in {peer.name for peer in self._peers} - {peer.name for peer in peers}:
                     if (finding := self._finding.pop(name, None)) is not None:

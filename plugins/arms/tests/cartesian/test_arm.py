@@ -5,15 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from weberlink.geometry.vector import Vector, distance
-from weberlink_arms.cartesian.arm import (
-    LOWER,
-    UPPER,
-    Joints,
-    Mechanics,
-    inverse,
-    inverse_nearest,
-    within_limits,
-)
+from weberlink_arms.cartesian.arm import LOWER, UPPER, Joints, Mechanics, inverse, inverse_nearest, within_limits
 from weberlink_mujoco.arms.models import load
 
 POSE = Mechanics().pose

@@ -56,11 +56,7 @@ NOISE_N = 0.3
 
 @pytest.mark.parametrize(
     ("constant", "taken_for", "uncertain", "coulomb", "rotor"),
-    [
-        (2.48, 1.78, 0.4, SWEPT, 0.045),
-        (1.78, 1.78, 0.4, FITTED, 0.005),
-        (1.65, 1.60, 0.05, SWEPT, 0.005),
-    ],
+    [(2.48, 1.78, 0.4, SWEPT, 0.045), (1.78, 1.78, 0.4, FITTED, 0.005), (1.65, 1.60, 0.05, SWEPT, 0.005)],
 )
 def test_force_of_published_arms_is_within_stated_error(
     constant: float, taken_for: float, uncertain: float, coulomb: Joints, rotor: float

@@ -4,13 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from weberlink.geometry.vector import Vector, distance, norm
-from weberlink_arms.cartesian.arm import (
-    COULOMB_N_M,
-    VISCOUS_N_M_S,
-    Joints,
-    Mechanics,
-    inverse_nearest,
-)
+from weberlink_arms.cartesian.arm import COULOMB_N_M, VISCOUS_N_M_S, Joints, Mechanics, inverse_nearest
 from weberlink_arms.cartesian.external_force import JointFriction, force_error, tip_force
 
 POSE = Mechanics().pose

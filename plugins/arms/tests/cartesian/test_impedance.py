@@ -8,20 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from weberlink.geometry.vector import ZERO, Vector, add, distance
-from weberlink_arms.cartesian.arm import (
-    LOWER,
-    UPPER,
-    Joints,
-    Mechanics,
-    within_limits,
-)
-from weberlink_arms.cartesian.impedance import (
-    LIMIT_MARGIN_RAD,
-    ImpedanceGains,
-    TipGoal,
-    currents,
-    joint_torques,
-)
+from weberlink_arms.cartesian.arm import LOWER, UPPER, Joints, Mechanics, within_limits
+from weberlink_arms.cartesian.impedance import LIMIT_MARGIN_RAD, ImpedanceGains, TipGoal, currents, joint_torques
 
 POSE = Mechanics().pose
 STILL: Joints = (0.0, 0.0, 0.0, 0.0)

@@ -9,7 +9,7 @@ import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from functools import cache
+from functools import lru_cache
 from math import isfinite
 from pathlib import Path
 from struct import Struct, pack
@@ -67,7 +67,7 @@ def origin_in(side: str, metadata: Mapping[str, str]) -> Origin:
     return Origin(side, **numbers)
 
 
-@cache
+@lru_cache(64)
 def rows_of(body: int) -> np.dtype[np.void]:
     """The frame of a message whose record has `body` bytes, the record itself as raw bytes."""
     kinds = {"opcode": "u1", "length": "<u8", "channel": "<u2", "sequence": "<u4", "log_time": "<u8"}
@@ -168,13 +168,13 @@ class McapFile:
         self._channels.append(channel)
         return channel.id
 
-    def add_chunk(self, rows: Rows) -> None:
-        """Append framed messages, at least one."""
+    def add_chunk(self, rows: Rows, *, is_packed: bool = False) -> None:
+        """Append framed messages, at least one; `is_packed` for those that a compression would not make smaller."""
         data = rows.tobytes()
-        packed = self._compress(data)
+        compression, packed = ("", data) if is_packed else ("zstd", self._compress(data))
         begin, end = int(rows["log_time"].min()), int(rows["log_time"].max())
         builder = RecordBuilder()
-        Chunk("zstd", packed, end, begin, zlib.crc32(data), len(data)).write(builder)
+        Chunk(compression, packed, end, begin, zlib.crc32(data), len(data)).write(builder)
         length = builder.count
         places, counts = {}, {}
         for index in _message_indexes(rows):
@@ -188,7 +188,7 @@ class McapFile:
             chunk_length=length,
             message_index_offsets=places,
             message_index_length=builder.count - length,
-            compression="zstd",
+            compression=compression,
             compressed_size=len(packed),
             uncompressed_size=len(data),
         )

@@ -167,7 +167,9 @@ def export(paths: Sequence[Path], to: str, folder: Path | None, dataset: Dataset
         raise ConfigurationError(f"--to: {to!r} is none of {', '.join(FORMATS)}")
     if to in ARROW:
         require_package("pyarrow", "recording[parquet]", f"--to {to}")
-    recordings, session = _read(paths)
+    recordings, session = _read(paths, with_pictures=to == "lerobot")
+    if session.pictures:
+        require_package("av", "recording[video]", f"--to {to} with pictures")
     target = folder if folder is not None else paths[0].parent
     outputs = dict(_outputs(recordings, session, to, dataset))
     outs = {name: target / f"{paths[0].stem}-{name}" for name in outputs}
@@ -291,9 +293,9 @@ def _place(write: Output, path: Path) -> str:
     return told
 
 
-def _read(paths: Sequence[Path]) -> tuple[list[Recording], RecordedSession]:
+def _read(paths: Sequence[Path], *, with_pictures: bool = False) -> tuple[list[Recording], RecordedSession]:
     try:
-        recordings = [read_recording(path) for path in paths]
+        recordings = [read_recording(path, with_pictures=with_pictures) for path in paths]
         return recordings, put_together(recordings)
     except RecordingError as error:
         raise ConfigurationError(str(error)) from None

@@ -1,7 +1,7 @@
 """`record export --to lerobot`: a session as a LeRobotDataset of format v3.0, which lerobot 0.4 and later open.
 
 The layout follows `lerobot/datasets` of release 0.4.4: meta/info.json, meta/stats.json, meta/tasks.parquet, a table of
-the episodes, and one of the frames. Recordings hold no pictures, so there are no videos.
+the episodes, and one of the frames. The JPEG pictures of each camera become the frames of one video, undecoded.
 """
 
 import json
@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from weberlink_recording.lerobot_frames import Frames
+from weberlink_recording.lerobot_video import VIDEO, video_stats, write_video
 
 VERSION = "v3.0"
 DATA, EPISODES = "data/chunk-000/file-000.parquet", "meta/episodes/chunk-000/file-000.parquet"
@@ -37,10 +38,14 @@ def write_dataset(frames: Frames, task: str, robot: str | None, folder: Path) ->
     for path in (DATA, EPISODES):
         (folder / path).parent.mkdir(parents=True)
     pq.write_table(_arrow(table), folder / DATA)
+    videos = {video.camera: write_video(video, frames.fps, folder) for video in frames.videos}
     pq.write_table(_episodes(frames, table, task), folder / EPISODES)
     pq.write_table(_tasks(task), folder / "meta/tasks.parquet")
     stats = {key: _stats(values) for key, values in table.items()}
-    for name, document in (("stats", stats), ("info", _info(frames, table, robot))):
+    stats |= {key: video_stats(pixels) for key, (_, pixels) in videos.items()}
+    info = _info(frames, table, robot)
+    info["features"] |= {key: feature for key, (feature, _) in videos.items()}
+    for name, document in (("stats", stats), ("info", info)):
         (folder / f"meta/{name}.json").write_text(json.dumps(document, indent=4), encoding="utf-8")
     return _told(frames)
 
@@ -90,6 +95,9 @@ def _episodes(frames: Frames, table: Table, task: str) -> pa.Table:
         rows.append(
             {"episode_index": episode, "tasks": [task], "length": length, "data/chunk_index": 0, "data/file_index": 0}
             | {"dataset_from_index": begin, "dataset_to_index": begin + length}
+            | {f"videos/{video.camera}/{name}": 0 for video in frames.videos for name in ("chunk_index", "file_index")}
+            | {f"videos/{video.camera}/from_timestamp": begin / frames.fps for video in frames.videos}
+            | {f"videos/{video.camera}/to_timestamp": (begin + length) / frames.fps for video in frames.videos}
             | {f"stats/{key}/{name}": value for key, of in stats.items() for name, value in of.items()}
             | {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0}
         )
@@ -121,7 +129,8 @@ def _info(frames: Frames, table: Table, robot: str | None) -> dict[str, Any]:
         **{"codebase_version": VERSION, "robot_type": robot, "fps": frames.fps, "features": features},
         **{"total_episodes": len(frames.lengths), "total_frames": len(frames.times), "total_tasks": 1},
         # The defaults of LeRobot, for what is appended.
-        **{"chunks_size": 1000, "data_files_size_in_mb": 100, "video_files_size_in_mb": 200, "video_path": None},
+        **{"chunks_size": 1000, "data_files_size_in_mb": 100, "video_files_size_in_mb": 200},
+        "video_path": VIDEO if frames.videos else None,
         "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
         "splits": {"train": f"0:{len(frames.lengths)}"},
     }
@@ -134,6 +143,7 @@ def _told(frames: Frames) -> str:
         f"{frames.fps} Hz, of the {frames.lead_s:.1f} s of {frames.span_s:.1f} s in which the leader led",
         *([f"{frames.held} missing ticks repeat the tick before"] if frames.held else []),
         *(["the gripper is in radians, since the recording does not tell its range"] if "gripper.rad" in names else []),
-        "no pictures, since recordings hold none",
+        *(f"pictures of {video.camera.rpartition('.')[2]}" for video in frames.videos),
+        *([] if frames.videos else ["no pictures, since the recording holds none"]),
     ]
     return "; ".join(parts)

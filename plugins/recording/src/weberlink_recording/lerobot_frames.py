@@ -4,8 +4,9 @@ The two sides run at 1 kHz, a dataset at 30 Hz. Each frame has the newest record
 time since the frame before as flat windows of a fixed length.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import reduce
 from math import ceil
 from typing import Any, NamedTuple
 
@@ -19,9 +20,15 @@ from weberlink.telemetry.record import AXES
 from weberlink_recording.session import RecordedSession
 
 Numbers = NDArray[np.float32]
+Stretches = list[tuple[float, float]]
+"""Begins and ends, in order of time."""
 
 LONGEST_GAP_S = 0.1
 """A side without records for longer than this ends an episode [s]; the value before a shorter gap is held."""
+CONTACT_N = 0.05
+"""A force above this is one of a contact [N]."""
+LONGEST_UNSEEN_S = 1.0
+"""Cameras without a picture for longer than this end an episode too [s]."""
 LEAST_FRAMES = 2
 """A shorter stretch becomes no episode."""
 
@@ -36,6 +43,14 @@ class Feature:
 
 
 @dataclass(frozen=True)
+class Video:
+    """The picture of a camera for each frame: the newest one that was taken by then, as JPEG."""
+
+    camera: str
+    jpegs: tuple[bytes, ...]
+
+
+@dataclass(frozen=True)
 class Frames:
     """The frames of all episodes, one after the other.
 
@@ -47,6 +62,7 @@ class Frames:
         lead_s: time in which the leader led the follower; only this becomes frames [s].
         span_s: length of the session [s].
         held: records that were missing within an episode, and replaced by the one before.
+        videos: of each camera that gave pictures.
     """
 
     fps: int
@@ -56,6 +72,7 @@ class Frames:
     lead_s: float
     span_s: float
     held: int
+    videos: tuple[Video, ...] = ()
 
 
 class _Signal(NamedTuple):
@@ -106,7 +123,7 @@ def frames_of(session: RecordedSession, fps: int, gripper_rad: tuple[float, floa
         raise NoFramesError(f"holds the {side}'s side alone; give the recording of the other side of the session too")
     # As many ticks as the longest frame has, so that consecutive windows leave none out.
     per_frame = ceil(session.layout.rate_hz / fps - 1e-9)
-    leads = list(_common([_leads(records) for records in session.sides.values()]))
+    leads: Stretches = reduce(_common, [*map(_leads, session.sides.values()), *_seen(session)])
     frame_times = [times for lead in leads if len(times := _frame_times(session, lead, per_frame, fps)) >= LEAST_FRAMES]
     if not frame_times:
         raise NoFramesError(
@@ -116,7 +133,8 @@ def frames_of(session: RecordedSession, fps: int, gripper_rad: tuple[float, floa
     windows = {
         side: _windows(records, times, per_frame, session.layout.rate_hz) for side, records in session.sides.items()
     }
-    features = tuple(_features(session, windows, gripper_rad))
+    videos, ages = _videos(session, times)
+    features = (*_features(session, windows, gripper_rad), *_contact(session, windows), *ages)
     for feature in features:
         if not np.isfinite(feature.values).all():
             raise NoFramesError(f"its values for {feature.key} are not all finite; not written by a daemon")
@@ -128,11 +146,12 @@ def frames_of(session: RecordedSession, fps: int, gripper_rad: tuple[float, floa
         features=features,
         lead_s=sum(end - begin for begin, end in leads),
         span_s=max(float(records["at"][-1]) for records in session.sides.values()) - first,
+        videos=tuple(videos),
         held=sum(_missing(records, each) for each in frame_times for records in session.sides.values()),
     )
 
 
-def _leads(records: Records) -> list[tuple[float, float]]:
+def _leads(records: Records) -> Stretches:
     """The stretches in which a side was in session and nothing was faded, approached or released: begin and end."""
     is_led = (records["state"] == State.ENGAGED.value) & (records["ramping"] == 0)
     at = records["at"]
@@ -145,14 +164,24 @@ def _leads(records: Records) -> list[tuple[float, float]]:
     return [(float(at[begin]), float(at[end])) for begin, end in zip(begins, ends, strict=True)]
 
 
-def _common(sides: Sequence[list[tuple[float, float]]]) -> Iterator[tuple[float, float]]:
+def _seen(session: RecordedSession) -> Iterator[Stretches]:
+    """For each camera, the stretches of time in which it gave pictures: begin and end."""
+    for camera in sorted({picture.camera for picture in session.pictures}):
+        at = np.array([picture.at for picture in session.pictures if picture.camera == camera])
+        cuts = np.flatnonzero(np.diff(at) > LONGEST_UNSEEN_S)
+        begins, ends = np.concatenate(([0], cuts + 1)), np.concatenate((cuts, [len(at) - 1]))
+        yield [(float(at[begin]), float(at[end])) for begin, end in zip(begins, ends, strict=True)]
+
+
+def _common(one: Stretches, other: Stretches) -> Stretches:
     """The intervals that two sorted lists have in common."""
-    ours, theirs = map(list, sides)
+    common, ours, theirs = [], list(one), list(other)
     while ours and theirs:
         begin, end = max(ours[0][0], theirs[0][0]), min(ours[0][1], theirs[0][1])
         if begin < end:
-            yield begin, end
+            common.append((begin, end))
         (ours if ours[0][1] <= theirs[0][1] else theirs).pop(0)
+    return common
 
 
 def _frame_times(session: RecordedSession, lead: tuple[float, float], per_frame: int, fps: int) -> NDArray[np.float64]:
@@ -201,6 +230,28 @@ def _features(
         per_frame = places.shape[1]
         flat = values[places].reshape(len(places), -1)
         yield Feature(signal.window, tuple(f"{name}.{tick}" for tick in range(per_frame) for name in names), flat)
+
+
+def _contact(session: RecordedSession, windows: dict[str, Any]) -> Iterator[Feature]:
+    """For each tick of a frame, whether the robot touched something; of a robot whose tip is led."""
+    if session.layout.arm is None:
+        touches = np.linalg.norm(session.slave["raw"], axis=1) > CONTACT_N
+        places = windows["slave"]
+        values = touches[places].astype(np.float32)
+        yield Feature("observation.contact_window", tuple(f"contact.{tick}" for tick in range(places.shape[1])), values)
+
+
+def _videos(session: RecordedSession, times: NDArray[np.float64]) -> tuple[list[Video], list[Feature]]:
+    """The pictures of each camera for the frames, and how old each is at its frame [s]."""
+    videos, ages = [], []
+    for camera in sorted({picture.camera for picture in session.pictures}):
+        own = [picture for picture in session.pictures if picture.camera == camera]
+        taken = np.array([picture.at for picture in own])
+        newest = np.searchsorted(taken, times, side="right") - 1
+        name = "".join(letter if letter.isalnum() else "_" for letter in camera)
+        videos.append(Video(f"observation.images.{name}", tuple(own[place].jpeg for place in newest.tolist())))
+        ages.append(Feature(f"session.age.{name}", ("age_s",), (times - taken[newest]).astype(np.float32)[:, None]))
+    return videos, ages
 
 
 def _angles(

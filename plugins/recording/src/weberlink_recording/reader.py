@@ -48,6 +48,7 @@ from weberlink_recording.container import (
     uniform,
 )
 from weberlink_recording.marks import JOURNAL_TOPIC, MARK_SCHEMA, MARK_TOPIC, Mark, read_mark, shortened
+from weberlink_recording.pictures import PICTURE_SCHEMA, PICTURE_TOPIC, RecordedPicture, read_picture
 from weberlink_recording.verified import Verified, verify
 
 Parsed = TypeVar("Parsed")
@@ -109,9 +110,12 @@ class Content:
 
     Args:
         size: of the file [bytes], which bounds what it may unpack to.
+        with_pictures: whether to take pictures too, which may fill the memory.
     """
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, size: int, *, with_pictures: bool = False) -> None:
+        self._with_pictures = with_pictures
+        self.pictures: list[RecordedPicture] = []
         self._left = UNPACKED_LEAST + UNPACKED_FACTOR * size
         self.metadata: dict[str, dict[str, str]] = {}
         self.origins: dict[str, Origin] = {}
@@ -123,7 +127,7 @@ class Content:
         self._sides: dict[int, tuple[str, np.dtype[np.void]]] = {}
         self._layouts: dict[str, np.dtype[np.void]] = {}
         self._logs: dict[int, str] = {}
-        """Topics of marks and journal, by channel."""
+        """Topics of marks, journal and pictures, by channel."""
         self._parts: dict[str, list[Rows]] = defaultdict(list)
 
     def take(self, opcode: int, body: bytes) -> None:
@@ -198,6 +202,8 @@ class Content:
         side = SIDES.get(channel.topic)
         if channel.topic in (MARK_TOPIC, JOURNAL_TOPIC) and name == MARK_SCHEMA:
             self._logs[channel.id] = channel.topic
+        elif channel.topic.startswith(PICTURE_TOPIC) and name == PICTURE_SCHEMA:
+            self._logs[channel.id] = PICTURE_TOPIC
         elif side is None:
             self.foreign.setdefault(f"{channel.topic} ({name})")
         else:
@@ -251,6 +257,10 @@ class Content:
             self._parts[side].append(np.ascontiguousarray(own["body"]).view(layout))
 
     def _take_log(self, channel: int, message: bytes) -> None:
+        if self._logs[channel] == PICTURE_TOPIC:
+            with _damaged("a picture"):
+                self.pictures += [read_picture(message[MESSAGE.size :])] if self._with_pictures else []
+            return
         with _damaged("a mark"):
             mark = read_mark(message[MESSAGE.size :])
         if self._logs[channel] == MARK_TOPIC:
@@ -330,6 +340,7 @@ class Recording:
         outcome: "complete", "cut off", or in words what ended the recording.
         marks: that a person set, in order of time.
         journal: what its chain of lines says of itself; None where there is none.
+        pictures: of the robot, in order of time.
     """
 
     path: Path
@@ -341,10 +352,11 @@ class Recording:
     outcome: str
     marks: tuple[Mark, ...] = ()
     journal: Verified | None = None
+    pictures: tuple[RecordedPicture, ...] = ()
 
 
-def read_recording(path: str | Path) -> Recording:
-    """Read a file to its end, or to where it is cut off or damaged.
+def read_recording(path: str | Path, *, with_pictures: bool = False) -> Recording:
+    """Read a file to its end, or to where it is cut off or damaged; its pictures only where they are asked for.
 
     Raises:
         RecordingError: it cannot be opened, is something else, or nothing of a recording is left.
@@ -358,7 +370,7 @@ def read_recording(path: str | Path) -> Recording:
             if begin != MAGIC:
                 is_what = f"is no MCAP file, it begins with {begin!r}" if begin else "is empty"
                 raise RecordingError(f"{path}: {is_what}; expected a recording, an MCAP file")
-            content = Content(size := os.fstat(file.fileno()).st_size)
+            content = Content(size := os.fstat(file.fileno()).st_size, with_pictures=with_pictures)
             fault = _take_all(file, size, content)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}; expected a recording") from None
@@ -376,6 +388,7 @@ def read_recording(path: str | Path) -> Recording:
         records={side: content.records(side) for side in TOPICS if side in content.origins},
         marks=tuple(sorted(content.marks)),
         journal=_journal(content.journal, end.get(JOURNAL)),
+        pictures=tuple(sorted(content.pictures)),
         complete=outcome == COMPLETE and not any(lost.values()),
         lost=lost,
         outcome=outcome,

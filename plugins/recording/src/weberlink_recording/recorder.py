@@ -26,6 +26,7 @@ from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.recorders import COMPLETE
 from weberlink.telemetry.ring import RingFormatError
 from weberlink_recording.marks import Mark, shortened
+from weberlink_recording.pictures import PictureSource, RecordedPicture
 from weberlink_recording.writer import RecordingWriter
 
 if TYPE_CHECKING:
@@ -165,6 +166,7 @@ class RingRecorder:
     def __init__(self, order: RecordingOrder) -> None:
         self._order = order
         self._sources = [RingSource(side, path, order.since) for side, path in order.rings.items()]
+        self._pictures = [PictureSource(path) for path in order.rings.values()]
         self._clock: tuple[float, float] | None = None
         self._told: list[str] = []
         """Why to finish: outcomes."""
@@ -203,6 +205,8 @@ class RingRecorder:
         """Close the rings, and the file if it is not finished."""
         for source in self._sources:
             source.close()
+        for pictures in self._pictures:
+            pictures.close()
         if self.writer is not None:
             with suppress(OSError):  # what is wrong with the file is the outcome by now
                 self.writer.close(outcome)
@@ -220,6 +224,9 @@ class RingRecorder:
                     self._unnoted.append((source, records))
             self.writer.flush()
             self._note()
+            for picture in (picture for source in self._pictures for picture in source.read()):
+                if picture.at >= (self._order.since or 0.0):
+                    self.writer.picture(RecordedPicture(self._wall_ns(picture.at), picture.camera, picture.jpeg))
             for mark in self._marks:
                 self.writer.mark(self._dated(mark))
             self._marks.clear()
@@ -245,9 +252,12 @@ class RingRecorder:
 
     def _dated(self, mark: dict[str, Any]) -> Mark:
         """A mark on the wall clock, as the records are."""
+        return Mark(self._wall_ns(mark["at"]), shortened(mark["mark"]))
+
+    def _wall_ns(self, at: float) -> int:
         assert self._clock is not None
-        (wall_ns,) = Origin("master", 0.0, *self._clock).log_times_ns(np.array([mark["at"]]))
-        return Mark(int(wall_ns), shortened(mark["mark"]))
+        (wall_ns,) = Origin("master", 0.0, *self._clock).log_times_ns(np.array([at]))
+        return int(wall_ns)
 
     def _announce(self, source: RingSource) -> None:
         ring = source.ring

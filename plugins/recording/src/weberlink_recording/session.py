@@ -3,7 +3,7 @@
 Two hosts record on two clocks. The records of the slave contain the time of the master at every tick.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -44,6 +44,14 @@ class SessionMark(NamedTuple):
     text: str
 
 
+class SessionPicture(NamedTuple):
+    """A picture, on the clock of the session [s], its camera, and the JPEG."""
+
+    at: float
+    camera: str
+    jpeg: bytes
+
+
 @dataclass(frozen=True)
 class RecordedSession:
     """Both sides of a session; a side that was not recorded is empty.
@@ -59,6 +67,7 @@ class RecordedSession:
     slave: Records
     layout: Layout
     marks: tuple[SessionMark, ...] = ()
+    pictures: tuple[SessionPicture, ...] = ()
 
     @property
     def sides(self) -> dict[str, Records]:
@@ -112,19 +121,25 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
         _check_overlap(found[MASTER][1], slave, found)
         master = found[MASTER][1]["at"]  # the slave may have been alone for days
         found[SLAVE] = (found[SLAVE][0], _between(slave, master[0] - MARGIN_S, master[-1] + MARGIN_S))
-    empty = np.empty(0, DTYPE)
+    empty, clocks = np.empty(0, DTYPE), [(each, _clock(each, found, original)) for each in recordings]
     return RecordedSession(
         master=found[MASTER][1] if MASTER in found else empty,
         slave=found[SLAVE][1] if SLAVE in found else empty,
         layout=_layout(reference, rate),
-        marks=tuple(sorted(mark for recording in recordings for mark in _marks(recording, found, original))),
+        marks=tuple(sorted(SessionMark(at(mark.wall_ns), mark.text) for each, at in clocks for mark in each.marks)),
+        pictures=tuple(
+            sorted(
+                SessionPicture(at(one.wall_ns), one.camera, one.jpeg) for each, at in clocks for one in each.pictures
+            )
+        ),
     )
 
 
-def _marks(
+def _clock(
     recording: Recording, found: dict[str, tuple[Recording, Records]], original: dict[str, Records]
-) -> list[SessionMark]:
-    """The marks of a file on the clock of the session: those of a slave's own file move with its records."""
+) -> Callable[[int], float]:
+    """What maps the wall clock of a file [ns] to the clock of the session [s]: of a slave's own file it moves with its
+    records."""
     side = next(iter(recording.origins))
     origin = recording.origins[side]
     offset = 0.0
@@ -133,10 +148,7 @@ def _marks(
         same = int(np.searchsorted(original[side]["tick"], moved["tick"][0]))
         offset = float(moved["at"][0] - original[side]["at"][same])
     wall_ns = round(origin.wall_s * 1e9)
-    return [
-        SessionMark((mark.wall_ns - wall_ns) * 1e-9 + origin.monotonic_s + offset, mark.text)
-        for mark in recording.marks
-    ]
+    return lambda at: (at - wall_ns) * 1e-9 + origin.monotonic_s + offset
 
 
 def _layout(recording: Recording, rate_hz: float) -> Layout:

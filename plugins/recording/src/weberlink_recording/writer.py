@@ -20,6 +20,7 @@ from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.recorders import COMPLETE
 from weberlink_recording.container import END, FACTS, JOURNAL, QOS, McapFile, framed, metadata_of
 from weberlink_recording.marks import JOURNAL_TOPIC, MARK_DEFINITION, MARK_SCHEMA, MARK_TOPIC, Mark, pack_mark
+from weberlink_recording.pictures import PICTURE_DEFINITION, PICTURE_SCHEMA, RecordedPicture, pack_picture, topic_of
 
 CHUNK_RECORDS = 4096
 """A chunk is written when it holds so many records, or earlier by `flush`."""
@@ -45,8 +46,8 @@ class RecordingWriter:
         self._lost: Counter[str] = Counter()
         self._schema: int | None = None
         self._logs: dict[str, int] = {}
-        """Channels of marks and journal by topic."""
-        self._log_schema = 0
+        """Channels of marks, journal and pictures by topic."""
+        self._log_schema = self._picture_schema = 0
         self._chain = Chain()
         self._pending: list[Rows] = []
         self._error: OSError | None = None
@@ -133,6 +134,17 @@ class RecordingWriter:
             channel, body = self._logs[topic], pack_mark(mark)
             count = self._file.messages[channel]
             self._file.add_chunk(framed(channel, count, mark.wall_ns, np.array([body], f"V{len(body)}")))
+
+    def picture(self, picture: RecordedPicture) -> None:
+        """Write a picture of the robot."""
+        topic = topic_of(picture.camera)
+        with self._writing():
+            if topic not in self._logs:
+                self._picture_schema = self._picture_schema or self._file.add_schema(PICTURE_SCHEMA, PICTURE_DEFINITION)
+                self._logs[topic] = self._file.add_channel(topic, self._picture_schema, QOS)
+            channel, body = self._logs[topic], pack_picture(picture)
+            row = framed(channel, self._file.messages[channel], picture.wall_ns, np.array([body], f"V{len(body)}"))
+            self._file.add_chunk(row, is_packed=True)
 
     def journal(self, wall_ns: int, document: Mapping[str, Any]) -> None:
         """Write the next line of the journal; its moment on the wall clock is that of its event."""

@@ -13,9 +13,7 @@ from weberlink.master.trace import Trace
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import UpdateLayout
 from weberlink_studies.evaluate.replay import signal_of
-from weberlink_studies.evaluate.study import (
-    evaluate,
-)
+from weberlink_studies.evaluate.study import evaluate
 from weberlink_studies.frame import Row
 
 PREDICTORS = ("zoh", "plane", "hybrid")

@@ -10,13 +10,7 @@ from hypothesis import strategies as st
 
 from plugins.studies.tests.experiment.studies import Robot, conduct
 from tests.examples import examples
-from weberlink_studies.experiment.ledger import (
-    LedgerError,
-    SubjectProgress,
-    TrainingDone,
-    opened,
-    read,
-)
+from weberlink_studies.experiment.ledger import LedgerError, SubjectProgress, TrainingDone, opened, read
 
 DATA = Path(__file__).parent
 

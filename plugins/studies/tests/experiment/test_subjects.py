@@ -62,8 +62,7 @@ def test_wrong_answers_are_asked_again(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "level"),
-    [(0.0, 5.0), (0.1, 5.0), (0.3, 4.0), (0.75, 2.0), (1.125, 0.5), (9.0, 0.0)],
+    ("error", "level"), [(0.0, 5.0), (0.1, 5.0), (0.3, 4.0), (0.75, 2.0), (1.125, 0.5), (9.0, 0.0)]
 )
 def test_levels_are_linear_between_references(error: float, level: float) -> None:
     assert level_of(error, [(0.1, 5), (0.5, 3), (1.0, 1)]) == pytest.approx(level)

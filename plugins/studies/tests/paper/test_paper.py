@@ -5,16 +5,7 @@ from math import nan
 import pytest
 from pandas import DataFrame
 
-from weberlink_studies.paper.claims import (
-    FAILS,
-    HOLDS,
-    NO_CLAIM,
-    PREDICTORS,
-    TOO_EASY,
-    UNMEASURED,
-    judge,
-    verdict,
-)
+from weberlink_studies.paper.claims import FAILS, HOLDS, NO_CLAIM, PREDICTORS, TOO_EASY, UNMEASURED, judge, verdict
 
 RATES = {"zoh": 40.0, "linear": 30.0, "plane": 20.0, "sphere": 44.0, "hybrid": 16.0}
 WEBERS = (0.05, 0.1, 0.2)

@@ -4,13 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from weberlink_studies.stability.cells import (
-    EXTREMES,
-    FAMILIES,
-    SCHEMES,
-    SystemCell,
-    cells,
-)
+from weberlink_studies.stability.cells import EXTREMES, FAMILIES, SCHEMES, SystemCell, cells
 from weberlink_studies.stability.study import judge
 
 

@@ -6,15 +6,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from weberlink_studies.stability.measured_wall import (
-    measured_limit,
-)
-from weberlink_studies.stability.wall import (
-    Grip,
-    SampledWall,
-    gain_limit,
-    stability_limit,
-)
+from weberlink_studies.stability.measured_wall import measured_limit
+from weberlink_studies.stability.wall import Grip, SampledWall, gain_limit, stability_limit
 
 masses = st.floats(-3.0, 1.0).map(lambda exponent: 10.0**exponent)
 dampings = st.floats(-1.3, 1.7).map(lambda exponent: 10.0**exponent)

@@ -37,6 +37,7 @@ IDLE_LOOK_S: Final = 0.02
 CLASS: Final = 8
 """Class of service of pictures: lower than that of all other traffic (CS1, RFC 8325)."""
 AGREEMENT: Final = {"pictures": 1}
+STREAM: Final = "pictures"
 
 
 def watching_keys(keys: Iterable[HeldKey]) -> list[HeldKey]:
@@ -83,6 +84,7 @@ class Carrier:
         self._sender, self._receiver = Sender(self._options.most_kbit_s * 1e3), Receiver()
         self._cameras: list[str] = []
         self.ended = asyncio.Event()
+        self._no_path = ""
 
     def _build(self) -> Endpoint:
         link = self._configuration.system.link
@@ -124,13 +126,14 @@ class Carrier:
         """Carry until `ended`; returns why the other end does not want pictures, or ""."""
         link, listens = self._configuration.system.link, self._side == SLAVE
         with ExitStack() as stack:
-            paths = stack.enter_context(finding(self._configuration, self._finder, take_over=False))
+            paths = stack.enter_context(finding(self._configuration, self._finder, take_over=True, stream=STREAM))
             shell = UdpShell(
                 self.endpoint,
                 now=monotonic,
                 listen=self._address(link.listen) if listens else ("", 0),
                 dscp=CLASS,
                 paths=paths,
+                on_no_path=self._on_no_path,
             )
             loop = asyncio.get_running_loop()
             await shell.open(loop)
@@ -143,6 +146,8 @@ class Carrier:
             self.endpoint.connect(monotonic())
             while not self.ended.is_set():
                 shell.service()
+                if self._no_path:
+                    return self._no_path
                 while (event := self.endpoint.next_event()) is not None:
                     if isinstance(event, Refused | TakenOver) and not listens:
                         return event.message if isinstance(event, Refused) else f"{event.name} watches now"
@@ -153,6 +158,9 @@ class Carrier:
                 await asyncio.sleep(IDLE_LOOK_S if self.endpoint.clock.rtt is None else LOOK_S)
             self.endpoint.close(monotonic(), "the session ends")
         return ""
+
+    def _on_no_path(self, why: str) -> None:
+        self._no_path = why
 
     def _on_event(self, event: Event) -> None:
         now = monotonic()

@@ -236,6 +236,11 @@ LATENCY_RULE = 'KERNEL=="cpu_dma_latency", GROUP="dialout", MODE="0660"'
 LATENCY_RULES_FILE = "/etc/udev/rules.d/48-weberlink-latency.rules"
 PUNCTUAL, LATE = 0.25, 1.0
 """Shares of a period: the 99th percentile of lateness should stay below the first, and must below the second."""
+OTHER_LOAD = "fix the problems above first; then look for other load: top -H -d 1"
+RATES_HZ = (4000.0, 2000.0, 1000.0)
+"""Rates at which a session is tried, from the highest to the first that this machine holds."""
+TOLERATED = 0.01
+"""Share of ticks that may be missed, or of processor time that the host may take."""
 FIRST_PERSON = 1000
 """User ids below are those of the system (Debian, login.defs)."""
 ROOM = 4
@@ -271,7 +276,26 @@ def rights(machine: Machine, needs: Needs) -> Iterator[Finding]:
         yield ok(found, "punctuality")
     else:
         grade = problem if lateness["p99"] > LATE * needs.period_us else advice
-        yield grade(found, "fix the problems above first; then look for other load: top -H -d 1", "punctuality")
+        yield grade(found, OTHER_LOAD, "punctuality")
+
+
+@check("rights", "rate", OTHER_LOAD)
+def rate(machine: Machine, needs: Needs) -> Finding:
+    """The highest rate at which both ends of a session are punctual on this machine."""
+    settings: dict[str, object] = {
+        f"realtime.{name}": getattr(needs, name) for name in ("priority", "lock_memory", "wakeful", "busy_poll")
+    }
+    if needs.cpus is not None and set(needs.cpus) <= machine.affinity():
+        settings["realtime.cpus"] = needs.cpus
+    for rate_hz in sorted({*RATES_HZ, needs.rate_hz}, reverse=True):
+        trial = machine.session_trial(settings | {"rate_hz": rate_hz})
+        if trial.failure is not None:
+            raise Unreadable(trial.failure)
+        found = f"late p99 {trial.p99_us:.0f} us, {100 * trial.missed:.2f} % of ticks missed"
+        if trial.missed <= TOLERATED and trial.p99_us <= PUNCTUAL * 1e6 / rate_hz:
+            found = f"both ends of a session hold {rate_hz:g} Hz here: {found}"
+            return ok(found) if rate_hz >= needs.rate_hz else advice(found, f"in the file: rate_hz: {rate_hz:g}")
+    return advice(f"a session is not punctual here at any rate; at {rate_hz:g} Hz: {found}")
 
 
 def refusal(trial: RightsTrial, name: str) -> str:
@@ -340,8 +364,6 @@ def _idle_latency(machine: Machine, needs: Needs, trial: RightsTrial) -> Finding
 
 # --- the host of a virtual machine
 
-TOLERATED = 0.01
-"""Share of ticks, or of processor time, that the host may take."""
 LATENESS_MARGIN = 0.05
 """Difference of the 99th percentiles of lateness that counts, as a share of a tick."""
 STEAL_MARGIN = 0.02

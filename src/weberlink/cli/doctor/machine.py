@@ -20,7 +20,7 @@ from typing import Any
 
 from weberlink.cli.devices import DriverStatus, survey
 from weberlink.cli.doctor import trial
-from weberlink.cli.doctor.trial import HostTrial, RightsTrial, run_child
+from weberlink.cli.doctor.trial import HostTrial, RightsTrial, SessionTrial, run_child
 from weberlink.compiled import is_compiled
 
 LOOK_UP_LIMIT_S = 3.0
@@ -104,6 +104,10 @@ class Machine:
     def host_trial(self, **request: Any) -> HostTrial:
         """Run that trial in a child process; a failure is in the result."""
         return run_child(trial.__name__, HostTrial, "host", request)
+
+    def session_trial(self, settings: Mapping[str, object]) -> SessionTrial:
+        """Run that trial in a child process; a failure is in the result."""
+        return run_child(trial.__name__, SessionTrial, "session", {"settings": dict(settings)})
 
     def affinity(self) -> frozenset[int]:
         """Processors that this process may run on."""

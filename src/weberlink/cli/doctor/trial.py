@@ -1,8 +1,10 @@
-"""Trials in child processes: what the kernel grants a daemon of this user, and what the host of a machine takes.
+"""Trials in child processes: what the kernel grants a daemon of this user, what the host of a machine takes, and how
+punctual a session is at a rate.
 
 The first child imports the same modules and makes the same calls as a daemon, then wakes up at its rate for half a
-second. The second wakes up on each processor, with processors kept awake and not, in turns. Run as a program, this file
-is such a child: the name of a trial and its arguments as JSON on the command line, a JSON result on standard output.
+second. The second wakes up on each processor, with processors kept awake and not, in turns. The third runs a session of
+two simulated ends. Run as a program, this file is such a child: the name of a trial and its arguments as JSON on the
+command line, a JSON result on standard output.
 """
 
 import json
@@ -10,7 +12,7 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from math import ceil
 from pathlib import Path
@@ -44,6 +46,7 @@ STRETCH_S = 0.3
 """Of each stretch: some hundred wake-ups of each processor, and 2.4 s in total."""
 LEAD_S = 0.01
 """From the start of the threads to the first deadline."""
+SESSION_S = 1.0
 AWAKE_US = 0
 """Latency that keeps processors out of all idle states."""
 
@@ -66,6 +69,15 @@ class HostTrial:
     asleep: list[Stretch] = field(default_factory=list)  # processors may enter idle states
     awake: list[Stretch] = field(default_factory=list)  # as many, each measured next to one of the others; or none
     not_awake: str | None = None  # why none
+    failure: str | None = None  # why there is no result
+
+
+@dataclass(frozen=True, slots=True)
+class SessionTrial:
+    """Result of a session with both ends on this machine, of the end that was less punctual."""
+
+    p99_us: float = 0.0  # lateness
+    missed: float = 0.0  # share of ticks
     failure: str | None = None  # why there is no result
 
 
@@ -161,6 +173,18 @@ def stretch(processors: Sequence[int], period: float) -> Stretch:
     }
 
 
+def session_trial(settings: Mapping[str, object]) -> SessionTrial:
+    """Run the default session with these settings of its file."""
+    line = python("-m", "weberlink", "loopback", "--duration", f"{SESSION_S:g}", "--json", "-")
+    line += [word for name, value in settings.items() for word in ("--set", f"{name}={json.dumps(value)}")]
+    done = subprocess.run(line, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)  # noqa: S603
+    if not done.stdout:
+        return SessionTrial(failure=(done.stderr.strip().splitlines() or ["a session ended without a report"])[-1])
+    sides = json.loads(done.stdout)["ticks"].values()
+    missed = max(side["missed"] / (side["missed"] + side["count"]) for side in sides)
+    return SessionTrial(max(side["lateness_us"]["p99"] for side in sides), missed)
+
+
 if __name__ == "__main__":
-    TRIALS: dict[str, Callable[..., Any]] = {"rights": rights_trial, "host": host_trial}
+    TRIALS: dict[str, Callable[..., Any]] = {"rights": rights_trial, "host": host_trial, "session": session_trial}
     sys.stdout.write(json.dumps(asdict(TRIALS[sys.argv[1]](**json.loads(sys.argv[2])))))
