@@ -194,6 +194,17 @@ def test_nothing_is_written_while_the_lease_lasts_nor_where_there_is_no_force(wi
         assert not wire.guardian.new_writes()
 
 
+@pytest.mark.parametrize(("stale", "lasts"), [(0.01, LEASE_S), (LONG_S, 2.0 * LONG_S)])
+def test_a_lease_is_twice_the_age_of_a_stale_command_and_no_shorter_than_the_least(
+    wire: Wire, stale: float, lasts: float
+) -> None:
+    given_at = monotonic()
+    wire.guardian.given(given_at, stale)
+    with suppress(BadReply):  # this machine may stall
+        wire.guardian.before(FORCE)
+    assert wire.guardian._words[LEASE] == pytest.approx(1e9 * (given_at + lasts), abs=1e3)
+
+
 def test_stale_force_is_not_written(wire: Wire) -> None:
     wire.guardian.given(monotonic() - 0.02, 0.01)
     with pytest.raises(BadReply, match=r"held up for \d+ ms"):

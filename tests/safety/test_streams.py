@@ -32,6 +32,13 @@ def test_sessions_that_begin_again_give_no_more_motion() -> None:
     assert found.faults[0] == ("silence",) and found.is_back
 
 
+def test_a_robot_that_comes_back_into_a_contact_is_felt() -> None:
+    """Without its heartbeats a robot at rest is unheard again and again, and approaches anew."""
+    found = run("hand, bounded", ((SLAVE, HEARTBEAT),))
+    assert found.alone_ms <= found.limit_ms and found.is_back
+    assert found.faults == (("silence",), ("unheard",))
+
+
 def test_heartbeats_of_one_end_are_not_needed_where_its_updates_pass() -> None:
     found = run("hand, none", ((MASTER, HEARTBEAT),))
     assert (found.stopped_ms, found.is_back) == (float("inf"), True)

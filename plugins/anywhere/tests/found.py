@@ -30,7 +30,7 @@ class End:
             "epoch": monotonic(),
             "outgoing": (forms(3),),
             "incoming": (forms(3),),
-            "silence": 1.0,
+            "silence": 4.0,
             "name": OPERATOR if is_master else ROBOT,
             "peer": peer_address(ROBOT) if is_master else None,
         }

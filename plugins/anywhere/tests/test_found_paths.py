@@ -5,6 +5,7 @@ import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from functools import partial
+from itertools import count
 from time import monotonic
 from types import SimpleNamespace
 
@@ -13,6 +14,7 @@ import pytest
 import uvloop
 
 from plugins.anywhere.tests.found import OPERATOR, ROBOT, End, Middle, bound_socket, connect, engage, send_ticks
+from tests.compiled import replaces_methods
 from tests.protocol.harness import make_endpoint
 from tests.wait import PATIENCE, soon
 from weberlink.protocol import Connected, PeerSilent, Role, State
@@ -167,17 +169,19 @@ async def test_lost_mapping_of_a_nat_is_followed(master: End, slave: End) -> Non
             if tick == 10:
                 middle.change_port()
 
-        await send_ticks(master, 1, 200, change)
-        await until(lambda: slave.ticks()[-1] == 200)
-        host, port = middle.towards[1]
-        await until(lambda: slave.shell.paths[0].remote == f"{host}:{port}")
-        await until(lambda: slave.endpoint.peer == peer_address(OPERATOR))
+        await send_ticks(master, 1, 50, change)
+        followed = "{}:{}".format(*middle.towards[1]), peer_address(OPERATOR)
+        for tick in count(51):  # what comes in a burst from an address that is not validated yet may be dropped
+            if (slave.shell.paths[0].remote, slave.endpoint.peer) == followed and slave.ticks()[-1] > 50:
+                break
+            await send_ticks(master, tick, 1)
         assert slave.shell.paths[0].changes == 1
         assert master.endpoint.statistics.received > before
         assert master.endpoint.state is slave.endpoint.state is State.ENGAGED
         assert len(slave.of(Connected)) == 1
 
 
+@replaces_methods
 def test_the_addresses_that_were_answered_last_are_remembered() -> None:
     """An answer to one of them leaves through the socket that heard it; one that was not answered is not remembered."""
     endpoint, sent = make_endpoint(Role.RESPONDER), []
