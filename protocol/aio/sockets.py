@@ -74,10 +74,10 @@ async def resolve(
     host, port = address
     flags = socket.AI_PASSIVE if passive else 0
     try:
-        if "%" in host:  # an address with its zone, which uvloop would drop; there is nothing to look up
-            flags |= socket.AI_NUMERICHOST
-            found = socket.getaddrinfo(host, port, family, socket.SOCK_DGRAM, flags=flags)
-        else:
+        try:  # a number needs no look-up: uvloop would start four threads for it, with 32 MB of stacks, and drop a zone
+            numeric_host = flags | socket.AI_NUMERICHOST
+            found = socket.getaddrinfo(host or None, port, family, socket.SOCK_DGRAM, flags=numeric_host)
+        except socket.gaierror:
             found = await loop.getaddrinfo(host or None, port, family=family, type=socket.SOCK_DGRAM, flags=flags)
     except socket.gaierror as problem:
         raise OSError(f"{host}:{port} cannot be resolved: {problem.strerror}") from None

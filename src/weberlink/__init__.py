@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from weberlink.codec import Channel, Decoder, Encoder, force_channel, position_channel
     from weberlink.codec.deadband import DEADBANDS, Deadband
     from weberlink.codec.predictors import PREDICTORS, EstimatedPredictor, FittedPredictor, Predictor
-    from weberlink.codec.replay import CodedTick, code
+    from weberlink.codec.replay import Coded, code
     from weberlink.config import Configuration, ConfigurationError, load
     from weberlink.master.trace import Trace, read_trace
     from weberlink.protocol import Endpoint, Role, UpdateLost, UpdateReceived
@@ -26,7 +26,7 @@ __all__ = [
     "PREDICTORS",
     "Channel",
     "Checksum",
-    "CodedTick",
+    "Coded",
     "Configuration",
     "ConfigurationError",
     "Deadband",
@@ -58,7 +58,7 @@ _PLACES = {
     "weberlink.codec": "Channel Decoder Encoder force_channel position_channel",
     "weberlink.codec.deadband": "DEADBANDS Deadband",
     "weberlink.codec.predictors": "PREDICTORS EstimatedPredictor FittedPredictor Predictor",
-    "weberlink.codec.replay": "CodedTick code",
+    "weberlink.codec.replay": "Coded code",
     "weberlink.master.trace": "Trace read_trace",
     "weberlink.protocol": "Endpoint Role UpdateLost UpdateReceived",
     "weberlink.protocol.checksum": "Checksum",

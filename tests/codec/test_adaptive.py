@@ -34,7 +34,7 @@ def bank(*names: str) -> Channel:
 
 
 def sends(channel: Channel, stream: Stream) -> list[int]:
-    return [tick for tick, coded in enumerate(code(channel, stream)) if coded.update is not None]
+    return [tick for tick, update in enumerate(code(channel, stream).updates) if update is not None]
 
 
 # History.
@@ -179,7 +179,7 @@ def ramps() -> Stream:
 def test_what_is_clearly_best_is_in_use(
     names: tuple[str, ...], stream: Callable[[], Stream], best: set[str], least: float
 ) -> None:
-    used = Counter(names[coded.selected] for coded in list(code(bank(*names), stream()))[1000:])
+    used = Counter(names[selected] for selected in code(bank(*names), stream()).selected[1000:])
     assert sum(used[name] for name in best) >= least * used.total(), used
 
 

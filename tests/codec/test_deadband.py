@@ -198,7 +198,7 @@ def test_an_unsent_error_is_at_most_a_level_and_its_hysteresis(f: Vector, g: Vec
 def test_noise_on_a_level_is_not_sent_with_hysteresis(hysteresis: float, expected: int) -> None:
     noise = [(up(2.0 + 0.1 * (-1) ** tick), ZERO) for tick in range(100)]
     channel = force_channel(predictor="zoh", deadband=LevelCrossingDeadband(K, 1.0, pi, hysteresis))
-    assert sum(tick.update is not None for tick in code(channel, noise)) == expected
+    assert sum(update is not None for update in code(channel, noise).updates) == expected
 
 
 # All.

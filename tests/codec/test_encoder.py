@@ -17,7 +17,7 @@ from weberlink.codec.predictors.estimation import Candidate, EncodeContext, Sign
 from weberlink.codec.predictors.model import Line
 from weberlink.codec.replay import code
 from weberlink.codec.sample import Sample, SampleGrid
-from weberlink.geometry.vector import ZERO, distance
+from weberlink.geometry.vector import ZERO
 from weberlink.update import ModelParameters
 
 
@@ -93,14 +93,14 @@ def test_hybrid_picks_the_predictor_that_was_closest_before_the_update() -> None
 def test_the_coding_loop_yields_what_a_daemon_would_display() -> None:
     channel, stream = force_channel(), contact_stream(5, ticks=300)
     clock = iter(range(10**6))
-    ticks = list(code(channel, stream, stopwatch=lambda: float(next(clock))))
-    for tick, law, (force, _) in zip(ticks, coded(channel, stream), stream, strict=True):
-        assert (tick.update, tick.displayed, tick.bound) == (law.update, law.shown, law.bound)
-        assert tick.error == distance(tick.displayed, force)
-        assert tick.seconds == 1.0
-    late = list(code(channel, stream, delay_ticks=20))
-    assert [tick.update for tick in late] == [tick.update for tick in ticks]
-    assert [tick.displayed for tick in late[:20]] == [ZERO] * 20
+    found, laws = code(channel, stream, stopwatch=lambda: float(next(clock))), list(coded(channel, stream))
+    assert found.updates == [law.update for law in laws]
+    assert found.displayed == [law.shown for law in laws]
+    assert found.bounds == [law.bound for law in laws]
+    assert found.seconds == [1.0] * 300
+    late = code(channel, stream, delay_ticks=20)
+    assert late.updates == found.updates
+    assert late.displayed[:20] == [ZERO] * 20
 
 
 def test_a_deadband_finer_than_the_wire_does_not_hold_a_model() -> None:

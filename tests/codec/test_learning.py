@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 
 from tests.codec.signals import NOISE, Stream
 from tests.examples import examples
+from trials.learned import MOST, SIZE, sample, worst_difference
 from weberlink.codec import Channel, force_channel, position_channel
 from weberlink.codec.predictors.estimation import History, Signal
-from weberlink.codec.predictors.learning import Learned, PathLearner
+from weberlink.codec.predictors.learning import RIDGE, Equations, Learned, PathLearner
 from weberlink.codec.predictors.path import HORIZONS, STEP_S
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale, subtract, unit
 
@@ -178,3 +179,29 @@ def test_it_recovers_from_harm(harm: str) -> None:
         run.follow(before, [0.0 if harm == "no deadband" else inf] * len(before))
     run.assert_finite()
     assert share_missed(run.follow(after), wave, 4.0) < 0.2
+
+
+# Over time.
+
+
+def test_the_sums_of_a_long_run_are_those_of_a_fresh_start() -> None:
+    """Of what is older than thirty time constants nothing is left, rounding errors included; a day is a trial."""
+    assert worst_difference(3, 2000, 50.0) <= MOST
+
+
+def test_a_solution_is_the_least_squares_one() -> None:
+    random, equations = Random(4), Equations(SIZE, 1)
+    for step in range(400):
+        noted, change, weight = sample(random, step)
+        equations.add(noted, [change], weight, 1.0)
+    left = _square(equations.rows[:SIZE])
+    assert equations.solve([RIDGE] * SIZE)
+    expected = np.linalg.solve(np.array(left) + RIDGE * np.eye(SIZE), equations.rows[SIZE][:SIZE])
+    assert equations.solutions[0] == pytest.approx(expected, rel=1e-6)
+    explained = np.dot(expected, equations.rows[SIZE][:SIZE])
+    assert equations.unexplained[0][0] == pytest.approx(equations.rows[SIZE][SIZE] - explained, rel=1e-6)
+
+
+def _square(lower: Sequence[Sequence[float]]) -> list[list[float]]:
+    """The rows of a symmetric matrix, of its lower triangle."""
+    return [[lower[max(i, j)][min(i, j)] for j in range(len(lower))] for i in range(len(lower))]

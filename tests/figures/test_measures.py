@@ -43,7 +43,7 @@ def test_what_the_peer_holds_is_within_the_deadband_of_its_shape_and_factor(shap
     assert scored.figures().to_json()["force"]["coding"]["violation_fraction"] == 0.0
 
     def error(record: Any, weber: float) -> float:
-        deadband = force_deadband(system, weber)
+        deadband = force_deadband(system.codec.force, system.tick_period, weber)
         return deadband.error(tuple(record["decoded"].tolist()), tuple(record["raw"].tolist()))
 
     counted = ran.slave[in_session(ran.slave)]

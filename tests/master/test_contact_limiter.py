@@ -3,14 +3,14 @@
 from collections.abc import Iterable
 from itertools import pairwise
 from math import inf
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.protocol.harness import make_endpoint
 from weberlink.master.gate import FADE, FALL, GRACE, PATIENCE, Bound, ContactLimiter, ContactWatch, OutputGate
+from weberlink.protocol.states import Role
 
 TICK = 1e-3
 MOST, FREE = 10.0, 1.0
@@ -139,9 +139,9 @@ def test_the_bound_falls_in_a_line_to_what_is_free_and_on_to_nothing() -> None:
 
 
 def test_the_force_comes_back_slowly_when_a_contact_is_stated() -> None:
-    endpoint: Any = SimpleNamespace(clock=SimpleNamespace(rtt=0.1))
-    limited, ramp = limiter(), 0.05
-    bound = Bound((MOST,), (inf,), ramp, width=1, contact=ContactWatch(limited, endpoint, (0.1,), 0.0))
+    limited, ramp = ContactLimiter(MOST, FREE, 0.1), 0.05
+    watch = ContactWatch(limited, make_endpoint(Role.INITIATOR), (0.1,), 0.0)
+    bound = Bound((MOST,), (inf,), ramp, width=1, contact=watch)
     gate = OutputGate([bound], ramp=ramp, silence=0.1, fade_share=0.8)
     for _ in range(2):
         gate.fade(engaged=True, age=0.0, step=ramp)

@@ -69,7 +69,7 @@ def overridden(combination: Combination) -> tuple[str, ...]:
 def test_run_is_finite_and_limited_and_within_the_deadband(combination: Combination) -> None:
     settings = configuration(*overridden(combination), file=FILES[combination[-1]])
     limit, force = settings.system.master.limits.force_n, settings.system.codec.force
-    error = force_deadband(settings.system, force.weber).error
+    error = force_deadband(force, settings.system.tick_period, force.weber).error
     simulation = build_simulation(settings)
     felt, unsent = 0.0, 0
     for step in steps(simulation, SECONDS, RATE):

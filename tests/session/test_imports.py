@@ -20,7 +20,7 @@ from weberlink.session.composition.slave import build_robot
 from weberlink.slave.integrators import INTEGRATORS
 
 # Between them these files name every optional part, and each part is left out by another.
-NAMED = ("delay", "lan", "loopback", "phantom", "replay", "rotation")
+NAMED = ("adaptive", "delay", "lan", "loopback", "phantom", "replay", "rotation")
 FILES = (*([str(ARMS)] if HAS_ARMS else []), *(f"{name}.yaml" for name in (*NAMED, "scene-simulated-robot")))
 SIDES = ("master", "slave")
 BUILD = """
@@ -98,8 +98,6 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
     integrator: Any = build_robot(loaded).integrator if simulated else None  # type: ignore[attr-defined]
     follows = slave and robot in ("point", "simulated") and "stiffness_n_m" not in system.slave.robot.options
     builds_device = master or follows  # its stiffness is that of the robot
-    coded = system.codec.position if master else system.codec.force
-    learns = bool({"path", "elastic"} & {coded.predictor, *(coded.bank if coded.predictor == "adaptive" else ())})
     plugged = master and device == "polhem_serial"
     return {
         "cryptography": secured,
@@ -122,7 +120,7 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
         "weberlink.slave.robots.simulated": simulated,
         **{f"weberlink.slave.integrators.{each}": each == integrator for each in INTEGRATORS},
         "mujoco": arms,
-        "numpy": arms or learns or (builds_device and device == "replay"),
+        "numpy": arms or (builds_device and device == "replay"),
         "serial": plugged,
         "weberlink.hardware": plugged,
     }

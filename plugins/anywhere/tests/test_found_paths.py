@@ -14,6 +14,7 @@ import pytest
 import uvloop
 
 from plugins.anywhere.tests.found import OPERATOR, ROBOT, End, Middle, bound_socket, connect, engage, send_ticks
+from tests.compiled import replaces_methods
 from tests.protocol.harness import make_endpoint
 from tests.wait import PATIENCE, soon
 from weberlink.protocol import Connected, PeerSilent, Role, State
@@ -180,6 +181,7 @@ async def test_lost_mapping_of_a_nat_is_followed(master: End, slave: End) -> Non
         assert len(slave.of(Connected)) == 1
 
 
+@replaces_methods
 def test_the_addresses_that_were_answered_last_are_remembered() -> None:
     """An answer to one of them leaves through the socket that heard it; one that was not answered is not remembered."""
     endpoint, sent = make_endpoint(Role.RESPONDER), []

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.compiled import COMPILED
 from tests.program import weberlink
 from tests.session.systems import configuration
 from tests.test_operation import assert_accepted_and_little_exposed, assert_starts_a_command
@@ -41,7 +42,9 @@ def test_they_import_nothing_of_other_guests() -> None:
     told = "import sys, weberlink.cli, weberlink_page.program; print(*sys.modules)"
     there = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True).stdout.split()
     assert "aiohttp" in there
-    assert not [name for name in there if name in OTHERS or (name.startswith("weberlink_") and "page" not in name)]
+    guests = {name for name in there if name.startswith("weberlink_") and "page" not in name} - {COMPILED}
+    assert not guests
+    assert not set(OTHERS) & {*there}
 
 
 def test_the_unit_starts_the_monitor_and_is_little_exposed(tmp_path: Path) -> None:

@@ -7,9 +7,10 @@ import pytest
 
 from plugins.recording.tests.records import noise, origin
 from tests.program import weberlink
-from weberlink.figures.chain import START, Chain, verify
+from weberlink.figures.chain import START, Chain
 from weberlink.session.targets import LogFile
 from weberlink_recording.reader import read_recording
+from weberlink_recording.verified import verify
 from weberlink_recording.writer import RecordingWriter
 
 EVENTS = [{"event": name, "side": "slave", "at_s": 0.1 * number} for number, name in enumerate("abcde")]

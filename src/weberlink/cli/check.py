@@ -213,7 +213,7 @@ def _cost(configuration: Configuration) -> Iterator[str]:
 def _codec_us(channel: Channel) -> float:
     """Median time per tick [us] on a stroke over a soft wall, which sends as often as real contact does."""
     samples = ((force, position) for position, force in map(_stroke, range(SAMPLES)))
-    return median(coded.seconds for coded in code(channel, samples, stopwatch=perf_counter)) * 1e6
+    return median(code(channel, samples, stopwatch=perf_counter).seconds) * 1e6
 
 
 def _scene_us(scene: Scene) -> float:

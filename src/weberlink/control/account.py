@@ -109,14 +109,9 @@ def passivity_limit(
 ) -> float:
     """The stiffness [N/m] up to which a sampled wall and the device that displays it are passive; may be 0.
 
-    b > K (T/2 + t) + |B| with the delay t. For t = 0 it is the bound of Colgate and Schenkel, "Passivity of a class of
-    sampled-data systems: application to haptic interfaces", ACC 1994. Their criterion for any law H,
-
-        b > T/2 / (1 - cos wT) Re((1 - exp(-j wT)) H(exp(j wT)))   at all w,
-
-    gives the rest: a delay of d ticks turns K T/2 into K T/2 sin((2 d + 1) wT/2) / sin(wT/2), at most 2 d + 1 times as
-    much, at w = 0, and the damping into -B cos((d + 1) wT). Both worst cases together may be more than there is at
-    any one frequency, so with delay and damping the bound is on the safe side.
+    b > K (T/2 + t) + |B| with the delay t; for t = 0 it is the bound of Colgate and Schenkel, "Passivity of a class of
+    sampled-data systems: application to haptic interfaces", ACC 1994. From their criterion for any law, delay and
+    damping are each taken at their worst frequency, so with both the bound is on the safe side.
 
     Args:
         damping: b, of device and hand [N s/m], >= 0.

@@ -4,8 +4,6 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from pathlib import Path
-from struct import calcsize
 from typing import Any, NamedTuple
 
 from weberlink.hardware.fault import HardwareFault
@@ -48,7 +46,7 @@ def serial_ports(ids: Iterable[UsbId]) -> list[PluggedDevice]:
     from serial.tools.list_ports import comports  # noqa: PLC0415 - a daemon without a serial device does without
 
     wanted = tuple(ids)
-    return _by_path(
+    return by_path(
         (port.device, port.product or port.description, port.serial_number)
         for port in comports()
         if any(id_.matches(port.vid, port.pid) for id_ in wanted)
@@ -63,7 +61,7 @@ def hid_devices(
     A composite device has several; the usage page, or the usage within it, selects one.
     """
     wanted = tuple(ids)
-    return _by_path(
+    return by_path(
         (entry["path"].decode(errors="replace"), entry.get("product_string"), entry.get("serial_number"))
         for entry in hidapi().enumerate()
         if any(id_.matches(entry["vendor_id"], entry["product_id"]) for id_ in wanted)
@@ -72,50 +70,13 @@ def hid_devices(
     )
 
 
-def input_devices(key: int, root: Path = Path("/sys/class/input")) -> list[PluggedDevice]:
-    """Event devices of the kernel that have a key of this code, by path; none of them is opened."""
-    found = []
-    for entry in root.glob("event*"):
-        device = entry / "device"
-        words = _attribute(device, "capabilities/key").split() or ["0"]  # hexadecimal, the highest first
-        size = 8 * calcsize("l")
-        if sum(int(word, 16) << size * place for place, word in enumerate(reversed(words))) >> key & 1:
-            found.append((f"/dev/input/{entry.name}", _attribute(device, "name"), _attribute(device, "uniq")))
-    return _by_path(found)
-
-
-def usb_devices(ids: Iterable[UsbId], root: Path = Path("/sys/bus/usb/devices")) -> list[PluggedDevice]:
-    """USB devices with one of these identities that a library reaches by libusb, by path; none of them is opened."""
-    wanted = tuple(ids)
-    found = []
-    for entry in root.glob("*"):
-        try:
-            vendor, product, bus, number = (
-                int(_attribute(entry, name), base)
-                for name, base in (("idVendor", 16), ("idProduct", 16), ("busnum", 10), ("devnum", 10))
-            )
-        except ValueError:  # an interface, which has none of these
-            continue
-        if any(id_.matches(vendor, product) for id_ in wanted):
-            path = f"/dev/bus/usb/{bus:03d}/{number:03d}"
-            found.append((path, _attribute(entry, "product"), _attribute(entry, "serial")))
-    return _by_path(found)
-
-
-def _by_path(found: Iterable[tuple[str, str | None, str | None]]) -> list[PluggedDevice]:
+def by_path(found: Iterable[tuple[str, str | None, str | None]]) -> list[PluggedDevice]:
     """Devices of their paths, names and serial numbers; with the problem, where this user may not open one."""
     devices = []
     for path, name, number in sorted(found, key=lambda each: each[0]):
         may = not path.startswith("/dev/") or os.access(path, os.R_OK | os.W_OK)
         devices.append(PluggedDevice(path, name or "", number or "", None if may else permission_advice(path)))
     return devices
-
-
-def _attribute(device: Path, name: str) -> str:
-    try:
-        return (device / name).read_text(encoding="utf-8", errors="replace").strip()
-    except OSError:
-        return ""
 
 
 def only(found: Sequence[PluggedDevice], what: str, option: str) -> PluggedDevice:

@@ -55,6 +55,9 @@ class Stopped(Exception):  # noqa: N818 - an end like any other
 
 def main(text: str) -> int:
     """Run an order; returns the exit status. Errors are one line on standard error."""
+    # Memory is locked: numpy, where a driver needs it, and the look-up of names would hold 100 MB for threads.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.setdefault("UV_THREADPOOL_SIZE", "1")
     order = DaemonOrder.from_json(text)
     die_with_parent(SIGHUP, order.parent)
     try:

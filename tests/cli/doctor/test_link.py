@@ -48,7 +48,7 @@ class MeasuredLink:
             forward=to_slave,
             backward=to_master,
             seed=1,
-            slave={"silence": silence, **slave},
+            slave={"silence": silence, "security": PresharedKey(KEY), **slave},
             offsets=(0.0, 300.0),
             on_tick=self._on_tick,
             every=5,

@@ -14,7 +14,7 @@ from tests.protocol.harness import forms, make_endpoint, sample_update
 from tests.wait import soon
 from weberlink.protocol import Connected, Endpoint, Event, PeerClosed, PeerSilent, Role, State, UpdateReceived
 from weberlink.protocol.aio import AddressInUseError, UdpShell
-from weberlink.protocol.aio.sockets import MOST_S, address_of, name_of
+from weberlink.protocol.aio.sockets import MOST_S, address_of, name_of, resolve
 from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.events import Address
 
@@ -154,6 +154,15 @@ async def test_port_in_use_is_named() -> None:
         for address in (other.getsockname(), slave_shell.address):
             with pytest.raises(AddressInUseError, match=f"127.0.0.1:{address[1]} is in use"):
                 await shell_of(make(Role.RESPONDER), listen=address).open(asyncio.get_running_loop())
+
+
+@pytest.mark.parametrize(("host", "found"), [("127.0.0.1", "127.0.0.1"), ("::1", "::1"), ("", "0.0.0.0")])
+def test_a_numeric_address_is_not_looked_up(host: str, found: str) -> None:
+    """The threads that look names up have stacks of 32 MB, which a daemon locks in memory."""
+    no_loop = asyncio.AbstractEventLoop()
+    assert asyncio.run(resolve(no_loop, (host, 47), socket.AF_UNSPEC, passive=True))[1] == (found, 47)
+    with pytest.raises(NotImplementedError):
+        asyncio.run(resolve(no_loop, ("localhost", 47), socket.AF_UNSPEC, passive=False))
 
 
 @live

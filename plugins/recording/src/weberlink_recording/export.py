@@ -18,7 +18,6 @@ from rich.text import Text
 from weberlink.config import ConfigurationError
 from weberlink.config.document import parse_foreign
 from weberlink.config.errors import require_package
-from weberlink.figures.chain import Verified, verify
 from weberlink.figures.report import session_report
 from weberlink.figures.session import Records
 from weberlink.figures.tree import Figures
@@ -32,6 +31,7 @@ from weberlink_recording.lerobot_frames import NoFramesError, frames_of
 from weberlink_recording.reader import Recording, RecordingError, read_recording
 from weberlink_recording.ros_export import RATE_HZ, write_ros
 from weberlink_recording.session import CONFIGURATION, RecordedSession, put_together, time_axis
+from weberlink_recording.verified import Verified, verify
 
 FORMATS = ("csv", "parquet", "ros", "lerobot")
 ARROW = ("parquet", "lerobot")

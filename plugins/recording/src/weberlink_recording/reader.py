@@ -20,7 +20,6 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata, Schema
 
-from weberlink.figures.chain import Verified, verify
 from weberlink.telemetry.message import (
     ENCAPSULATION,
     MESSAGE_ENCODING,
@@ -50,6 +49,7 @@ from weberlink_recording.container import (
 )
 from weberlink_recording.marks import JOURNAL_TOPIC, MARK_SCHEMA, MARK_TOPIC, Mark, read_mark, shortened
 from weberlink_recording.pictures import PICTURE_SCHEMA, PICTURE_TOPIC, RecordedPicture, read_picture
+from weberlink_recording.verified import Verified, verify
 
 Parsed = TypeVar("Parsed")
 

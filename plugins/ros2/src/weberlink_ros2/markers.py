@@ -76,7 +76,7 @@ def reach_of(scene: Sequence[Shape]) -> float:
     for shape in scene:
         away = hypot(*(shape.get("center_m") or (0.0, 0.0))[:2])
         if shape["shape"] == "box":
-            far = max(far, away + 0.5 * norm(shape["size_m"]))
+            far = max(far, away + 0.5 * hypot(*shape["size_m"]))
         elif shape["shape"] == "sphere":
             far = max(far, away + min(shape["radius_m"], 0.05))
         elif shape.get("heights_m"):
@@ -91,7 +91,8 @@ def _solid(shape: Shape, reach: float) -> Iterator[Any]:
         opacity = HOLLOW if each is not shape or shape.get("carve") or shape.get("inside") else 1.0
         match each["shape"]:
             case "plane":
-                normal = scale(each["normal"], 1.0 / norm(each["normal"]))
+                x, y, z = each["normal"]
+                normal = scale((x, y, z), 1.0 / norm((x, y, z)))
                 depth = sum(n * p for n, p in zip(normal, each["point_m"], strict=True)) - 0.5 * THIN_M
                 size = (2.0 * reach, 2.0 * reach, THIN_M)
                 yield _marker(FIXED_FRAME, CUBE, size, FLOOR, scale(normal, depth), _toward(normal), opacity)

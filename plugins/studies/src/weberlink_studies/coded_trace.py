@@ -35,12 +35,12 @@ class CodedTrace:
 
     def __init__(self, trace: Trace, channel: Channel) -> None:
         self.trace, self.channel = trace, channel
-        ticks = list(code(channel, signal_of(trace).samples))
-        self.displayed_n: Array = np.array([tick.displayed for tick in ticks])
-        self.predicted_n: Array = np.array([tick.predicted for tick in ticks])
-        self.bound_n: Array = np.array([tick.bound for tick in ticks])
-        self.sent = np.array([tick.update is not None for tick in ticks])
-        self.selected = np.array([tick.selected for tick in ticks])
+        coded = code(channel, signal_of(trace).samples)
+        self.displayed_n: Array = np.array(coded.displayed)
+        self.predicted_n: Array = np.array(coded.predicted)
+        self.bound_n: Array = np.array(coded.bounds)
+        self.sent = np.array([update is not None for update in coded.updates])
+        self.selected = np.array(coded.selected)
 
     @property
     def bank(self) -> tuple[str, ...]:

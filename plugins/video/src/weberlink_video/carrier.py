@@ -21,6 +21,7 @@ from weberlink.protocol.events import Connected, Refused, TakenOver, UpdateRecei
 from weberlink.protocol.keys import HeldKey, Right
 from weberlink.protocol.security import Security
 from weberlink.session.composition.link import acquaintance, default_name, held_keys
+from weberlink.session.daemon import emulated_link
 from weberlink.session.key_watch import KeyWatch
 from weberlink.telemetry.pictures import Picture, pack, split
 from weberlink.update import ModelParameters, Update, UpdateForm
@@ -127,9 +128,11 @@ class Carrier:
         link, listens = self._configuration.system.link, self._side == SLAVE
         with ExitStack() as stack:
             paths = stack.enter_context(finding(self._configuration, self._finder, take_over=True, stream=STREAM))
+            emulated = emulated_link(self._side, self._configuration.system, self._epoch)
             shell = UdpShell(
                 self.endpoint,
                 now=monotonic,
+                link=None if emulated is None else emulated.link,
                 listen=self._address(link.listen) if listens else ("", 0),
                 dscp=CLASS,
                 paths=paths,

@@ -17,12 +17,8 @@ from weberlink.control.contract import LEAST_CONTACT, AccountParameters
 from weberlink.control.table import SCHEMES
 
 
-def force_deadband(system: System, weber: float) -> Deadband:
+def force_deadband(force: ForceCodecSettings, tick_period: float, weber: float) -> Deadband:
     """The shape that the file asks for, at a Weber factor that a session may have changed."""
-    return _force_deadband(system.codec.force, system.tick_period, weber)
-
-
-def _force_deadband(force: ForceCodecSettings, tick_period: float, weber: float) -> Deadband:
     settings = force.deadband
     return settings.deadband.configured(
         DeadbandSetup(weber, force.floor_n, force.reference, tick_period, settings.options)
@@ -45,7 +41,7 @@ def measures_in(dump: Mapping[str, Any]) -> Measures | None:
         raise ValueError(f"no settings of a deadband ({error!r})") from None
     if force.deadband.deadband.is_ball:
         return None
-    return lambda weber: _force_deadband(force, tick_period, weber).error
+    return lambda weber: force_deadband(force, tick_period, weber).error
 
 
 def channels(system: System) -> tuple[Channel, Channel]:
@@ -68,7 +64,7 @@ def channels(system: System) -> tuple[Channel, Channel]:
         force_step=force.step_n,
         position_step=position.step_m,
         fit_limits=FitLimits(force.trust.stiffness_n_m, force.trust.radius_m),
-        deadband=force_deadband(system, force.weber),
+        deadband=force_deadband(force, system.tick_period, force.weber),
         smoothing=Smoothing(smoothing) if smoothing else None,
         every_position=SCHEMES[system.control.scheme].reads_position,
         lookahead=_ticks(force.lookahead_ms, system),
@@ -83,11 +79,6 @@ def _common(
     most, period = settings.max_updates_per_s, system.tick_period
     rate = None if most is None else UpdateRate.limited_to(most, period)
     return {"predictor": settings.predictor, "rate": rate, "tick_period": period}
-
-
-def motion_bank(system: System) -> tuple[str, ...]:
-    """Names of the predictors of the position channel or, of an arm, of the angles of its joints."""
-    return streams(system)[0][0].bank
 
 
 def _ticks(length_ms: float, system: System) -> int:
@@ -183,7 +174,7 @@ def felt_deadbands(system: System, weber: float) -> list[Deadband]:
     """Of the force, or of the parts of an arm's torques, at a Weber factor that a session may have changed."""
     joints = system.codec.joints
     if joints is None:
-        return [force_deadband(system, weber)]
+        return [force_deadband(system.codec.force, system.tick_period, weber)]
     channel = _torques(joints.torque, len(joints.names), system, weber)
     return [part.deadband for part in (channel, *channel.more)]
 

@@ -98,7 +98,8 @@ def build_robot(configuration: Configuration) -> Robot:
     options = part.options
     if getattr(options, STATED, 0.0) is None:
         options = options.model_copy(update={STATED: coupling(configuration)})
-    robot: Robot = build_driver("slave.robot", part.driver, options, _scene(system), system.tick_period, contract=Robot)
+    scene = build_scene(configuration)
+    robot: Robot = build_driver("slave.robot", part.driver, options, scene, system.tick_period, contract=Robot)
     check_axes("slave.robot", robot.spec.axes, system)
     force = streams(system)[1][0].value_quantizer.limit
     if robot.spec.force_n > force:
@@ -132,14 +133,9 @@ def build_scene(configuration: Configuration) -> Scene | None:
     """What there is to touch; None where the file names nothing. Raises ConfigurationError if an object of the scene
     cannot be made.
     """
-    return _scene(configuration.system)
-
-
-def _scene(system: System) -> Scene | None:
-    if not system.slave.scene:
-        return None
+    objects = configuration.system.slave.scene
     try:
-        return build(system.slave.scene)
+        return build(objects) if objects else None
     except ValueError as error:
         raise ConfigurationError(f"slave.scene: {error}") from None
 

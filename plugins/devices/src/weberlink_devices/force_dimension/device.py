@@ -7,11 +7,12 @@ from typing import ClassVar
 from pydantic import BaseModel
 
 from weberlink.geometry.vector import cube
-from weberlink.hardware.discovery import PluggedDevice, UsbId, usb_devices
+from weberlink.hardware.discovery import PluggedDevice, UsbId
 from weberlink.hardware.fault import HardwareFault
 from weberlink.master.devices.force_device import force_spec
 from weberlink.master.devices.threaded_device import fingerprint
 from weberlink.registry import Tier
+from weberlink_devices.discovery import usb_devices
 from weberlink_devices.force_dimension.exchange import BAD_REPLIES, USB, DhdExchange
 from weberlink_devices.force_dimension.library import find
 from weberlink_devices.force_dimension.options import ForceDimensionOptions

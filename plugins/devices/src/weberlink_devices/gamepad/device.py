@@ -12,9 +12,10 @@ from evdev import ff
 from pydantic import Field
 
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.hardware.discovery import DeviceLocator, PluggedDevice, input_devices, permission_advice
+from weberlink.hardware.discovery import DeviceLocator, PluggedDevice, permission_advice
 from weberlink.hardware.fault import HardwareFault
 from weberlink.registry import Tier
+from weberlink_devices.discovery import input_devices
 from weberlink_devices.rate_control import WAIT_S, Deflection, RateDevice, RateOptions
 
 NAME = "gamepad"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from weberlink.codec import Channel, Update
 from weberlink.codec.replay import code
-from weberlink.geometry.vector import Vector, distance, norm
+from weberlink.geometry.vector import Vector
 from weberlink.master.trace import Trace
 
 Array = NDArray[np.float64]
@@ -68,44 +68,34 @@ def signal_of(trace: Trace) -> Signal:
 
 def replay(signal: Signal, channel: Channel) -> ReplayResult:
     """Run a signal through the codec of a force channel, on a link without loss and delay."""
-    measure = channel.deadband.error
-    errors: list[float] = []
-    bounds: list[float] = []
-    widened: list[bool] = []
-    deviations: list[float] = errors if channel.deadband.is_ball else []
-    displayed: list[float] = []
-    jumps: list[float] = []
-    before: list[float] = []
-    held: Vector | None = None
-    updates: list[Update] = []
-    times: list[float] = []
-    # Vectors of past ticks are not kept: fresh memory in every tick would slow down what is measured.
-    for (force, _), tick in zip(signal.samples, code(channel, signal.samples, stopwatch=perf_counter), strict=True):
-        times.append(tick.seconds)
-        errors.append(tick.error)
-        bounds.append(tick.bound)
-        widened.append(tick.widened)
-        if deviations is not errors:
-            deviations.append(measure(tick.displayed, force))
-        if tick.update is not None:
-            updates.append(tick.update)
-            if held is not None:
-                jumps.append(distance(tick.displayed, held))
-                before.append(displayed[-1])
-        held = tick.displayed
-        displayed.append(norm(held))
+    coded = code(channel, signal.samples, stopwatch=perf_counter)
+    shown = np.array(coded.displayed)
+    sent = np.array([update is not None for update in coded.updates])
+    errors = deviations = _lengths(shown - signal.force_n)
+    if not channel.deadband.is_ball:
+        measure = channel.deadband.error
+        pairs = zip(coded.displayed, signal.samples, strict=True)
+        deviations = np.array([measure(displayed, force) for displayed, (force, _) in pairs])
+    displayed = _lengths(shown)
+    updates = [update for update in coded.updates if update is not None]
     return ReplayResult(
-        np.array(errors),
-        np.array(bounds),
-        np.array(deviations),
-        np.array(widened),
-        np.array(displayed),
-        np.array(jumps),
-        np.array(before),
+        errors,
+        np.array(coded.bounds),
+        deviations,
+        np.array(coded.widened),
+        displayed,
+        _lengths(np.diff(shown, axis=0)[sent[1:]]),
+        displayed[:-1][sent[1:]],
         updates,
         np.array([update.selector for update in updates], np.int64),
-        1e6 * float(np.median(times)),
+        1e6 * float(np.median(coded.seconds)),
     )
+
+
+def _lengths(vectors: Array) -> Array:
+    x, y, z = vectors.T
+    lengths: Array = np.sqrt(x * x + y * y + z * z)
+    return lengths
 
 
 def _vectors(array: Array) -> list[Vector]:

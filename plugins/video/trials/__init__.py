@@ -1,0 +1,1 @@
+"""How old pictures are on the operator's page, and the force beside them."""
