@@ -55,7 +55,7 @@ from weberlink.protocol.session import LocalEnd, Session
 from weberlink.protocol.states import Role
 from weberlink.protocol.wire import LONGEST_DATAGRAM, Kind
 
-PROTOCOL_VERSION: Final = 5
+PROTOCOL_VERSION: Final = 6
 PADDED_HELLO: Final = 512
 """A HELLO is at least this long, so that an answer with a reason need not be longer than the HELLO."""
 INSTANCE_BYTES: Final = 8

@@ -1,4 +1,4 @@
-"""A session of one stream: its datagrams equal those recorded with protocol 5."""
+"""A session of one stream: its datagrams equal those recorded with protocol 6."""
 
 from hashlib import sha256
 
