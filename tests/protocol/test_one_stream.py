@@ -11,10 +11,10 @@ from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Security
 
 RECORDED = {
-    ("checksum", False): "ab1eafbd06e9e6a8fb52fc6b9b07078ed5fe158beab3b71910dafbaee626a9d8",
-    ("checksum", True): "7213f399c71ec2c7842f46d9bc4370b0122af14e49aea3286858ec0a7f9974ec",
-    ("psk", False): "878e800adde42e976c471c07061ef140e7a0445aabba271de6110b5b2615f874",
-    ("psk", True): "54356ca8627981672b220f009779d1f2a9ce05fd4e06df10511e734a136fc1f7",
+    ("checksum", False): "2338e21e094b0724b923ceb652060d266e294ff05c1d16766ee6b608743e1a25",
+    ("checksum", True): "a2e07ad6cbc0c41527d8721d9355210ca573cf31628fd95bbabb03757bff7809",
+    ("psk", False): "708c298cb7386629979b93f0077a45bc3d7fbda8aeb8bbdbe7a906a70d924871",
+    ("psk", True): "9ea2728917b156d6600ee722ae736a72ec10bef2cf1f81654fdc975285d97655",
 }
 """SHA-256 over all datagrams of the session below, in the order in which they left."""
 
