@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+pytest.importorskip("weberlink_anywhere")
 from plugins.anywhere.tests.namespaces import needs_testbed
 from plugins.anywhere.tests.test_finder import arguments, path_of
 from plugins.anywhere.tests.testbed import CONE, Internet
