@@ -75,8 +75,8 @@ async def resolve(
     flags = socket.AI_PASSIVE if passive else 0
     try:
         try:  # a number needs no look-up: uvloop would start four threads for it, with 32 MB of stacks, and drop a zone
-            numeric_host = flags | socket.AI_NUMERICHOST
-            found = socket.getaddrinfo(host or None, port, family, socket.SOCK_DGRAM, flags=numeric_host)
+            as_number = flags | socket.AI_NUMERICHOST
+            found = socket.getaddrinfo(host or None, port, family, socket.SOCK_DGRAM, flags=as_number)
         except socket.gaierror:
             found = await loop.getaddrinfo(host or None, port, family=family, type=socket.SOCK_DGRAM, flags=flags)
     except socket.gaierror as problem:

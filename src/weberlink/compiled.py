@@ -30,4 +30,4 @@ def build(*, compiled: bool) -> str:
     """One of the two builds in words, and how to get the other one."""
     if compiled:
         return "compiled build (the source instead: WEBERLINK_PURE=1)"
-    return "Python build (compiled, in half the time a tick: a wheel for this platform, or make compiled)"
+    return "Python build (compiled, with less time for a tick: a wheel for this platform, or make compiled)"

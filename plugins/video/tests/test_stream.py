@@ -2,12 +2,16 @@
 
 import heapq
 import random
+from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from weberlink.telemetry.pictures import Picture
+from weberlink_video.hub import Hub
+from weberlink_video.options import MOST_CAMERAS
 from weberlink_video.stream import DEADLINE_S, FORM_BYTES, HEAD, KEPT, MOST_FRAGMENTS, Receiver, Sender
 
 STEP_S = 0.002
@@ -122,3 +126,12 @@ def test_picture_that_stays_incomplete_is_given_up() -> None:
     assert receiver.report(0.1, 0.0)
     receiver.report(DEADLINE_S + 0.2, 0.0)
     assert not receiver._partial
+
+
+def test_cameras_that_the_other_end_names_without_end_are_dropped(tmp_path: Path) -> None:
+    hub = Hub(tmp_path / "hub")
+    for number in range(3 * MOST_CAMERAS):
+        hub.put(Picture(0.0, str(number), b""))
+    hub.put(Picture(1.0, "0", b""))
+    assert list(hub.newest) == [str(number) for number in range(MOST_CAMERAS)]
+    assert hub.newest["0"].at == 1.0

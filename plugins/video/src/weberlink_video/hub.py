@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from weberlink.telemetry.pictures import Picture, pack
+from weberlink_video.options import MOST_CAMERAS
 
 MOST_WAITING: Final = 2**22
 """Of bytes that who reads slowly has not taken; it misses pictures from there on."""
@@ -32,6 +33,8 @@ class Hub:
             os.umask(before)
 
     def put(self, picture: Picture) -> None:
+        if picture.camera not in self.newest and len(self.newest) >= MOST_CAMERAS:
+            return  # the other end names the cameras: names without end would fill the memory
         self.newest[picture.camera] = picture
         data = pack(picture)
         for reader in self._readers:

@@ -11,6 +11,7 @@ from weberlink.config.settings import Settings
 from weberlink_video.jpeg import MOST_PIXELS
 
 PORT: Final = 47_001
+MOST_CAMERAS: Final = 8
 Side = Annotated[int, Field(ge=64, le=MOST_PIXELS, multiple_of=8)]
 
 
@@ -32,7 +33,7 @@ class SourceSettings(Settings):
 class VideoOptions(Settings):
     """Options of `video`."""
 
-    sources: tuple[SourceSettings, ...] = Field(min_length=1, max_length=8, description="the cameras")
+    sources: tuple[SourceSettings, ...] = Field(min_length=1, max_length=MOST_CAMERAS, description="the cameras")
     port: int = Field(
         default=PORT,
         ge=1,
