@@ -35,8 +35,9 @@ class Follower(Approach):
     """Follows commands without a jump, and says how much of what is felt there may be shown.
 
     After an engagement it approaches the command at a limited speed, and follows it without delay once it is there.
-    Until then the measured force does not belong to what the operator does, so none of it is shown; afterwards it fades
-    in. When it is released it holds, and the force fades out.
+    Until then none of the measured force is shown, as it does not belong to what the operator does, but that of a
+    contact: nobody may be pressed on unfelt. So it fades in, there or in a contact. When it is released it holds, and
+    the force fades out.
 
     Args:
         start: what to hold until it is told otherwise.
@@ -48,10 +49,11 @@ class Follower(Approach):
 
     Attributes:
         share: of what is felt that may be shown now, 0..1.
+        touches: whether it is in a contact.
         clipped: whether the last command was bounded while following.
     """
 
-    __slots__ = ("_ramp", "clipped", "share")
+    __slots__ = ("_ramp", "clipped", "share", "touches")
 
     def __init__(
         self,
@@ -67,7 +69,7 @@ class Follower(Approach):
         super().__init__(start, widths, (speed,) * count, (approach_speed,) * count, step_toward=step_toward)
         self._ramp = ramp
         self.share = 0.0
-        self.clipped = False
+        self.clipped = self.touches = False
 
     @property
     def ramping(self) -> bool:
@@ -85,7 +87,7 @@ class Follower(Approach):
 
     def hold(self, step: float) -> Joints:
         """The command of a tick in which nobody leads: the last one."""
-        self.arrived = self.clipped = False
+        self.arrived = self.clipped = self.touches = False
         self.share = max(0.0, self.share - step / self._ramp)
         return self.held
 
@@ -93,7 +95,8 @@ class Follower(Approach):
         """The command of a tick in session: the one given, bounded by the speed."""
         held = self.advance(commanded, step)
         share = step / self._ramp
-        self.share = min(1.0, self.share + share) if self.arrived else max(0.0, self.share - share)
+        is_shown = self.arrived or self.touches
+        self.share = min(1.0, self.share + share) if is_shown else max(0.0, self.share - share)
         self.clipped = self.arrived and held != commanded
         return held
 
@@ -195,9 +198,10 @@ class PressLimit:
 
     Attributes:
         reach: how far the command may lie beyond the robot.
+        touches: whether the force of the last call was a contact.
     """
 
-    __slots__ = ("_contact", "_held", "_left", "_out", "_retreats_from", "_step", "_where", "reach")
+    __slots__ = ("_contact", "_held", "_left", "_out", "_retreats_from", "_step", "_where", "reach", "touches")
 
     def __init__(
         self, most: float, stiffness: float, *, damping: float, contact: float, retreats_from: float = 0.0
@@ -207,6 +211,7 @@ class PressLimit:
         self.reach = inf if stiffness == inf else most / stiffness
         self._step = PressStep(self.reach, damping / stiffness)
         self._contact, self._retreats_from = contact if most > 0.0 else inf, retreats_from
+        self.touches = False
         self._out: Joints = ()
         self._left = 0.0
         self._where: Joints = ()
@@ -230,7 +235,7 @@ class PressLimit:
         former, left = (self._held, self._where) if self._where else (held, where)
         self._held, self._where = held, where
         length = hypot(*force)
-        touches = length >= self._contact
+        self.touches = touches = length >= self._contact
         if touches:
             x, y, z = force if len(force) == PART else (force[0], 0.0, 0.0)
             self._out, self._left = (x / length, y / length, z / length)[: len(force)], REBOUND
@@ -425,11 +430,14 @@ class Guard(Follower):
         held, presses = self.held, self._presses
         if len(presses) == 1:
             bounded = presses[0].bounded(commanded, held, where, force, step)
+            self.touches = presses[0].touches
         else:
+            self.touches = False
             for (first, last), press in zip(self._spans, presses):  # noqa: B905 - strict costs as much as the loop
                 bounded += press.bounded(
                     commanded[first:last], held[first:last], where[first:last], force[first:last], step
                 )
+                self.touches = self.touches or press.touches
         self.contact_ticks += bounded != commanded
         goal = self._inside(bounded)
         if self._way_out is not None:
