@@ -277,7 +277,7 @@ def flood(at: Field) -> list[str]:
     if books.master is None or not genuine:
         at.notes["left out, nothing genuine was recorded"] = 1
         return []
-    datagrams = load_gun(kind, genuine, at.random, load_key(rig.key))
+    datagrams = load_gun(kind, genuine, at.random, load_key(rig.key)[0].key)
     target = rig.slave_address if side == SLAVE else books.master
     source = (books.back if side == SLAVE else wire.front) if spoof else CALLER
     pid, began = rig.sides[side].daemon, monotonic()
@@ -296,7 +296,7 @@ def many_calls(at: Field) -> list[str]:
     rig, watch, wire = at.rig, at.watch, at.rig.wire
     # The master of a soak makes a few calls only; the others stand for a long recording.
     genuine = wire.ask("recorded_calls")
-    recorded = genuine + load_gun("calls", genuine, at.random, load_key(rig.key), calls=RECORDED)
+    recorded = genuine + load_gun("calls", genuine, at.random, load_key(rig.key)[0].key, calls=RECORDED)
     wire.emulate(CUT)
     for side in SIDES:
         watch.bury(rig.kill(side))
