@@ -56,8 +56,6 @@ class ContactLimiter:
         unfounded: whether more than `free` was asked for until `GRACE` after the limit; it ends with the doubt.
     """
 
-    __slots__ = ("_bound", "_free", "_longest", "_most", "doubtful", "free", "lasted", "quiet", "unfounded")
-
     def __init__(self, most: float, free: float, longest: float) -> None:
         self._most = most
         self._free = free
@@ -220,8 +218,6 @@ class Bound:
         approach: has what left last, and takes it to what is wanted; says whether the slew limit held it back.
     """
 
-    __slots__ = ("_nothing", "approach", "asked", "clipped", "contact", "most", "slew", "width")
-
     def __init__(
         self, most: Joints, slew: Joints, ramp: float, *, width: int = 3, contact: ContactWatch | None = None
     ) -> None:
@@ -294,10 +290,6 @@ class OutputGate:
         held_back: whether a slew limit held something back since the last `fade`.
         clipped: whether something was longer than its limit since then.
     """
-
-    __slots__ = (
-        "_fade_from", "_kept", "_was_open", "bounds", "clipped", "gain", "held_back", "ramp", "ramping", "silence",
-    )  # fmt: skip
 
     def __init__(self, bounds: Sequence[Bound], *, ramp: float, silence: float, fade_share: float) -> None:
         self.bounds = bounds

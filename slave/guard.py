@@ -51,8 +51,6 @@ class Follower(Approach):
         clipped: whether the last command was bounded while following.
     """
 
-    __slots__ = ("_ramp", "clipped", "share")
-
     def __init__(
         self,
         start: Joints,
@@ -122,8 +120,6 @@ class PressStep:
         most: press at the limit, > 0.
         damping: largest damping that is provided for, divided by the robot's stiffness [s].
     """
-
-    __slots__ = ("_acts", "_answer", "_damping", "_most", "_noise", "_went")
 
     def __init__(self, most: float, damping: float) -> None:
         self._most = most
@@ -196,8 +192,6 @@ class PressLimit:
     Attributes:
         reach: how far the command may lie beyond the robot.
     """
-
-    __slots__ = ("_contact", "_held", "_left", "_out", "_retreats_from", "_step", "_where", "reach")
 
     def __init__(
         self, most: float, stiffness: float, *, damping: float, contact: float, retreats_from: float = 0.0
@@ -298,11 +292,6 @@ class Guard(Follower):
         lower, upper: as given.
         contact_ticks: in which the press limit held the robot back.
     """
-
-    __slots__ = (
-        "_pause", "_presses", "_retract", "_retreat_to", "_spans", "_trip_retract", "_trips", "_way_out",
-        "contact_ticks", "lower", "upper",
-    )  # fmt: skip
 
     def __init__(
         self,

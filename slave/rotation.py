@@ -25,8 +25,6 @@ class ToolOrientation(Follower):
         applied: what the tool was last commanded, as a rotation vector near the decoded one [rad].
     """
 
-    __slots__ = ("applied",)
-
     def __init__(self, *, speed: float, approach_speed: float, ramp: float) -> None:
         super().__init__(IDENTITY, (4,), speed=speed, approach_speed=approach_speed, ramp=ramp, step_toward=toward)
         self.applied: Vector = ZERO

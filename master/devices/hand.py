@@ -14,8 +14,6 @@ class FirmHand:
     any step. Held against a constant force it yields by force / `static_stiffness`.
     """
 
-    __slots__ = ("_damping", "_mass", "_stiffness", "_transition", "position", "velocity")
-
     def __init__(self, options: HandOptions, position: Vector) -> None:
         self._mass = options.mass_kg
         self._damping = options.damping_n_s_m
@@ -56,8 +54,6 @@ class GraspingHand:
     The intention acts on the arm, the force on the handle, which alone has the damping c of the device. Exact at any
     step, as `FirmHand` is.
     """
-
-    __slots__ = ("_grasp", "_options", "_step", "_steps", "arm", "arm_velocity", "position", "velocity")
 
     def __init__(self, options: HandOptions, grasp: GraspOptions, position: Vector) -> None:
         self._options, self._grasp = options, grasp
@@ -197,8 +193,6 @@ class Tremor:
         hand: What the tremor passes through.
         uniform: Draws from [0, 1).
     """
-
-    __slots__ = ("_axes",)
 
     def __init__(self, rms: float, hand: Oscillator | HandOptions, uniform: Callable[[], float]) -> None:
         self._axes = [_drawn(rms, hand, uniform) for _ in range(3)]

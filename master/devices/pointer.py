@@ -57,8 +57,6 @@ class PointerIntention:
         position: [m].
     """
 
-    __slots__ = ("_edge", "_rate", "_reach", "_speed", "_velocity", "position")
-
     def __init__(self, options: PointerOptions) -> None:
         self._rate = 1e3 / options.smooth_ms
         self._speed, self._reach, self._edge = options.speed_m_s, options.reach_m, options.workspace_m

@@ -33,8 +33,6 @@ class FrameMap:
         offset: where the device's origin is in the robot's frame [m].
     """
 
-    __slots__ = ("_columns", "_offset", "_quaternion", "_rows", "force_scale", "motion_scale")
-
     def __init__(self, rotation_deg: Vector, motion_scale: float, force_scale: float, offset: Vector) -> None:
         (cx, sx), (cy, sy), (cz, sz) = (_cos_sin(angle) for angle in rotation_deg)
         a = (cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx)
@@ -123,8 +121,6 @@ class Walls(NamedTuple):
 
 class Clutch:
     """Keeps the offset between hand and robot. `button`: which one disengages, from 0."""
-
-    __slots__ = ("_button", "_held", "_held_turn", "_index", "_turn")
 
     def __init__(self, button: int) -> None:
         self._button = button

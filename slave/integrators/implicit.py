@@ -43,8 +43,6 @@ class Implicit:
     may defeat Newton's method. The body then loses its velocity and creeps toward its rest.
     """
 
-    __slots__ = ("_problem",)
-
     def __init__(self, body: ControlledMass, scene: Scene) -> None:
         self._problem = MassInContact(body, scene)
 
@@ -150,8 +148,6 @@ class ContactResistance:
     as 1: Newton's method then takes a few steps more, but does not overshoot. A `trial` treats every contact with
     friction as sticking, since sliding is a result of the step.
     """
-
-    __slots__ = ("_across", "_along", "_grip", "_touches")
 
     def __init__(
         self, touches: Sequence[Touch], velocity: Vector, inertia: float, step: float, *, trial: bool = False

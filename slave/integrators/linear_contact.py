@@ -87,8 +87,6 @@ class LinearContact:
         planes: n_i x + o_i = 0 with the unit normals n_i out of the solids; their gaps are seen from `seen_from`.
     """
 
-    __slots__ = ("_faces", "_free", "_normals", "_offsets", "_planes", "_problem")
-
     def __init__(self, problem: MassInContact, planes: Sequence[Facing], seen_from: Vector) -> None:
         self._problem = problem
         self._free = problem.oscillation()

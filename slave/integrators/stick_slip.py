@@ -71,8 +71,6 @@ class StickSlip:
         cone: Its friction.
     """
 
-    __slots__ = ("_aside", "_cone", "_free", "_gap", "_held", "_normal", "_problem", "_share", "_side", "_stiffness")
-
     def __init__(self, problem: MassInContact, plane: Facing, cone: FrictionCone) -> None:
         self._problem = problem
         self._cone = cone

@@ -19,8 +19,6 @@ class Tool:
         scene: What there is to touch; the tool becomes its only user.
     """
 
-    __slots__ = ("_levers", "_orientation", "_points", "_scenes")
-
     def __init__(self, points: Sequence[Vector], scene: Scene) -> None:
         self._points = self._levers = tuple(points)
         self._orientation = IDENTITY

@@ -114,8 +114,6 @@ class ObjectContact:
     turned back): a pause between two position updates must not bring back the higher static limit.
     """
 
-    __slots__ = ("_anchor", "_cone", "_damping", "_depth", "_sliding", "_stiffness", "has_memory", "offset")
-
     def __init__(self, thing: SceneObject) -> None:
         self._depth = 0.0
         self._anchor: Vector | None = None

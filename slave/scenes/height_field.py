@@ -27,8 +27,6 @@ class HeightFieldShape:
         origin: Scene position of the sample in the first row and column.
     """
 
-    __slots__ = ("_columns", "_origin", "_rows", "_safety", "_scale", "_shape")
-
     flat = False
 
     def __init__(self, heights: Sequence[Sequence[float]], spacing: float, origin: Vector) -> None:

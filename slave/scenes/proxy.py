@@ -109,8 +109,6 @@ class Proxy:
     planes gives the next candidate, and so on until it rests: one step on a plane, two or three on smooth surfaces.
     """
 
-    __slots__ = ("_shapes", "at", "parts")
-
     def __init__(self, shapes: Sequence[Shape]) -> None:
         self._shapes = tuple(shapes)
         self.at: Vector | None = None

@@ -34,8 +34,6 @@ class SceneState(NamedTuple):
 class DisplacedShape:
     """`shape` displaced by `offset` [m], which may change."""
 
-    __slots__ = ("_shape", "flat", "offset")
-
     def __init__(self, shape: Shape) -> None:
         self._shape = shape
         self.flat = shape.flat
