@@ -79,8 +79,6 @@ class LeaderPort(OperatorPort):
 
     def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002 - energy is booked in every tick
         self._control.observe(self.angles, elapsed)
-        for sensor in self._sensors:
-            sensor.keep(self.angles)
         for sensor, axes in self._pressed:
             sensor.most = axes.share(sensor.part(self._display.decoded))
         return self._control.credit

@@ -54,23 +54,15 @@ class FollowerPort(TeleoperatorPort):
     ) -> None:
         super().__init__(arm, guard=guard, command=arm.follow, controls=(Control(),), by_button=by_button)
         self.angle_range, self._sensors = (guard.lower, guard.upper), sensors
-        self._shown = self.felt
-
-    def _complaint(self, reading: ArmReading) -> str | None:
-        return self._sensors[0].complaint(reading)
+        self._sensor = sensors[0]
+        for sensor in sensors:
+            sensor.shown = self.shown
 
     def _take(self, reading: ArmReading) -> None:
         self.where, self.felt = reading.angles, reading.torques
 
     def _settled(self, reading: ArmReading) -> Joints:
         return self.guard.near(reading.angles)
-
-    def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002
-        share, torques = self.guard.share, self.felt
-        self._shown = torques if share == 1.0 else tuple([share * torque for torque in torques])
-        for sensor in self._sensors:
-            sensor.keep(self._shown)
-        return 0
 
     def _wanted(self, values: Sequence[Any], elapsed: float) -> Joints | None:  # noqa: ARG002
         commanded: Joints = ()
@@ -83,5 +75,5 @@ class FollowerPort(TeleoperatorPort):
     def report(self, row: Row, *, is_led: bool) -> None:
         super().report(row, is_led=is_led)
         joints = len(self._sensors[0].value)
-        row.joint_position, row.joint_raw = placed(self.where, joints), placed(self._shown, joints)
+        row.joint_position, row.joint_raw = placed(self.where, joints), placed(self.shown(self.felt), joints)
         row.joint_output = placed(self.applied, joints)

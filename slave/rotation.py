@@ -4,6 +4,7 @@ from collections.abc import Callable
 from math import inf
 from typing import Any
 
+from weberlink.geometry.joints import Joints
 from weberlink.geometry.rotation import IDENTITY, Quaternion, quaternion, toward, vector
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.slave.guard import Follower
@@ -45,7 +46,7 @@ class ToolOrientation(Follower):
 class ToolTorque:
     """The torque of the environment on the tool [N m], as far as it may be shown, at the commanded orientation."""
 
-    def __init__(self, shown: Callable[[Vector], Vector], orientation: ToolOrientation) -> None:
+    def __init__(self, shown: Callable[[Joints], Joints], orientation: ToolOrientation) -> None:
         self.value: Vector = ZERO
         self._shown = shown
         self._orientation = orientation
@@ -56,5 +57,5 @@ class ToolTorque:
     def take(self, reading: RobotReading) -> None:
         self.value = reading.torque
 
-    def sample(self) -> tuple[Vector, Vector, float]:
+    def sample(self) -> tuple[Joints, Vector, float]:
         return self._shown(self.value), self._orientation.applied, inf
