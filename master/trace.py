@@ -17,7 +17,6 @@ MCAP_MAGIC = b"\x89MCAP0\r\n"
 FEWEST_ROWS = 2
 LIMIT = 1e12
 """Times, positions and forces in SI units must be smaller; squares of such values can be summed."""
-GAP_FACTOR = 5.0
 LARGEST_ARRAYS = 1 << 30
 """Bytes of an npz file when unpacked: five hours at 1 kHz."""
 
@@ -34,20 +33,11 @@ class TraceError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """A recorded signal.
-
-    Args:
-        time_s: strictly increasing, shape (n,) [s].
-        position_m: commanded or measured positions, shape (n, 3) [m].
-        force_n: contact forces, shape (n, 3) [N].
-        gaps_s: where sampling paused for more than five median periods, shape (g, 2): the time of the last sample
-            before the gap, and its length [s].
-    """
+    """A recorded signal: times [s], strictly rising, shape (n,); positions [m] and forces [N], shape (n, 3)."""
 
     time_s: Array
     position_m: Array
     force_n: Array
-    gaps_s: Array
 
     @property
     def duration_s(self) -> float:
@@ -63,14 +53,9 @@ def read_trace(path: Path | str, factors: Array | float = 1.0) -> Trace:
     """Read what the teleoperator was commanded and felt.
 
     The file is CSV with a header of t, px, py, pz, fx, fy, fz in any order (other columns are ignored), an npz file
-    with an array of each of these names, or a recording that has the slave's side.
-
-    Args:
-        path: of the file.
-        factors: that turn a row of `COLUMNS` of a CSV or npz file into SI units; a recording is in SI units.
-
-    Raises:
-        TraceError: with file, row (the header is row 1), column, and what was expected.
+    with an array of each of these names, or a recording, in SI units, that has the slave's side. `factors` turn a row
+    of the first two into SI units. Raises TraceError with file, row (the header is row 1), column, and what was
+    expected.
     """
     return _read(Path(path), ("slave",), factors)
 
@@ -84,11 +69,7 @@ def read_motion(path: Path | str) -> Trace:
 
 def as_trace(table: Array) -> Trace:
     """From rows of time, position and force, shape (n, 7), the time strictly rising."""
-    time = table[:, 0]
-    steps = np.diff(time)
-    paused = np.flatnonzero(steps > GAP_FACTOR * np.median(steps))
-    gaps = np.column_stack((time[paused], steps[paused]))
-    return Trace(time.copy(), table[:, 1:4].copy(), table[:, 4:7].copy(), gaps)
+    return Trace(table[:, 0].copy(), table[:, 1:4].copy(), table[:, 4:7].copy())
 
 
 def _read(path: Path, sides: Sequence[Side], factors: Array | float = 1.0) -> Trace:

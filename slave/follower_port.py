@@ -25,10 +25,8 @@ FULL_SHARE = 0.95
 def axis_press_limit(most: float, stiffness: float, noise: float) -> PressLimit:
     """The press limit of an axis.
 
-    Args:
-        most: largest torque on the environment [N m]; 0 for an axis that measures none, which is not bounded.
-        stiffness: of its position control [N m/rad].
-        noise: uncertainty of a measured torque [N m]; a contact below it is none.
+    `most` is the largest torque on the environment [N m], 0 for an axis that measures none; `stiffness` that of its
+    position control [N m/rad]; a contact below the `noise` of a measured torque [N m] is none.
     """
     contact = min(most, max(CONTACT_SHARE * most, noise))
     return PressLimit(most, stiffness, damping=DAMPING_MOST, contact=contact, retreats_from=FULL_SHARE * most)
@@ -38,8 +36,6 @@ class FollowerPort(TeleoperatorPort):
     """A follower arm behind its guard.
 
     Vectors have one entry for each axis: the joints in order and, where there is one, the gripper last.
-
-    Args: as of `TeleoperatorPort`, and `sensors`: of the channels of the joints and of the gripper.
     """
 
     fault: ClassVar[type[Exception]] = ArmFault

@@ -24,20 +24,10 @@ if TYPE_CHECKING:
 class TeleoperatorPort(Port):
     """The robot's end; a subclass says what is wanted, sensed and recorded.
 
-    Args:
-        robot: or the arm, not yet open.
-        guard: bounds every command.
-        command: takes a command, and the time [s].
-        controls: this end of the control scheme.
-        by_button: whether the operator leads only while holding a button; for telemetry.
-        tool: turns with the hand, as the second incoming channel says; None without six degrees of freedom.
-        point: takes its orientation, and the time [s].
-
-    Attributes:
-        applied: the last command.
-        where: the robot is, as measured.
-        felt: force of the environment on it, as measured.
-        is_overloaded: whether that is above its limit.
+    `command` and `point` take a command, or an orientation of the `tool`, and the time [s]; the tool turns with the
+    hand, as the second incoming channel says, None without six degrees of freedom. `by_button`: the operator leads only
+    while holding a button. `applied` is the last command; `where` the robot is and what is `felt` of the environment
+    are as measured, `is_overloaded` whether that is above its limit.
     """
 
     fault: ClassVar[type[Exception]] = RobotFault
@@ -160,10 +150,6 @@ class ContactForce:
 
     A robot of stiffness k that rests at x under a force F is commanded to x - F / k. A moving one lags behind its
     command, but this point lies on the same static line at any speed. So predictors fit one line to all samples.
-
-    Args:
-        port: that has the robot.
-        stiffness: of the robot towards its command [N/m]; infinite for an ideal one, which is at its command.
     """
 
     def __init__(self, port: "RobotPort", stiffness: float) -> None:
@@ -189,12 +175,7 @@ class ContactForce:
 
 
 class RobotPort(TeleoperatorPort):
-    """A robot that a hand leads.
-
-    Args: as of `TeleoperatorPort`, and these.
-        control: the teleoperator's end of the control scheme.
-        endpoint: measures the link.
-    """
+    """A robot that a hand leads."""
 
     def __init__(
         self,

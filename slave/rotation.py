@@ -15,15 +15,9 @@ LARGEST = 1e9
 
 
 class ToolOrientation(Follower):
-    """Turns the tool to the decoded orientation, at a limited speed.
+    """Turns the tool to the decoded orientation; speeds are angular [rad/s].
 
-    Args:
-        speed: largest angular speed while following [rad/s].
-        approach_speed: angular speed of the approach after an engagement [rad/s].
-        ramp: time in which the torque fades in [s].
-
-    Attributes:
-        applied: what the tool was last commanded, as a rotation vector near the decoded one [rad].
+    `applied` is what it was last commanded, as a rotation vector near the decoded one [rad].
     """
 
     def __init__(self, *, speed: float, approach_speed: float, ramp: float) -> None:

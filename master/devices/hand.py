@@ -180,18 +180,13 @@ Waves = tuple[float, float, float, float, float, float, float, float, float, flo
 
 
 class Tremor:
-    """Displacement of the intended position that makes the free hand tremble by `rms` along each axis.
+    """Displacement of the intended position that makes the free hand tremble by `rms` [m] or [rad] along each axis.
 
-    A few sinusoids between 8 and 12 Hz (the band of the neural component; Elble, "Physiologic and enhanced
-    physiologic tremor", Handbook of Clinical Neurophysiology 1, 2003) with drawn frequencies and phases: a pure
-    function of time, and reproducible. Each is divided by the gain of the hand at its frequency, so that it is the
-    hand that trembles by the stated amount; against a wall it yields like any other intention. The same holds for the
-    orientation, with a rotation vector in place of the position.
-
-    Args:
-        rms: Root mean square per axis of the free hand [m] or [rad]; some tens of micrometres in a healthy adult.
-        hand: What the tremor passes through.
-        uniform: Draws from [0, 1).
+    A few sinusoids between 8 and 12 Hz (the band of the neural component; Elble, "Physiologic and enhanced physiologic
+    tremor", Handbook of Clinical Neurophysiology 1, 2003) with drawn frequencies and phases: a pure function of time,
+    and reproducible. Each is divided by the gain of the hand at its frequency, so that it is the hand that trembles by
+    the stated amount, some tens of micrometres in a healthy adult; against a wall it yields like any other intention.
+    Of an orientation it is the rotation vector. `uniform` draws from [0, 1).
     """
 
     def __init__(self, rms: float, hand: Oscillator | HandOptions, uniform: Callable[[], float]) -> None:

@@ -81,9 +81,7 @@ class OrientedRobot(Robot, Protocol):
     def point(self, orientation: Quaternion, now: float) -> None:
         """Turn to an orientation, relative to that at home, robot frame; it holds until the next one.
 
-        After `open` the tool is as at home. Never blocks; no effect unless the robot is open.
-
-        Raises:
-            ValueError: the orientation is not finite or has no length.
+        After `open` the tool is as at home. Never blocks; no effect unless the robot is open. Raises ValueError if the
+        orientation is not finite or has no length.
         """
         ...

@@ -31,7 +31,7 @@ def test_columns_are_read_as_named_in_any_order_beside_others(tmp_path: Path) ->
     assert trace.time_s.tolist() == [0.0, 0.001]
     assert trace.position_m.tolist() == [[1.0, 2.0, 3.0], [7.0, 8.0, 9.0]]
     assert trace.force_n.tolist() == [[4.0, 5.0, 6.0], [10.0, 11.0, 12.0]]
-    assert (trace.duration_s, trace.period_s, trace.gaps_s.shape) == (0.001, 0.001, (0, 2))
+    assert (trace.duration_s, trace.period_s) == (0.001, 0.001)
 
 
 def test_an_npz_file_holds_an_array_for_each_column(tmp_path: Path) -> None:
@@ -57,12 +57,6 @@ def test_what_is_written_is_what_is_read(
     rows = [",".join(map(repr, (0.001 * i, *row))) for i, row in enumerate(values)]
     trace = read_trace(written(tmp_path_factory.mktemp("t") / "a.csv", HEADER + "\n".join(rows)))
     assert np.hstack((trace.position_m, trace.force_n)).tolist() == [list(row) for row in values]
-
-
-def test_pauses_are_reported(tmp_path: Path) -> None:
-    times = [0.0, 0.01, 0.02, 0.5, 0.51, 0.52, 0.53]
-    trace = read_trace(written(tmp_path / "a.csv", HEADER + "".join(f"{t},0,0,0,0,0,0\n" for t in times)))
-    assert trace.gaps_s == pytest.approx(np.array([[0.02, 0.48]]))
 
 
 @pytest.mark.parametrize(

@@ -110,10 +110,8 @@ class LeaderArm(Arm, Protocol):
     def display(self, torques: Joints, now: float) -> None:
         """The torques of all axes to display on the operator's hand [N m]; hold until the next ones. Never blocks.
 
-        No effect unless open. Compensation of the arm's own gravity and friction is the driver's, in addition.
-
-        Raises:
-            ValueError: a torque is not finite.
+        No effect unless open. Compensation of the arm's own gravity and friction is the driver's, in addition. Raises
+        ValueError if a torque is not finite.
         """
         ...
 

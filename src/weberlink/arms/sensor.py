@@ -10,18 +10,10 @@ from weberlink.geometry.vector import ZERO, Vector
 
 
 class AxesSensor:
-    """Some axes of an arm, of which the angles or the torques are sent; a `weberlink.control.port.Sensor` of arms.
+    """The angles or torques of the axes `first` to before `last` of an arm with `axes`, gripper included, as a channel.
 
-    Args:
-        quantity: which part of a reading it takes.
-        first: the first axis.
-        last: the axis after the last one.
-        axes: how many the arm has, gripper included.
-
-    Attributes:
-        value: the newest usable measurement [rad | N m].
-        shown: what may be sent of it; None for all.
-        most: largest share of each deadband that may stay unsent; its port sets it where there is a limit.
+    `value` is the newest usable measurement [rad | N m], of which `shown` gives what may be sent, None for all. Its
+    port sets `most`, the largest share of each deadband that may stay unsent.
     """
 
     def __init__(self, quantity: Literal["angles", "torques"], first: int, last: int, axes: int) -> None:

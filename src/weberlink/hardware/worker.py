@@ -32,21 +32,14 @@ class Exchange(Protocol[Command_contra, Sample_co]):
     """
 
     def open(self) -> Sample_co:
-        """Connect, and give the first sample.
-
-        After a disconnection it must also check that the device is still the same.
-
-        Raises:
-            HardwareFault: it cannot be used.
+        """Connect, and give the first sample; after a disconnection also check that the device is still the same.
+        Raises HardwareFault if it cannot be used.
         """
         ...
 
     def exchange(self, command: Command_contra) -> Sample_co:
-        """Command, and measure.
-
-        Raises:
-            BadReply: this answer was not good; the next one may be.
-            HardwareFault: the device is gone or refuses.
+        """Command, and measure. Raises BadReply if this answer was not good, and the next one may be; HardwareFault if
+        the device is gone or refuses.
         """
         ...
 

@@ -46,18 +46,11 @@ Identity = HidIdentity | InputIdentity
 
 
 class Pluggable:
-    """A device as umockdev is told of it, while it is plugged in.
+    """A device as umockdev is told of it, while it is plugged in; `instance` counts pluggings.
 
-    Args:
-        identity: what it says of itself.
-        number: of its node.
-        instance: counts pluggings.
-
-    Attributes:
-        node: its path for processes that see the testbed.
-        paths: in /sys, from the outside in.
-        description: in the text format of umockdev, without a node in /dev, which umockdev could not remove again.
-        ioctls: answers of the node to requests, likewise.
+    `node` is its path for processes that see the testbed, `paths` those in /sys, from the outside in. The `description`
+    is without a node in /dev, which umockdev could not remove again; so are the answers of the node to requests,
+    `ioctls`.
     """
 
     def __init__(self, identity: Identity, number: int, instance: int) -> None:
@@ -259,11 +252,6 @@ class TestbedNode(PtyDevice):
     Reports of a HID device are kept apart as the kernel does, and come to the emulator without their number; a reader
     gets one report per read. Unlike with the kernel, whoever opens the node first reads what was sent while nobody had
     it open.
-
-    Args:
-        testbed: to plug it into.
-        emulator: the device, which has `identity`.
-        begin: see `PtyDevice`.
     """
 
     __test__ = False
