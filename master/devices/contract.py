@@ -1,15 +1,10 @@
 """The contract of every haptic device driver."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
+from weberlink.geometry.rotation import Quaternion
 from weberlink.geometry.vector import Vector, is_finite
-
-if TYPE_CHECKING:  # else a process that only serves a device would take a second to start on a busy host
-    pass
-
-Quaternion = tuple[float, float, float, float]
-"""(w, x, y, z)."""
 
 
 class DeviceFault(RuntimeError):  # noqa: N818 - a fault is what the operator meets, an error is ours

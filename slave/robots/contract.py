@@ -3,10 +3,8 @@
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, runtime_checkable
 
+from weberlink.geometry.rotation import Quaternion
 from weberlink.geometry.vector import ZERO, Vector
-
-Quaternion = tuple[float, float, float, float]
-"""(w, x, y, z)."""
 
 
 class RobotFault(RuntimeError):  # noqa: N818 - a fault of a device, not an error of the program

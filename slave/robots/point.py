@@ -4,9 +4,9 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import Field
 
+from weberlink.geometry.rotation import Quaternion
 from weberlink.geometry.vector import ZERO, Vector, within
 from weberlink.slave.robots.computed import ComputedRobot
-from weberlink.slave.robots.contract import Quaternion
 from weberlink.slave.robots.virtual import VirtualOptions, virtual_spec
 from weberlink.slave.scenes.scene import Scene
 

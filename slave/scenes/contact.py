@@ -7,14 +7,15 @@ from typing import Literal, NamedTuple, Self
 from pydantic import Field, model_validator
 
 from weberlink.geometry.vector import ZERO, Vector, norm
-from weberlink.slave.scenes.shape import SceneModel, Shape, UnitVector
+from weberlink.options import Options
+from weberlink.slave.scenes.shape import Shape, UnitVector
 
 RESTICK = 0.5  # share of the dynamic cone
 FASTEST_M_S = 10.0
 """Peak speed of a moving object: a centimetre per tick, faster than any robot or hand."""
 
 
-class FrictionCone(SceneModel):
+class FrictionCone(Options):
     """Coulomb friction: sticks within static x normal force, slides at dynamic x normal force."""
 
     static: float = Field(ge=0.0, le=2.0)
@@ -27,7 +28,7 @@ class FrictionCone(SceneModel):
         return self
 
 
-class Sway(SceneModel):
+class Sway(Options):
     """The object oscillates about its configured position, independent of the probe. Time is that of the robot."""
 
     direction: UnitVector = Field(default=(0.0, 0.0, 1.0), description="of any length; it is normalised")

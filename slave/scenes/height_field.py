@@ -9,7 +9,8 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from weberlink.geometry.vector import Vector
-from weberlink.slave.scenes.shape import SceneModel, SceneShapeSettings, Shape, Tangent
+from weberlink.options import Options
+from weberlink.slave.scenes.shape import SceneShapeSettings, Shape, Tangent
 from weberlink.slave.scenes.solids import CarvedShape, PlaneShape
 
 WAVE_SAMPLES = 16
@@ -101,7 +102,7 @@ def bumps(amplitude: float, wavelength: float, size: float) -> tuple[list[list[f
     return [[amplitude * x * y for x in wave] for y in wave], wavelength / WAVE_SAMPLES
 
 
-class BumpSettings(SceneModel):
+class BumpSettings(Options):
     """A square of round bumps, level with its surroundings at the border."""
 
     amplitude_m: float = Field(gt=0.0, description="height of a crest")

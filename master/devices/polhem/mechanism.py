@@ -9,9 +9,8 @@ from functools import cached_property
 from math import acos, atan2, copysign, cos, hypot, pi, sin, tau
 from typing import Any
 
-from weberlink.geometry.rotation import product
+from weberlink.geometry.rotation import Quaternion, product
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale
-from weberlink.master.devices.contract import Quaternion
 
 Triple = tuple[float, float, float]
 """One value for each of the bodies A, B and C."""
