@@ -1,10 +1,12 @@
 """The contract of every haptic device driver."""
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
-from weberlink.geometry.rotation import Quaternion
 from weberlink.geometry.vector import Vector, is_finite
+
+if TYPE_CHECKING:  # rotations are imported where something turns
+    from weberlink.geometry.rotation import Quaternion
 
 
 class DeviceFault(RuntimeError):  # noqa: N818 - a fault is what the operator meets, an error is ours
@@ -44,7 +46,7 @@ class DeviceReading(NamedTuple):
     at: float
     position: Vector
     ended: bool = False
-    orientation: Quaternion | None = None
+    orientation: "Quaternion | None" = None
     buttons: int = 0
 
 
