@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,25 +148,21 @@ def _arrays(path: Path) -> Array:
 
 
 def _numbers(path: Path) -> Array:
-    """The rows of a CSV file, shape (n, 7): all at once, and where that fails row by row for what is wrong."""
+    """The rows of a CSV file, shape (n, 7)."""
     try:
         columns = _columns(path)
-        if next(_data_rows(path), None) is None:
-            raise TraceError(f"{path}: expected at least {FEWEST_ROWS} rows of samples, found none")
-        options: dict[str, Any] = {"delimiter": ",", "comments": None, "encoding": "utf-8"}
-        try:
-            table: Array = np.loadtxt(path, skiprows=1, usecols=columns, ndmin=2, **options)
-        except ValueError:
-            table = np.full((1, len(COLUMNS)), np.nan)
-        if not (np.abs(table) < LIMIT).all():
-            raise TraceError(_first_fault(path, columns))
+        rows = [
+            [_number(path, row, cells, name, column) for name, column in columns] for row, cells in _data_rows(path)
+        ]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise TraceError(f"{path}: expected a readable CSV file ({error})") from None
-    return table
+    if not rows:
+        raise TraceError(f"{path}: expected at least {FEWEST_ROWS} rows of samples, found none")
+    return np.array(rows)
 
 
-def _columns(path: Path) -> list[int]:
-    """Index of each of `COLUMNS` in the header."""
+def _columns(path: Path) -> list[tuple[str, int]]:
+    """Each of `COLUMNS`, and its index in the header."""
     with path.open(newline="", encoding="utf-8-sig") as file:
         names = [name.strip() for name in next(csv.reader(file), ())]
     wanted = ",".join(COLUMNS)
@@ -178,25 +174,22 @@ def _columns(path: Path) -> list[int]:
     repeated = [name for name in COLUMNS if names.count(name) > 1]
     if repeated:
         raise TraceError(f"{path}: row 1: column {', '.join(repeated)} appears more than once")
-    return [names.index(name) for name in COLUMNS]
+    return [(name, names.index(name)) for name in COLUMNS]
 
 
-def _first_fault(path: Path, columns: list[int]) -> str:
-    """The first number in a file that is none, or cannot be."""
-    for number, cells in _data_rows(path):
-        for name, column in zip(COLUMNS, columns, strict=True):
-            at = f"{path}: row {number}, column {name}"
-            if column >= len(cells):
-                return f"{at}: expected a number, found only {len(cells)} values"
-            text = cells[column].strip()
-            try:
-                value = float(text)
-            except ValueError:
-                return f"{at}: expected a number, found {text!r}"
-            if not abs(value) < LIMIT:
-                expected = f"less than {LIMIT:g} in SI units" if isfinite(value) else "a finite number"
-                return f"{at}: expected {expected}, found {text!r}"
-    return f"{path}: expected numbers with commas between them and no quotes"
+def _number(path: Path, row: int, cells: list[str], name: str, column: int) -> float:
+    at = f"{path}: row {row}, column {name}"
+    if column >= len(cells):
+        raise TraceError(f"{at}: expected a number, found only {len(cells)} values")
+    text = cells[column].strip()
+    try:
+        value = float(text)
+    except ValueError:
+        raise TraceError(f"{at}: expected a number, found {text!r}") from None
+    if not abs(value) < LIMIT:
+        expected = f"less than {LIMIT:g} in SI units" if isfinite(value) else "a finite number"
+        raise TraceError(f"{at}: expected {expected}, found {text!r}")
+    return value
 
 
 def _data_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
