@@ -37,11 +37,11 @@ def test_real_trials_measure_or_say_why_not_and_change_nothing_here() -> None:
 
 
 def test_a_session_is_tried_at_its_rate_with_its_settings_or_says_why_not() -> None:
-    trial = Machine().session_trial({"rate_hz": 200.0, "realtime.priority": 0})
+    trial = Machine().session_trial(settings={"rate_hz": 200.0, "realtime.priority": 0})
     assert trial.failure is None
     assert trial.p99_us > 0.0
     assert 0.0 <= trial.missed < 1.0
-    assert "realtime.priority" in str(Machine().session_trial({"realtime.priority": 1000}).failure)
+    assert "realtime.priority" in str(Machine().session_trial(settings={"realtime.priority": 1000}).failure)
 
 
 def test_failure_of_the_child_is_reported() -> None:
