@@ -38,13 +38,8 @@ class DeviceTestError(CommandError):
 
 
 def run(name: str, dialog: Dialog, file: Path | None = None, overrides: Sequence[str] = ()) -> None:
-    """Test a device or a robot.
-
-    Args:
-        name: driver to test.
-        dialog: with the person.
-        file: configuration that names it; None for its defaults.
-        overrides: "key=value" each, for options of the driver; keys may have the full path.
+    """Test a device or a robot, with the options of a file, or else its defaults, and "key=value" overrides of them; a
+    key may have the full path.
 
     Raises:
         ConfigurationError: there is no such driver, or its options are wrong.
@@ -142,11 +137,7 @@ Its value is printed only after the last axis was felt: a correct position does 
 
 
 def try_master(driver: Any, options: BaseModel, build: Callable[[BaseModel], Device], dialog: Dialog) -> None:
-    """Test a haptic device of a driver, which `build` makes from options.
-
-    Raises:
-        DeviceTestError, DeviceFault, StoppedByUser: of the test, the device, or the person. The force is zero.
-    """
+    """Test a haptic device of a driver, which `build` makes from options. However it ends, the force is zero."""
     frame: Frame = {**FRAME, **getattr(driver, "FRAME", {})}
     is_real = is_hardware(driver)
     fingerprint: str | None = driver.fingerprint(options) if hasattr(driver, "fingerprint") else None
@@ -244,10 +235,7 @@ def classify_motion(asked: str, moved: Vector, frame: Frame) -> ObservedMotion |
 
 
 def _check_signs(device: Device, frame: Frame, options: Mapping[str, str], dialog: Dialog) -> None:
-    """Ask for a motion along every axis: with a wrong sign, a wall would push instead of resist.
-
-    Raises DeviceTestError if the position does not follow the hand; `options` name what reverses an axis.
-    """
+    """Ask for a motion along every axis: with a wrong sign, a wall would push instead of resist."""
     dialog.tell("", "Check of signs: you move the handle; there is no force.")
     motions = [_motion(axis, device, frame, dialog) for axis in device.spec.axes]
     dialog.tell("")
@@ -341,11 +329,7 @@ FORCE_CHANGE_N = 5.0
 
 
 def try_robot(driver: Any, build: Callable[[], Robot], dialog: Dialog) -> None:
-    """Test the robot of a driver.
-
-    Raises:
-        DeviceTestError, RobotFault, StoppedByUser: of the test, the robot, or the person. It stays where it is.
-    """
+    """Test the robot of a driver. However that ends, it stays where it is."""
     robot = build()
     newtons, share = robot.spec.force_error
     error = f"    (+-{newtons:g} N and {share * 100:g} %)" if newtons or share else ""

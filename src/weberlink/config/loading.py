@@ -48,7 +48,7 @@ class Configuration:
 
 
 def load(path: Path, overrides: Iterable[str] = (), sides: Iterable[str] = SIDES) -> Configuration:
-    """Read and validate a file.
+    """Read and validate a file; raises ConfigurationError if the file, an override or a value is wrong.
 
     Relative paths start at the folder of the file, those in an override at the working directory.
 
@@ -56,9 +56,6 @@ def load(path: Path, overrides: Iterable[str] = (), sides: Iterable[str] = SIDES
         path: the YAML file.
         overrides: "path.to.key=value" each, applied in order; the value is YAML.
         sides: sides whose drivers are imported and checked, so that a host needs no library of the other side.
-
-    Raises:
-        ConfigurationError: the file, an override or a value is wrong.
     """
     content = parse(path)
     overridden = {override(content, text) for text in overrides}
@@ -103,10 +100,7 @@ def _tables(system: System) -> tuple[Registry[Any], Registry[Any]]:
 
 
 def _refuse_hardware(where: str, settings: DriverSettings, part: Part | None) -> None:
-    """Refuse hardware without a key: any user of this host could then join the session.
-
-    Each end answers for its own hardware, so that neither imports the other's driver.
-    """
+    """Refuse hardware without a key: any user of this host could then join the session."""
     if part is not None and is_hardware(part.driver):
         raise ConfigurationError(
             f"link.security: none lets every user of this host move {where} {settings.driver}; "
@@ -146,13 +140,8 @@ def _arms(table: Registry[Any]) -> Collection[str]:
 
 
 def make_absolute(value: Any, folder: Path, overridden: Collection[str], where: str = "") -> Any:
-    """Settings, or one of them, in which every path is absolute.
-
-    Args:
-        value: validated settings, or one of them.
-        folder: what a relative path in the file is relative to.
-        overridden: fields set on the command line, whose paths are relative to the working directory.
-        where: path of the value in the file.
+    """Settings, or one of them at the path `where` in the file, in which every path is absolute: below the folder, or
+    of the `overridden` fields, which were set on the command line, below the working directory.
     """
 
     def absolute(name: str | int, each: Any) -> Any:

@@ -36,12 +36,7 @@ class Unreadable(Exception):  # noqa: N818 - a result, not a fault of the progra
 
 
 class Machine:
-    """The machine.
-
-    Args:
-        root: folder that has `proc`, `sys`, `etc`, `boot`, `dev` and `run`.
-        variables: of the environment.
-    """
+    """The machine; `root` is the folder that has `proc`, `sys`, `etc`, `boot`, `dev` and `run`."""
 
     def __init__(self, root: Path = Path("/"), variables: Mapping[str, str] = os.environ) -> None:
         self.root = root
