@@ -20,8 +20,8 @@ from weberlink.cli.dialog import Dialog, StoppedByUser, View, uninterrupted
 from weberlink.cli.output import CommandError
 from weberlink.config import MASTER, ConfigurationError, load
 from weberlink.config.document import override
-from weberlink.config.errors import require_package, validated
-from weberlink.config.loading import make_absolute
+from weberlink.config.loading import load_part
+from weberlink.config.model import DriverSettings
 from weberlink.geometry.vector import ZERO, Vector, add, distance, norm, scale, subtract
 from weberlink.installation import absence
 from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading, DeviceSpec
@@ -86,18 +86,11 @@ def _of(file: Path, name: str, side: str, overrides: Sequence[str]) -> tuple[Any
 
 def _alone(name: str, side: str, overrides: Sequence[str]) -> tuple[Any, BaseModel, float]:
     """A driver with its defaults and the overrides."""
-    try:
-        driver: Any = SIDES[side][name]
-    except (ImportError, ValueError) as error:
-        why = str(error) if isinstance(error, ValueError) else f"{name}: cannot be loaded: {error}"
-        raise ConfigurationError(why) from None
-    if hasattr(driver, "NEEDS"):
-        package, extra = driver.NEEDS
-        require_package(package, extra, name)
     content: dict[str, Any] = {}
-    overridden = {override(content, text) for text in overrides}
-    options = validated(driver.Options, content, name)
-    return driver, make_absolute(options, Path.cwd(), overridden), 1.0 / RATE_HZ
+    for text in overrides:
+        override(content, text)
+    part = load_part(SIDES[side], DriverSettings(driver=name, **content), SECTIONS[side], Path.cwd(), ())
+    return part.driver, part.options, 1.0 / RATE_HZ
 
 
 def described(spec: DeviceSpec | RobotSpec) -> Iterator[str]:

@@ -18,7 +18,7 @@ from weberlink.order import MASTER, SIDES, SLAVE
 from weberlink.registry import Registry, is_hardware
 from weberlink.slave.robots import ROBOTS
 
-__all__ = ["MASTER", "SIDES", "SLAVE", "Configuration", "Part", "load", "load_device", "make_absolute"]
+__all__ = ["MASTER", "SIDES", "SLAVE", "Configuration", "Part", "load", "load_device", "load_part"]
 
 
 @dataclass(frozen=True)
@@ -64,13 +64,13 @@ def load(path: Path, overrides: Iterable[str] = (), sides: Iterable[str] = SIDES
         system: System = make_absolute(validated(System, content), path.parent, overridden)
         devices, robots = _tables(system)
         if MASTER in sides:
-            device = _part(devices, system.master.device, "master.device", path.parent, overridden)
+            device = load_part(devices, system.master.device, "master.device", path.parent, overridden)
         if SLAVE in sides:
-            robot = _part(robots, system.slave.robot, "slave.robot", path.parent, overridden)
+            robot = load_part(robots, system.slave.robot, "slave.robot", path.parent, overridden)
         if system.link.finder is not None:
-            finder = _part(FINDERS, system.link.finder, "link.finder", path.parent, overridden)
+            finder = load_part(FINDERS, system.link.finder, "link.finder", path.parent, overridden)
         if system.slave.cameras is not None:
-            cameras = _part(CAMERAS, system.slave.cameras, "slave.cameras", path.parent, overridden)
+            cameras = load_part(CAMERAS, system.slave.cameras, "slave.cameras", path.parent, overridden)
         if system.link.security == "none":
             _refuse_hardware("master.device", system.master.device, device)
             _refuse_hardware("slave.robot", system.slave.robot, robot)
@@ -86,7 +86,7 @@ def load_device(configuration: Configuration) -> Part:
     if configuration.device is not None:
         return configuration.device
     system = configuration.system
-    return _part(_tables(system)[0], system.master.device, "master.device", configuration.path.parent, ())
+    return load_part(_tables(system)[0], system.master.device, "master.device", configuration.path.parent, ())
 
 
 def _tables(system: System) -> tuple[Registry[Any], Registry[Any]]:
@@ -108,7 +108,7 @@ def _refuse_hardware(where: str, settings: DriverSettings, part: Part | None) ->
         )
 
 
-def _part(
+def load_part(
     table: Registry[Any], settings: DriverSettings, where: str, folder: Path, overridden: Collection[str]
 ) -> Part:
     """Find a driver in a table of drivers, and validate its options."""
