@@ -17,7 +17,7 @@ from weberlink.bounded_json import parse
 from weberlink.child_process import Order
 from weberlink.config import Configuration
 from weberlink.control.port import Port
-from weberlink.session.composition.channels import banks, streams
+from weberlink.session.composition.channels import banks
 from weberlink.session.composition.link import default_name, live_choices
 from weberlink.telemetry.runtime_directory import open_file
 
@@ -88,7 +88,6 @@ def describe(configuration: Configuration, side: str, name: str = "", port: Port
         "system": system.model_dump(mode="json", exclude={"link": secret}),
         "finds_path": configuration.finds_path,
         "bank": list(force),
-        "position_bank": list(streams(system)[0][0].bank),  # of an arm, that of the angles of its joints
         **({} if torque is None else {"torque_bank": list(torque)}),
         "changes": sorted(live_choices(system)),
         **({} if angles is None else dict(zip(RANGE, angles, strict=True))),
