@@ -32,26 +32,16 @@ RANGE = ("lower_rad", "upper_rad")
 
 @dataclass(frozen=True)
 class DaemonOrder(Order):
-    """What a daemon runs.
+    """What a daemon runs."""
 
-    Args:
-        side: one of `SIDES`.
-        file: the configuration.
-        overrides: as of `--set`.
-        ring: where to write telemetry.
-        duration_s: length of the run; None to run until it is stopped.
-        take_over: whether a master replaces another one that the slave serves.
-        control: descriptor of the control socket, which the daemon inherits.
-        ordered_at: when the run was ordered, on `time.monotonic` [s]: an earlier stop does not concern it.
-    """
-
-    side: str
+    side: str  # one of `SIDES`
     file: str
-    overrides: tuple[str, ...]
+    overrides: tuple[str, ...]  # as of `--set`
     ring: str
-    duration_s: float | None = None
-    take_over: bool = False
-    control: int = -1
+    duration_s: float | None = None  # length of the run; None to run until it is stopped
+    take_over: bool = False  # whether a master replaces another one that the slave serves
+    control: int = -1  # descriptor of the control socket, which the daemon inherits
+    # When the run was ordered, on `time.monotonic` [s]: an earlier stop does not concern it
     ordered_at: float = field(default_factory=monotonic)
 
 

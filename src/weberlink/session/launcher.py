@@ -137,31 +137,21 @@ class Daemon:
 
 @dataclass
 class LiveRun:
-    """A live run of one side or both; a context manager that leaves no process behind.
-
-    Args:
-        configuration: what to run.
-        overrides: as given on the command line; the daemons read the file themselves.
-        sides: which daemons to start.
-        duration_s: length of the run; None until it is stopped.
-        display: opened when the first daemon has created its ring, closed at the end; what it gives is called about ten
-            times a second with the newest records and the figures so far, unless it is None.
-        record: where to record the session, as MCAP; None to record nothing.
-        journal: writes the log; None for no log.
-        take_over: whether the master replaces another one that the slave serves.
-        tell: receives one line as soon as a cause of failure is there that a person can remove.
-        on_delay: gives advice on a measured round trip [s], which is told once; None for none.
-    """
+    """A live run of one side or both; a context manager that leaves no process behind."""
 
     configuration: Configuration
-    overrides: Sequence[str]
+    overrides: Sequence[str]  # as given on the command line; the daemons read the file themselves
     sides: Sequence[str] = SIDES
-    duration_s: float | None = None
+    duration_s: float | None = None  # length of the run; None until it is stopped
+    # Opened when the first daemon has created its ring, closed at the end; what it gives is called about ten times a
+    # second with the newest records and the figures so far, unless it is None
     display: Callable[[], AbstractContextManager[Watch | None]] = nullcontext
-    record: Path | None = None
+    record: Path | None = None  # where to record the session, as MCAP; None to record nothing
     journal: "Journal | None" = None
-    take_over: bool = False
+    take_over: bool = False  # whether the master replaces another one that the slave serves
+    # Receives one line as soon as a cause of failure is there that a person can remove
     tell: Callable[[str], None] = lambda _: None
+    # Gives advice on a measured round trip [s], which is told once; None for none
     on_delay: Callable[[float], str | None] = lambda _: None
     daemons: dict[str, Daemon] = field(default_factory=dict)
     _cameras: dict[Path, Child] = field(default_factory=dict)

@@ -102,17 +102,11 @@ def quaternions(rotation_rad: Array) -> Array:
 
 
 class Shown(NamedTuple):
-    """Messages of one topic.
-
-    Args:
-        topic: its name.
-        type_name: of its messages.
-        bodies: one for each tick, without encapsulation header.
-    """
+    """Messages of one topic."""
 
     topic: str
     type_name: str
-    bodies: Rows
+    bodies: Rows  # one for each tick, without encapsulation header
 
 
 def topics(side: str, *, arm: bool) -> dict[str, str]:

@@ -30,21 +30,13 @@ MOST_EVENTS = 500
 
 
 class SessionEvent(NamedTuple):
-    """One event.
+    """One event."""
 
-    Args:
-        at: time since the session began [s].
-        wall: the same moment on the wall clock [s since 1970].
-        level: of `weberlink.figures.wording`.
-        side: master or slave; None for the session.
-        text: in words.
-    """
-
-    at: float
-    wall: float
-    level: str
-    side: str | None
-    text: str
+    at: float  # time since the session began [s]
+    wall: float  # the same moment on the wall clock [s since 1970]
+    level: str  # of `weberlink.figures.wording`
+    side: str | None  # master or slave; None for the session
+    text: str  # in words
 
 
 class EventLog:

@@ -35,33 +35,19 @@ Parts = tuple[Port, list[OutgoingChannel], list[IncomingChannel], Tuning]
 
 
 class Context(NamedTuple):
-    """What an end is given besides its file.
+    """What an end is given besides its file."""
 
-    Args:
-        security: suite, with the key.
-        entropy: gives random bytes.
-        epoch: time of tick 0 [s].
-        stopwatch: a clock [s], for the time spent in the codec; a constant in virtual time.
-        peer: address of the slave; None at its own end.
-        name: where the file sets none; "" for that of the role.
-        expects: name of the only peer, where the file sets none; "" for any.
-        take_over: whether a master replaces another one that the slave serves.
-        asks: what a caller wants.
-        stamp: wall clock [ns] at `now` [s]; None to count `now`.
-        live: whether a simulated robot publishes its pose and measures its steps. Results in virtual time must not
-            depend on the machine.
-    """
-
-    security: Security
-    entropy: Entropy
-    epoch: float
-    stopwatch: Stopwatch = float  # always 0.0
-    peer: Address | None = None
-    name: str = ""
-    expects: str = ""
-    take_over: bool = False
-    asks: Right = Right.DRIVE
-    stamp: Callable[[float], int] | None = None
+    security: Security  # suite, with the key
+    entropy: Entropy  # gives random bytes
+    epoch: float  # time of tick 0 [s]
+    stopwatch: Stopwatch = float  # a clock [s], for the time spent in the codec; by default always 0.0
+    peer: Address | None = None  # address of the slave; None at its own end
+    name: str = ""  # where the file sets none; "" for that of the role
+    expects: str = ""  # name of the only peer, where the file sets none; "" for any
+    take_over: bool = False  # whether a master replaces another one that the slave serves
+    asks: Right = Right.DRIVE  # what a caller wants
+    stamp: Callable[[float], int] | None = None  # wall clock [ns] at `now` [s]; None to count `now`
+    # Whether a simulated robot publishes its pose and measures its steps: nothing in virtual time depends on the host.
     live: bool = False
 
 
