@@ -69,13 +69,10 @@ class TickLoop:
     stop that takes too long, ends it at once through `side.fail`.
 
     Args:
-        side: what ticks.
-        transport: of its datagrams.
         period: time between ticks [s].
         duration_s: from the first tick to the stop [s]; None for no end.
         start_at: the first deadline [s, `time.monotonic`]; None for one period after opening.
         stop_limit_s: hard bound on an orderly stop [s].
-        after_tick: for telemetry.
         garbage: schedule for the collector, which is then frozen during the run; None leaves the collector alone.
         busy_poll: poll sockets and clock instead of sleeping between ticks (`Ticker`); takes a processor.
     """

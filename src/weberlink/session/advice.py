@@ -439,7 +439,6 @@ def tick_rate(parts: DryRun, tick_s: Callable[[Configuration], float | None] | N
     """A tick rate that this machine can hardly hold; a usual one is not looked at.
 
     Args:
-        parts: of the file.
         tick_s: measures how long a tick takes [s]; None where it cannot.
     """
     system = parts.system

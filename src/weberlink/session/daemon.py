@@ -188,8 +188,6 @@ class LiveLink:
     """The emulated link of one direction, and its present faults, which may change while a session runs.
 
     Args:
-        faults: of the file.
-        link: what carries the datagrams.
         fixed: why nothing may be changed; None if it may.
     """
 

@@ -59,9 +59,6 @@ def describe(configuration: Configuration, side: str, name: str = "", port: Port
     """Describe the daemon in this process; the paths of keys and secrets are left out.
 
     Args:
-        configuration: of the session.
-        side: master or slave.
-        name: of the side, where it is known.
         port: of the side, where it is known; that of an arm adds the range of its angles.
     """
     system = configuration.system
@@ -85,24 +82,14 @@ def describe(configuration: Configuration, side: str, name: str = "", port: Port
 
 
 class Description:
-    """The file of one daemon.
-
-    Args:
-        ring: beside which it lies.
-        described: as of `describe`.
-    """
+    """The file of one daemon."""
 
     def __init__(self, ring: str | Path, described: dict[str, Any]) -> None:
         self._path = path_beside(ring)
         self._text = json.dumps(described)
 
     def publish(self, peer: dict[str, str] | None = None, paths: "Iterable[PathFacts]" = ()) -> None:
-        """Write the file atomically, readable by this user only; may be called in a tick, for some 50 us.
-
-        Args:
-            peer: what the side knows of its peer (`weberlink.session.side.PeerFacts`).
-            paths: those in use.
-        """
+        """Write the file atomically, readable by this user only; may be called in a tick, for some 50 us."""
         news = json.dumps({"peer": peer, "paths": [path._asdict() for path in paths]})
         fd, draft = mkstemp(prefix=f"{self._path.name}.", dir=self._path.parent)
         try:

@@ -45,7 +45,6 @@ class EmergencyStop:
     """One stop: force to zero, and no motion, at both ends of the sessions of this user that were ordered before it.
 
     Args:
-        scope: the sessions that it may concern.
         name: the only one of these that it concerns, if that one runs; a page may name a session that is over.
         at: the moment of the command, on `time.monotonic` [s].
 

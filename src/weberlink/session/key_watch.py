@@ -22,14 +22,7 @@ LOOK_S = 0.3
 
 
 class KeyWatch:
-    """Looks at the keys again and again, in a thread of the loop: a disk may be slow.
-
-    Args:
-        where: file or folder of the keys.
-        read: the keys in it.
-        keyring: holds them.
-        endpoint: of the slave.
-    """
+    """Looks at the keys again and again, in a thread of the loop: a disk may be slow."""
 
     def __init__(
         self, where: Path, read: Callable[[], Sequence[HeldKey]], keyring: "Keyring", endpoint: "Endpoint"

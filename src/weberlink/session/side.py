@@ -58,11 +58,6 @@ class Side:
     Times are on the clock of the caller, which also fetches the endpoint's datagrams.
 
     Args:
-        port: senses and actuates; not yet open.
-        outgoing: what is sensed here, by stream.
-        incoming: what is actuated here, by stream.
-        tuning: the settings that may change while a session lives.
-        endpoint: this end of the session.
         tick_period: of both sides, as agreed [s].
         horizon: how long a model is extrapolated past the last sign of the peer's encoder [s].
         watchdog: expires when the port gives no usable reading for too long.

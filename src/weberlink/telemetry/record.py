@@ -146,8 +146,6 @@ class Layout:
     Attributes:
         parts: as bits, the first part lowest.
         fields: in the order of `FIELDS`.
-        format: for `struct`.
-        description: numpy's type.
         values: gives the values of a row, flat, in the order of the fields.
     """
 

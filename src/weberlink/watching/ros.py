@@ -119,8 +119,6 @@ def shown(side: str, ticks: Rows, times_ns: NDArray[np.uint64], arm: ArmLayout |
     """The messages of some ticks.
 
     Args:
-        side: "master" or "slave".
-        ticks: records of that side.
         times_ns: of each, on the wall clock [ns since 1970].
         arm: the axes of a session in joint space; None for one in Cartesian space.
     """

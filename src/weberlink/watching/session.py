@@ -45,10 +45,6 @@ class EventLog:
     Args:
         rate_hz: tick rate of both sides [Hz].
         origin: start of the session on the clock of the records [s].
-
-    Attributes:
-        events: the newest ones.
-        count: number of events so far.
     """
 
     def __init__(self, rate_hz: float, origin: float) -> None:
@@ -121,10 +117,6 @@ class _WatchedSide:
 
 class WatchedSession:
     """A session of one or two sides; the second may join later.
-
-    Args:
-        name: of the session.
-        first: source of the side that was found first.
 
     Attributes:
         origin: time 0 of the rows [s], on the clock of the records.

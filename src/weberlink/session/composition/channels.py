@@ -189,7 +189,6 @@ def account(control: ControlSettings, mapping: MappingSettings | None, *, turns:
     """What bounds the energy out of the hand, in the robot's frame, where lengths and forces are scaled, but no angles.
 
     Args:
-        control: of both sides.
         mapping: of the hand's frame to the robot's; None where they are one.
         turns: whether it is that of a torque.
     """

@@ -233,8 +233,6 @@ def build_control(
     """One end of the control scheme.
 
     Args:
-        configuration: of both sides.
-        build: makes the end of a scheme of this name.
         coupling: stiffness of the robot towards its command [N/m].
 
     Raises:
@@ -260,9 +258,6 @@ def build_driver(where: str, driver: Any, *arguments: Any, contract: type | None
     """A driver from its options; what it cannot accept is an error of its place in the file.
 
     Args:
-        where: its place in the file.
-        driver: the class.
-        arguments: for it.
         contract: a protocol that its object must satisfy; the driver may be of another distribution.
 
     Raises:
