@@ -15,7 +15,7 @@ from pathlib import Path
 from signal import SIG_DFL, SIG_IGN, SIGTERM, Signals, getsignal, signal
 from subprocess import PIPE
 from time import monotonic, sleep, time
-from types import FrameType, TracebackType
+from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from weberlink.child_process import Child, python
@@ -181,7 +181,8 @@ class LiveRun:
         for number in STOP_SIGNALS:
             if getsignal(number) is SIG_IGN:  # for example by nohup
                 continue
-            self._stack.callback(signal, number, signal(number, self._on_signal) or SIG_DFL)
+            before = signal(number, lambda number, _: self._signals.append(Signals(number)))
+            self._stack.callback(signal, number, before or SIG_DFL)
         rings = {side: default_path(f"{os.getpid()}-{side}") for side in self.sides}
         for ring in rings.values():  # left by an earlier process with this process id
             ring.unlink(missing_ok=True)
@@ -376,9 +377,6 @@ class LiveRun:
         if is_measured and not self._has_advised and (advice := self.on_delay(1e-6 * (median_us or 0.0))) is not None:
             self._has_advised = True
             self.tell(f"{NOTE}{advice}")
-
-    def _on_signal(self, number: int, _frame: FrameType | None) -> None:
-        self._signals.append(Signals(number))
 
 
 def sweep(folders: Sequence[Path] | None = None) -> None:

@@ -133,25 +133,19 @@ def own_key(path: Path) -> HeldKey:
     return key
 
 
-class Acquaintance(NamedTuple):
-    """Suite, own name and the name of the only peer ("" for any), where the file sets no names."""
-
-    security: Security
-    own: str
-    expects: str = ""
-
-
-def acquaintance(configuration: Configuration, side: str, finder: PathFinder | None) -> Acquaintance:
-    """How a process that runs one side knows the other one; ConfigurationError as of `build_security`."""
+def acquaintance(configuration: Configuration, side: str, finder: PathFinder | None) -> tuple[Security, str, str]:
+    """Suite, own name and the name of the only peer ("" for any) of a process that runs one side, where the file sets
+    no names; ConfigurationError as of `build_security`.
+    """
     if finder is not None:
-        return Acquaintance(finder.security, finder.own, finder.expects)
+        return finder.security, finder.own, finder.expects
     link = configuration.system.link
     named = own_key(link.key_file).name if side == MASTER and link.security == "psk" and link.key_file else ""
     if named and link.names.master not in (None, named):
         raise ConfigurationError(
             f"link.names.master: the key is that of {named!r}; leave the name out, or take its own"
         )
-    return Acquaintance(build_security(configuration), named or default_name(side, link.listen))
+    return build_security(configuration), named or default_name(side, link.listen), ""
 
 
 def default_name(side: str, listen: str) -> str:
