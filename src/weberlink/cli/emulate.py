@@ -21,8 +21,7 @@ from weberlink.config.document import override
 from weberlink.config.errors import validated
 from weberlink.hardware.emulator import EMULATORS, WireFaults
 from weberlink.hardware.fault import HardwareFault
-from weberlink.master.devices import DEVICES
-from weberlink.master.devices.leaders import LEADERS
+from weberlink.master.devices import DEVICES, LEADERS
 from weberlink.order import COMPLETED, FAILED, STOP_SIGNALS
 from weberlink.realtime.process import prepare
 from weberlink.testing.serving import PtyDevice, ServedDevice

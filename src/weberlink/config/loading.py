@@ -96,8 +96,8 @@ def _tables(system: System) -> tuple[Registry[Any], Registry[Any]]:
     """The drivers of each side: devices and robots, or arms led and followed joint by joint."""
     if system.codec.joints is None:
         return DEVICES, ROBOTS
-    from weberlink.master.devices.leaders import LEADERS  # noqa: PLC0415 - for arms alone
-    from weberlink.slave.robots.followers import FOLLOWERS  # noqa: PLC0415 - likewise
+    from weberlink.master.devices import LEADERS  # noqa: PLC0415 - for arms alone
+    from weberlink.slave.robots import FOLLOWERS  # noqa: PLC0415 - likewise
 
     return LEADERS, FOLLOWERS
 
@@ -139,8 +139,8 @@ def _part(
 
 def _arms(table: Registry[Any]) -> Collection[str]:
     """Names of the arms of a side, where its table is that of other drivers."""
-    from weberlink.master.devices.leaders import LEADERS  # noqa: PLC0415 - for a message
-    from weberlink.slave.robots.followers import FOLLOWERS  # noqa: PLC0415 - likewise
+    from weberlink.master.devices import LEADERS  # noqa: PLC0415 - for a message
+    from weberlink.slave.robots import FOLLOWERS  # noqa: PLC0415 - likewise
 
     return LEADERS if table is DEVICES else FOLLOWERS if table is ROBOTS else ()
 
