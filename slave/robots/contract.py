@@ -50,8 +50,7 @@ class Robot(Protocol):
 
     It may also have `trouble`, which is what was wrong with the last attempt where samples are missing, else None; and
     a simulated one, called before `open` of a live loop, `publish_pose()`, to publish its pose until `close` for who
-    draws its scene (`weberlink.telemetry.pose`), and `measure_steps(stopwatch)`, to adapt its computation to the
-    machine.
+    draws its scene, and `measure_steps(stopwatch)`, to adapt its computation to the machine.
     """
 
     @property

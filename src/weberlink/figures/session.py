@@ -43,10 +43,6 @@ LONGEST_WAIT_S = 10.0
 MARGIN_S = 1.0
 """Records of the slave belong to the session from this long before the first one of the master to this long after the
 last."""
-ANOTHER_CLOCK_S = 0.1
-"""A larger jump of the clock of the peer means another peer, or a restart of it."""
-LATEST_S = 1e10
-"""Upper limit of plausible times and durations [s]: three centuries."""
 
 Known = TypeVar("Known")
 

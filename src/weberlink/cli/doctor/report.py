@@ -16,6 +16,7 @@ from weberlink.cli.doctor.machine import Machine, Unreadable
 from weberlink.config import MASTER, SIDES, SLAVE, Configuration
 from weberlink.config.model import RealtimeSettings, split_address
 from weberlink.protocol.aio.sockets import numeric
+from weberlink.registry import Registry
 
 DEFAULTS = RealtimeSettings()
 INDENT = 10
@@ -157,6 +158,11 @@ class DoctorReport:
         summary = f"{problems} problem{'' if problems == 1 else 's'}, {tips} advice, {dark} unknown"
         console.print(Text(summary, style="bold red" if problems else "bold green"))
 
+
+EXAMINATIONS: Registry[Callable[..., DoctorReport]] = Registry(
+    "examination of a link", {}, "weberlink.link_examinations"
+)
+"""Of other distributions: functions of a file, overrides, a peer, and the time to measure [s]."""
 
 # --- the table of checks
 
