@@ -34,8 +34,6 @@ class SceneState(NamedTuple):
 class DisplacedShape:
     """`shape` displaced by `offset` [m], which may change."""
 
-    __slots__ = ("_shape", "flat", "offset")
-
     def __init__(self, shape: Shape) -> None:
         self._shape = shape
         self.flat = shape.flat
@@ -103,14 +101,10 @@ class Scene:
         return self._proxy.at
 
     def force(self, position: Vector, dt: float) -> Vector:
-        """Reaction of the scene on a probe.
+        """Reaction of the scene on a probe at a position [m], `dt` [s] after the last call: the force on it [N], scene
+        frame.
 
-        Args:
-            position: Where the probe is, scene frame [m].
-            dt: Time since the last call [s]; only damping and objects that move use it.
-
-        Returns:
-            Force on the probe [N], scene frame.
+        Only damping and objects that move use the time.
         """
         if self._movers and 0.0 < dt < FARTHEST:  # a time without significant digits moves nothing
             self._advance(dt)

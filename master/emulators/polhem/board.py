@@ -69,18 +69,9 @@ class BoardOptions(Options):
 class PolhemBoard(FaultyDevice):
     """The board of an emulated device (see `weberlink.hardware.emulator`); subclasses speak the wire formats.
 
-    Attributes:
-        messages: that came, right or wrong.
-        errors: wrong ones among them.
-        handle: in the hand.
-        currents_ma: in the motors now [mA].
-        largest_current_ma: that there has been in a motor [mA].
-        last_force_at: when there was last a current in any motor [s]; None for never.
-        enabled: whether the amplifiers are on.
-        watchdog_trips: how often they went off without a message.
-
-    Raises:
-        ValueError: it is to have a weight, and none is published.
+    `messages` came, right or wrong, `errors` are the wrong ones among them. Currents are in the motors [mA];
+    `last_force_at` is when there was last one, None for never. `watchdog_trips`: how often the amplifiers went off
+    without a message. Raises ValueError if it is to have a weight, and none is published.
     """
 
     WATCHDOG_S: ClassVar[float]
