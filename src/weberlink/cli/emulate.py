@@ -70,11 +70,8 @@ def run(
         source: stream of fault commands; not read while a command runs, which then has standard input.
         faults: FIFO of fault commands; created and removed if it does not exist.
 
-    Returns:
-        The exit status of the command; without a command 0, or 1 if the emulator failed.
-
-    Raises:
-        ConfigurationError: an argument is wrong, or umockdev is missing for a device of the kernel.
+    Returns the exit status of the command; without a command 0, or 1 if the emulator failed. Raises ConfigurationError
+    if an argument is wrong, or umockdev is missing for a device of the kernel.
     """
     emulator = _build(name, overrides)
     if emulator.transport in OF_THE_KERNEL and not command:
