@@ -54,14 +54,11 @@ def run(
             due += 1.0 / rate_hz
             sender.put(0, count.to_bytes(4, "big") * (picture_bytes // 4), now, round(now * 1e6))
             count += 1
-        if now >= sends_at:
+        looks = now >= sends_at
+        while looks and backward and backward[0][0] <= now:
+            sender.hear(heapq.heappop(backward)[2], now)
+        for fragment in sender.take(now) if looks else ():
             sends_at = now + stall_s * draw()
-            while backward and backward[0][0] <= now:
-                sender.hear(heapq.heappop(backward)[2], now)
-            leaving = sender.take(now)
-        else:
-            leaving = iter(())
-        for fragment in leaving:
             sent += 8 * (len(fragment) + DATAGRAM_OVERHEAD)
             free_at = max(free_at, now) + 8 * (len(fragment) + DATAGRAM_OVERHEAD) / rate_bit_s
             queues.append((now, free_at - now))
@@ -95,7 +92,7 @@ def test_busy_hosts_are_no_queue_of_the_link(delay_s: float, loss: float, least:
     outcome = run(rate_bit_s=1e8, delay_s=delay_s, loss=loss, stall_s=0.03)
     assert outcome.shown >= least
     assert outcome.ages[len(outcome.ages) // 2] < delay_s + 0.03
-    assert outcome.ages[len(outcome.ages) * 99 // 100] < delay_s + 0.12
+    assert outcome.ages[len(outcome.ages) * 99 // 100] < 2.0 * delay_s + 0.12
 
 
 def test_lost_fragments_are_sent_again() -> None:
@@ -107,7 +104,7 @@ def test_lost_fragments_are_sent_again() -> None:
 
 @pytest.mark.parametrize("rate_bit_s", [1e6, 2e6, 5e6])
 def test_pictures_give_way_on_a_slow_link(rate_bit_s: float) -> None:
-    for stall_s, longest in ((0.0, 0.06), (0.03, 0.15)):
+    for stall_s, longest in ((0.0, 0.04), (0.03, 0.1)):
         outcome = run(rate_bit_s=rate_bit_s, delay_s=0.01, loss=0.0, picture_bytes=30_000, stall_s=stall_s)
         assert outcome.late_queue_s < longest, "what shares the link waits no longer behind pictures"
         assert outcome.sent_bit_s > 0.4 * min(rate_bit_s, 7.2e6), "and the link is used"

@@ -32,7 +32,7 @@ KEPT: Final = 8
 """Messages of which fragments can be sent again, and that are put together at a time."""
 DEADLINE_S: Final = 0.5
 """A picture that is older is given up."""
-QUEUE_S: Final = 0.015
+QUEUE_S: Final = 0.01
 """Delay in queues up to which the rate grows."""
 GROWTH, FALL = 1.08, 0.8
 LEAST_BIT_S, FIRST_BIT_S = 1e5, 2e6
