@@ -34,7 +34,7 @@ DEADLINE_S: Final = 0.5
 """A picture that is older is given up."""
 QUEUE_S: Final = 0.01
 """Delay in queues up to which the rate grows."""
-GROWTH, FALL = 1.08, 0.8
+GROWTH, FALL = 0.08, 0.8
 LEAST_BIT_S, FIRST_BIT_S = 1e5, 2e6
 BURST_S: Final = 0.01
 """Of the rate, which a host that stood still for so long makes up for."""
@@ -135,7 +135,7 @@ class Sender:
     def _adapt(self, queue_s: float, received: int, now: float) -> None:
         before, self._received = self._received, (received, now)
         if queue_s <= QUEUE_S:
-            self.rate = self.rate * GROWTH
+            self.rate *= 1.0 + GROWTH * (1.0 - queue_s / QUEUE_S)
         elif before is not None and now - self._fell_at > max(2.0 * REPORT_S, queue_s):
             carried = (received - before[0] & 0xFFFF_FFFF) * 8.0 / max(now - before[1], 1e-3)
             self.rate = max(LEAST_BIT_S, FALL * min(self.rate, max(carried, 0.5 * self.rate)))
