@@ -108,7 +108,8 @@ def doctor(
     console = Console(stderr=True)
     with console.status("measuring for some seconds") if console.is_terminal else nullcontext():
         if link is None or file is None:
-            found = examine(Needs(sides=sides) if file is None else Needs.of(load(file, overrides, sides), sides))
+            needs = Needs(sides=sides)
+            found = examine(needs if file is None else Needs(load(file, overrides, sides).system, sides, file))
         else:
             with failing(ValueError, MISCONFIGURED, "--link: "):
                 examine_link = EXAMINATIONS.load(next(iter((*EXAMINATIONS, *EXAMINATIONS.absent()))))

@@ -91,7 +91,7 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
     """Run one side to its end.
 
     Returns:
-        Outcome, faults, drops, rights and garbage collection, which the telemetry does not contain.
+        Outcome, faults, drops and rights, which the telemetry does not contain.
 
     Raises:
         ConfigurationError, StartError, OSError: before the first tick.
@@ -166,20 +166,15 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
         "peer": side.peer._asdict(),
         "paths": [path._asdict() for path in udp.paths],
         "realtime": grants.as_dict(),
-        "garbage": None if ran.garbage is None else ran.garbage.summary(),
     }
 
 
 def _after_tick(side: Side, udp: UdpShell, ring: RingWriter, described: description.Description) -> AfterTick:
     """Writes the record of a tick, and what has changed of peer and paths."""
-    missed = 0
-    last_index: int | None = None
     peer, paths = side.peer, udp.paths
 
-    def write(index: int, deadline: float, now: float, work_us: float) -> None:
-        nonlocal missed, last_index, peer, paths
-        missed += 0 if last_index is None else index - last_index - 1
-        last_index = index
+    def write(missed: int, deadline: float, now: float, work_us: float) -> None:
+        nonlocal peer, paths
         ring.write(side.values((now - deadline) * 1e6, work_us, missed))
         if side.peer is not peer or udp.paths is not paths:
             peer, paths = side.peer, udp.paths
@@ -193,8 +188,6 @@ class LiveLink:
     """The emulated link of one direction, and its present faults, which may change while a session runs.
 
     Args:
-        faults: of the file.
-        link: what carries the datagrams.
         fixed: why nothing may be changed; None if it may.
     """
 

@@ -52,9 +52,7 @@ class Simulation:
 
     Args:
         master: the operator's side; its endpoint's epoch is `epoch`.
-        slave: the teleoperator's side, likewise.
         links: the faults from master to slave, and those from slave to master.
-        tick_period: [s].
         epoch: time of tick 0 [s].
     """
 
@@ -81,7 +79,6 @@ class Simulation:
 
         Args:
             duration: None to run until the device ends.
-            observers: fed with the records of both sides, piece by piece.
             interruption: notes Ctrl-C, which costs less than a piece; None to let it raise KeyboardInterrupt.
         """
         chunks = self._chunks(duration)
@@ -211,7 +208,6 @@ def simulate(
     """Run to the end of the duration [s] or of the device's motion, or to Ctrl-C, which gives the figures so far.
 
     Args:
-        configuration: both sides.
         duration: [s]; None for `DEFAULT_DURATION`.
         record: where to record the session, as MCAP; None to record nothing.
         progress: receives the simulated time and the longest one [s], and the unit.

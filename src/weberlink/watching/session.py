@@ -30,21 +30,13 @@ MOST_EVENTS = 500
 
 
 class SessionEvent(NamedTuple):
-    """One event.
+    """One event."""
 
-    Args:
-        at: time since the session began [s].
-        wall: the same moment on the wall clock [s since 1970].
-        level: of `weberlink.figures.wording`.
-        side: master or slave; None for the session.
-        text: in words.
-    """
-
-    at: float
-    wall: float
-    level: str
-    side: str | None
-    text: str
+    at: float  # time since the session began [s]
+    wall: float  # the same moment on the wall clock [s since 1970]
+    level: str  # of `weberlink.figures.wording`
+    side: str | None  # master or slave; None for the session
+    text: str  # in words
 
 
 class EventLog:
@@ -53,10 +45,6 @@ class EventLog:
     Args:
         rate_hz: tick rate of both sides [Hz].
         origin: start of the session on the clock of the records [s].
-
-    Attributes:
-        events: the newest ones.
-        count: number of events so far.
     """
 
     def __init__(self, rate_hz: float, origin: float) -> None:
@@ -129,10 +117,6 @@ class _WatchedSide:
 
 class WatchedSession:
     """A session of one or two sides; the second may join later.
-
-    Args:
-        name: of the session.
-        first: source of the side that was found first.
 
     Attributes:
         origin: time 0 of the rows [s], on the clock of the records.

@@ -35,33 +35,19 @@ Parts = tuple[Port, list[OutgoingChannel], list[IncomingChannel], Tuning]
 
 
 class Context(NamedTuple):
-    """What an end is given besides its file.
+    """What an end is given besides its file."""
 
-    Args:
-        security: suite, with the key.
-        entropy: gives random bytes.
-        epoch: time of tick 0 [s].
-        stopwatch: a clock [s], for the time spent in the codec; a constant in virtual time.
-        peer: address of the slave; None at its own end.
-        name: where the file sets none; "" for that of the role.
-        expects: name of the only peer, where the file sets none; "" for any.
-        take_over: whether a master replaces another one that the slave serves.
-        asks: what a caller wants.
-        stamp: wall clock [ns] at `now` [s]; None to count `now`.
-        live: whether a simulated robot publishes its pose and measures its steps. Results in virtual time must not
-            depend on the machine.
-    """
-
-    security: Security
-    entropy: Entropy
-    epoch: float
-    stopwatch: Stopwatch = float  # always 0.0
-    peer: Address | None = None
-    name: str = ""
-    expects: str = ""
-    take_over: bool = False
-    asks: Right = Right.DRIVE
-    stamp: Callable[[float], int] | None = None
+    security: Security  # suite, with the key
+    entropy: Entropy  # gives random bytes
+    epoch: float  # time of tick 0 [s]
+    stopwatch: Stopwatch = float  # a clock [s], for the time spent in the codec; by default always 0.0
+    peer: Address | None = None  # address of the slave; None at its own end
+    name: str = ""  # where the file sets none; "" for that of the role
+    expects: str = ""  # name of the only peer, where the file sets none; "" for any
+    take_over: bool = False  # whether a master replaces another one that the slave serves
+    asks: Right = Right.DRIVE  # what a caller wants
+    stamp: Callable[[float], int] | None = None  # wall clock [ns] at `now` [s]; None to count `now`
+    # Whether a simulated robot publishes its pose and measures its steps: nothing in virtual time depends on the host.
     live: bool = False
 
 
@@ -147,25 +133,19 @@ def own_key(path: Path) -> HeldKey:
     return key
 
 
-class Acquaintance(NamedTuple):
-    """Suite, own name and the name of the only peer ("" for any), where the file sets no names."""
-
-    security: Security
-    own: str
-    expects: str = ""
-
-
-def acquaintance(configuration: Configuration, side: str, finder: PathFinder | None) -> Acquaintance:
-    """How a process that runs one side knows the other one; ConfigurationError as of `build_security`."""
+def acquaintance(configuration: Configuration, side: str, finder: PathFinder | None) -> tuple[Security, str, str]:
+    """Suite, own name and the name of the only peer ("" for any) of a process that runs one side, where the file sets
+    no names; ConfigurationError as of `build_security`.
+    """
     if finder is not None:
-        return Acquaintance(finder.security, finder.own, finder.expects)
+        return finder.security, finder.own, finder.expects
     link = configuration.system.link
     named = own_key(link.key_file).name if side == MASTER and link.security == "psk" and link.key_file else ""
     if named and link.names.master not in (None, named):
         raise ConfigurationError(
             f"link.names.master: the key is that of {named!r}; leave the name out, or take its own"
         )
-    return Acquaintance(build_security(configuration), named or default_name(side, link.listen))
+    return build_security(configuration), named or default_name(side, link.listen), ""
 
 
 def default_name(side: str, listen: str) -> str:
@@ -247,8 +227,6 @@ def build_control(
     """One end of the control scheme.
 
     Args:
-        configuration: of both sides.
-        build: makes the end of a scheme of this name.
         coupling: stiffness of the robot towards its command [N/m].
 
     Raises:
@@ -274,9 +252,6 @@ def build_driver(where: str, driver: Any, *arguments: Any, contract: type | None
     """A driver from its options; what it cannot accept is an error of its place in the file.
 
     Args:
-        where: its place in the file.
-        driver: the class.
-        arguments: for it.
         contract: a protocol that its object must satisfy; the driver may be of another distribution.
 
     Raises:

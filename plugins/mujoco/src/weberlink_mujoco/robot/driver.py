@@ -5,9 +5,10 @@ from contextlib import suppress
 from time import monotonic
 from typing import TYPE_CHECKING
 
+from weberlink.geometry.rotation import Quaternion
 from weberlink.geometry.vector import Vector
 from weberlink.slave.robots.computed import LONGEST_GAP, ComputedRobot
-from weberlink.slave.robots.contract import Quaternion, RobotSpec
+from weberlink.slave.robots.contract import RobotSpec
 from weberlink.slave.scenes.scene import Scene
 from weberlink_mujoco.robot.options import MujocoOptions
 
