@@ -31,7 +31,7 @@ LOOK_S = 0.005
 """A force lasts for so long until the received model is asked for a contact, and a correction of the model is waited
 for so much longer than the round trip and its jitter [s]."""
 ASK_S = 0.015
-"""A force lasts for so long until the robot's end is asked whether it has corrected the model: the answer comes before
+"""A contact lasts for so long until the robot's end is asked whether it has corrected the model: the answer comes before
 the bound falls [s]."""
 ROUNDING = 1.0 + 1e-9
 
@@ -176,7 +176,7 @@ class HandContact(ContactWatch):
     ) -> None:
         super().__init__(limiter, endpoint, (least,), delay)
         self._decoder, self._least_force, self._sent, self._playout = decoder, least, sent, playout
-        self._tick = self._claimed = 0.0
+        self._tick = self._now = self._claimed = 0.0
         self._newest_sample: Sample | None = None
         self._is_stated = self._has_asked = False
         self._since = -inf
@@ -186,10 +186,10 @@ class HandContact(ContactWatch):
         self._sent.reset()
         self._claimed = 0.0
 
-    def note_command(self, command: Vector, tick: float, touched: Vector, now: float) -> None:
-        """Take in the command of this tick [m], the present tick of the other side, and the decoded force [N]."""
+    def note_command(self, command: Vector, tick: float, asked: float, now: float) -> None:
+        """Take in the command of this tick [m], the present tick of the other side, and what was asked for last [N]."""
         self._sent.add(command)
-        self._tick = tick
+        self._tick, self._now = tick, now
         newest = self._decoder.newest
         self._is_stated = (
             newest is not None and newest is not self._newest_sample and hypot(*newest.value) > self._least_force
@@ -197,19 +197,19 @@ class HandContact(ContactWatch):
         self._newest_sample = newest
         if self._is_stated:
             self._since = -inf  # of this contact all is heard
-        elif hypot(*touched) <= self._least_force:
+        elif asked <= self._least_force:
             self._since, self._has_asked = now, False
 
     def _heard(self, decoded: Joints, elapsed: float, round_trip: float | None) -> tuple[float, float]:  # noqa: ARG002
         if self._is_stated:
             self._claimed = UNREACHED_S
             return 0.0, 0.0
-        lasted, endpoint = self.limiter.lasted, self._endpoint
-        if lasted < LOOK_S:
+        if self.limiter.lasted < LOOK_S:
             return inf, 0.0
+        endpoint = self._endpoint
         trip = round_trip or 0.0
         is_silent = endpoint.liveness.encoder_heard_at < self._since + trip
-        if is_silent and lasted >= ASK_S + self._delay and not self._has_asked:
+        if is_silent and self._now - self._since >= ASK_S + self._delay and not self._has_asked:
             self._has_asked = True
             endpoint.ask()
         waited = trip + endpoint.clock.jitter + LOOK_S if trip else 0.0

@@ -67,7 +67,7 @@ class Watched:
 
     def command(self, command: Vector, force: Vector) -> None:
         self.tick += 1
-        self.watch.note_command(command, float(self.tick), force, self.now)
+        self.watch.note_command(command, float(self.tick), norm(force), self.now)
 
     def go(self, command: Vector, force: Vector, ticks: int, *, heard: bool = True) -> list[float]:
         """Command this, and ask for this force; returns what is displayed in each tick [N]."""
