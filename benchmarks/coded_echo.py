@@ -17,7 +17,7 @@ import uvloop
 from benchmarks.arrangement import rights_of, serve, tell
 from benchmarks.latency import ASK, CAME, HOST, SENT, Moments
 from weberlink.codec import Decoder, Encoder
-from weberlink.config import Configuration, load
+from weberlink.config import MASTER, SLAVE, Configuration, load
 from weberlink.geometry.vector import Vector
 from weberlink.master.trace import read_trace
 from weberlink.protocol import Role
@@ -27,7 +27,7 @@ from weberlink.protocol.states import State
 from weberlink.realtime.garbage import freeze_garbage
 from weberlink.realtime.ticker import Ticker
 from weberlink.session.composition.channels import channels
-from weberlink.session.composition.link import build_endpoint, build_security
+from weberlink.session.composition.link import Context, build_endpoint, build_security
 from weberlink_studies.evaluate.traces import SHIPPED
 
 OVERRIDES = ("codec.force.weber=0", "codec.force.floor_n=0", "codec.position.weber=0", "codec.position.bound_m=0")
@@ -52,8 +52,8 @@ class EchoEnd:
         outgoing, incoming = (forward, backward) if self._asks else (backward, forward)
         self.encoder, self.decoder = Encoder(outgoing), Decoder(incoming)
         peer = (HOST, port) if self._asks else None
-        security = build_security(configuration)
-        self.endpoint = build_endpoint(system, role, security, os.urandom, epoch, (outgoing,), (incoming,), peer)
+        context = Context(build_security(configuration), os.urandom, epoch, peer=peer)
+        self.endpoint = build_endpoint(system, MASTER if self._asks else SLAVE, context)
         self._epoch, self._tick_period = epoch, system.tick_period
         # The shell asks for the time after every datagram that it takes: the moment to answer it.
         self.shell = UdpShell(self.endpoint, now=self._heard, listen=(HOST, 0))

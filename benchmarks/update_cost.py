@@ -19,13 +19,12 @@ from benchmarks.arrangement import MAIN_RATE_HZ, Arrangement, BenchError, Rights
 from benchmarks.coded_echo import OVERRIDES, contact
 from benchmarks.percentiles import Series, summary
 from weberlink.codec import Decoder, Encoder
-from weberlink.config import Configuration, load
-from weberlink.protocol import Role
+from weberlink.config import MASTER, SLAVE, Configuration, load
 from weberlink.protocol.events import UpdateReceived
 from weberlink.protocol.states import State
 from weberlink.realtime.garbage import freeze_garbage
 from weberlink.session.composition.channels import channels
-from weberlink.session.composition.link import build_endpoint, build_security
+from weberlink.session.composition.link import Context, build_endpoint, build_security
 
 UPDATES, QUICK_UPDATES = 2000, 200
 PATIENCE_S = 60.0
@@ -69,11 +68,11 @@ class EndpointPair:
 
     def __init__(self, configuration: Configuration) -> None:
         system, now = configuration.system, monotonic()
-        forward, backward = channels(system)
-        security, there, back = build_security(configuration), (forward,), (backward,)
+        forward, _ = channels(system)
+        context = Context(build_security(configuration), os.urandom, now)
         self.encoder, self.decoder = Encoder(forward), Decoder(forward)
-        self.sender = build_endpoint(system, Role.INITIATOR, security, os.urandom, now, there, back, HERE)
-        self.receiver = build_endpoint(system, Role.RESPONDER, security, os.urandom, now, back, there, None)
+        self.sender = build_endpoint(system, MASTER, context._replace(peer=HERE))
+        self.receiver = build_endpoint(system, SLAVE, context)
         self.samples = [position for position, _ in contact()]
         self.tick_period = system.tick_period
         self.began = now

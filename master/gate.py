@@ -40,26 +40,14 @@ class ContactLimiter:
     """No force without a contact: bounds what is displayed while the robot's end states none.
 
     A hand may be ahead of the robot in a contact that a model predicts, for as long as the answer takes: the round trip
-    and `PATIENCE`. By then the bound has fallen to `free`, and it falls on to 0. It does not depend on the control
-    scheme or on a predictor, and holds whatever they ask for. A scheme is told as the bound begins to fall; one that
-    asks for more than `free` `GRACE` beyond the law is at fault.
+    and `PATIENCE`. By then the bound has fallen to `free`, the largest force that needs no contact, and it falls on to
+    0, whatever scheme or predictor ask for. A scheme is told as the bound begins to fall (`doubtful`); one that asks
+    for more than `free` `GRACE` beyond the law is at fault (`unfounded`). `lasted` is the time for which more than
+    `free` was asked for since a contact was stated [s]: time with less counts back, so that taps ahead of the robot do
+    not add up. `quiet`: nothing is bounded, and nothing that needs a contact was asked for lately.
 
-    Time with no more than `free` counts back, so that taps ahead of the robot do not add up.
-
-    Args:
-        most: largest force [N], or torque [N m].
-        free: largest one that needs no contact.
-        longest: round trip that is assumed while none is known, and never exceeded [s].
-
-    Attributes:
-        free: largest force that needs no contact.
-        lasted: time for which more than `free` was asked for since a contact was stated [s].
-        quiet: whether nothing is bounded, and nothing was asked for lately that needs a contact.
-        doubtful: whether it has lasted so long that the bound falls.
-        unfounded: whether more than `free` was asked for until `GRACE` after the limit; it ends with the doubt.
+    While no round trip is known, `longest` [s] is assumed; it is never exceeded. Forces are [N], or torques [N m].
     """
-
-    __slots__ = ("_bound", "_free", "_longest", "_most", "doubtful", "free", "lasted", "quiet", "unfounded")
 
     def __init__(self, most: float, free: float, longest: float) -> None:
         self._most = most
@@ -84,8 +72,8 @@ class ContactLimiter:
             elapsed: time since the last call [s].
             round_trip: of signals over the link [s]; None while unknown.
             stated: how long ago the robot's end stated a contact at the latest [s]; inf where it states none.
-            claimed: for how long a model has claimed a contact that the robot's end has not contradicted yet [s]: the
-                time waits, and counts in full if it does.
+            claimed: how long a model has claimed a contact that the robot's end has not contradicted yet [s]: the time
+                waits, and counts in full if it does.
         """
         patience = self._longest if round_trip is None or round_trip > self._longest else round_trip
         patience += PATIENCE
@@ -113,11 +101,8 @@ class ContactLimiter:
 class ContactWatch:
     """Tells a limiter whether the robot's end states a contact: by what is decoded of the torques of an arm.
 
-    Args:
-        limiter: takes the time.
-        endpoint: measures the link.
-        least: smallest torque of each axis that states a contact [N m]: less may be left over within the deadband.
-        delay: what look-ahead and play-out add to the round trip [s].
+    `least` is the smallest torque of each axis that states one [N m]: less may be left over within the deadband.
+    `delay` is what look-ahead and play-out add to the round trip [s].
     """
 
     def __init__(self, limiter: ContactLimiter, endpoint: Endpoint, least: Joints, delay: float) -> None:
@@ -127,12 +112,8 @@ class ContactWatch:
         self.limiter.reset()
 
     def bound(self, asked: float, decoded: Joints, elapsed: float) -> float:
-        """The largest force or torque that may leave now; inf for no bound.
-
-        Args:
-            asked: the largest before fade and slew limit.
-            decoded: as received.
-            elapsed: time since the last call [s].
+        """The largest force or torque that may leave now; inf for no bound. `asked`: the largest before fade and slew
+        limit.
         """
         rtt = self._endpoint.clock.rtt
         round_trip = None if rtt is None else rtt + self._delay
@@ -150,17 +131,12 @@ class ContactWatch:
 class HandContact(ContactWatch):
     """The same of the force on a hand, which a model may predict ahead of the robot.
 
-    The robot's end states a contact by an update whose sample has a force; and while it is silent, by the received
-    model, at the place that its silence is about: where the robot was commanded to a round trip ago, since by now a
-    correction of the model for that place would have come. A robot that is elsewhere says so
+    The robot's end states a contact by an update whose sample has a force of more than `least` [N]; and while it is
+    silent, by the received model, at the place that its silence is about: where the robot was commanded to a round trip
+    ago, since by now a correction of the model for that place would have come. A robot that is elsewhere says so
     (`weberlink.session.channels.Unreached`). Silence counts only where it is no loss: in each contact something must be
-    heard once the robot is there, with no update missing, so it is asked for.
-
-    Args: as of `ContactWatch`, and these.
-        decoder: of the force.
-        least: smallest force that states a contact [N].
-        sent: the commands so far.
-        playout: how much later than received an update is used [ticks].
+    heard once the robot is there, with no update missing, so it is asked for. `playout`: how much later than received
+    an update is used [ticks].
     """
 
     def __init__(
@@ -233,13 +209,8 @@ class Bound:
         contact: ends what no contact founds; None for what is displayed as it is decoded.
 
     Attributes:
-        most, slew, width: as given.
         asked: largest length of what is wanted, within its limit, before fade and slew limit.
-        clipped: whether a part was longer than its limit.
-        approach: has what left last, and takes it to what is wanted; says whether the slew limit held it back.
     """
-
-    __slots__ = ("_nothing", "approach", "asked", "clipped", "contact", "most", "slew", "width")
 
     def __init__(
         self, most: Joints, slew: Joints, ramp: float, *, width: int = 3, contact: ContactWatch | None = None
@@ -297,26 +268,12 @@ class Bound:
 class OutputGate:
     """All that leaves for the operator's hand, and the share of it that the session and the link let through.
 
-    The gate opens in `ramp` seconds after the session engages and closes as fast when it ends or stops. While the ends
-    are engaged but out of touch (`Liveness.in_touch_at`), it closes over the last part of the silence limit, so that
-    nothing is left when the limit is reached. When the peer returns, the force fades in.
-
-    Args:
-        bounds: one for each channel.
-        ramp: time from closed to open and back [s], > 0.
-        silence: limit of silence [s], > 0.
-        fade_share: part of the limit, 0..1, after which the force begins to fade.
-
-    Attributes:
-        gain: the share, 0 to 1; without a jump, but for `close`.
-        ramping: whether the beginning or the end of a session reduces the force; False for silence.
-        held_back: whether a slew limit held something back since the last `fade`.
-        clipped: whether something was longer than its limit since then.
+    The share `gain` opens in `ramp` seconds after the session engages and closes as fast when it ends or stops. While
+    the ends are engaged but out of touch (`Liveness.in_touch_at`), it closes over the last part of the silence limit
+    [s], from `fade_share` of it on, so that nothing is left when the limit is reached. When the peer returns, the force
+    fades in. `ramping`: the beginning or the end of a session reduces the force, not silence. `held_back` and
+    `clipped`: by a slew limit, or by a limit of size, since the last `fade`.
     """
-
-    __slots__ = (
-        "_fade_from", "_kept", "_was_open", "bounds", "clipped", "gain", "held_back", "ramp", "ramping", "silence",
-    )  # fmt: skip
 
     def __init__(self, bounds: Sequence[Bound], *, ramp: float, silence: float, fade_share: float) -> None:
         self.bounds = bounds
@@ -334,12 +291,8 @@ class OutputGate:
             bound.reset()
 
     def fade(self, *, engaged: bool, age: float, step: float) -> None:
-        """Move the share.
-
-        Args:
-            engaged: whether anything may be felt at all.
-            age: how long the ends have been out of touch [s].
-            step: time since the last tick [s].
+        """Move the share by a tick of `step` [s]; `engaged`: anything may be felt at all; `age`: out of touch for so
+        long [s].
         """
         self.held_back = self.clipped = False
         before, self._kept = self.gain, 1.0
@@ -355,14 +308,7 @@ class OutputGate:
         self.ramping = not engaged or self.gain < min(1.0, heard)
 
     def passed(self, index: int, wanted: Joints, decoded: Joints, step: float) -> Joints:
-        """What leaves of a channel in this tick.
-
-        Args:
-            index: of the channel.
-            wanted: what the control scheme asks for; what is not finite counts as nothing.
-            decoded: as received.
-            step: time since the last tick [s].
-        """
+        """What leaves of a channel in this tick; of what is wanted, what is not finite counts as nothing."""
         bound, gain, kept, most = self.bounds[index], self.gain, self._kept, inf
         goal = bound.limited(wanted)
         approach, contact = bound.approach, bound.contact

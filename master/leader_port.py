@@ -15,15 +15,11 @@ from weberlink.telemetry.row import Row, placed
 
 
 class PressedAxes:
-    """How much of the deadbands of some angles may stay unsent while the follower presses on something.
+    """How much of the deadbands `bounds` [rad] of some angles may stay unsent while the follower presses on something.
 
-    There, an error e of an angle changes the torque by up to K e, with the stiffness K of the follower. So an error
-    stays unsent only if K e is within the deadband of the displayed torque.
-
-    Args:
-        bounds: deadbands of the angles [rad], > 0.
-        coupling: stiffness of the follower towards its command [N m/rad], > 0.
-        torque_bound: deadband of a torque of this size on this axis [N m].
+    There, an error e of an angle changes the torque by up to K e, with the stiffness K of the follower [N m/rad]. So an
+    error stays unsent only if K e is within the deadband of the displayed torque, `torque_bound` of axis and torque [N
+    m].
     """
 
     def __init__(self, bounds: Joints, coupling: Joints, torque_bound: Callable[[int, float], float]) -> None:
@@ -44,12 +40,8 @@ class PressedAxes:
 class LeaderPort(OperatorPort):
     """A leader arm in the frame of the follower.
 
-    Vectors have one entry for each axis: the joints in order and, where there is one, the gripper last.
-
-    Args: as of `OperatorPort`, and these.
-        control: the operator's end of the control scheme, on all axes.
-        sensors: of the channels of the joints and of the gripper; the gate has bounds for each.
-        pressed: of the joints and of the gripper; None for a follower whose stiffness is not known.
+    Vectors have one entry for each axis: the joints in order and, where there is one, the gripper last; `sensors` and
+    `pressed` one for each channel, `pressed` with None for a follower whose stiffness is not known.
     """
 
     fault: ClassVar[type[Exception]] = ArmFault
@@ -79,8 +71,6 @@ class LeaderPort(OperatorPort):
 
     def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002 - energy is booked in every tick
         self._control.observe(self.angles, elapsed)
-        for sensor in self._sensors:
-            sensor.keep(self.angles)
         for sensor, axes in self._pressed:
             sensor.most = axes.share(sensor.part(self._display.decoded))
         return self._control.credit

@@ -22,12 +22,8 @@ class HandPosition:
     """The position of the device [m], and what is sent of it: the command of the control scheme.
 
     In contact, a position error e changes the robot's force by up to K e, with the stiffness K of the contact. So an
-    error stays unsent only if K e is within the deadband of the displayed force.
-
-    Args:
-        control: the operator's end of the control scheme.
-        force_bound: deadband of a force of this size [N].
-        free: largest force that needs no contact [N].
+    error stays unsent only if K e is within the deadband of the displayed force, `force_bound` of its size [N]. No more
+    than `free` [N] needs no contact.
     """
 
     def __init__(self, control: MasterControl, force_bound: Callable[[float], float], free: float = FREE_FORCE) -> None:
@@ -64,15 +60,9 @@ class HandPosition:
 class Display:
     """What is felt of some channels: a force, a torque, or the torques of an arm.
 
-    Args:
-        control: renders what the decoders give.
-        channels: how many axes each channel has; its bounds are at the same place in the gate.
-        write: commands the device; None where it cannot display this, and nothing is felt.
-        first: number of the first channel.
-
-    Attributes:
-        decoded: of all axes, before all limits; nothing where nothing, or nothing finite, was decoded.
-        output: as commanded.
+    Of each channel it knows the number of axes; the first has the number `first`, here and in the gate. `write`
+    commands the device; None where it cannot display this, and nothing is felt. `decoded` is before all limits, with
+    nothing where nothing finite was decoded; `output` as commanded.
     """
 
     def __init__(
@@ -127,17 +117,8 @@ class Display:
 class OperatorPort(Port):
     """The operator's end; a subclass says what is sensed, booked and recorded.
 
-    Args:
-        source: the device or arm, not yet open.
-        displays: what is felt of all incoming channels.
-        controls: this end of the control scheme; the first one is told what lasts without a contact.
-        endpoint: measures the link.
-        gate: bounds all that is felt, and fades it.
-        button: only while it is held, the robot follows and force is displayed; None for always.
-
-    Attributes:
-        buttons: that are pressed, a bit each.
-        slew_ticks: ticks in which a slew limit held force or torque back.
+    The first of the `controls` is told what lasts without a contact. Only while `button` is held, the robot follows and
+    force is displayed; None for always. `slew_ticks` counts those in which a slew limit held something back.
     """
 
     kind: ClassVar[str] = "device"
@@ -216,12 +197,8 @@ class OperatorPort(Port):
 
 
 class HandPort(OperatorPort):
-    """A haptic device.
-
-    Args: as of `OperatorPort`, and these.
-        control: the operator's end of the control scheme of the force.
-        hand: the sensor of the position channel.
-        turning: that for torques, and what gives the rotation of the handle so far [rad]; None without torques.
+    """A haptic device. `hand` is the sensor of the position channel; `turning` the control of torques, and what gives
+    the rotation of the handle so far [rad].
     """
 
     def __init__(

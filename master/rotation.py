@@ -11,12 +11,9 @@ from weberlink.master.devices.contract import DeviceReading
 class HandOrientation:
     """The orientation of the handle as a rotation vector [rad].
 
-    Args:
-        on_jump: called when another vector of nearly the same rotation follows: a new signal, which nothing before it
-            may extrapolate.
-
-    Attributes:
-        turned: sum of all rotations from each reading to the next [rad]: a torque does work over it.
+    `turned` is the sum of all rotations from each reading to the next [rad]: a torque does work over it. `on_jump` is
+    called when another vector of nearly the same rotation follows: a new signal, which nothing before it may
+    extrapolate.
     """
 
     def __init__(self, on_jump: Callable[[], None]) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,6 @@ MCAP_MAGIC = b"\x89MCAP0\r\n"
 FEWEST_ROWS = 2
 LIMIT = 1e12
 """Times, positions and forces in SI units must be smaller; squares of such values can be summed."""
-GAP_FACTOR = 5.0
 LARGEST_ARRAYS = 1 << 30
 """Bytes of an npz file when unpacked: five hours at 1 kHz."""
 
@@ -34,20 +33,11 @@ class TraceError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """A recorded signal.
-
-    Args:
-        time_s: strictly increasing, shape (n,) [s].
-        position_m: commanded or measured positions, shape (n, 3) [m].
-        force_n: contact forces, shape (n, 3) [N].
-        gaps_s: where sampling paused for more than five median periods, shape (g, 2): the time of the last sample
-            before the gap, and its length [s].
-    """
+    """A recorded signal: times [s], strictly rising, shape (n,); positions [m] and forces [N], shape (n, 3)."""
 
     time_s: Array
     position_m: Array
     force_n: Array
-    gaps_s: Array
 
     @property
     def duration_s(self) -> float:
@@ -63,14 +53,9 @@ def read_trace(path: Path | str, factors: Array | float = 1.0) -> Trace:
     """Read what the teleoperator was commanded and felt.
 
     The file is CSV with a header of t, px, py, pz, fx, fy, fz in any order (other columns are ignored), an npz file
-    with an array of each of these names, or a recording that has the slave's side.
-
-    Args:
-        path: of the file.
-        factors: that turn a row of `COLUMNS` of a CSV or npz file into SI units; a recording is in SI units.
-
-    Raises:
-        TraceError: with file, row (the header is row 1), column, and what was expected.
+    with an array of each of these names, or a recording, in SI units, that has the slave's side. `factors` turn a row
+    of the first two into SI units. Raises TraceError with file, row (the header is row 1), column, and what was
+    expected.
     """
     return _read(Path(path), ("slave",), factors)
 
@@ -84,11 +69,7 @@ def read_motion(path: Path | str) -> Trace:
 
 def as_trace(table: Array) -> Trace:
     """From rows of time, position and force, shape (n, 7), the time strictly rising."""
-    time = table[:, 0]
-    steps = np.diff(time)
-    paused = np.flatnonzero(steps > GAP_FACTOR * np.median(steps))
-    gaps = np.column_stack((time[paused], steps[paused]))
-    return Trace(time.copy(), table[:, 1:4].copy(), table[:, 4:7].copy(), gaps)
+    return Trace(table[:, 0].copy(), table[:, 1:4].copy(), table[:, 4:7].copy())
 
 
 def _read(path: Path, sides: Sequence[Side], factors: Array | float = 1.0) -> Trace:
@@ -167,25 +148,21 @@ def _arrays(path: Path) -> Array:
 
 
 def _numbers(path: Path) -> Array:
-    """The rows of a CSV file, shape (n, 7): all at once, and where that fails row by row for what is wrong."""
+    """The rows of a CSV file, shape (n, 7)."""
     try:
         columns = _columns(path)
-        if next(_data_rows(path), None) is None:
-            raise TraceError(f"{path}: expected at least {FEWEST_ROWS} rows of samples, found none")
-        options: dict[str, Any] = {"delimiter": ",", "comments": None, "encoding": "utf-8"}
-        try:
-            table: Array = np.loadtxt(path, skiprows=1, usecols=columns, ndmin=2, **options)
-        except ValueError:
-            table = np.full((1, len(COLUMNS)), np.nan)
-        if not (np.abs(table) < LIMIT).all():
-            raise TraceError(_first_fault(path, columns))
+        rows = [
+            [_number(path, row, cells, name, column) for name, column in columns] for row, cells in _data_rows(path)
+        ]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise TraceError(f"{path}: expected a readable CSV file ({error})") from None
-    return table
+    if not rows:
+        raise TraceError(f"{path}: expected at least {FEWEST_ROWS} rows of samples, found none")
+    return np.array(rows)
 
 
-def _columns(path: Path) -> list[int]:
-    """Index of each of `COLUMNS` in the header."""
+def _columns(path: Path) -> list[tuple[str, int]]:
+    """Each of `COLUMNS`, and its index in the header."""
     with path.open(newline="", encoding="utf-8-sig") as file:
         names = [name.strip() for name in next(csv.reader(file), ())]
     wanted = ",".join(COLUMNS)
@@ -197,25 +174,22 @@ def _columns(path: Path) -> list[int]:
     repeated = [name for name in COLUMNS if names.count(name) > 1]
     if repeated:
         raise TraceError(f"{path}: row 1: column {', '.join(repeated)} appears more than once")
-    return [names.index(name) for name in COLUMNS]
+    return [(name, names.index(name)) for name in COLUMNS]
 
 
-def _first_fault(path: Path, columns: list[int]) -> str:
-    """The first number in a file that is none, or cannot be."""
-    for number, cells in _data_rows(path):
-        for name, column in zip(COLUMNS, columns, strict=True):
-            at = f"{path}: row {number}, column {name}"
-            if column >= len(cells):
-                return f"{at}: expected a number, found only {len(cells)} values"
-            text = cells[column].strip()
-            try:
-                value = float(text)
-            except ValueError:
-                return f"{at}: expected a number, found {text!r}"
-            if not abs(value) < LIMIT:
-                expected = f"less than {LIMIT:g} in SI units" if isfinite(value) else "a finite number"
-                return f"{at}: expected {expected}, found {text!r}"
-    return f"{path}: expected numbers with commas between them and no quotes"
+def _number(path: Path, row: int, cells: list[str], name: str, column: int) -> float:
+    at = f"{path}: row {row}, column {name}"
+    if column >= len(cells):
+        raise TraceError(f"{at}: expected a number, found only {len(cells)} values")
+    text = cells[column].strip()
+    try:
+        value = float(text)
+    except ValueError:
+        raise TraceError(f"{at}: expected a number, found {text!r}") from None
+    if not abs(value) < LIMIT:
+        expected = f"less than {LIMIT:g} in SI units" if isfinite(value) else "a finite number"
+        raise TraceError(f"{at}: expected {expected}, found {text!r}")
+    return value
 
 
 def _data_rows(path: Path) -> Iterator[tuple[int, list[str]]]:

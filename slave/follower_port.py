@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 from weberlink.arms.contract import ArmFault, ArmReading, FollowerArm
 from weberlink.arms.sensor import AxesSensor
 from weberlink.control.ends import Control
-from weberlink.geometry.joints import Joints, is_finite
+from weberlink.geometry.joints import Joints
 from weberlink.slave.guard import Guard, PressLimit
 from weberlink.slave.robot_port import TeleoperatorPort
 from weberlink.telemetry.row import Row, placed
@@ -25,10 +25,8 @@ FULL_SHARE = 0.95
 def axis_press_limit(most: float, stiffness: float, noise: float) -> PressLimit:
     """The press limit of an axis.
 
-    Args:
-        most: largest torque on the environment [N m]; 0 for an axis that measures none, which is not bounded.
-        stiffness: of its position control [N m/rad].
-        noise: uncertainty of a measured torque [N m]; a contact below it is none.
+    `most` is the largest torque on the environment [N m], 0 for an axis that measures none; `stiffness` that of its
+    position control [N m/rad]; a contact below the `noise` of a measured torque [N m] is none.
     """
     contact = min(most, max(CONTACT_SHARE * most, noise))
     return PressLimit(most, stiffness, damping=DAMPING_MOST, contact=contact, retreats_from=FULL_SHARE * most)
@@ -38,8 +36,6 @@ class FollowerPort(TeleoperatorPort):
     """A follower arm behind its guard.
 
     Vectors have one entry for each axis: the joints in order and, where there is one, the gripper last.
-
-    Args: as of `TeleoperatorPort`, and `sensors`: of the channels of the joints and of the gripper.
     """
 
     fault: ClassVar[type[Exception]] = ArmFault
@@ -54,10 +50,9 @@ class FollowerPort(TeleoperatorPort):
     ) -> None:
         super().__init__(arm, guard=guard, command=arm.follow, controls=(Control(),), by_button=by_button)
         self.angle_range, self._sensors = (guard.lower, guard.upper), sensors
-        self._shown = self.felt
-
-    def _complaint(self, reading: ArmReading) -> str | None:
-        return self._sensors[0].complaint(reading)
+        self._sensor = sensors[0]
+        for sensor in sensors:
+            sensor.shown = self.shown
 
     def _take(self, reading: ArmReading) -> None:
         self.where, self.felt = reading.angles, reading.torques
@@ -65,17 +60,10 @@ class FollowerPort(TeleoperatorPort):
     def _settled(self, reading: ArmReading) -> Joints:
         return self.guard.near(reading.angles)
 
-    def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002
-        share, torques = self.guard.share, self.felt
-        self._shown = torques if share == 1.0 else tuple([share * torque for torque in torques])
-        for sensor in self._sensors:
-            sensor.keep(self._shown)
-        return 0
-
     def _wanted(self, values: Sequence[Any], elapsed: float) -> Joints | None:  # noqa: ARG002
         commanded: Joints = ()
         for value in values:
-            if value is None or not is_finite(value):
+            if value is None:  # the guard holds where one is not finite
                 return None
             commanded += value
         return commanded + self.applied[len(commanded) :]  # a gripper that the session does not lead
@@ -83,5 +71,5 @@ class FollowerPort(TeleoperatorPort):
     def report(self, row: Row, *, is_led: bool) -> None:
         super().report(row, is_led=is_led)
         joints = len(self._sensors[0].value)
-        row.joint_position, row.joint_raw = placed(self.where, joints), placed(self._shown, joints)
+        row.joint_position, row.joint_raw = placed(self.where, joints), placed(self.shown(self.felt), joints)
         row.joint_output = placed(self.applied, joints)

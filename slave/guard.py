@@ -35,23 +35,10 @@ class Follower(Approach):
     """Follows commands without a jump, and says how much of what is felt there may be shown.
 
     After an engagement it approaches the command at a limited speed, and follows it without delay once it is there.
-    Until then the measured force does not belong to what the operator does, so none of it is shown; afterwards it fades
-    in. When it is released it holds, and the force fades out.
-
-    Args:
-        start: what to hold until it is told otherwise.
-        widths: how many axes each part has.
-        speed: largest speed of a part while following [m/s, or rad/s], > 0.
-        approach_speed: speed of the approach [m/s, or rad/s], > 0.
-        ramp: time in which what is felt fades in [s], > 0.
-        step_toward: as of `Approach`.
-
-    Attributes:
-        share: of what is felt that may be shown now, 0..1.
-        clipped: whether the last command was bounded while following.
+    Until then the measured force does not belong to what the operator does, so none of it is shown; afterwards its
+    `share` fades in, in `ramp` [s]. When it is released it holds, and the force fades out. Speeds are those of a part
+    [m/s, or rad/s], > 0. `clipped`: the last command was bounded while following.
     """
-
-    __slots__ = ("_ramp", "clipped", "share")
 
     def __init__(
         self,
@@ -116,14 +103,9 @@ class PressStep:
     - The command goes 1 / max(1, 2 h) of the room, inwards and outwards. After an excess it goes in at twice its last
       speed at most: it must not meet a damping that it does not know yet with all of the room.
 
-    A robot that is pushed out at v presses with at most about 2 B v more, with the largest B that is provided for.
-
-    Args:
-        most: press at the limit, > 0.
-        damping: largest damping that is provided for, divided by the robot's stiffness [s].
+    A robot that is pushed out at v presses with at most about 2 B v more, with the largest B that is provided for:
+    `damping` is that, divided by the robot's stiffness [s].
     """
-
-    __slots__ = ("_acts", "_answer", "_damping", "_most", "_noise", "_went")
 
     def __init__(self, most: float, damping: float) -> None:
         self._most = most
@@ -148,13 +130,8 @@ class PressStep:
     ) -> float:
         """How far the command may go in, negative for out: `wanted`, or less.
 
-        Args:
-            wanted: how far it is to go in.
-            press: depth of the command below the tip.
-            before: that of the last tick.
-            went: how far the command went in from the last tick to this one.
-            elapsed: time since the last tick [s].
-            retreats: whether it may have to go out; otherwise it stops where the press is too large.
+        `press` is the depth of the command below the tip, `before` that of the last tick; `went` how far the command
+        went in since. Without `retreats` it stops where the press is too large, and does not go out.
         """
         quickening, change, fastest = went - self._went, press - before, max(abs(went), abs(self._went))
         self._went = went
@@ -183,21 +160,15 @@ class PressLimit:
     along the surface and away from it is not bounded.
 
     Most arms sag under their own weight, which their position control holds by a distance to the command that is no
-    contact. So their command goes back only from a force on; below it, it only goes no deeper. Otherwise an arm that
-    takes up a light object would sink.
+    contact. So their command goes back only from the force `retreats_from` on; below it, it only goes no deeper.
+    Otherwise an arm that takes up a light object would sink.
 
     Args:
         most: largest contact force [N, or N m], >= 0; 0 for a part that measures none, which is not bounded.
         stiffness: of the robot towards its command [N/m, or N m/rad], > 0; an infinite one is not bounded.
         damping: largest damping of what is touched that is provided for [N s/m, or N m s/rad].
         contact: smallest force that is a contact; less is noise and friction.
-        retreats_from: force from which on the command goes back, and does not only stop.
-
-    Attributes:
-        reach: how far the command may lie beyond the robot.
     """
-
-    __slots__ = ("_contact", "_held", "_left", "_out", "_retreats_from", "_step", "_where", "reach")
 
     def __init__(
         self, most: float, stiffness: float, *, damping: float, contact: float, retreats_from: float = 0.0
@@ -220,12 +191,7 @@ class PressLimit:
     def bounded(self, target: Joints, held: Joints, where: Joints, force: Joints, elapsed: float) -> Joints:
         """The target, moved back along the contact force if it lies too deep; itself if it does not.
 
-        Args:
-            target: what the robot is to be commanded.
-            held: the last command.
-            where: where the robot is.
-            force: of the environment on the robot.
-            elapsed: time since the last call [s].
+        `held` is the last command, `where` the robot is, `force` that of the environment on it.
         """
         former, left = (self._held, self._where) if self._where else (held, where)
         self._held, self._where = held, where
@@ -281,28 +247,15 @@ def _along(start: Joints, end: Joints, direction: Joints) -> float:
 class Guard(Follower):
     """Bounds the commands to a robot, part by part: the tip of a hand's robot, or the axes of an arm.
 
-    When it is released the robot holds, or backs off along the last contact force. A force above its limit trips it:
-    the robot stops following, and each part with such a force backs off along it, from both where it is and what it was
-    commanded, for an arm that sags lies below a command that is no deeper. It follows again once `TRIP_PAUSE` has
-    passed and the command has left the contact: as far along the force as the robot has backed off.
+    When it is released the robot holds, or backs off along the last contact force by `retract` [m], if that is not 0. A
+    force above its limit in `trips` [N, or N m] trips it: the robot stops following, and each part with such a force
+    backs off along it by `trip_retract` [m, or rad], from both where it is and what it was commanded, for an arm that
+    sags lies below a command that is no deeper. It follows again once `TRIP_PAUSE` has passed and the command has left
+    the contact: as far along the force as the robot has backed off.
 
-    Args: as of `Follower`, and these.
-        presses: limits the press of each part.
-        lower: least that may be commanded on each axis [m, or rad].
-        upper: largest.
-        trips: force of the environment on each part above which it trips [N, or N m].
-        retract: how far to back off a contact when it is released [m]; 0 to hold.
-        trip_retract: how far to back off a contact that trips it [m, or rad], > 0.
-
-    Attributes:
-        lower, upper: as given.
-        contact_ticks: in which the press limit held the robot back.
+    `lower` and `upper` bound what is commanded on each axis [m, or rad]. `contact_ticks`: in which the press limit held
+    the robot back.
     """
-
-    __slots__ = (
-        "_pause", "_presses", "_retract", "_retreat_to", "_spans", "_trip_retract", "_trips", "_way_out",
-        "contact_ticks", "lower", "upper",
-    )  # fmt: skip
 
     def __init__(
         self,
@@ -363,11 +316,8 @@ class Guard(Follower):
         return False
 
     def trip(self, force: Joints, where: Joints) -> None:
-        """Stop following and back off: a contact is too strong.
-
-        Args:
-            force: of the environment on the robot, at least one above its limit [N, or N m].
-            where: the robot is.
+        """Stop following and back off: a contact is too strong, with this force of the environment on the robot [N, or
+        N m].
         """
         self.release()
         outward = self._back_off(force, where, self._trip_retract, self._trips)
@@ -411,13 +361,10 @@ class Guard(Follower):
         return super().hold(step)
 
     def follow(self, commanded: Joints, where: Joints, force: Joints, step: float) -> Joints:
-        """The command of a tick in session: the one given within all limits, or `hold` after a trip.
+        """The command of a tick in session: the one given within all limits, or `hold` after a trip or where it is not
+        finite.
 
-        Args:
-            commanded: by the operator; what is not finite is not followed.
-            where: the robot is.
-            force: of the environment on the robot.
-            step: time since the last tick [s].
+        `where` the robot is, `force` that of the environment on it.
         """
         if not hypot(*commanded) < inf:
             return self.hold(step)

@@ -24,20 +24,10 @@ if TYPE_CHECKING:
 class TeleoperatorPort(Port):
     """The robot's end; a subclass says what is wanted, sensed and recorded.
 
-    Args:
-        robot: or the arm, not yet open.
-        guard: bounds every command.
-        command: takes a command, and the time [s].
-        controls: this end of the control scheme.
-        by_button: whether the operator leads only while holding a button; for telemetry.
-        tool: turns with the hand, as the second incoming channel says; None without six degrees of freedom.
-        point: takes its orientation, and the time [s].
-
-    Attributes:
-        applied: the last command.
-        where: the robot is, as measured.
-        felt: force of the environment on it, as measured.
-        is_overloaded: whether that is above its limit.
+    `command` and `point` take a command, or an orientation of the `tool`, and the time [s]; the tool turns with the
+    hand, as the second incoming channel says, None without six degrees of freedom. `by_button`: the operator leads only
+    while holding a button. `applied` is the last command; `where` the robot is and what is `felt` of the environment
+    are as measured, `is_overloaded` whether that is above its limit.
     """
 
     fault: ClassVar[type[Exception]] = RobotFault
@@ -59,6 +49,8 @@ class TeleoperatorPort(Port):
         self.is_overloaded = False
         self.tool, self._point = tool, point
         self._led: Sequence[Any] = ()
+        self._sensor: Any = None
+        """Of the first channel: it knows which readings cannot be used."""
 
     @property
     def follows(self) -> bool:
@@ -68,17 +60,13 @@ class TeleoperatorPort(Port):
     def open(self, now: float) -> None:
         super().open(now)
         reading = self.latest(now)
-        problem = self._complaint(reading)
+        problem = self._sensor.complaint(reading)
         if problem is not None:
             self.close()
             raise self.fault(f"{self.name} {problem}")
         self._take(reading)
         self.applied = self.where
         self.guard.place(self.where)
-
-    def _complaint(self, reading: Any) -> str | None:
-        """Why a reading cannot be used; None if it can."""
-        raise NotImplementedError
 
     def _take(self, reading: Any) -> None:
         """Take in where the robot is and what it feels."""
@@ -99,7 +87,7 @@ class TeleoperatorPort(Port):
         """Hold the robot where it is now: in contact, with the force that it presses with."""
         with suppress(self.fault):  # the side meets it in this very tick, as it does a reading that is not finite
             reading = self.latest(now)
-            if self._complaint(reading) is None:
+            if self._sensor.complaint(reading) is None:
                 self._take(reading)
                 self.guard.place(self._settled(reading))
         if self.tool is not None:
@@ -121,6 +109,14 @@ class TeleoperatorPort(Port):
             self.guard.release()
         if self.tool is not None:
             self.tool.release()
+
+    def shown(self, felt: Joints) -> Joints:
+        """What may be shown of a force or torques: all, once the robot is where the operator is in every channel."""
+        share = self.guard.share if self.tool is None else self.guard.share * self.tool.share
+        return felt if share == 1.0 else tuple([value * share for value in felt])
+
+    def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002 - of schemes that keep one
+        return self.controls[0].credit
 
     def _wanted(self, values: Sequence[Any], elapsed: float) -> Joints | None:
         """What the operator commands; None for nothing."""
@@ -154,10 +150,6 @@ class ContactForce:
 
     A robot of stiffness k that rests at x under a force F is commanded to x - F / k. A moving one lags behind its
     command, but this point lies on the same static line at any speed. So predictors fit one line to all samples.
-
-    Args:
-        port: that has the robot.
-        stiffness: of the robot towards its command [N/m]; infinite for an ideal one, which is at its command.
     """
 
     def __init__(self, port: "RobotPort", stiffness: float) -> None:
@@ -178,17 +170,12 @@ class ContactForce:
         (x, y, z), (u, v, w), compliance = reading.position, reading.force, self._compliance
         self.rest = (x - compliance * u, y - compliance * v, z - compliance * w)
 
-    def sample(self) -> tuple[Vector, Vector, float]:
+    def sample(self) -> tuple[Joints, Vector, float]:
         return self._port.shown(self.value), self.rest, inf
 
 
 class RobotPort(TeleoperatorPort):
-    """A robot that a hand leads.
-
-    Args: as of `TeleoperatorPort`, and these.
-        control: the teleoperator's end of the control scheme.
-        endpoint: measures the link.
-    """
+    """A robot that a hand leads."""
 
     def __init__(
         self,
@@ -205,7 +192,7 @@ class RobotPort(TeleoperatorPort):
             robot, guard=guard, command=robot.command, controls=(control,), by_button=by_button, tool=tool, point=point
         )
         self._control, self._endpoint = control, endpoint
-        self.force = ContactForce(self, robot.spec.stiffness_n_m)
+        self.force = self._sensor = ContactForce(self, robot.spec.stiffness_n_m)
         self.commanded: Any = ZERO
         """The decoded position that was last followed [m]."""
 
@@ -213,16 +200,6 @@ class RobotPort(TeleoperatorPort):
         """Where the operator leads the robot in an incoming channel, whether it follows or not; None for nowhere."""
         led: Vector | None = self._led[channel] if self._led else None
         return led
-
-    def shown(self, felt: Vector) -> Vector:
-        """What may be shown of a force or torque: all, once the robot is where the operator is in every channel."""
-        share = self.guard.share
-        if self.tool is not None:
-            share *= self.tool.share
-        return felt if share == 1.0 else (felt[0] * share, felt[1] * share, felt[2] * share)
-
-    def _complaint(self, reading: RobotReading) -> str | None:
-        return self.force.complaint(reading)
 
     def _take(self, reading: RobotReading) -> None:
         self.where, self.felt = reading.position, reading.force

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from math import inf
 from typing import Any
 
+from weberlink.geometry.joints import Joints
 from weberlink.geometry.rotation import IDENTITY, Quaternion, quaternion, toward, vector
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.slave.guard import Follower
@@ -14,18 +15,10 @@ LARGEST = 1e9
 
 
 class ToolOrientation(Follower):
-    """Turns the tool to the decoded orientation, at a limited speed.
+    """Turns the tool to the decoded orientation; speeds are angular [rad/s].
 
-    Args:
-        speed: largest angular speed while following [rad/s].
-        approach_speed: angular speed of the approach after an engagement [rad/s].
-        ramp: time in which the torque fades in [s].
-
-    Attributes:
-        applied: what the tool was last commanded, as a rotation vector near the decoded one [rad].
+    `applied` is what it was last commanded, as a rotation vector near the decoded one [rad].
     """
-
-    __slots__ = ("applied",)
 
     def __init__(self, *, speed: float, approach_speed: float, ramp: float) -> None:
         super().__init__(IDENTITY, (4,), speed=speed, approach_speed=approach_speed, ramp=ramp, step_toward=toward)
@@ -47,7 +40,7 @@ class ToolOrientation(Follower):
 class ToolTorque:
     """The torque of the environment on the tool [N m], as far as it may be shown, at the commanded orientation."""
 
-    def __init__(self, shown: Callable[[Vector], Vector], orientation: ToolOrientation) -> None:
+    def __init__(self, shown: Callable[[Joints], Joints], orientation: ToolOrientation) -> None:
         self.value: Vector = ZERO
         self._shown = shown
         self._orientation = orientation
@@ -58,5 +51,5 @@ class ToolTorque:
     def take(self, reading: RobotReading) -> None:
         self.value = reading.torque
 
-    def sample(self) -> tuple[Vector, Vector, float]:
+    def sample(self) -> tuple[Joints, Vector, float]:
         return self._shown(self.value), self._orientation.applied, inf

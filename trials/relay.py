@@ -1,23 +1,22 @@
 """Relay between the two daemons, in a process of its own: emulated faults, repeated and redirected datagrams.
 
-`Wire` starts it and gives it orders over a pipe, whose end ends it. The master sends to its front, the slave sees its
-back. It has no key.
+`Wire` starts it and gives it orders over a pipe, whose end ends it: each calls a method of `Relay`. The master sends to
+its front, the slave sees its back. It has no key.
 """
 
 import os
 import select
 import socket
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import fields
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from random import Random
 from time import monotonic
 from typing import Any, NamedTuple, Self
 
-from weberlink.protocol.emulation import EmulatedLink, Emulation, LinkCounters
+from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.wire import LONGEST_DATAGRAM, Kind
 
 Address = tuple[str, int]
@@ -30,14 +29,13 @@ _KEPT_BACKS = 4
 _KEPT_CALLS = 1024
 _HANDSHAKE = (Kind.HELLO, Kind.WELCOME)
 _PROBES = (24, 26, 28)  # bytes of a question about a path, with 0 to 2 acknowledgements: a key hides the kind
-_HARM = tuple(field.name for field in fields(LinkCounters))
 
 
 class Direction:
     """One direction of the relay; pure. `send` passes a datagram on, and says whether that was possible."""
 
     def __init__(self, send: Callable[[bytes], bool], uniform: Callable[[], float]) -> None:
-        self.counts: Counter[str] = Counter()  # datagrams passed, replayed, and what the emulated links did
+        self.passed = 0  # datagrams
         self._send = send
         self._uniform = uniform
         self._links = [EmulatedLink[bytes](Emulation(), uniform)]
@@ -57,20 +55,17 @@ class Direction:
             for data, original in link.receive(now):
                 if self._pass(data) and data == original:
                     self.remembered.append((now, data))
-        for link in [link for link in self._links[:-1] if link.next_due() is None]:
-            self.counts.update(_harm(link))
-            self._links.remove(link)
+        self._links = [*(link for link in self._links[:-1] if link.next_due() is not None), self._links[-1]]
 
     def _pass(self, data: bytes) -> bool:
         passed = self._send(data)
-        self.counts["passed"] += passed
+        self.passed += passed
         return passed
 
     def replay(self, count: int, since: float, until: float) -> int:
-        """Send datagrams of this session again that were passed on between then and then [s]; `count` of them."""
+        """Send up to `count` datagrams of this session again that were passed on between then and then [s]."""
         old = [data for at, data in self.remembered if since <= at <= until and data[0] not in _HANDSHAKE]
         chosen = old[:: max(1, len(old) // count)][:count] if count else []
-        self.counts["replayed"] += len(chosen)
         for data in chosen:
             self._pass(data)
         return len(chosen)
@@ -78,20 +73,12 @@ class Direction:
     def next_due(self) -> float | None:
         return min((due for link in self._links if (due := link.next_due()) is not None), default=None)
 
-    def reading(self) -> Counter[str]:
-        """The counts so far, those of the present links included."""
-        return sum(map(_harm, self._links), self.counts.copy())
-
-
-def _harm(link: EmulatedLink[bytes]) -> Counter[str]:
-    return Counter({name: getattr(link.counters, name) for name in _HARM})
-
 
 class Books(NamedTuple):
     """What the relay has done so far."""
 
-    forward: Counter[str]  # counts of a `Direction`, to the slave
-    backward: Counter[str]  # and to the master
+    forward: int  # datagrams passed on to the slave
+    backward: int  # and to the master
     calls: int  # HELLOs from the master
     answers: int  # WELCOMEs from the slave
     master: Address | None
@@ -100,7 +87,7 @@ class Books(NamedTuple):
 
 
 class Relay:
-    """The sockets, both directions, and the orders of `Wire`: those methods of the same name."""
+    """The sockets, both directions, and the orders of `Wire`."""
 
     def __init__(self, slave: Address, seed: int) -> None:
         self._slave = slave
@@ -171,10 +158,11 @@ class Relay:
         for waiting in self.sockets():  # count what has come already
             self.read(waiting)
         late, self._late = self._late, 0.0
-        readings = (way.reading() for way in (self.forward, self.backward))
-        return Books(*readings, self._calls, self._answers, self._master, self._back.getsockname(), late)
+        passed = (self.forward.passed, self.backward.passed)
+        return Books(*passed, self._calls, self._answers, self._master, self._back.getsockname(), late)
 
     def emulate(self, emulation: Emulation, way: str) -> None:
+        """Other faults from now on; `way` is "forward", "backward", or "" for both."""
         for each in self._ways(way):
             each.emulate(emulation)
 
@@ -182,6 +170,7 @@ class Relay:
         return sum(each.replay(count, since, until) for each in self._ways(way))
 
     def recall(self, way: str, count: int) -> list[bytes]:
+        """The newest datagrams of this session that were passed on."""
         return [data for each in self._ways(way) for _, data in list(each.remembered)[-count:]]
 
     def _ways(self, way: str) -> list[Direction]:
@@ -193,12 +182,16 @@ class Relay:
         self._back = _bound(host)
 
     def steal(self, host: str) -> tuple[int, int]:
-        """Send a copy of each datagram of the master from another address, at once; "" ends it."""
+        """Overtake the master's datagrams with copies from `host`; "" ends it.
+
+        Returns how many datagrams, and how many probes of the path, the slave has sent to that address.
+        """
         stolen = self._stolen, self._probed
         self._thief, self._stolen, self._probed = _bound(host) if host else None, 0, 0
         return stolen
 
     def recorded_calls(self) -> list[bytes]:
+        """The newest HELLOs of the master."""
         return list(self._recorded_calls)
 
 
@@ -260,45 +253,21 @@ class Wire:
             self._process.join()
 
     def books(self) -> Books:
-        books: Books = self._ask("books")
+        books: Books = self.ask("books")
         return books
 
     def emulate(self, emulation: Emulation, way: str = "") -> None:
-        """Other faults from now on; `way` is "forward", "backward", or "" for both."""
-        self._ask("emulate", emulation, way)
-
-    def replay(self, way: str, count: int, since: float, until: float) -> int:
-        """Send up to `count` datagrams of this session again that were passed on between then and then [s]."""
-        return int(self._ask("replay", way, count, since, until))
+        self.ask("emulate", emulation, way)
 
     @contextmanager
     def replaying(self, way: str, count: int, until: float) -> Iterator[None]:
-        """The same, while something else is done."""
+        """The order `replay`, while something else is done."""
         self._orders.send(("replay", (way, count, 0.0, until)))
         yield
         self._answer()
 
-    def rebind(self, host: str) -> None:
-        """Let the slave see another port, on `host`."""
-        self._ask("rebind", host)
-
-    def steal(self, host: str) -> tuple[int, int]:
-        """Overtake the master's datagrams with copies from `host`; "" ends it.
-
-        Returns how many datagrams, and how many probes of the path, the slave has sent to that address.
-        """
-        stolen: tuple[int, int] = self._ask("steal", host)
-        return stolen
-
-    def recorded_calls(self) -> list[bytes]:
-        """The newest HELLOs of the master."""
-        return list(self._ask("recorded_calls"))
-
-    def recall(self, way: str, count: int) -> list[bytes]:
-        """The newest datagrams of this session that were passed on."""
-        return list(self._ask("recall", way, count))
-
-    def _ask(self, name: str, *arguments: object) -> Any:
+    def ask(self, name: str, *arguments: object) -> Any:
+        """Give an order: call this method of `Relay`."""
         self._orders.send((name, arguments))
         return self._answer()
 

@@ -1,4 +1,4 @@
-"""The table of haptic device drivers, extended by entry points of the group `weberlink.devices`."""
+"""The tables of haptic device drivers and of leader arms, extended by the entry points of their groups."""
 
 from weberlink.registry import Driver, Registry
 
@@ -10,3 +10,4 @@ BUILT_IN = {
     "replay": "weberlink.master.devices.replay:ReplayDevice",
 }
 DEVICES: Registry[Driver] = Registry("device", BUILT_IN, "weberlink.devices")
+LEADERS: Registry[Driver] = Registry("leader arm", {}, "weberlink.leaders")

@@ -5,11 +5,8 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 from weberlink.geometry.vector import Vector, is_finite
 
-if TYPE_CHECKING:  # else a process that only serves a device would take a second to start on a busy host
-    pass
-
-Quaternion = tuple[float, float, float, float]
-"""(w, x, y, z)."""
+if TYPE_CHECKING:  # rotations are imported where something turns
+    from weberlink.geometry.rotation import Quaternion
 
 
 class DeviceFault(RuntimeError):  # noqa: N818 - a fault is what the operator meets, an error is ours
@@ -18,39 +15,25 @@ class DeviceFault(RuntimeError):  # noqa: N818 - a fault is what the operator me
 
 @dataclass(frozen=True, slots=True)
 class DeviceSpec:
-    """What a device can do, known before it is opened.
+    """What a device can do, known before it is opened."""
 
-    Args:
-        name: As the driver calls it.
-        axes: The axes that move, for example "xyz" or "z"; the others stay at 0.
-        force_n: Largest force that it displays [N]; more is cut to it. 0 without force feedback.
-        stiffness_n_m: Stiffest wall that it displays stably at `rate_hz` [N/m].
-        workspace_m: Lower and upper corner of where the hand may be [m].
-        rate_hz: Rate at which it gives positions and takes forces [Hz].
-        force_feedback: Whether the hand feels what `command` says.
-        buttons: How many buttons it has.
-        orientation: Whether its readings have an orientation.
-        torque_n_m: Largest torque that it displays [N m]; more is cut to it. 0 without torque feedback.
-        watchdog_s: Time after which the board itself removes the force when its host stops [s]; None if it never does.
-            0 for a computed device, whose force ends with the program.
-        note: What a person should know before a run, for example why there is no force feedback; empty if nothing.
-        push_n: Force against which a full deflection holds a rate-controlled device [N]; 0 for a device that the hand
-            moves. Such a device takes `command` as the resistance of its rate, without force feedback too.
-    """
-
-    name: str
-    axes: str
-    force_n: float
-    stiffness_n_m: float
-    workspace_m: tuple[Vector, Vector]
-    rate_hz: float
-    force_feedback: bool
-    buttons: int = 0
-    orientation: bool = False
-    torque_n_m: float = 0.0
+    name: str  # of the driver
+    axes: str  # that move, for example "xyz" or "z"; the others stay at 0
+    force_n: float  # largest that it displays, more is cut to it; 0 without force feedback
+    stiffness_n_m: float  # of the stiffest wall that it displays stably at `rate_hz`
+    workspace_m: tuple[Vector, Vector]  # lower and upper corner of where the hand may be
+    rate_hz: float  # at which it gives positions and takes forces
+    force_feedback: bool  # whether the hand feels what `command` says
+    buttons: int = 0  # how many it has
+    orientation: bool = False  # whether its readings have one
+    torque_n_m: float = 0.0  # largest that it displays, more is cut to it; 0 without torque feedback
     watchdog_s: float | None = None
-    note: str = ""
+    """After this time the board itself removes the force when its host stops; None if it never does. 0 for a computed
+    device, whose force ends with the program."""
+    note: str = ""  # what a person should know before a run, for example why there is no force feedback
     push_n: float = 0.0
+    """Force against which a full deflection holds a rate-controlled device; 0 for a device that the hand moves. Such a
+    device takes `command` as the resistance of its rate, without force feedback too."""
 
 
 class DeviceReading(NamedTuple):
@@ -63,7 +46,7 @@ class DeviceReading(NamedTuple):
     at: float
     position: Vector
     ended: bool = False
-    orientation: Quaternion | None = None
+    orientation: "Quaternion | None" = None
     buttons: int = 0
 
 

@@ -51,17 +51,10 @@ def force_spec(
     reminder: str = "",
     **others: Any,
 ) -> DeviceSpec:
-    """The spec of a device that has force, and torque, only with checked signs.
+    """The spec of a device that has force, and torque, only with checked signs; its limits are those with checked ones.
 
-    Args:
-        name: of the driver.
-        options: of the driver.
-        signs: fingerprint of all settings that turn an axis; None where they do not say which device it is.
-        force_n: largest force with checked signs [N].
-        torque_n_m: largest torque with checked signs [N m].
-        note: on a device with force.
-        reminder: what to say besides, with force or without.
-        others: of the spec.
+    `signs` is the fingerprint of all settings that turn an axis; None where they do not say which device it is. `note`
+    is for a device with force, `reminder` for any.
     """
     armed = signs is not None and options.signs_checked == signs
     if signs is None:

@@ -14,8 +14,6 @@ class FirmHand:
     any step. Held against a constant force it yields by force / `static_stiffness`.
     """
 
-    __slots__ = ("_damping", "_mass", "_stiffness", "_transition", "position", "velocity")
-
     def __init__(self, options: HandOptions, position: Vector) -> None:
         self._mass = options.mass_kg
         self._damping = options.damping_n_s_m
@@ -56,8 +54,6 @@ class GraspingHand:
     The intention acts on the arm, the force on the handle, which alone has the damping c of the device. Exact at any
     step, as `FirmHand` is.
     """
-
-    __slots__ = ("_grasp", "_options", "_step", "_steps", "arm", "arm_velocity", "position", "velocity")
 
     def __init__(self, options: HandOptions, grasp: GraspOptions, position: Vector) -> None:
         self._options, self._grasp = options, grasp
@@ -184,21 +180,14 @@ Waves = tuple[float, float, float, float, float, float, float, float, float, flo
 
 
 class Tremor:
-    """Displacement of the intended position that makes the free hand tremble by `rms` along each axis.
+    """Displacement of the intended position that makes the free hand tremble by `rms` [m] or [rad] along each axis.
 
-    A few sinusoids between 8 and 12 Hz (the band of the neural component; Elble, "Physiologic and enhanced
-    physiologic tremor", Handbook of Clinical Neurophysiology 1, 2003) with drawn frequencies and phases: a pure
-    function of time, and reproducible. Each is divided by the gain of the hand at its frequency, so that it is the
-    hand that trembles by the stated amount; against a wall it yields like any other intention. The same holds for the
-    orientation, with a rotation vector in place of the position.
-
-    Args:
-        rms: Root mean square per axis of the free hand [m] or [rad]; some tens of micrometres in a healthy adult.
-        hand: What the tremor passes through.
-        uniform: Draws from [0, 1).
+    A few sinusoids between 8 and 12 Hz (the band of the neural component; Elble, "Physiologic and enhanced physiologic
+    tremor", Handbook of Clinical Neurophysiology 1, 2003) with drawn frequencies and phases: a pure function of time,
+    and reproducible. Each is divided by the gain of the hand at its frequency, so that it is the hand that trembles by
+    the stated amount, some tens of micrometres in a healthy adult; against a wall it yields like any other intention.
+    Of an orientation it is the rotation vector. `uniform` draws from [0, 1).
     """
-
-    __slots__ = ("_axes",)
 
     def __init__(self, rms: float, hand: Oscillator | HandOptions, uniform: Callable[[], float]) -> None:
         self._axes = [_drawn(rms, hand, uniform) for _ in range(3)]

@@ -20,15 +20,9 @@ LONGEST_GAP = 0.1  # [s] of model time per call; a longer silence makes the hand
 class HandDevice:
     """Moves a hand toward an intention, against the commanded force; with a wrist, turns it too.
 
-    Time is that of the model: it goes on with `now`, in equal steps of about a tick, by at most 0.1 s a call.
-    The handle stays within the workspace, as on a device with end stops.
-
-    Args:
-        name: Of the driver.
-        options: Of the driver.
-        intention: Where the hand means to be at a model time [s] from `open`, and whether that is over.
-        tick_period: [s]
-        turning: The rotation vector [rad] that the hand means to have at a model time [s]; only with a wrist.
+    Time is that of the model: it goes on with `now`, in equal steps of about a tick, by at most 0.1 s a call. The
+    handle stays within the workspace, as on a device with end stops. `intention` gives where the hand means to be at a
+    model time [s] from `open`, and whether that is over; `turning` the rotation vector [rad], only with a wrist.
     """
 
     COMPUTED: ClassVar[bool] = True

@@ -54,8 +54,6 @@ Leg = StraightLeg | CircularLeg
 class LegSequence:
     """Legs one after another, once or for ever; a repeated sequence must end where it begins."""
 
-    __slots__ = ("_ends", "_legs", "_repeat", "duration")
-
     def __init__(self, legs: Sequence[Leg], repeat: bool) -> None:
         self._legs = [leg for leg in legs if leg.duration > 0.0]
         if not self._legs:

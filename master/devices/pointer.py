@@ -52,12 +52,7 @@ class PointerIntention:
 
     Its speed is at most `speed_m_s`, and it is at most `reach_m` from the handle. So however the target jumps, the
     hand pulls with at most `reach_m` times its stiffness, and meets a wall with at most `speed_m_s`.
-
-    Attributes:
-        position: [m].
     """
-
-    __slots__ = ("_edge", "_rate", "_reach", "_speed", "_velocity", "position")
 
     def __init__(self, options: PointerOptions) -> None:
         self._rate = 1e3 / options.smooth_ms
@@ -89,12 +84,7 @@ class PointerDevice(HandDevice):
 
     Button 0 is pressed while the newest target is held and not older than `silence_ms`. On release the hand lets go of
     where it meant to be: it stays where the handle is, turned as it is. With `scripted`, a script moves it until it is
-    first held. Only targets turn a wrist.
-
-    Args:
-        options: of the driver.
-        tick_period: [s].
-        source: of the targets; None for the socket of this process.
+    first held. Only targets turn a wrist. Without a `source` it is the socket of this process.
     """
 
     Options: ClassVar[type[PointerOptions]] = PointerOptions

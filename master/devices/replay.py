@@ -77,8 +77,6 @@ class TraceFollower:
     Asked with times that never go back, so it remembers which sample it has reached.
     """
 
-    __slots__ = ("_approach", "_index", "_positions", "_repeat", "_return", "_round", "_times")
-
     def __init__(self, samples: Samples, options: ReplayOptions) -> None:
         self._times, self._positions = samples
         self._approach = StraightLeg(options.home_m, self._positions[0], options.approach_s)

@@ -97,9 +97,7 @@ class TargetSource(Protocol[Target_co]):
 class TargetSocket(Generic[Target]):
     """The daemon's end: takes the newest of the targets that have arrived, and ignores all else.
 
-    Args:
-        kind: of its file.
-        decode: gives the target in a datagram, or raises ValueError.
+    `kind` names its file; `decode` gives the target in a datagram, or raises ValueError.
     """
 
     def __init__(self, kind: str, decode: Callable[[bytes], Target]) -> None:
@@ -199,11 +197,8 @@ class PointerSender(Sender):
     def send(self, target: Vector, held: bool, rotation: Vector = ZERO) -> bool:
         """Send a target [m], turned by a rotation vector [rad]; repeat it at least every 33 ms while it is held.
 
-        Returns:
-            Whether the daemon has it to read; False if it is not there, or has not read those before.
-
-        Raises:
-            ValueError: the target is not finite, or is turned by more than a turn.
+        Returns whether the daemon has it to read; False if it is not there, or has not read those before. Raises
+        ValueError as `pack`.
         """
         return self.send_datagram(pack(target, held, self.number(), rotation))
 

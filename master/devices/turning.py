@@ -28,8 +28,6 @@ class Wrist:
     Held against a constant torque it yields by torque / stiffness.
     """
 
-    __slots__ = ("_compliance", "_oscillator", "_transition", "orientation", "velocity")
-
     def __init__(self, oscillator: Oscillator) -> None:
         self._oscillator = oscillator
         self._compliance = 1.0 / oscillator.stiffness
@@ -57,8 +55,6 @@ class TurnIntention:
 
     `smooth` is the time constant of the filter [s], > 0, and `speed` the largest angular speed [rad/s].
     """
-
-    __slots__ = ("_smooth", "_speed", "orientation")
 
     def __init__(self, smooth: float, speed: float) -> None:
         self._smooth, self._speed = smooth, speed

@@ -41,10 +41,8 @@ class Handle:
         """Move on to `now` [s] under `force` [N] since the last call; gives the position.
 
         Nothing moves in the first call, which only sets the clock, nor where `now` goes back. After more than 0.1 s
-        without a call the hand pauses, as that of `operator` does; it never jumps.
-
-        Raises:
-            ValueError: for a force that is not finite.
+        without a call the hand pauses, as that of `operator` does; it never jumps. Raises ValueError for a force that
+        is not finite.
         """
         if not is_finite(force):
             raise ValueError(f"a handle under a force that is not finite: {force}")

@@ -26,14 +26,9 @@ class FrameMap:
     scale of force alone, so that a tool feels alike in its force and in its torque. The power of turning is then scaled
     by force_scale and that of moving by force_scale / motion_scale: one and the same factor with a motion_scale of 1.
 
-    Args:
-        rotation_deg: turns about the fixed x, y and z axes of the robot, in this order (R = Rz Ry Rx).
-        motion_scale: metres of the robot for a metre of the hand, > 0.
-        force_scale: newtons on the hand for a newton on the robot, and newton metres for newton metres; > 0.
-        offset: where the device's origin is in the robot's frame [m].
+    `rotation_deg` turns about the fixed x, y and z axes of the robot, in this order (R = Rz Ry Rx); both scales are >
+    0.
     """
-
-    __slots__ = ("_columns", "_offset", "_quaternion", "_rows", "force_scale", "motion_scale")
 
     def __init__(self, rotation_deg: Vector, motion_scale: float, force_scale: float, offset: Vector) -> None:
         (cx, sx), (cy, sy), (cz, sz) = (_cos_sin(angle) for angle in rotation_deg)
@@ -101,11 +96,8 @@ def _times(rows: tuple[Vector, Vector, Vector], v: Vector) -> Vector:
 
 
 class Walls(NamedTuple):
-    """A box in the robot's frame: sent positions stay inside, and a hand beyond it is pushed back.
-
-    Args:
-        box: lowest and highest corner [m].
-        stiffness: of the wall, felt by the hand [N/m].
+    """A box in the robot's frame [m]: sent positions stay inside, and a hand beyond is pushed back, by a stiffness
+    [N/m].
     """
 
     box: Box
@@ -124,8 +116,6 @@ class Walls(NamedTuple):
 class Clutch:
     """Keeps the offset between hand and robot. `button`: which one disengages, from 0."""
 
-    __slots__ = ("_button", "_held", "_held_turn", "_index", "_turn")
-
     def __init__(self, button: int) -> None:
         self._button = button
         self.reset()
@@ -143,13 +133,10 @@ class Clutch:
         return self._held is None
 
     def pass_through(self, position: Vector, buttons: int, keep: Vector | None) -> Vector:
-        """The position for the robot.
+        """The position for the robot, given that of the hand, mapped, without any indexing [m].
 
-        Args:
-            position: of the hand, mapped, without any indexing [m].
-            buttons: that are pressed, a bit each.
-            keep: where the robot was last; what it stays at while disengaged. None before the first reading, which
-                engages whatever is pressed.
+        `keep` is where the robot was last, and what it stays at while disengaged; None before the first reading, which
+        engages whatever is pressed.
         """
         if buttons >> self._button & 1 and keep is not None:
             if self._held is None:
@@ -161,12 +148,7 @@ class Clutch:
         return add(position, self._index)
 
     def pass_orientation(self, orientation: Quaternion, keep: Quaternion | None) -> Quaternion:
-        """The orientation for the tool; call after `pass_through`, which evaluates the button.
-
-        Args:
-            orientation: of the handle, mapped, without any indexing.
-            keep: that of the tool at the last reading; None before the first.
-        """
+        """The orientation for the tool, likewise; call after `pass_through`, which evaluates the button."""
         if self._held is not None:
             if self._held_turn is None:
                 self._held_turn = orientation if keep is None else keep
@@ -182,16 +164,8 @@ class MappedDevice:
     """Maps the readings and the commands of another device.
 
     The force of the robot fades out while the clutch is held, and in again after it. The walls fade in after `open`, so
-    that they do not hit a hand that starts beyond one; they act without a peer too. The sum never exceeds
-    `force_limit`.
-
-    Args:
-        device: in its own frame.
-        frame: between the two frames.
-        clutch: None for none.
-        walls: None for none.
-        force_limit: largest force on the hand [N].
-        ramp: time in which a force fades [s], > 0.
+    that they do not hit a hand that starts beyond one; they act without a peer too. A fade takes `ramp` [s]. The sum
+    never exceeds `force_limit` [N].
     """
 
     def __init__(

@@ -10,14 +10,8 @@ from weberlink.geometry.joints import Joints, is_finite
 
 
 class Axis(NamedTuple):
-    """What an axis of the follower is driven by: angle = offset + scale * angle of an axis of the leader.
-
-    Args:
-        source: that axis; -1 for none, the angle is the offset.
-        scale: radians of the follower for a radian of the leader; not 0.
-        offset: [rad].
-        low: the angle is never less [rad].
-        high: the angle is never larger [rad].
+    """What drives an axis of the follower: angle = offset + scale * angle of the leader's axis `source` [rad], within
+    low to high; source -1 for none, the angle is the offset.
     """
 
     source: int
@@ -36,16 +30,8 @@ class MappedLeader:
     """Maps the readings and the torques of another leader; a `weberlink.arms.contract.LeaderArm`.
 
     With the map of angles q = b + S p, the torques on the leader are torque_scale * S^T tau: of equal work, but for the
-    one factor.
-
-    Args:
-        arm: in its own frame.
-        settings: of the map.
-        joints: names of the joints of the follower in order.
-        gripper: whether the follower has a gripper that is led.
-
-    Raises:
-        ValueError: the map names a joint that there is not, drives one twice, or leaves one without a drive.
+    one factor. Raises ValueError if the map names a joint that there is not, drives one twice, or leaves one without a
+    drive.
     """
 
     def __init__(self, arm: LeaderArm, settings: LeaderMappingSettings, joints: tuple[str, ...], gripper: bool) -> None:

@@ -30,8 +30,6 @@ class Exact:
     taken by the implicit scheme if it is not: no step gains energy.
     """
 
-    __slots__ = ("_implicit", "_linear", "_problem", "_rough")
-
     def __init__(self, body: ControlledMass, scene: Scene) -> None:
         self._problem = MassInContact(body, scene)
         self._implicit: Implicit | None = None

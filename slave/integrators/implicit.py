@@ -43,8 +43,6 @@ class Implicit:
     may defeat Newton's method. The body then loses its velocity and creeps toward its rest.
     """
 
-    __slots__ = ("_problem",)
-
     def __init__(self, body: ControlledMass, scene: Scene) -> None:
         self._problem = MassInContact(body, scene)
 
@@ -92,12 +90,6 @@ class Implicit:
     def _solved(
         self, near: Stage, state: SceneState, origin: Vector, driven: Vector, goal: Vector, step: float
     ) -> Stage:
-        """The solution of x = origin + h v, v = driven + h a(x, v) by Newton's method from the guess `near`.
-
-        The force at the first guess is that of `near` and its derivative, so flat contact takes one evaluation. A
-        step that increases the residual is halved, three times at most. `state` is that of the scene before each
-        evaluation; the scene is left at the last one. The stage is not `solved` after 24 evaluations.
-        """
         mass, control, damping = self._problem.body
         pull = step * control
         drive, inertia = add(scale(driven, mass), scale(subtract(goal, origin), pull)), mass + step * (damping + pull)
@@ -150,8 +142,6 @@ class ContactResistance:
     as 1: Newton's method then takes a few steps more, but does not overshoot. A `trial` treats every contact with
     friction as sticking, since sliding is a result of the step.
     """
-
-    __slots__ = ("_across", "_along", "_grip", "_touches")
 
     def __init__(
         self, touches: Sequence[Touch], velocity: Vector, inertia: float, step: float, *, trial: bool = False

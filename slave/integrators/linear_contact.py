@@ -76,18 +76,12 @@ Face = tuple[list[Coordinate], list[Coordinate]]
 
 
 class LinearContact:
-    """Motion of a mass against planes.
+    """Motion of a mass against planes n_i x + o_i = 0, with unit normals n_i out of the solids.
 
     Events are: the proxy reaches a plane, a plane is left (its depth falls to 0), and the force of a damped contact
     falls to 0 before that (it must not pull) or rises again. Each is located to rounding. The time between events is
-    about half a period of the stiffest contact.
-
-    Args:
-        problem: The mass.
-        planes: n_i x + o_i = 0 with the unit normals n_i out of the solids; their gaps are seen from `seen_from`.
+    about half a period of the stiffest contact. The gaps of `planes` are seen from `seen_from`.
     """
-
-    __slots__ = ("_faces", "_free", "_normals", "_offsets", "_planes", "_problem")
 
     def __init__(self, problem: MassInContact, planes: Sequence[Facing], seen_from: Vector) -> None:
         self._problem = problem

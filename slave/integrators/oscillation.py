@@ -21,8 +21,6 @@ class Oscillation:
     and c = -(k/m) b. This form avoids overflow, and cancellation where one rate is far above the other.
     """
 
-    __slots__ = ("_cached", "_fast", "_frequency", "_half_period", "_slow", "decay", "squared")
-
     def __init__(self, mass: float, stiffness: float, damping: float) -> None:
         self.squared = stiffness / mass
         """k / m [1/s^2]."""

@@ -41,8 +41,6 @@ class MassInContact:
     moves, and a gain is an error of the step, or a jump of stiffness between two objects.
     """
 
-    __slots__ = ("_oscillations", "body", "end", "scene")
-
     def __init__(self, body: ControlledMass, scene: Scene) -> None:
         self.body = body
         self.scene = scene

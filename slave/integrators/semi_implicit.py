@@ -13,8 +13,6 @@ class SemiImplicit:
     (k + k_scene) h^2 / m and a = (c + c_scene) h / m.
     """
 
-    __slots__ = ("_body", "_scene")
-
     def __init__(self, body: ControlledMass, scene: Scene) -> None:
         self._body = body
         self._scene = scene

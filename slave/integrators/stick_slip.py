@@ -63,15 +63,9 @@ class StickSlip:
     """Motion of a mass against a plane with friction and without damping.
 
     Exact but for rounding where it slides along straight lines. Where the path along the surface is curved, the
-    direction of friction turns in pieces of 0.1 rad, or an eighth of the step, by the midpoint rule: order 2.
-
-    Args:
-        problem: The mass and its scene, of this plane alone.
-        plane: Seen from the origin.
-        cone: Its friction.
+    direction of friction turns in pieces of 0.1 rad, or an eighth of the step, by the midpoint rule: order 2. The plane
+    is seen from the origin.
     """
-
-    __slots__ = ("_aside", "_cone", "_free", "_gap", "_held", "_normal", "_problem", "_share", "_side", "_stiffness")
 
     def __init__(self, problem: MassInContact, plane: Facing, cone: FrictionCone) -> None:
         self._problem = problem

@@ -1,4 +1,4 @@
-"""The table of robot drivers, extended by entry points of the group `weberlink.robots`."""
+"""The tables of robot drivers and of follower arms, extended by the entry points of their groups."""
 
 from weberlink.registry import Driver, Registry
 
@@ -14,3 +14,4 @@ def _check(name: str, entry: object) -> None:
 
 
 ROBOTS: Registry[Driver] = Registry("robot", BUILT_IN, "weberlink.robots", _check)
+FOLLOWERS: Registry[Driver] = Registry("follower arm", {}, "weberlink.followers")

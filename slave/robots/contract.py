@@ -1,12 +1,12 @@
 """The interface of every robot driver."""
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 from weberlink.geometry.vector import ZERO, Vector
 
-Quaternion = tuple[float, float, float, float]
-"""(w, x, y, z)."""
+if TYPE_CHECKING:  # rotations are imported where something turns
+    from weberlink.geometry.rotation import Quaternion
 
 
 class RobotFault(RuntimeError):  # noqa: N818 - a fault of a device, not an error of the program
@@ -50,8 +50,7 @@ class Robot(Protocol):
 
     It may also have `trouble`, which is what was wrong with the last attempt where samples are missing, else None; and
     a simulated one, called before `open` of a live loop, `publish_pose()`, to publish its pose until `close` for who
-    draws its scene (`weberlink.telemetry.pose`), and `measure_steps(stopwatch)`, to adapt its computation to the
-    machine.
+    draws its scene, and `measure_steps(stopwatch)`, to adapt its computation to the machine.
     """
 
     @property
@@ -78,12 +77,10 @@ class Robot(Protocol):
 class OrientedRobot(Robot, Protocol):
     """A robot whose tool can be turned about its tip; `spec.torque_n_m` is more than 0 if it is set up for that."""
 
-    def point(self, orientation: Quaternion, now: float) -> None:
+    def point(self, orientation: "Quaternion", now: float) -> None:
         """Turn to an orientation, relative to that at home, robot frame; it holds until the next one.
 
-        After `open` the tool is as at home. Never blocks; no effect unless the robot is open.
-
-        Raises:
-            ValueError: the orientation is not finite or has no length.
+        After `open` the tool is as at home. Never blocks; no effect unless the robot is open. Raises ValueError if the
+        orientation is not finite or has no length.
         """
         ...

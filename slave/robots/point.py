@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING, ClassVar
 from pydantic import Field
 
 from weberlink.geometry.vector import ZERO, Vector, within
+from weberlink.options import Options
 from weberlink.slave.robots.computed import ComputedRobot
-from weberlink.slave.robots.contract import Quaternion
 from weberlink.slave.robots.virtual import VirtualOptions, virtual_spec
 from weberlink.slave.scenes.scene import Scene
 
 if TYPE_CHECKING:
+    from weberlink.geometry.rotation import Quaternion
     from weberlink.slave.robots.tool import Tool
-from weberlink.options import Options
 
 
 class ToolOptions(Options):
@@ -58,7 +58,7 @@ class PointRobot(ComputedRobot):
             self._tool = rigid.Tool(tool.points_m, self._scene)
             self._description = f"a rigid tool of {len(tool.points_m)} points, torque up to {tool.torque_n_m:g} N m"
 
-    def point(self, orientation: Quaternion, now: float) -> None:  # noqa: ARG002
+    def point(self, orientation: "Quaternion", now: float) -> None:  # noqa: ARG002
         """Set the orientation of the tool; no effect without one."""
         if self._tool is not None:
             self._tool.point(orientation)

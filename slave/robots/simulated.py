@@ -142,18 +142,12 @@ def chosen(
     cheaper, gains energy within each swing: they are for comparison, and the implicit one for the steps that `exact`
     cannot take.
 
-    A semi-implicit substep resolves omega h <= 0.2 and c h / m <= 0.2, hence
+    A semi-implicit substep resolves omega h <= 0.2 and c h / m <= 0.2, hence, with the time `period` between two ticks,
 
-        substeps = ceil(T max(sqrt((k + k_scene) / m), (c + c_scene) / m) / 0.2)
+        substeps = ceil(period max(sqrt((k + k_scene) / m), (c + c_scene) / m) / 0.2)
 
-    Args:
-        period: T, between two ticks [s].
-        integrator: A name in the table of integrators, or `auto`.
-        substeps: Steps per tick; computed if not given.
-        splitting_s: Time of a step of the exact scheme where contact has no closed form.
-
-    Raises:
-        ValueError: The semi-implicit scheme was named and would be unstable, or an object of the scene moves.
+    `splitting_s` is the time of a step of the exact scheme where contact has no closed form. Raises ValueError if the
+    semi-implicit scheme was named and would be unstable, or an object of the scene moves.
     """
     if scene is not None and scene.moves:
         raise ValueError(

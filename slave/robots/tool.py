@@ -9,17 +9,11 @@ from weberlink.slave.scenes.scene import Scene
 
 
 class Tool:
-    """f = sum of f_i, torque = sum of r_i x f_i about the tip, with r_i from the tip to the point i.
+    """f = sum of f_i, torque = sum of r_i x f_i about the tip, with r_i from the tip to the point i, tool frame [m].
 
-    Each point has a proxy and a friction memory of its own, hence a copy of the scene. An edge of the scene between two
-    points is not felt.
-
-    Args:
-        points: From the tip, tool frame [m].
-        scene: What there is to touch; the tool becomes its only user.
+    Each point has a proxy and a friction memory of its own, hence a copy of the scene, of which the tool becomes the
+    only user. An edge of the scene between two points is not felt.
     """
-
-    __slots__ = ("_levers", "_orientation", "_points", "_scenes")
 
     def __init__(self, points: Sequence[Vector], scene: Scene) -> None:
         self._points = self._levers = tuple(points)
@@ -41,11 +35,8 @@ class Tool:
             self._orientation, self._levers = orientation, tuple([turned(held, point) for point in self._points])
 
     def wrench(self, tip: Vector, dt: float) -> tuple[Vector, Vector]:
-        """Force [N] and torque about the tip [N m] of the scene on the tool, scene frame.
-
-        Args:
-            tip: Scene frame [m].
-            dt: Time since the last call [s].
+        """Force [N] and torque about the tip [N m] of the scene on the tool at `tip`, scene frame, `dt` after the last
+        call.
         """
         fx = fy = fz = tx = ty = tz = 0.0
         for (x, y, z), scene in zip(self._levers, self._scenes, strict=True):

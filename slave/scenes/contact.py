@@ -7,14 +7,15 @@ from typing import Literal, NamedTuple, Self
 from pydantic import Field, model_validator
 
 from weberlink.geometry.vector import ZERO, Vector, norm
-from weberlink.slave.scenes.shape import SceneModel, Shape, UnitVector
+from weberlink.options import Options
+from weberlink.slave.scenes.shape import Shape, UnitVector
 
 RESTICK = 0.5  # share of the dynamic cone
 FASTEST_M_S = 10.0
 """Peak speed of a moving object: a centimetre per tick, faster than any robot or hand."""
 
 
-class FrictionCone(SceneModel):
+class FrictionCone(Options):
     """Coulomb friction: sticks within static x normal force, slides at dynamic x normal force."""
 
     static: float = Field(ge=0.0, le=2.0)
@@ -27,7 +28,7 @@ class FrictionCone(SceneModel):
         return self
 
 
-class Sway(SceneModel):
+class Sway(Options):
     """The object oscillates about its configured position, independent of the probe. Time is that of the robot."""
 
     direction: UnitVector = Field(default=(0.0, 0.0, 1.0), description="of any length; it is normalised")
@@ -113,8 +114,6 @@ class ObjectContact:
     along at mu_dynamic * depth. Sliding ends when the displacement falls below half of the dynamic cone (the probe has
     turned back): a pause between two position updates must not bring back the higher static limit.
     """
-
-    __slots__ = ("_anchor", "_cone", "_damping", "_depth", "_sliding", "_stiffness", "has_memory", "offset")
 
     def __init__(self, thing: SceneObject) -> None:
         self._depth = 0.0

@@ -9,7 +9,8 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from weberlink.geometry.vector import Vector
-from weberlink.slave.scenes.shape import SceneModel, SceneShapeSettings, Shape, Tangent
+from weberlink.options import Options
+from weberlink.slave.scenes.shape import SceneShapeSettings, Shape, Tangent
 from weberlink.slave.scenes.solids import CarvedShape, PlaneShape
 
 WAVE_SAMPLES = 16
@@ -18,16 +19,11 @@ WAVE_SAMPLES = 16
 class HeightFieldShape:
     """Solid below z = h(x, y), bicubic (Catmull-Rom) between the samples, hence with a continuous normal.
 
-    Beyond the grid the heights of its border continue. Distances are to first order, (z - h) / sqrt(1 + |grad h|^2):
-    exact at the surface, and corrected by the iteration of the proxy elsewhere.
-
-    Args:
-        heights: At least 2 x 2 finite samples [m], relative to the z of `origin`; rows run along y, columns along x.
-        spacing: Distance between neighbouring samples [m], above 0.
-        origin: Scene position of the sample in the first row and column.
+    Heights, at least 2 x 2 and finite [m], are relative to the z of `origin`, the place of the sample in the first row
+    and column; rows run along y, columns along x, `spacing` [m] apart. Beyond the grid the heights of its border
+    continue. Distances are to first order, (z - h) / sqrt(1 + |grad h|^2): exact at the surface, and corrected by the
+    iteration of the proxy elsewhere.
     """
-
-    __slots__ = ("_columns", "_origin", "_rows", "_safety", "_scale", "_shape")
 
     flat = False
 
@@ -98,20 +94,15 @@ def cubic_weights(t: float) -> tuple[float, float, float, float, float, float, f
 def bumps(amplitude: float, wavelength: float, size: float) -> tuple[list[list[float]], float]:
     """A square field of round bumps, h = a (1 - cos kx)(1 - cos ky) / 4, level with its surroundings along the border.
 
-    Args:
-        amplitude: Height of a crest above the border [m].
-        wavelength: From crest to crest [m].
-        size: Edge of the square [m], rounded to whole wavelengths, at least one.
-
-    Returns:
-        Heights (rows along y) and their spacing [m].
+    `size` is the edge [m], rounded to whole wavelengths, at least one. Returns heights (rows along y) and their spacing
+    [m].
     """
     count = max(1, round(size / wavelength)) * WAVE_SAMPLES + 1
     wave = [(1.0 - cos(2.0 * pi * i / WAVE_SAMPLES)) / 2.0 for i in range(count)]
     return [[amplitude * x * y for x in wave] for y in wave], wavelength / WAVE_SAMPLES
 
 
-class BumpSettings(SceneModel):
+class BumpSettings(Options):
     """A square of round bumps, level with its surroundings at the border."""
 
     amplitude_m: float = Field(gt=0.0, description="height of a crest")

@@ -21,12 +21,9 @@ CONSTRAINTS_TRIED = 7
 def smallest_push(violations: Sequence[float], normals: Sequence[Vector]) -> tuple[Push, ...]:
     """The active constraints and their multipliers; none if no constraint is violated.
 
-    Where constraints contradict each other, only the most violated one is satisfied. Of more than seven constraints,
-    the seven most violated ones are considered.
-
-    Args:
-        violations: v_i [m]: how far the target lies behind each plane; negative in front of it.
-        normals: Unit vectors.
+    A violation v_i is how far the target lies behind a plane [m], negative in front of it; normals are unit vectors.
+    Where constraints contradict each other, only the most violated one is satisfied. Of more than seven, the seven most
+    violated ones are considered.
     """
     if len(violations) == 1:
         return () if violations[0] <= 0.0 else ((0, violations[0]),)
@@ -108,8 +105,6 @@ class Proxy:
     be jumped over. A shape that it touches is linearised at the current candidate, the smallest push out of all tangent
     planes gives the next candidate, and so on until it rests: one step on a plane, two or three on smooth surfaces.
     """
-
-    __slots__ = ("_shapes", "at", "parts")
 
     def __init__(self, shapes: Sequence[Shape]) -> None:
         self._shapes = tuple(shapes)

@@ -34,8 +34,6 @@ class SceneState(NamedTuple):
 class DisplacedShape:
     """`shape` displaced by `offset` [m], which may change."""
 
-    __slots__ = ("_shape", "flat", "offset")
-
     def __init__(self, shape: Shape) -> None:
         self._shape = shape
         self.flat = shape.flat
@@ -89,13 +87,6 @@ class Scene:
         self._place(0.0)
         self.penetration_depth = 0.0
         """Distance [m] between probe and proxy at the last call."""
-        self.rejected = 0
-        """Positions that were not usable, since the start."""
-
-    @property
-    def contacts(self) -> int:
-        """How many objects were touched at the last call."""
-        return len(self._touched)
 
     @property
     def proxy(self) -> Vector | None:
@@ -103,14 +94,10 @@ class Scene:
         return self._proxy.at
 
     def force(self, position: Vector, dt: float) -> Vector:
-        """Reaction of the scene on a probe.
+        """Reaction of the scene on a probe at a position [m], `dt` [s] after the last call: the force on it [N], scene
+        frame.
 
-        Args:
-            position: Where the probe is, scene frame [m].
-            dt: Time since the last call [s]; only damping and objects that move use it.
-
-        Returns:
-            Force on the probe [N], scene frame.
+        Only damping and objects that move use the time.
         """
         if self._movers and 0.0 < dt < FARTHEST:  # a time without significant digits moves nothing
             self._advance(dt)
@@ -122,7 +109,6 @@ class Scene:
         if x - x == y - y == z - z == 0.0:
             return (x, y, z)
         self.forget_friction()  # what overflowed must not be remembered
-        self.rejected += 1
         return ZERO
 
     def touch(self, position: Vector) -> tuple[Touch, ...]:
@@ -152,7 +138,7 @@ class Scene:
         return SceneState(self._proxy.at, self._touched, contacts, self.penetration_depth, self._time)
 
     def restore(self, state: SceneState) -> None:
-        """Go back to where `state` was read. The counter `rejected` stays."""
+        """Go back to where `state` was read."""
         self._proxy.at, self._touched, contacts, self.penetration_depth, time = state
         for contact, remembered in zip(self._remembering, contacts, strict=True):
             contact.restore(remembered)
@@ -164,7 +150,7 @@ class Scene:
         self._hold(NOTHING)
 
     def reset(self) -> None:
-        """Forget the contact: the next position is accepted even inside a solid. Counters stay."""
+        """Forget the contact: the next position is accepted even inside a solid."""
         self._proxy.at = None
         self._hold(NOTHING)
         self.penetration_depth = 0.0
@@ -198,7 +184,6 @@ class Scene:
         """Move the proxy; release objects that are no longer touched."""
         x, y, z = position
         if not (-FARTHEST < x < FARTHEST and -FARTHEST < y < FARTHEST and -FARTHEST < z < FARTHEST):
-            self.rejected += 1
             return position, ()
         proxy, presses = self._proxy.follow(position)
         if presses:

@@ -24,12 +24,7 @@ from weberlink.slave.scenes.solids import CarvedShape
 
 
 class ByShape:
-    """Validates settings by the model of their `shape`; only shapes that are named are imported.
-
-    Args:
-        find: the model of a shape; raises ValueError where there is none.
-        built_in: the shapes of the kernel.
-    """
+    """Validates settings by the model of their `shape`, which `find` gives; only shapes that are named are imported."""
 
     def __init__(self, find: Callable[[str], type[BaseModel]], built_in: Iterable[str] = SHAPES.built_in) -> None:
         self._find = find

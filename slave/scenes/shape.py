@@ -35,11 +35,7 @@ class Shape(Protocol):
         ...
 
 
-class SceneModel(Options):
-    """Unknown keys and non-finite numbers are errors."""
-
-
-class SceneShapeSettings(SceneModel):
+class SceneShapeSettings(Options):
     """Keys of a shape in a configuration file. A subclass narrows `shape` to a `Literal` of its name."""
 
     shape: str

@@ -13,8 +13,6 @@ from weberlink.slave.scenes.shape import CarvableSettings, Shape, Tangent, UnitV
 class PlaneShape:
     """Solid below the plane through `point` with the outward `normal` (any length above zero)."""
 
-    __slots__ = ("_normal", "_offset")
-
     flat = True
 
     def __init__(self, point: Vector, normal: Vector) -> None:
@@ -32,8 +30,6 @@ class PlaneShape:
 
 class SphereShape:
     """Solid within `radius` [m] of `center`; with `inside`, where the probe then is, solid everywhere else."""
-
-    __slots__ = ("_radius", "_sign", "_x", "_y", "_z")
 
     flat = False
 
@@ -60,8 +56,6 @@ class BoxShape:
 
     Outside, the distance is Euclidean, so an edge or corner looks round from afar; inside, the nearest face counts.
     """
-
-    __slots__ = ("_center", "_half")
 
     flat = False
 
@@ -100,8 +94,6 @@ class BoxShape:
 class BoxCavity(BoxShape):
     """The complement of a box: floor and walls meet in concave corners."""
 
-    __slots__ = ()
-
     def clearance(self, point: Vector) -> float:
         return min(gap for gap, _ in self.linearise(point))
 
@@ -123,8 +115,6 @@ class CarvedShape:
     convex.
     """
 
-    __slots__ = ("_parts",)
-
     flat: ClassVar[bool] = False
 
     def __init__(self, base: Shape, cavities: Sequence[Shape]) -> None:
@@ -139,8 +129,6 @@ class CarvedShape:
 
 class TurnedShape:
     """`shape` turned about `pivot` by roll, pitch, yaw [deg], R = Rz(yaw) Ry(pitch) Rx(roll), scene axes."""
-
-    __slots__ = ("_pivot", "_rows", "_shape", "flat")
 
     def __init__(self, shape: Shape, pivot: Vector, roll_pitch_yaw: Vector) -> None:
         self._shape = shape

@@ -164,25 +164,14 @@ def _installed(group: str, path: tuple[str, ...]) -> Mapping[str, "EntryPoint"]:
 
 
 def resolve(place: str) -> Any:
-    """Import "module:attribute"; the attribute may have dots.
-
-    Raises:
-        ImportError: the module, or a package that it needs, is missing.
-        AttributeError: the module has no such attribute.
-    """
+    """Import "module:attribute"; the attribute may have dots. ImportError or AttributeError if something is missing."""
     module, _, attribute = place.partition(":")
     return reduce(getattr, filter(None, attribute.split(".")), import_module(module))
 
 
 def import_part(what: str, place: str) -> Any:
-    """Import "module:attribute" of another distribution, whose module may raise anything.
-
-    Args:
-        what: kind, name and distribution, for the message.
-        place: "module:attribute".
-
-    Raises:
-        PartError: it cannot be imported.
+    """Import "module:attribute" of another distribution, whose module may raise anything; PartError if it cannot be
+    imported. `what` is its kind, name and distribution, for the message.
     """
     try:
         return resolve(place)
@@ -196,11 +185,8 @@ def in_words(error: BaseException) -> str:
 
 
 class PartFault(NamedTuple):
-    """An error that escaped from a part by name.
-
-    Args:
-        text: kind, name, distribution, error and line.
-        is_foreign: whether the part is of another distribution; else the error is one of this program.
+    """An error that escaped from a part by name: kind, name, distribution, error and line; and whether the part is of
+    another distribution, or else the error one of this program.
     """
 
     text: str
@@ -225,15 +211,8 @@ def fault_of(error: BaseException) -> PartFault | None:
 
 
 def check_contract(what: str, made: object, contract: type) -> None:
-    """See that an object, or a class, has all that a protocol names.
-
-    Args:
-        what: kind and name, for the message, such as "device acme".
-        made: the object.
-        contract: the protocol.
-
-    Raises:
-        ValueError: naming what is missing.
+    """See that an object, or a class, has all that a protocol names; ValueError naming what is missing. `what` is its
+    kind and name, for the message, such as "device acme".
     """
     entry = made if isinstance(made, type) else type(made)
     _complain(what, entry, "has no", [name for name in members(contract) if not hasattr(made, name)], contract)

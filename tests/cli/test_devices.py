@@ -14,11 +14,9 @@ from weberlink.cli.devices import DeviceAccess, Survey, survey
 from weberlink.cli.rules import RulesError
 from weberlink.hardware.discovery import PluggedDevice, UsbId
 from weberlink.installation import install_line
-from weberlink.master.devices import DEVICES
-from weberlink.master.devices.leaders import LEADERS
+from weberlink.master.devices import DEVICES, LEADERS
 from weberlink.registry import Registry
-from weberlink.slave.robots import ROBOTS
-from weberlink.slave.robots.followers import FOLLOWERS
+from weberlink.slave.robots import FOLLOWERS, ROBOTS
 
 RULES = rules.shipped()
 OPEN = DeviceAccess(accessible=lambda path: True, rules=())

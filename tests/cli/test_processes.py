@@ -83,6 +83,7 @@ WITHOUT = [
     (["record", "info", "a.mcap"], 2, install_line("recording")),
     (["device", "test", "touch"], 2, f"driver 'touch' is of weberlink-devices, which is not installed; {INSTALL}"),
     (["device", "emulate", "inverse3"], 2, install_line("devices")),
+    (["doctor", LAN, "--link", "robot"], 2, install_line("link")),
 ]
 
 

@@ -2,10 +2,12 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from tests.session.systems import configuration, output, raw, steps, system
-from weberlink.geometry.vector import Vector, norm, scale
+from tests.session.kinds import HAND, run
+from tests.session.systems import configuration
+from weberlink.geometry.vector import Vector, norm
 from weberlink.master.devices.operator import OperatorDevice
 from weberlink.session.composition.master import build_device
 
@@ -14,17 +16,12 @@ TURNED = "master.mapping={rotation_deg: [0, 0, 90], scale: 0.5, offset_m: [0.01,
 
 def test_the_robot_goes_where_the_mapped_hand_is_and_its_force_comes_back_turned() -> None:
     """The same operator over the same ground, straight and mapped: the mapped ground is felt along the same axis."""
-    straight = [step.master for step in steps(system(), 1.5)]
-    mapped = [step.master for step in steps(system(TURNED), 1.5)]
-    compared = 0
-    for before, after in zip(straight, mapped, strict=True):
-        if norm(output(before)) > 0.0 or norm(output(after)) > 0.0:
-            break
-        compared += 1
-        x, y, z = raw(before)
-        assert raw(after) == pytest.approx((0.01 - 0.5 * y, 0.5 * x, 0.5 * z), abs=1e-9)
-    assert compared > 100
-    assert max(output(record)[2] for record in mapped) > 0.5, "the ground is felt"
+    straight, mapped = (run(HAND, 1.5, *mapping).master for mapping in ((), (TURNED,)))
+    free = int(np.argmax((straight["output"] != 0.0).any(axis=1) | (mapped["output"] != 0.0).any(axis=1)))
+    assert free > 100
+    x, y, z = straight["raw"][:free].T
+    np.testing.assert_allclose(mapped["raw"][:free], np.column_stack((0.01 - 0.5 * y, 0.5 * x, 0.5 * z)), atol=1e-9)
+    assert mapped["output"][:, 2].max() > 0.5, "the ground is felt"
 
 
 @pytest.mark.parametrize("factor", [0.25, 8.0])
@@ -36,9 +33,10 @@ def test_a_force_scale_changes_what_is_felt_but_not_the_limit(factor: float) -> 
             felt.append(force)
             super().command(force, now)
 
-    simulation = system("master.limits.force_n=1.5", f"master.mapping={{force_scale: {factor}}}", device=Felt)
-    for step in steps(simulation, 2.0):
-        assert felt[-1] == pytest.approx(scale(output(step.master), factor), abs=1e-12)
+    of_ticks: list[Vector] = []
+    overrides = "master.limits.force_n=1.5", f"master.mapping={{force_scale: {factor}}}"
+    ran = run(HAND, 2.0, *overrides, device=Felt, watch=lambda _: of_ticks.append(felt[-1]))
+    np.testing.assert_allclose(of_ticks, factor * ran.master["output"], atol=1e-12)
     assert max(map(norm, felt)) == pytest.approx(1.5)
 
 

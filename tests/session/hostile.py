@@ -10,10 +10,10 @@ from typing import Any
 
 from weberlink.config import Configuration
 from weberlink.geometry.vector import is_finite, norm
-from weberlink.protocol import Endpoint, Role, State
+from weberlink.protocol import Endpoint, State
 from weberlink.protocol.wire import CHANGE_TICK_BITS, Kind, pack
 from weberlink.session.composition.channels import streams
-from weberlink.session.composition.link import Identity, build_endpoint, build_security
+from weberlink.session.composition.link import Context, build_endpoint, build_security
 from weberlink.session.simulation import MASTER_ADDRESS, SLAVE_ADDRESS, build_simulation
 from weberlink.telemetry.record import RECORD
 from weberlink.update import Payload, PreviousSample, Update
@@ -68,17 +68,9 @@ class Duel:
     def _begun(self) -> Endpoint:
         self._sessions += 1
         system, calls = self._configuration.system, self._hero == "slave"
-        forward, backward = streams(system)
-        peer = build_endpoint(
-            system,
-            Role.INITIATOR if calls else Role.RESPONDER,
-            build_security(self._configuration),
-            Random(f"peer {self._sessions}").randbytes,
-            0.0,
-            *((forward, backward) if calls else (backward, forward)),
-            SLAVE_ADDRESS if calls else None,
-            Identity(take_over=calls),
-        )
+        security, entropy = build_security(self._configuration), Random(f"peer {self._sessions}").randbytes
+        context = Context(security, entropy, 0.0, peer=SLAVE_ADDRESS if calls else None, take_over=calls)
+        peer = build_endpoint(system, "master" if calls else "slave", context)
         peer.connect(self.now)
         return peer
 

@@ -1,7 +1,6 @@
-"""Whole systems in virtual time for tests: a configuration with overrides, stepped tick by tick."""
+"""Whole systems in virtual time for tests: a configuration with overrides."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,6 @@ from typing import Any
 from weberlink.config import Configuration, load
 from weberlink.config.loading import Part
 from weberlink.session.simulation import Simulation, build_simulation
-from weberlink.telemetry.record import Record
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 ARMS = Path(__file__).parents[1] / "arms" / "arms.yaml"
@@ -34,31 +32,3 @@ def configuration(
 
 def system(*overrides: str, **parts: Any) -> Simulation:
     return build_simulation(configuration(*overrides, **parts))
-
-
-@dataclass(frozen=True)
-class Step:
-    """One tick of both sides."""
-
-    index: int
-    master: Record
-    slave: Record
-
-
-def steps(simulation: Simulation, seconds: float, rate: float = 1000.0) -> Iterator[Step]:
-    for index in range(round(seconds * rate)):
-        if simulation.master.stopped:
-            return
-        yield Step(index, *simulation.step())
-
-
-def output(record: Record) -> tuple[float, float, float]:
-    return record.output_x, record.output_y, record.output_z
-
-
-def raw(record: Record) -> tuple[float, float, float]:
-    return record.raw_x, record.raw_y, record.raw_z
-
-
-def decoded(record: Record) -> tuple[float, float, float]:
-    return record.decoded_x, record.decoded_y, record.decoded_z

@@ -4,16 +4,16 @@ The suite takes combinations in which every pair of choices occurs; a hunt takes
 """
 
 from itertools import combinations, product
-from math import isfinite
 
+import numpy as np
 import pytest
 
-from tests.session.systems import configuration, decoded, output, raw, steps
+from tests.session.systems import configuration
 from weberlink.codec.predictors import BANKS, PREDICTORS
-from weberlink.geometry.vector import distance, norm
+from weberlink.geometry.vector import distance
 from weberlink.protocol.states import State
 from weberlink.session.composition.channels import force_deadband
-from weberlink.session.simulation import build_simulation
+from weberlink.session.simulation import as_array, build_simulation
 
 pytestmark = pytest.mark.hypothesis  # so that `make hunt` runs it
 
@@ -71,17 +71,15 @@ def test_run_is_finite_and_limited_and_within_the_deadband(combination: Combinat
     limit, force = settings.system.master.limits.force_n, settings.system.codec.force
     error = force_deadband(force, settings.system.tick_period, force.weber).error
     simulation = build_simulation(settings)
-    felt, unsent = 0.0, 0
-    for step in steps(simulation, SECONDS, RATE):
-        values = (*output(step.master), *output(step.slave), *raw(step.slave))
-        assert all(map(isfinite, values)), step
-        assert norm(output(step.master)) <= limit * (1.0 + 1e-9)
-        felt = max(felt, norm(output(step.master)))
-        slave = step.slave
-        if slave.state == State.ENGAGED.value and not (slave.ramping or slave.sent):
-            apart = error(decoded(slave), raw(slave))
-            assert apart <= slave.bound or distance(decoded(slave), raw(slave)) <= force.step_n, step
-            unsent += norm(raw(slave)) > 0.0
+    steps = [simulation.step() for _ in range(round(SECONDS * RATE))]
+    master, slave = (as_array(side) for side in zip(*steps, strict=True))
+    for values in (master["output"], slave["output"], slave["raw"]):
+        assert np.isfinite(values).all()
+    felt = np.linalg.norm(master["output"], axis=1)
+    assert felt.max() <= limit * (1.0 + 1e-9)
+    unsent = slave[(slave["state"] == State.ENGAGED.value) & (slave["ramping"] == 0) & (slave["sent"] == 0)]
+    for decoded, raw, bound in zip(*(unsent[name].tolist() for name in ("decoded", "raw", "bound")), strict=True):
+        assert error(decoded, raw) <= bound or distance(decoded, raw) <= force.step_n
     assert simulation.master.failure is None
     assert simulation.master.endpoint.state is State.ENGAGED
-    assert felt > 0.05 and unsent > 20, "the hand hardly felt the surface"
+    assert felt.max() > 0.05 and unsent["raw"].any(axis=1).sum() > 20, "the hand hardly felt the surface"

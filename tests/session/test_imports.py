@@ -27,19 +27,15 @@ BUILD = """
 import json, os, sys
 from pathlib import Path
 import weberlink.session.daemon
-from weberlink.session.composition.link import build_security
+from weberlink.session.composition.link import Context, build_security
+from weberlink.session.composition.sides import build_side
 from weberlink.config import load
 from weberlink.config.model import split_address
 
 def build(file, side, *overrides):
     configuration = load(Path(file), overrides, sides=[side])
-    common = {"security": build_security(configuration), "entropy": os.urandom, "epoch": 0.0, "stopwatch": lambda: 0.0}
-    if side == "master":
-        from weberlink.session.composition.sides import build_master
-        build_master(configuration, peer=split_address(configuration.system.link.slave), **common)
-    else:
-        from weberlink.session.composition.sides import build_slave
-        build_slave(configuration, **common)
+    peer = split_address(configuration.system.link.slave) if side == "master" else None
+    build_side(configuration, side, Context(build_security(configuration), os.urandom, 0.0, peer=peer))
     print(json.dumps(sorted(sys.modules)), flush=True)
 
 for arguments in json.loads(sys.argv[1]):

@@ -1,16 +1,13 @@
-"""A slot between two processes, and poses in one: newest whole values, and nothing else."""
+"""A slot between two processes: newest whole values, and nothing else."""
 
 import os
 from mmap import mmap
-from pathlib import Path
 from struct import Struct, error
 
-import numpy as np
 import pytest
 
 from tests.wait import until
 from weberlink.slot import Slot, size_of
-from weberlink.telemetry.pose import PoseReader, PoseWriter
 
 VALUES = Struct("<dQ4s")
 
@@ -55,26 +52,3 @@ def test_values_of_another_process_arrive_whole() -> None:
 
     until(is_over, "the last values", pause=0.0)
     os.waitpid(child, 0)
-
-
-def test_reader_gets_the_newest_pose(tmp_path: Path) -> None:
-    path = tmp_path / "weberlink-7.pose"
-    writer = PoseWriter(path, 3)
-    reader = PoseReader(path)
-    assert reader.count == 3 and reader.read() is None
-    for number in range(5):
-        writer.write(10.0 + number, np.full(3, float(number)))
-    pose = reader.read()
-    assert pose is not None and pose[0] == 14.0 and pose[1].tolist() == [4.0, 4.0, 4.0]
-    assert path.stat().st_mode & 0o777 == 0o600
-    writer.close()
-    assert not path.exists() and reader.read() is None, "once"
-    reader.close()
-
-
-@pytest.mark.parametrize("content", [b"", b"WEBPOSE\x01", b"nonsense" * 8])
-def test_file_without_poses_is_refused(tmp_path: Path, content: bytes) -> None:
-    path = tmp_path / "bad.pose"
-    path.write_bytes(content)
-    with pytest.raises(ValueError, match="holds no poses"):
-        PoseReader(path)

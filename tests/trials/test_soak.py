@@ -17,7 +17,7 @@ pytestmark = pytest.mark.realtime(alone=True)
 
 
 @pytest.mark.parametrize(
-    "faults", [("cut_to_master", "stolen_path"), pytest.param((), id="every", marks=pytest.mark.hunt)]
+    "faults", [("cut_to_master", "stolen_path", "many_calls"), pytest.param((), id="every", marks=pytest.mark.hunt)]
 )
 def test_faults_break_no_law_and_nothing_is_left(faults: tuple[str, ...], tmp_path: Path) -> None:
     # Only processes can be cut off and counted from outside; such faults in virtual time are in tests/safety.

@@ -16,7 +16,7 @@ from weberlink.config import load
 from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.figures.session import Records, joined
 from weberlink.protocol.states import State
-from weberlink.session.composition.channels import banks, channels
+from weberlink.session.composition.channels import banks
 from weberlink.session.control_socket import ControlSocket, path_beside
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.ring import RingWriter
@@ -61,7 +61,6 @@ def description(side: str, file: str | Path = "loopback.yaml") -> dict[str, Any]
         "rate_hz": system.rate_hz,
         "system": system.model_dump(mode="json", exclude={"link": {"key_file"}}),
         "bank": list(force),
-        "position_bank": list(channels(system)[0].bank),
         **({} if torque is None else {"torque_bank": list(torque)}),
         "changes": ["weber"],
     }

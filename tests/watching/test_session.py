@@ -1,7 +1,6 @@
-"""What a page is told: the greeting, rows, the felt error, rates, and figures, events and end of a session."""
+"""What who watches is told: figures, faults, events and end of a session, the felt error, rates, and the scene."""
 
 import json
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.cli import arm_sessions as arms
 from tests.examples import examples
 from tests.session.systems import CONFIGS
 from tests.watching.sources import BANK, RATE, WALL_OFFSET_S, HandSource, description, pieces, records, watched
@@ -17,9 +15,9 @@ from weberlink.figures.session import Layout, SessionScore, TickPairs
 from weberlink.figures.tree import to_json
 from weberlink.protocol.states import State
 from weberlink.telemetry.fault import Fault
-from weberlink.watching.hello import hello
-from weberlink.watching.rows import CARTESIAN, COLUMNS, ROTATION, Pace, Thinning, felt_message, samples_message
-from weberlink.watching.session import BACKLOG_S, WatchedSession
+from weberlink.watching.rows import Pace, felt_message
+from weberlink.watching.scene import drawn
+from weberlink.watching.session import WatchedSession
 
 
 def both() -> tuple[HandSource, HandSource, WatchedSession]:
@@ -38,7 +36,7 @@ def test_figures_equal_those_of_the_launcher() -> None:
         master.put(one)
         slave.put(other)
         session.look()
-    told, expected = session.figures()["figures"], launcher.figures().to_json()
+    told, expected = session.score.figures().to_json(), launcher.figures().to_json()
     assert told["ticks"] == expected["ticks"]
     for channel in ("force", "position"):
         for name, value in expected[channel].items():
@@ -47,35 +45,15 @@ def test_figures_equal_those_of_the_launcher() -> None:
     assert told["force"]["selected"] == expected["force"]["selected"]
 
 
-def test_backlog_repeats_the_messages_of_the_last_seconds() -> None:
-    master, slave, session = both()
-    assert session.look() == session.backlog() == []
-    told = []
-    for first in range(0, 12_000, 500):
-        for source in (master, slave):
-            source.put(records(500, first=first, seed=first))
-        told += session.look()
-    kinds = {("samples", "master"), ("samples", "slave"), ("felt", None)}
-    assert {(message["type"], message.get("side")) for message in told} == kinds
-    again = session.backlog()
-    json.dumps(again, allow_nan=False)
-    assert [message["type"] for message in again] == ["samples", "samples", "felt"]
-    for message in again:
-        same = [one for one in told if (one["type"], one.get("side")) == (message["type"], message.get("side"))]
-        assert message["t"] == [t for one in same for t in one["t"]][-len(message["t"]) :]
-        assert 11.99 - BACKLOG_S - 0.51 < message["t"][0] <= 12.0 - BACKLOG_S
-
-
 def test_faults_are_counted_at_their_beginning_and_are_events_with_times() -> None:
     made = records(5000)
     made["fault"][1200:3450] = Fault.SILENCE
     made["fault"][3450:3500] = Fault.DEVICE
     made["fault"][4900:] = Fault.SILENCE
     session = watched(*pieces(made, [10, 1300, 3460, 4950]))
-    told = session.figures()
-    assert told["faults"] == {"slave": {"silence": 2, "device": 1}}
-    assert told["faults_now"] == {"slave": "silence"}
-    assert [alarm["name"] for alarm in told["alarms"]][:1] == ["slave_silence"]
+    assert session.faults == {"slave": {"silence": 2, "device": 1}}
+    assert session.faults_now == {"slave": "silence"}
+    assert session.alarms()[0].name == "slave_silence"
     shown = [(event.at, event.level, event.side) for event in session.log.events if event.level != "info"]
     assert shown == [(at, "alarm", "slave") for at in (1.2, 4.9)]  # what lasts for 50 ms is not told beside its second
     began = next(event for event in session.log.events if event.level == "alarm")
@@ -99,106 +77,24 @@ def test_session_ends_with_its_last_side(in_order: bool, level: str) -> None:
     session.look()
     *_, change, end = session.log.events
     assert (change.at, change.level, end.level, end.side) == (1.4, "warn", level, "slave")
-    told = session.figures()
-    assert (session.ended, told["ended"], told["seen_from_start"]) == (True, True, False)
+    assert (session.ended, session.seen_from_start) == (True, False)
     session.close()
     assert master.is_closed
     assert slave.is_closed
 
 
-def test_arms_are_told_by_axis_and_channel() -> None:
-    made = {side: arms.records(side, 2000) for side in ("master", "slave")}
-    sources = {side: HandSource(side) for side in made}
-    for side, source in sources.items():
-        source.description = {"side": side, "system": arms.SYSTEM, "bank": ["zoh"], "changes": ["weber"]}
-        source.put(made[side])
-    session = WatchedSession("7", sources["slave"])
-    session.admit(sources["master"])
-    told = {(each["type"], each.get("side")): each for each in session.look()}
-    hello = session.hello()
-    assert (hello["axes"], hello["settings"]["weber"], hello["scene"]) == ([*arms.NAMES, "gripper"], 0.13, [])
-    assert WatchedSession("8", HandSource("slave")).hello()["axes"] is None
-
-    places = list(arms.PLACES)
-    for side in made:
-        rows = told["samples", side]
-        json.dumps(rows, allow_nan=False)
-        ticks = np.rint(np.array(rows["t"]) * arms.RATE).astype(int)
-        assert {0, arms.SENT_EVERY, arms.GRIPPER_SENT_EVERY} <= set(ticks.tolist())
-        assert not set(CARTESIAN) & set(rows["columns"])
-        for name in ("joint_position", "joint_raw", "joint_output"):
-            shown = np.array(rows["columns"][name]).T
-            np.testing.assert_allclose(shown, made[side][name][ticks][:, places], atol=1e-6)
-    columns = told["samples", "slave"]["columns"]
-    bound = np.maximum(0.13 * np.abs(columns["joint_raw"]), 0.02)
-    np.testing.assert_allclose(columns["joint_bound"], bound, atol=1e-6)
-
-    felt = told["felt", None]
-    ticks = np.rint(np.array(felt["t"]) * arms.RATE).astype(int)
-    actual = made["slave"]["joint_raw"][ticks][:, places].astype(float)
-    error = np.abs(made["master"]["joint_output"][ticks][:, places] - actual)
-    worst = (error / np.maximum(0.13 * np.abs(actual), 0.02)).max(axis=1)
-    assert worst.max() > 0.1
-    np.testing.assert_allclose(felt["deadbands"], worst, atol=1e-3)
-
-    figures = session.figures()
-    for channel, every in (("joint_torque", arms.SENT_EVERY), ("gripper_angle", arms.GRIPPER_SENT_EVERY)):
-        assert figures["packets_per_s_now"][channel] == pytest.approx(arms.RATE / every, rel=0.03)
-        assert figures["reduction_now"][channel] == pytest.approx(1.0 - 1.0 / every, abs=0.002)
-
-
 HAND = Layout(RATE, BANK)
-
-
-def test_greeting_has_scene_settings_choices_and_who_is_there() -> None:
-    told = hello("7", {"master": description("master"), "slave": None})
-    assert told["scene"][0]["normal"] == [0.0, 0.0, 1.0]
-    sphere = {"center_m": [0.0, 0.0, -0.045], "radius_m": 0.05, "inside": False, "stiffness_n_m": 500.0, "carve": []}
-    assert told["scene"][1] == {"shape": "sphere"} | sphere
-    assert told["predictors"] == ["zoh", "linear", "plane", "sphere", "hybrid"]
-    assert told["settings"] == {"weber": 0.1, "predictor": "hybrid"}
-    assert (told["rate_hz"], told["readonly"]) == (1000.0, False)
-    assert (told["states"]["4"], told["faults"]["1"]) == ("engaged", "silence")
-    assert (set(told["sides"]), told["present"]) == ({"master", "slave"}, ["master", "slave"])
-    unknown = hello("7", {"slave": None})
-    assert (unknown["readonly"], unknown["changes"], set(unknown["names"].values())) == (True, [], {None})
 
 
 @pytest.mark.parametrize(
     "name", sorted(path.name for path in CONFIGS.glob("*.yaml") if "key_file" not in path.read_text())
 )
 def test_every_shipped_scene_can_be_drawn(name: str) -> None:
-    told = hello("7", {"slave": description("slave", name)})
-    json.dumps(told, allow_nan=False)
-    for shape in told["scene"]:
+    scene = drawn(description("slave", name)["system"]["slave"]["scene"])
+    json.dumps(scene, allow_nan=False)
+    for shape in scene:
         assert shape["shape"] in ("plane", "sphere", "box", "height_field")
         assert shape.get("heights_m", ()) is not None
-
-
-@given(st.lists(st.integers(0, 2000), max_size=12))
-def test_every_fourth_tick_and_all_events_are_shown(cuts: list[int]) -> None:
-    made = records(2000)
-    made["sent"][[7, 501, 502, 503]] = 1
-    made["rotation_sent"][[1999, 41]] = 1
-    made["fault"][801:1203] = Fault.SILENCE
-    made["state"][1301:] = 5
-    thinning = Thinning(RATE)
-    ticks = [tick for piece in pieces(made, cuts) for tick in thinning.choose(piece)["tick"].tolist()]
-    assert ticks == sorted({*range(0, 2000, 4), 7, 41, 501, 502, 503, 801, 1203, 1301, 1999})
-
-
-def test_rows_have_their_columns_and_null_for_what_is_unknown() -> None:
-    rows = records(3)
-    rows["position"] = [[0.1, 0.2, 0.3]] * 3
-    rows["energy"] = [0.5, np.nan, np.inf]
-    told = json.loads(json.dumps(samples_message("master", rows, 9.5, HAND), allow_nan=False))
-    assert (told["t"], set(told["columns"])) == ([0.5, 0.501, 0.502], set(COLUMNS))
-    assert told["columns"]["position"] == [[0.1] * 3, [0.2] * 3, [0.3] * 3]
-    assert told["columns"]["rtt_us"] == [None] * 3
-    assert told["columns"]["energy"] == [0.5, None, None]
-    assert told["columns"]["state"] == [4, 4, 4]
-    turned = samples_message("master", rows, 0.0, replace(HAND, torque_bank=("zoh",)))["columns"]
-    assert (set(turned), len(turned["rotation_raw"])) == (set(COLUMNS) | set(ROTATION), 3)
 
 
 @examples(40)

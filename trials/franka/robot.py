@@ -1,4 +1,4 @@
-"""The simulated robot as a process, what it knows, and figures of that: one row per step of physics in a mapped file.
+"""The simulated robot as a process, and what it knows: one row per step of physics in a mapped file.
 
 The judged driver sees the robot's interface only; the judge also reads this.
 """
@@ -34,17 +34,17 @@ ROW = np.dtype(
         ("lost", "i8"),  # consecutive cycles without a command
     ]
 )
+LONGEST_LAG_S = 0.1
 AT_REST = 0.005  # joint speed below which the simulator itself calls the arm settled [rad/s]
 Rows = NDArray[Any]
 
 
 class TruthWriter:
-    """Of the simulator: rows by its thread of physics, times of arrival by its thread of the network."""
+    """Of the simulator, by its thread of physics."""
 
     def __init__(self, path: Path) -> None:
         self._rows = np.memmap(path, ROW, "w+", shape=(ROWS,))
-        self._arrivals = np.memmap(path.with_suffix(".arrivals"), np.float64, "w+", shape=(ROWS,))
-        self._step = self._arrived = 0
+        self._step = 0
 
     def next_row(self) -> Any:
         """The row to fill; `close_row` publishes it."""
@@ -53,11 +53,6 @@ class TruthWriter:
     def close_row(self, row: Any) -> None:
         self._step += 1
         row["step"] = self._step
-
-    def arrived(self) -> None:
-        """A command arrives now."""
-        self._arrivals[self._arrived % ROWS] = monotonic()
-        self._arrived += 1
 
 
 class SimulatedRobot:
@@ -109,11 +104,6 @@ class SimulatedRobot:
         rows = rows[(rows["step"] > 0) & (rows["at"] >= began)]
         return rows[np.argsort(rows["step"])]
 
-    def arrivals(self, began: float, ended: float) -> NDArray[np.float64]:
-        """When commands arrived in this span (monotonic) [s]."""
-        times = np.array(np.memmap(self._rows.with_suffix(".arrivals"), np.float64, "r"))
-        return np.sort(times[(times >= began) & (times <= ended)])
-
     def latest(self) -> Any:
         rows = np.memmap(self._rows, ROW, "r")
         return np.array(rows[int(np.argmax(rows["step"]))])[()]
@@ -138,80 +128,16 @@ def own_address() -> str:
     return f"127.{random.randrange(1, 255)}.{random.randrange(256)}.{random.randrange(1, 255)}"
 
 
-TOUCHES_N = 0.5  # force in the simulator from which the arm counts as touching
-LONGEST_LAG_S = 0.1
-LAG_STEP_S = 0.001
+def likeness(rows: Rows, at: NDArray[np.float64], force: NDArray[np.float64]) -> float:
+    """Correlation of a force that was recorded at these times with that of the simulator, at the best of all lags.
 
-Series = NDArray[np.float64]
-Found = dict[str, Any]
-
-
-def pace(robot: SimulatedRobot, began: float, ended: float) -> Found:
-    """How regularly the robot was answered between two times (monotonic) [s], while a client controlled the arm.
-
-    `success` is the mean of the robot's `control_command_success_rate`; `lost` are cycles without a command, and the
-    robot stops at 20 `lost_in_a_row`. `period_ms` are p50, p99 and maximum between two commands as they arrive at the
-    robot, `robot_ms` between two steps of the robot, which is late by itself on a busy machine.
-    """
-    rows = robot.since(began)
-    rows = rows[(rows["at"] <= ended) & (rows["moving"] == 1)]
-    if len(rows) < 2:
-        raise ValueError("nobody controlled the arm")
-    arrivals, lost = robot.arrivals(rows["at"][0], rows["at"][-1]), rows["lost"]
-    return {
-        "seconds": float(rows["at"][-1] - rows["at"][0]),
-        "commands": len(arrivals),
-        "success": float(rows["success"][rows["at"] > rows["at"][0] + 0.2].mean()),
-        "lost": int((np.diff(lost, prepend=0) > 0).sum()),
-        "lost_in_a_row": int(lost.max()),
-        "period_ms": spread(1e3 * np.diff(arrivals)),
-        "robot_ms": spread(1e3 * np.diff(rows["at"])),
-    }
-
-
-def spread(values: Series) -> list[float]:
-    return [float(value) for value in np.percentile(values, [50, 99, 100])]
-
-
-def likeness(rows: Rows, at: Series, force: Series) -> Found:
-    """How a force that was recorded at these times follows that of the simulator.
-
-    `correlation` at the lag at which both agree best is negative for the wrong sign; `gain` is of the regression on the
-    force in the simulator, `error_n` the RMS difference while the arm touches.
+    It is negative for the wrong sign.
     """
     times = np.arange(rows["at"][0] + LONGEST_LAG_S, min(rows["at"][-1], at[-1]), 1e-3)
-    ours = _at(times, at, force)
-    lags = np.arange(0.0, LONGEST_LAG_S, LAG_STEP_S)
-    lag = max(lags, key=lambda lag: _correlation(_at(times - lag, rows["at"], rows["force"]), ours))
-    true = _at(times - lag, rows["at"], rows["force"])
-    touching = np.linalg.norm(true, axis=1) > TOUCHES_N
-    if not touching.any():
-        raise ValueError("the arm never touched the table")
-    error = np.linalg.norm(true - ours, axis=1)[touching]
-    return {
-        "lag_ms": float(1e3 * lag),
-        "correlation": _correlation(true, ours),
-        "gain": float((true * ours).sum() / (true * true).sum()),
-        "error_n": float(np.sqrt((error**2).mean())),
-        "most_n": float(np.linalg.norm(ours, axis=1).max()),
-    }
 
+    def newest(times: Any, at: Any, values: Any) -> Any:
+        return values[np.clip(np.searchsorted(at, times, side="right") - 1, 0, len(at) - 1)].ravel()
 
-def contact(rows: Rows) -> Found:
-    """How long, how often and how hard the arm touched the table."""
-    size = np.linalg.norm(rows["force"], axis=1)
-    touching = size > TOUCHES_N
-    times = int((np.diff(touching.astype(int)) > 0).sum())
-    seconds = float(np.diff(rows["at"])[touching[:-1]].sum())
-    return {"seconds": seconds, "times": times, "most_n": float(size.max())}
-
-
-def _at(times: Series, at: Series, values: Series) -> Series:
-    """The newest value at each time, shape (n, 3)."""
-    newest = np.clip(np.searchsorted(at, times, side="right") - 1, 0, len(at) - 1)
-    return np.asarray(values[newest], dtype=np.float64)
-
-
-def _correlation(a: Series, b: Series) -> float:
-    scale = float(np.sqrt((a * a).sum() * (b * b).sum()))
-    return float((a * b).sum()) / scale if scale > 0.0 else 0.0
+    ours = newest(times, at, force)
+    true = (newest(times - lag, rows["at"], rows["force"]) for lag in np.arange(0.0, LONGEST_LAG_S, 1e-3))
+    return max(float(each @ ours / np.sqrt(max((each @ each) * (ours @ ours), 1e-12))) for each in true)

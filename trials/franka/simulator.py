@@ -145,7 +145,7 @@ class TableArm(MujocoFrankaSim):
 
 
 class Controller(FrankaSimServer):
-    """franka-sim's server, which also notes when commands arrive."""
+    """franka-sim's server, whose latched error outlives a connection."""
 
     def __init__(self, arm: TableArm, **options: object) -> None:
         self._arm = arm
@@ -157,13 +157,6 @@ class Controller(FrankaSimServer):
         super().reset_state()
         if before.get("robot_mode") == REFLEX_MODE:  # a robot keeps its error until it is cleared, whoever connects
             self.robot_state.state.update({name: before[name] for name in LATCHED})
-        received = self.comm.command_received
-
-        def note(message_id: int) -> bool:
-            self._arm.truth.arrived()
-            return bool(received(message_id))
-
-        self.comm.command_received = note
 
 
 def main() -> None:

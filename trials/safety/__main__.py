@@ -4,75 +4,36 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 from time import monotonic
 
+import pandas as pd
+
 from trials.safety import held
-from trials.safety.held import Held
-from trials.safety.run import Run, every, run
+from trials.safety.run import every, run
 from weberlink.figures.environment import environment, footer
 
-COLUMNS = {
-    "agreed round trip": ("round_trip_ms", "{:.0f} ms"),
-    "robot stops": ("robot_ms", "{:.0f} ms"),
-    "hand free": ("force_ms", "{:.0f} ms"),
-    "robot moved at loop age": ("robot_age_ms", "{:.0f} ms"),
-    "force at loop age": ("force_age_ms", "{:.0f} ms"),
-    "beyond the hand": ("beyond_mm", "{:.1f} mm"),
-    "on the hand": ("hand_n", "{:.1f} N"),
-    "robot": ("robot_n", "{:.1f} N"),
-    "step": ("step_n", "{:.2f} N"),
+WORST = {
+    "round_trip_ms": "agreed round trip [ms]",
+    "robot_ms": "robot stops [ms]",
+    "force_ms": "hand free [ms]",
+    "robot_age_ms": "robot moved at loop age [ms]",
+    "force_age_ms": "force at loop age [ms]",
+    "beyond_mm": "beyond the hand [mm]",
+    "hand_n": "on the hand [N]",
+    "robot_n": "robot [N]",
+    "step_n": "step [N]",
 }
-"""The worst of each row: heading, figure, format."""
-Key = Callable[[Run], tuple[str, str]]
-TABLES: dict[str, tuple[Callable[[Run], bool], Key]] = {
-    "one way | fault of the link": (
-        lambda run: not run.case.flap_hz,
-        lambda run: (" and ".join(f"{1e3 * each:g} ms" for each in dict.fromkeys(run.case.delay_s)), run.case.fault),
-    ),
-    "fault of the link | control": (lambda _: True, lambda run: (run.case.fault, run.case.scheme)),
-    "force | position": (lambda _: True, lambda run: (run.case.force, run.case.position)),
-}
-"""Which runs, and by what they are grouped."""
+"""Figures of which each row has the largest."""
+TABLES = (["one way", "fault of the link"], ["fault of the link", "scheme"], ["force", "position"])
+"""By what runs are grouped."""
 
 
-def table(heads: str, runs: Iterable[Run], key: Key) -> list[str]:
-    groups: dict[tuple[str, str], list[Run]] = {}
-    for each in runs:
-        groups.setdefault(key(each), []).append(each)
-    lines = [f"| {heads} | {' | '.join(COLUMNS)} | faults of master, slave | broke a law |"]
-    lines.append("|---|---|" + "---:|" * len(COLUMNS) + "---|---:|")
-    for (first, second), group in groups.items():
-        figures = [each.figures for each in group if each.figures is not None]
-        values = [
-            [value for each in figures if (value := getattr(each, name)) is not None] for name, _ in COLUMNS.values()
-        ]
-        cells = [form.format(max(v)) if v else "-" for v, (_, form) in zip(values, COLUMNS.values(), strict=True)]
-        named = ({name.lower() for each in figures for name in each.faults[side] or ("none",)} for side in (0, 1))
-        faults = ", ".join("/".join(sorted(names)) for names in named)
-        broken = sum(bool(each.violations) for each in group)
-        lines.append(f"| {first} | {second} | {' | '.join(cells)} | {faults} | {broken} of {len(group)} |")
-    return lines
-
-
-def of_held(rows: Sequence[Held]) -> list[str]:
-    """Executed updates that were too old, by age and direction; the last rows are of links that are always slow."""
-    modes = sorted({(row.direction, row.mode) for row in rows if row.mode != held.ALWAYS})
-    found = {(row.direction, row.mode, row.age_s): f"{row.too_old} of {row.held}" for row in rows}
-    lines = [f"| age | {' | '.join(f'{way}, {mode}' for way, mode in modes)} |", "|---:|" + "---:|" * len(modes)]
-    lines += [
-        f"| {age:.3f} s | {' | '.join(found.get((*where, age), '-') for where in modes)} |"
-        for age in sorted({row.age_s for row in rows if row.mode != held.ALWAYS})
-    ]
-    return lines + [
-        f"| always {1e3 * row.age_s:.0f} ms {row.direction} | {row.too_old} of {row.executed} |"
-        + " |" * (len(modes) - 1)
-        for row in rows
-        if row.mode == held.ALWAYS
-    ]
+def markdown(frame: pd.DataFrame) -> str:
+    lines = [frame.columns, ["---"] * len(frame.columns), *frame.itertuples(index=False)]
+    return "".join(f"| {' | '.join(map(str, line))} |\n" for line in lines)
 
 
 def main() -> int:
@@ -88,21 +49,27 @@ def main() -> int:
         delayed = pool.map(held.delay, *zip(*held.DELAYS_S, strict=True))
         runs = list(pool.map(run, list(every())[:: chosen.every], chunksize=8))
         rows = [*list(long_ones)[::-1], *delayed]
-    broken, too_old = [each for each in runs if each.violations], sum(row.too_old for row in rows)
     facts = environment()
-    lines = ["# Safety runs", "", f"{len(runs)} runs in virtual time; {len(broken)} broke a law.", ""]
-    for heads, (is_shown, key) in TABLES.items():
-        lines += [*table(heads, filter(is_shown, runs), key), ""]
-    lines += [
-        f"Held datagrams: {too_old} updates were executed that were older, when they arrived, than the silence limit "
-        "and the agreed round trip together.",
-        *("", *of_held(rows), "", footer(facts, 1), ""),
+    told = {"runs": [each.to_dict() for each in runs], "held": [asdict(row) for row in rows], "environment": facts}
+    frame, of_held = pd.DataFrame(told["runs"]), pd.DataFrame(told["held"])
+    frame["one way"] = [
+        " and ".join(f"{1e3 * each:g} ms" for each in dict.fromkeys(delay)) for delay in frame["delay_s"]
     ]
-    text = "\n".join(lines)
+    frame["broke a law"] = frame["violations"].map(bool).astype(int)
+    frame = frame.rename(columns={"fault": "fault of the link"})
+    broken, too_old = [each for each in runs if each.violations], int(of_held["too_old"].sum())
+    text = f"# Safety runs\n\n{len(runs)} runs in virtual time; {len(broken)} broke a law. The worst of each group:\n"
+    for keys in TABLES:
+        groups = frame.groupby(keys, sort=False)
+        worst = groups[list(WORST)].max().round(2).rename(columns=WORST).join(groups["broke a law"].sum())
+        text += f"\n{markdown(worst.reset_index())}"
+    text += (
+        f"\nHeld datagrams: {too_old} updates were executed that were older, when they arrived, than the silence limit "
+        f"and the agreed round trip together.\n\n{markdown(of_held)}\n{footer(facts, 1)}\n"
+    )
     sys.stdout.write(f"{text}{monotonic() - began:.0f} s\n")
     sys.stdout.writelines(f"BROKEN {each.case}: {'; '.join(each.violations)}\n" for each in broken)
     if chosen.out is not None:
-        told = {"runs": [each.to_dict() for each in runs], "held": [asdict(row) for row in rows], "environment": facts}
         chosen.out.with_suffix(".md").write_text(text, encoding="utf-8")
         chosen.out.with_suffix(".json").write_text(json.dumps(told), encoding="utf-8")
     return 1 if broken or too_old else 0

@@ -1,4 +1,4 @@
-"""`python -m trials.soak --minutes 60`: soaks, shows a status line, writes JSON; exit status 1 if a law was violated.
+"""`python -m trials.soak --minutes 60`: soaks, writes JSON; exit status 1 if a law was violated.
 
 Fault after fault, in an order drawn from the seed, and after each the laws. The first round has every kind once; later
 rounds combine some with a condition that lasts meanwhile.
@@ -7,7 +7,7 @@ rounds combine some with a condition that lasts meanwhile.
 import argparse
 import json
 import sys
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from contextlib import ExitStack, nullcontext, suppress
 from pathlib import Path
 from random import Random
@@ -33,15 +33,13 @@ MOST_VIOLATIONS = 50
 STALL_SHARE = 0.5
 ALONE_S = 0.15  # beyond the limit, one side may be in a session alone: how late a shared machine may be [s]
 STOP_SIGNALS = (SIGHUP, SIGINT, SIGTERM)
-LINE_EVERY_S = 60.0  # between two status lines where there is no terminal
-Tell = Callable[[Report, str, float], None]
 
 
 class Soak:
     """One run."""
 
-    def __init__(self, minutes: float, seed: int, tell: Tell, faults: Collection[str] = tuple(FAULTS)) -> None:
-        self._random, self._tell = Random(seed), tell
+    def __init__(self, minutes: float, seed: int, faults: Collection[str]) -> None:
+        self._random = Random(seed)
         self._is_short = minutes <= SHORT_MINUTES
         self._faults = {name: FAULTS[name] for name in faults}
         self.report = Report(seed, minutes)
@@ -69,13 +67,11 @@ class Soak:
                     if told.get("outcome") != "terminated" or rig.sides[side].status:
                         self._say(f"the {side} did not end in order: {rig.sides[side].outcome}")
             finally:
-                books, report.ticks, report.overruns = rig.wire.books(), watch.ticks, watch.overruns
-                report.longest_queue_bytes = watch.longest_queue
+                report.ticks, report.longest_queue_bytes = watch.ticks, watch.longest_queue
                 if watch.overruns:
                     text = f"{watch.overruns} records were overwritten before the soak could read them"
                     report.violations.append(text)
-                report.relay = {"forward": dict(books.forward), "backward": dict(books.backward)}
-                report.measure(watch.lives.values())
+                report.measure(list(watch.lives.values()))
         return report
 
     def _round(self, field: Field, until: float) -> None:
@@ -88,7 +84,8 @@ class Soak:
             under = ""
             if not is_first and self._random.random() < TOGETHER:
                 under = self._random.choice([other for other in CONDITIONS if name not in EXCLUDED[other]])
-            self._tell(self.report, name + (f" under {under}" if under else ""), until - monotonic())
+            left, failures = max(0.0, until - monotonic()), len(self.report.failures())
+            write(f"{left:5.0f} s left, {failures} violations; now: {name}{f' under {under}' * bool(under)}\n")
             self._apply(name, self._faults[name], under, field)
 
     def _apply(self, name: str, fault: Fault, under: str, field: Field) -> None:
@@ -135,22 +132,6 @@ class Soak:
             self.report.violations.append(text)
 
 
-class Status:
-    """One line that is written over, or a line a minute where nobody looks."""
-
-    def __init__(self) -> None:
-        self._on_terminal = sys.stdout.isatty()
-        self._told_at = -LINE_EVERY_S
-
-    def __call__(self, report: Report, fault: str, left: float) -> None:
-        if not self._on_terminal and monotonic() - self._told_at < LINE_EVERY_S:
-            return
-        self._told_at = monotonic()
-        done = sum(kind.count for kind in report.kinds.values())
-        text = f"{max(0.0, left):5.0f} s left, {done} faults, {len(report.failures())} violations; now: {fault}"
-        write(f"\r\x1b[2K{text}" if self._on_terminal else f"{text}\n")
-
-
 def write(text: str) -> None:
     """To a terminal that may have gone away meanwhile."""
     with suppress(OSError):
@@ -176,7 +157,7 @@ def main() -> int:
     arguments = parser.parse_args()
     for number in STOP_SIGNALS:
         signal(number, stop)
-    soak, began = Soak(arguments.minutes, arguments.seed, Status(), arguments.faults), monotonic()
+    soak, began = Soak(arguments.minutes, arguments.seed, arguments.faults), monotonic()
     try:
         soak.run(arguments.silence_ms)
     except SoakError as error:

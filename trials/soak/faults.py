@@ -106,7 +106,7 @@ def replay(at: Field) -> list[str]:
     sent = 0
     for turn in range(4 if at.short else 20):
         now = monotonic()
-        sent += at.rig.wire.replay("", 200, 0.0 if turn % 2 else now - 0.5 * at.rig.silence, now - 0.01)
+        sent += at.rig.wire.ask("replay", "", 200, 0.0 if turn % 2 else now - 0.5 * at.rig.silence, now - 0.01)
         at.watch.wait(0.1)
     at.notes["datagrams replayed"] = sent
     records = at.watch.both().values()
@@ -184,14 +184,14 @@ def moved(host: str) -> Inject:
     def inject(at: Field) -> list[str]:
         before = at.watch.books()
         for _ in range(2 if at.short else 5):
-            at.rig.wire.rebind(host)
+            at.rig.wire.ask("rebind", host)
             at.watch.wait(at.lasting(0.4, 0.3, 2.0))
         after = at.watch.books()
         if at.watch.stall() > 0.5 * at.rig.silence:
             return []
         kept = (after.calls, after.answers) == (before.calls, before.answers)
         found = [] if kept else ["the session was not kept: there was a handshake"]
-        answered = after.backward["passed"] > before.backward["passed"]
+        answered = after.backward > before.backward
         return found if answered else [*found, "the slave never answered the new address"]
 
     return inject
@@ -256,11 +256,11 @@ def take_over(at: Field) -> list[str]:
 def stolen_path(at: Field) -> list[str]:
     """Somebody delivers a copy of each datagram from another address before it comes itself, and drops nothing."""
     at.rig.wire.emulate(Emulation(delay_s=0.003), "forward")
-    at.rig.wire.steal(THIEF)
+    at.rig.wire.ask("steal", THIEF)
     try:
         at.watch.wait(at.lasting(1.0, 1.0, 4.0))
     finally:
-        stolen, probed = at.rig.wire.steal("")
+        stolen, probed = at.rig.wire.ask("steal", "")
     at.notes |= {"datagrams to the thief": stolen, "probes to the thief": probed}
     return [f"{stolen} datagrams went to who copied the master's"] * (stolen > 0)
 
@@ -273,11 +273,11 @@ def flood(at: Field) -> list[str]:
     spoof = os.geteuid() == 0 and not at.short and at.random.random() < 0.5
     at.watch.wait(1.0)
     books = wire.books()
-    genuine = wire.recorded_calls() if kind in ("handshake", "calls") else wire.recall(way, RECORDED)
+    genuine = wire.ask("recorded_calls") if kind in ("handshake", "calls") else wire.ask("recall", way, RECORDED)
     if books.master is None or not genuine:
         at.notes["left out, nothing genuine was recorded"] = 1
         return []
-    datagrams = load_gun(kind, genuine, at.random, load_key(rig.key))
+    datagrams = load_gun(kind, genuine, at.random, load_key(rig.key)[0].key)
     target = rig.slave_address if side == SLAVE else books.master
     source = (books.back if side == SLAVE else wire.front) if spoof else CALLER
     pid, began = rig.sides[side].daemon, monotonic()
@@ -295,8 +295,8 @@ def many_calls(at: Field) -> list[str]:
     """HELLOs of earlier calls are sent again, 20,000 a second, while both ends start anew and call for a session."""
     rig, watch, wire = at.rig, at.watch, at.rig.wire
     # The master of a soak makes a few calls only; the others stand for a long recording.
-    genuine = wire.recorded_calls()
-    recorded = genuine + load_gun("calls", genuine, at.random, load_key(rig.key), calls=RECORDED)
+    genuine = wire.ask("recorded_calls")
+    recorded = genuine + load_gun("calls", genuine, at.random, load_key(rig.key)[0].key, calls=RECORDED)
     wire.emulate(CUT)
     for side in SIDES:
         watch.bury(rig.kill(side))

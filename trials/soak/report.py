@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from math import sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,16 +18,11 @@ _FEWEST_BLOCKS = 6
 _HOUR = 3600.0
 
 
-@dataclass(frozen=True)
-class Growth:
+class Growth(NamedTuple):
     """A slope per hour and its standard deviation, in the unit of the samples."""
 
     per_hour: float
     uncertainty: float
-
-    def exceeds(self, bound: float) -> bool:
-        """Whether the slope is above the bound beyond doubt."""
-        return self.per_hour - SURE * self.uncertainty > bound
 
 
 def fit(lives: Iterable[Sequence[tuple[float, float]]]) -> Growth | None:
@@ -74,29 +69,19 @@ class Report:
     kinds: dict[str, Kind] = field(default_factory=dict)
     violations: list[str] = field(default_factory=list)
     rounds: int = 0
-    lives: dict[str, int] = field(default_factory=dict)
     ticks: int = 0
-    overruns: int = 0
     longest_queue_bytes: dict[str, int] = field(default_factory=dict)
-    growth: dict[str, dict[str, Growth | None]] = field(default_factory=dict)
-    held: dict[str, list[dict[str, list[int]]]] = field(default_factory=dict)
+    growth: dict[str, Growth | None] = field(default_factory=dict)
     summaries: dict[str, Any] = field(default_factory=dict)
-    relay: dict[str, Any] = field(default_factory=dict)
 
-    def measure(self, lives: Iterable[Life]) -> None:
+    def measure(self, lives: Sequence[Life]) -> None:
         """Fit growth to the lives of each daemon; say where it is beyond its bound."""
-        by_side: dict[str, list[Life]] = {}
-        for each in lives:
-            by_side.setdefault(each.side, []).append(each)
-        for side, of in sorted(by_side.items()):
-            self.lives[side] = len(of)
-            self.held[side] = [{"first": list(e.taken[0][1]), "last": list(e.taken[-1][1])} for e in of if e.taken]
-            self.growth[side] = {
-                quantity: fit([[(at, getattr(held, quantity)) for at, held in each.taken] for each in of])
-                for quantity in BOUNDS_PER_HOUR
-            }
-            for quantity, grown in self.growth[side].items():
-                if grown is not None and grown.exceeds(bound := BOUNDS_PER_HOUR[quantity]):
+        for side in sorted({each.side for each in lives}):
+            taken = [each.taken for each in lives if each.side == side]
+            for quantity, bound in BOUNDS_PER_HOUR.items():
+                grown = fit([[(at, getattr(held, quantity)) for at, held in each] for each in taken])
+                self.growth[f"{side}: {quantity}"] = grown
+                if grown is not None and grown.per_hour - SURE * grown.uncertainty > bound:
                     told = f"{grown.per_hour:.0f} +- {grown.uncertainty:.0f} an hour, more than {bound:.0f}"
                     self.violations.append(f"{side}: {quantity} grew by {told}")
 
@@ -111,11 +96,11 @@ class Report:
             figures = f"{kind.count:5} {kind.together:8} {kind.worst_return_s:10.2f} s {kind.stalls:6}"
             shown.append(f"{name:15} {figures} {len(kind.violations):10}")
             shown += [f"  {text}: {count}" for text, count in kind.notes.items()]
-        for name, quantities in self.growth.items():
-            fitted = [f"{q} {g.per_hour:+.0f} +- {g.uncertainty:.0f}" for q, g in quantities.items() if g is not None]
-            shown.append(f"{name} per hour: {', '.join(fitted) or 'too short to tell growth'}")
-        shown.append(f"{self.ticks} ticks seen, {self.overruns} not")
-        return shown + [f"VIOLATED {text}" for text in self.failures()]
+        for name, grown in self.growth.items():
+            shown.append(
+                f"{name} per hour: {'too short to tell' if grown is None else '{:+.0f} +- {:.0f}'.format(*grown)}"
+            )
+        return [*shown, f"{self.ticks} ticks seen", *(f"VIOLATED {text}" for text in self.failures())]
 
     def to_dict(self) -> dict[str, Any]:
         return asdict(self) | {"failures": self.failures(), "bounds_per_hour": BOUNDS_PER_HOUR}

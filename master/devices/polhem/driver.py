@@ -35,11 +35,8 @@ Answer = TypeVar("Answer")
 class PolhemExchange(ABC):
     """One message out, one answer in; every message feeds the board's own watchdog. A subclass knows its wire.
 
-    Args:
-        options: of the driver.
-        force_n: largest force [N]; 0 for never a current.
-        plugged: lists the devices that are plugged in.
-        connect: opens the port at a path.
+    `force_n` is the largest force [N], 0 for never a current; `plugged` lists the devices that are there, and `connect`
+    opens the port at a path.
     """
 
     NAME: ClassVar[str]
@@ -161,13 +158,8 @@ class PolhemExchange(ABC):
 class PolhemDevice(ThreadedDevice):
     """A device whose first connection after `open` finds its home, and whose later ones keep it.
 
-    Args:
-        options: of the driver.
-        tick_period: [s].
-        connect: opens the port at a path; None for that of the driver.
-
-    Raises:
-        ValueError: the options ask for more force than the makers publish.
+    `connect` opens the port at a path; None for that of the driver. Raises ValueError if the options ask for more force
+    than the makers publish.
     """
 
     TIER: ClassVar[Tier] = "emulated only"

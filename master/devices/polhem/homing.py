@@ -42,12 +42,7 @@ class _Known(NamedTuple):
 
 
 class PositionValidator:
-    """Turns counts into readings, and rejects implausible ones.
-
-    Args:
-        parameters: of the device.
-        zero: counts of the home pose.
-    """
+    """Turns counts into readings, and rejects implausible ones; `zero` are the counts of the home pose."""
 
     def __init__(self, parameters: MechanismParameters, zero: Counts) -> None:
         self._mechanism = parameters.mechanism
@@ -65,10 +60,8 @@ class PositionValidator:
     def begin(self, counts: Counts, asked: float, answered: float, *, oriented: bool = True) -> DeviceReading:
         """Check the first counts of a connection, measured between two times [s].
 
-        Without `oriented` the counts of the gimbal are not to be believed, and the reading has no orientation.
-
-        Raises:
-            HardwareFault: the position is outside the workspace, or too far from the last one.
+        Without `oriented` the counts of the gimbal are not to be believed, and the reading has no orientation. Raises
+        HardwareFault if the position is outside the workspace, or too far from the last one.
         """
         position, before, reach = self._mechanism.position(self.relative(counts)), self._last, self._reach
         if self._lost is not None:  # motion does not restore it
@@ -89,13 +82,11 @@ class PositionValidator:
     def next(
         self, counts: Counts, asked: float, answered: float, buttons: int = 0, *, oriented: bool = True
     ) -> DeviceReading:
-        """Check the next counts, measured between their request and the reading of the answer [s].
+        """Check the next counts, measured between their request and the reading of the answer [s]; `oriented` as for
+        `begin`.
 
-        `oriented` is as for `begin`.
-
-        Raises:
-            BadReply: no hand moves that far in that time.
-            HardwareFault: a second jump confirms the first: it has lost its home.
+        Raises BadReply if no hand moves that far in that time, HardwareFault if a second jump confirms the first: it
+        has lost its home.
         """
         before = self._last
         assert before is not None

@@ -59,12 +59,7 @@ class FreeRunning:
 
 
 class LockStep:
-    """The host's end of a dialogue. A message without current goes out at once where an answer does not come.
-
-    Args:
-        line: to the board.
-        clock: that of the line [s].
-    """
+    """The host's end of a dialogue. A message without current goes out at once where an answer does not come."""
 
     def __init__(self, line: Line, clock: Callable[[], float] = monotonic) -> None:
         self.line = line
@@ -76,12 +71,9 @@ class LockStep:
     def ask(self, message: Message, patience: float, fresh_until: float = inf) -> Sensors:
         """Send a message and wait for its answer, for at most `patience` [s].
 
-        After `fresh_until` [s] no current goes out in its place: this process has stood still since it was made.
-
-        Raises:
-            BadReply: it does not come, cannot be understood, or could be that to another message; the board was told
-                to rest. In doubt about which is which, the message is not sent.
-            HardwareFault: the line is cut.
+        After `fresh_until` [s] no current goes out in its place: this process has stood still since it was made. Raises
+        BadReply if it does not come, cannot be understood, or could be that to another message; the board was told to
+        rest, and in doubt about which is which, the message is not sent. Raises HardwareFault if the line is cut.
         """
         self._settle()
         self.line.send(message if self._clock() <= fresh_until else NO_CURRENT)

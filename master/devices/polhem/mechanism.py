@@ -9,9 +9,8 @@ from functools import cached_property
 from math import acos, atan2, copysign, cos, hypot, pi, sin, tau
 from typing import Any
 
-from weberlink.geometry.rotation import product
+from weberlink.geometry.rotation import Quaternion, product
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale
-from weberlink.master.devices.contract import Quaternion
 
 Triple = tuple[float, float, float]
 """One value for each of the bodies A, B and C."""
@@ -212,16 +211,10 @@ def _beside(near: float, far: float, opposite: float) -> float:
 class Wiring:
     """The signs and home counts of a mechanism on one kind of board.
 
-    The signs are independent: that of an encoder depends on its wiring and on the counting table of the firmware, that
-    of a motor on its wiring and on the amplifier. The firmware with reports of 14 bytes has the reversed table of the
-    one with 8.
-
-    Args:
-        encoder: direction of each encoder A, B, C: +1 or -1.
-        motor: direction of each motor.
-        home_counts: what the encoders would read in the home pose if their zero were that of the angles.
-        gimbal: direction of each sensor of the handle's orientation.
-        gimbal_home_counts: as `home_counts`.
+    The signs, +1 or -1 for each of A, B and C, are independent: that of an encoder depends on its wiring and on the
+    counting table of the firmware, that of a motor on its wiring and on the amplifier. The firmware with reports of 14
+    bytes has the reversed table of the one with 8. `home_counts` are what the encoders would read in the home pose if
+    their zero were that of the angles.
     """
 
     encoder: Signs
@@ -235,13 +228,9 @@ class Wiring:
 class CableDrive:
     """angle_i = e_i 2 pi (count_i + home_i) / N_i c_i / b_i, and I_i = m_i torque_i c_i / b_i / Kt_i.
 
-    Args:
-        wiring: with the signs e of the encoders and m of the motors.
-        capstan_m: diameters c on the motors [m].
-        body_m: diameters b on the bodies [m].
-        counts_per_turn: N of a motor, all edges counted.
-        torque_constant_n_m_a: Kt of the motors [N m/A].
-        gimbal_counts_per_turn: of the sensors of the handle's orientation, in the order of their axes; 0 for none.
+    With the signs e and m of encoders and motors in `wiring`, the diameters c of the capstans on the motors and b on
+    the bodies, N counts a turn of a motor, all edges counted, and the torque constants Kt. Sensors of the gimbal are in
+    the order of its axes, 0 for none.
     """
 
     wiring: Wiring
@@ -282,13 +271,7 @@ class CableDrive:
 
 @dataclass(frozen=True)
 class Mechanism:
-    """A drive on a linkage, with a gimbal at its end.
-
-    Args:
-        drive: between counts and angles.
-        linkage: between angles and position.
-        gimbal_axes: about which the handle turns against the forearm, first to last, of "x", "y" and "z".
-    """
+    """A drive on a linkage, with a gimbal at its end, whose axes "x", "y" and "z" are named from the forearm on."""
 
     drive: CableDrive
     linkage: Linkage

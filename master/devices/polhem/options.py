@@ -42,9 +42,6 @@ class PolhemOptions(ForceOptions, PortOptions):
         default=None,
         description="+1 or -1 per motor A, B, C: which way a positive current turns its body; published if not given",
     )
-    directions: Signs | None = Field(
-        default=None, description="old key for both of the above, where the published ones are alike"
-    )
     home_counts: tuple[int, int, int] | None = Field(
         default=None, description="added to the counters A, B, C in the home pose; as published if not given"
     )
@@ -94,20 +91,11 @@ class PolhemOptions(ForceOptions, PortOptions):
 
     def wire(self, name: str, board: Board) -> MechanismParameters:
         """The set `name` with the signs published for `board`, changed as these options say; raises ValueError if signs
-        are missing or given twice, or masses are missing.
+        or masses are missing.
         """
         known = PARAMETERS[name]
         wiring = known.wirings.get(board)
         encoder, motor = self.encoder_directions, self.motor_directions
-        if self.directions is not None:
-            if encoder is not None or motor is not None:
-                raise ValueError("directions: leave it out beside encoder_directions and motor_directions")
-            if wiring is not None and wiring.encoder != wiring.motor:
-                raise ValueError(
-                    f"directions: encoders and motors of {name} have different signs on this board, published as "
-                    f"{list(wiring.encoder)} and {list(wiring.motor)}; set encoder_directions and motor_directions"
-                )
-            encoder = motor = self.directions
         if self.gravity_compensation and not known.mechanism.linkage.masses:
             raise ValueError(f"gravity_compensation: no masses are published for {name}")
         if wiring is None:

@@ -25,17 +25,10 @@ Board = Literal["serial", "hid14", "hid8"]
 
 @dataclass(frozen=True)
 class MechanismParameters:
-    """A mechanism with what its makers publish about it.
+    """A mechanism, with the first of its `wirings`, and what its makers publish about it.
 
-    Args:
-        name: of the set.
-        mechanism: with the first of `wirings`.
-        wirings: the published signs, by board.
-        force_n: largest force [N].
-        stiffness_n_m: stiffest spring that it shows stably [N/m].
-        radius_m: of the workspace about its middle [m].
-        warnings: what a user should know about the set.
-        gimbal_reversed_over_hid: whether the gimbal's counters come last to first on the boards that speak HID.
+    `stiffness_n_m` is that of the stiffest spring that it shows stably, `radius_m` of the workspace about its middle.
+    `gimbal_reversed_over_hid`: the gimbal's counters come last to first on the boards that speak HID.
     """
 
     name: str

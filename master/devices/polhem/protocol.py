@@ -204,11 +204,6 @@ class StatusReader:
                 answers.append(Sensors(tuple(counts), model=model, error=error))
         return answers
 
-    @property
-    def kept(self) -> int:
-        """Number of buffered bytes."""
-        return len(self._rest)
-
 
 def complaint(error: int) -> str:
     """The bits of an error in words; empty for none."""

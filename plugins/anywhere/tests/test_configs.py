@@ -7,9 +7,7 @@ from typing import Any
 import pytest
 
 from plugins.anywhere.tests import FILE
-from tests.program import weberlink
 from weberlink.cli.doctor import Grade
-from weberlink.cli.shipped import copy
 from weberlink.config import ConfigurationError, load
 from weberlink.protocol.keys import KeyFileError
 from weberlink.session.simulation import simulate
@@ -20,11 +18,6 @@ from weberlink_anywhere.options import AnywhereOptions
 from weberlink_anywhere.stun import WayOut
 
 HERE = ("link.finder=null", "link.listen=127.0.0.1:47000", "link.security=none")
-
-
-def test_the_file_is_valid() -> None:
-    ended = weberlink("check", FILE)
-    assert (ended.status, "link      by anywhere" in ended.output) == (0, True)
 
 
 def test_it_is_connected_from_start_to_end() -> None:
@@ -45,10 +38,6 @@ def test_it_is_connected_from_start_to_end() -> None:
 def test_a_wrong_value_is_one_line(overrides: tuple[str, ...], complaint: str) -> None:
     with pytest.raises(ConfigurationError, match=complaint):
         load(FILE, [f"link.finder.{each}" for each in overrides])
-
-
-def test_a_copy_has_the_schema_beside_it(tmp_path: Path) -> None:
-    assert {path.name for path in copy("anywhere", tmp_path)} == {"anywhere.yaml", "weberlink.schema.json"}
 
 
 SECRET = "north-star-of-the-relay"

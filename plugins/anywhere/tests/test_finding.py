@@ -92,7 +92,7 @@ def test_of_several_robots_one_must_be_named(store: PeerStore) -> None:
     with pytest.raises(ConfigurationError, match="several robots are known, say which: arm, leg"):
         met(store, MASTER)
     assert met(store, MASTER, "peer=leg").expects == "leg's own name"
-    told = weberlink("doctor", FILE, "--link", "nobody", "--set", f"link.finder.peer_store={store.folder}")
+    told = weberlink("remote", FILE, "--peer", "nobody", "--set", f"link.finder.peer_store={store.folder}")
     assert (told.status, "there is no peer 'nobody'" in told.errors) == (2, True)
 
 

@@ -6,7 +6,6 @@ import stat
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from time import monotonic
 
 import pytest
@@ -14,7 +13,7 @@ from typer.testing import CliRunner, Result
 
 from plugins.anywhere.tests.mailbox_server import MailboxServer
 from plugins.anywhere.tests.meetings import Pair
-from tests.strangers import NOBODY, as_stranger, needs_root, read_file
+from tests.strangers import NOBODY, needs_root
 from weberlink.cli import app
 from weberlink.order import MISCONFIGURED
 from weberlink.protocol.keys import HeldKey, Right
@@ -104,10 +103,7 @@ def test_broken_file_is_told_and_can_be_removed(store: PeerStore, content: bytes
 
 @pytest.mark.parametrize(
     ("name", "mode", "good"),
-    [
-        *(("robot.json", mode, 0o600) for mode in (0o604, 0o640, 0o620, 0o602)),
-        *(("", mode, 0o700) for mode in (0o720, 0o702)),
-    ],
+    [("robot.json", 0o640, 0o600), ("", 0o720, 0o700), ("", 0o702, 0o700)],
 )
 def test_what_others_may_read_or_write_is_refused_with_the_remedy(
     store: PeerStore, name: str, mode: int, good: int
@@ -120,40 +116,11 @@ def test_what_others_may_read_or_write_is_refused_with_the_remedy(
     assert store.find("robot") == ROBOT
 
 
-def test_link_pipe_and_folder_are_no_peer(store: PeerStore, tmp_path: Path) -> None:
-    (store.folder / "robot.json").rename(tmp_path / "elsewhere")
-    (store.folder / "link.json").symlink_to(tmp_path / "elsewhere")
-    (store.folder / "folder.json").mkdir()
-    os.mkfifo(store.folder / "pipe.json", 0o600)
-    for label in ("link", "folder", "pipe"):
-        with pytest.raises(PeerError, match=f"{label}.json (is a symbolic link|is not a file)"):
-            store.find(label)
-
-
 @needs_root
-def test_file_and_folder_of_another_user_are_refused(store: PeerStore) -> None:
-    os.chown(store.folder / "robot.json", NOBODY, NOBODY)
-    with pytest.raises(PeerError, match=r"robot\.json belongs to user id .* sudo chown"):
-        store.find("robot")
+def test_a_folder_of_another_user_is_refused(store: PeerStore) -> None:
     os.chown(store.folder, NOBODY, NOBODY)
     with pytest.raises(PeerError, match="peers belongs to another user"):
         store.labels()
-
-
-def complaint(folder: Path) -> str:
-    with pytest.raises(PeerError) as raised:
-        PeerStore(folder).labels()
-    return str(raised.value)
-
-
-@needs_root
-def test_another_user_reads_nothing() -> None:
-    with TemporaryDirectory() as folder:
-        Path(folder).chmod(0o755)
-        store = PeerStore(Path(folder) / "peers")
-        store.add(ROBOT)
-        assert as_stranger(read_file, store.folder / "robot.json") == "refused"
-        assert as_stranger(complaint, store.folder) == f"{store.folder} cannot be read: Permission denied"
 
 
 def test_of_many_at_once_one_adds(tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ import re
 import subprocess
 import sys
 import tomllib
-from fnmatch import fnmatch
 from pathlib import Path
 
 import pytest
@@ -49,19 +48,3 @@ def test_relay_with_an_unusable_secret_does_not_start(tmp_path: Path, secret: st
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=60)
     assert (done.returncode, reason in done.stderr) == (2, True)
     assert not (tmp_path / "turnserver.conf").exists()
-
-
-def test_ports_of_the_page_are_those_of_the_files() -> None:
-    settings = (FILES / "turnserver.conf").read_text(encoding="utf-8")
-    for name in ("listening-port", "min-port", "max-port", "user-quota", "total-quota"):
-        (value,) = re.findall(rf"^{name}=(\d+)$", settings, re.M)
-        assert re.search(rf"\b{value}\b", PAGE), name
-    assert "TCP 4000" in PAGE
-    assert "wss://relay.example:4000/v1" in (ROOT / "configs" / "anywhere.yaml").read_text(encoding="utf-8")
-    for name in ("weberlink-mailbox.service", "Containerfile"):
-        assert "--port=ssl:4000:certKey=" in (FILES / name).read_text(encoding="utf-8")
-
-
-def test_the_files_are_shipped() -> None:
-    patterns = PROJECT["tool"]["setuptools"]["package-data"]["weberlink_anywhere.configs"]
-    assert all(any(fnmatch(f"relay/{path.name}", pattern) for pattern in patterns) for path in FILES.iterdir())

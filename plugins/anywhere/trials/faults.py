@@ -53,20 +53,6 @@ def renumber(router: Router) -> None:
     """Give a router with NAT another public address, as a provider may; all mappings are lost."""
     before, router.outside = router.outside, f"203.0.113.{int(router.outside.rsplit('.', 1)[1]) + 100}"
     router.space.ip(f"addr del {before}/24 dev outside", f"addr add {router.outside}/24 dev outside", DEFAULT)
-    forget(router)
-
-
-def darken(router: Router) -> None:
-    """Pass nothing, without any sign of it at the host."""
-    router.space.ip("link set outside down")
-
-
-def lighten(router: Router) -> None:
-    router.space.ip("link set outside up", DEFAULT)
-
-
-def forget(router: Router) -> None:
-    """Lose all mappings."""
     router.space.forget_connections()
 
 
@@ -86,7 +72,9 @@ def at_robot(deed: Callable[[Router], object]) -> Deed:
 
 DEFAULT = f"route replace default via {SERVER}"
 UNPLUG, PLUG = at_operator(unplug), at_operator(Router.connect_host)
-DARKEN, LIGHTEN, FORGET = at_operator(darken), at_operator(lighten), at_operator(forget)
+DARKEN = at_operator(lambda router: router.space.ip("link set outside down"))  # no sign of it at the host
+LIGHTEN = at_operator(lambda router: router.space.ip("link set outside up", DEFAULT))
+FORGET = at_operator(lambda router: router.space.forget_connections())
 RELAYED = {"robot": SYMMETRIC, "operator": SYMMETRIC}
 TWO = ("link.finder.paths=2", f"link.finder.interfaces=[{FIRST},{SECOND}]")
 FAULTS: Mapping[str, Fault] = {
@@ -129,7 +117,7 @@ def inflict(fault: Fault) -> tuple[Interruption | None, list[str]]:
             within(BACK_S, lambda: monotonic() > restored + fault.after_s and are_engaged(operator, robot))
             sleep(1.0)
             loaded = load(place.operator.folder / FILE, (*fault.settings, SCRIPT), [MASTER])
-            found = measure(operator.records, robot.records, failed, restored, loaded)
+            found = measure(operator.records, robot.records, failed, restored)
             return found, violated(found, loaded, fault.effect)
 
 

@@ -12,8 +12,8 @@ from time import monotonic, sleep
 from typing import Any
 
 from weberlink.arms.contract import ArmFault
-from weberlink.master.devices.leaders import LEADERS
-from weberlink.slave.robots.followers import FOLLOWERS
+from weberlink.master.devices import LEADERS
+from weberlink.slave.robots import FOLLOWERS
 
 TICK_S = 0.001
 

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from tests.cli.arm_rings import REMOTE, SYSTEM, ArmRings, arm_rings
-from weberlink.cli.live_ends import find_end
+from plugins.arms.tests.arm_rings import REMOTE, SYSTEM, ArmRings, arm_rings
 from weberlink.master.devices.target_link import LEADER, LEADER_LOCK, TargetSocket, link_path
 from weberlink.telemetry.runtime_directory import ForeignFileError
 from weberlink.testing.messages import Message, MessageContract
+from weberlink_arms.live_ends import find_end
 from weberlink_arms.remote_lead import AxisUnits, LeaderSender, NotRemoteError, RemoteLead, TargetInUseError
 from weberlink_arms.remote_leader import LeaderTarget, pack_angles, unpack_angles
 

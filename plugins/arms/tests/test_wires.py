@@ -122,25 +122,6 @@ def test_only_a_length_that_can_be_is_waited_for(wire: Wire, end: int, beyond: i
         assert reader.bad == 1
 
 
-@pytest.mark.parametrize(
-    ("request_", "wire"),
-    [
-        # Of the e-Manual.
-        (DYNAMIXEL.ping(1), "fffffd000103000119 4e"),
-        (DYNAMIXEL.read(1, 132, 4), "fffffd0001070002840004001d15"),
-        (DYNAMIXEL.write(1, 116, b"\0\x02\0\0"), "fffffd000109000374000002 0000ca89"),
-        # Captured from FeetechMotorsBus of lerobot 0.4.4: a sync read of positions, a sync write of goals.
-        (FEETECH.sync_read(56, 2, range(1, 7)), "fffffe0a82380201020304050626"),
-        (
-            FEETECH.sync_write(42, 2, [(id_, (2218 + 17 * (id_ == 6)).to_bytes(2, "little")) for id_ in range(1, 7)]),
-            "fffffe16832a0201aa0802aa0803aa0804aa0805aa0806bb08ea",
-        ),
-    ],
-)
-def test_requests_are_those_of_others(request_: bytes, wire: str) -> None:
-    assert request_ == bytes.fromhex(wire)
-
-
 def test_checksum_has_its_catalogued_check_value() -> None:
     assert crc16(b"") == 0
     assert crc16(b"123456789") == 0xFEE8  # the check value of CRC-16/BUYPASS, also called CRC-16/UMTS

@@ -15,13 +15,13 @@ from plugins.devices.tests.force_dimension.fake import STATE, Devices
 from plugins.devices.tests.pads.test_gamepad import Pad
 from plugins.devices.tests.touch import fake_hd
 from weberlink.geometry.vector import ZERO, distance
-from weberlink.hardware.emulator import EVENT
 from weberlink.hardware.worker import LOST_S
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.testing.devices import PUSH, DeviceBench, DeviceContract, ForceDeviceContract, StoppedHostContract, armed
 from weberlink.testing.time import PATIENCE, TICK, real_time, until
 from weberlink.testing.wires import HidWire, emulated, on_a_pty, on_a_wire
 from weberlink_devices.gamepad.device import GamepadExchange, GamepadOptions
+from weberlink_devices.gamepad.identity import EVENT
 from weberlink_devices.inverse3.websocket_device import WebSocketDevice
 from weberlink_devices.rate_control import RateDevice
 from weberlink_devices.spacemouse.device import PuckExchange, SpaceMouseOptions

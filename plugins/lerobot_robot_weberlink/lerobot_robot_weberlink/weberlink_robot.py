@@ -9,7 +9,7 @@ from lerobot.robots.robot import Robot
 from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
 
 from lerobot_robot_weberlink.config_weberlink import WeberlinkRobotConfig
-from weberlink.cli.live_ends import LiveEnd, find_end
+from weberlink_arms.live_ends import LiveEnd, find_end
 from weberlink_arms.remote_lead import AxisUnits, RemoteLead
 
 

@@ -7,7 +7,7 @@ from lerobot.teleoperators.teleoperator import Teleoperator
 from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
 
 from lerobot_teleoperator_weberlink.config_weberlink import WeberlinkTeleoperatorConfig
-from weberlink.cli.live_ends import LiveEnd, find_end
+from weberlink_arms.live_ends import LiveEnd, find_end
 from weberlink_arms.remote_lead import AxisUnits
 
 

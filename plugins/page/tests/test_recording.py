@@ -15,8 +15,8 @@ from tests.watching.sources import description, records, write
 from weberlink.telemetry.recorders import format_of
 from weberlink.telemetry.ring import RingWriter
 from weberlink.watching.rings import RingSource
-from weberlink.watching.session import WatchedSession
 from weberlink_page.recording import RecordingService, file_name
+from weberlink_page.session import PageSession
 from weberlink_page.viewer import Viewer
 from weberlink_page.watch import SessionWatcher
 
@@ -41,7 +41,7 @@ class Rig:
         self.watch = SessionWatcher(folder / "none", None, self.said.append)
         self.desk = RecordingService(self.watch, folder / "recordings", self.said.append)
         source.description = description("slave") | {"changes": []}
-        self.session = WatchedSession("7", source)
+        self.session = PageSession("7", source)
         self.watch.put(self.session)
         self.page = Viewer(None, may_change=True)
         self.watch.join(self.page)

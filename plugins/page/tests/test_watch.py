@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.watching.sources import HandSource, records, write
 from weberlink.telemetry.ring import RingWriter
 from weberlink.watching.rings import find_rings
-from weberlink.watching.session import WatchedSession
+from weberlink_page.session import PageSession
 from weberlink_page.viewer import ANSWERS_WAITING, MOST_WAITING, OUTLIVING, Topic, Viewer
 from weberlink_page.watch import SessionWatcher
 
@@ -68,7 +68,7 @@ def test_pinned_page_stays_with_its_session_and_others_see_the_newest() -> None:
     watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
     pinned, free = Viewer("1", may_change=True), Viewer(None, may_change=True)
     for name in ("1", "2"):
-        watch.put(WatchedSession(name, HandSource("slave")))
+        watch.put(PageSession(name, HandSource("slave")))
     for viewer in (pinned, free):
         watch.join(viewer)
     assert {message.get("session", "1") for message in told(pinned)} == {"1"}

@@ -18,12 +18,12 @@ from aiohttp import web
 from tests.wait import PATIENCE, soon
 from tests.watching.sources import HandSource
 from weberlink.session.emergency import NO_SESSION
-from weberlink.watching.session import WatchedSession
 from weberlink_page import access
 from weberlink_page.front import MOST_SILENT, PROOF_HEADER, FrontOrder
 from weberlink_page.listener import Listener
 from weberlink_page.metrics import exposition
 from weberlink_page.requests import LONGEST_MESSAGE
+from weberlink_page.session import PageSession
 from weberlink_page.viewer import Viewer
 from weberlink_page.watch import SessionWatcher
 from weberlink_page.web import BURST_S, MOST_GUESTS, MOST_PAGES, MOST_PER_S, MOST_UNPROVEN, REQUESTS_WAITING, Site
@@ -95,7 +95,7 @@ async def answered(page: aiohttp.ClientWebSocketResponse, asked: dict[str, Any])
 
 def a_session(watch: SessionWatcher) -> HandSource:
     source = HandSource("slave", ring=Path("/nonexistent/weberlink-7-slave.ring"))
-    watch.put(WatchedSession("7", source))
+    watch.put(PageSession("7", source))
     return source
 
 

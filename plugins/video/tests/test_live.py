@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
 from time import sleep
@@ -22,13 +22,17 @@ from PIL import Image
 from plugins.video.tests.test_jpeg import claims, jpeg
 from tests.program import ROOT, document, faults_of
 from tests.wait import PATIENCE, until
-from weberlink.protocol.keys import generate
+from weberlink.protocol.keys import Right, generate
+from weberlink.session.control_socket import control_sockets, session_of
 from weberlink.telemetry.pictures import LARGEST, Picture, path_beside, split
 from weberlink.telemetry.ring import default_path
+from weberlink.watching.rings import RingSource
+from weberlink.watching.session import WatchedSession
 from weberlink_video.pattern import time_in
 
 pytestmark = pytest.mark.realtime
 
+WEBERLINK = (sys.executable, "-m", "weberlink")
 PATTERN = "{name: test, kind: pattern, size: [320, 240], rate_hz: 30}"
 
 
@@ -50,8 +54,9 @@ def write(path: Path, key: Path | None, *, port: int = 0, pictures: int = 47_001
 
 @contextmanager
 def program(*arguments: object) -> Iterator["subprocess.Popen[str]"]:
-    command = [sys.executable, "-m", "weberlink", *map(str, arguments)]
-    started = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    started = subprocess.Popen(
+        [*WEBERLINK, *map(str, arguments)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     try:
         yield started
     finally:
@@ -114,6 +119,31 @@ def test_pictures_cross_by_the_key_of_the_session_on_the_clock_of_each_host(tmp_
             assert picture.camera == "test"
             assert shown(picture) == pytest.approx(picture.at, abs=5e-3), "stamped at its capture, on this clock"
         assert os.sched_getscheduler(pictures_process(slave).pid) == os.SCHED_OTHER, "with no right of a daemon"
+
+
+def test_watcher_sees_a_running_robot_on_the_page_and_can_change_nothing(tmp_path: Path) -> None:
+    for name in ("wall", "hall"):
+        generate(tmp_path / name, Right.WATCH, name)
+    (keys := tmp_path / "keys").touch(0o600)
+    keys.write_text("".join((tmp_path / name).read_text() for name in ("wall", "hall")))
+    ports = {"port": free_port(), "pictures": free_port()}
+    files = [write(tmp_path / f"{name}.yaml", tmp_path / name, **ports) for name in ("keys", "wall", "hall")]
+    with program("slave", files[0]) as slave, program("watch", files[1]) as wall:
+        ring = default_path(f"{wall.pid}-master")
+        with Reader(wall.pid, "master") as reader:
+            assert shown(picture := reader.first()) == pytest.approx(picture.at, abs=5e-3)
+        with closing(WatchedSession(str(wall.pid), RingSource(ring))) as session:
+            assert not session.look()
+            assert session.hello()["readonly"]
+            assert session.figures()["figures"]["faults"] == {}
+            assert session.description["system"]["slave"]["cameras"]["driver"] == "video"
+        assert {session_of(path) for path in control_sockets()} & {str(wall.pid), str(slave.pid)} == {str(slave.pid)}
+        refused = subprocess.run([*WEBERLINK, "watch", files[2]], cwd=ROOT, capture_output=True, text=True, check=False)
+        assert refused.returncode == 1
+        assert "'wall'; slave.cameras.watchers: 1 of both files allows no more" in refused.stderr
+        wall.send_signal(signal.SIGINT)
+        assert wall.wait(PATIENCE) == 0
+        assert not ring.exists()
 
 
 def test_camera_that_fails_ends_no_session_and_is_named(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Who holds a watching key gets the pictures, nobody else; a key that is withdrawn ends them."""
+"""Who may drive or watch gets the pictures at a place of his own, nobody else; a key that is withdrawn ends them."""
 
 import asyncio
 from pathlib import Path
@@ -9,44 +9,42 @@ import pytest
 from plugins.video.tests.test_jpeg import jpeg
 from plugins.video.tests.test_live import free_port, write
 from tests.wait import soon
-from weberlink.config import MASTER, SLAVE, load
+from weberlink.config import MASTER, SLAVE, Configuration, load
 from weberlink.protocol.keys import Right, generate
 from weberlink.telemetry.pictures import Picture
 from weberlink_video.carrier import Carrier
 from weberlink_video.hub import Hub
+from weberlink_video.process import places
 
 pytestmark = pytest.mark.realtime
 
 
-class Ends:
-    """Both ends of the link of the pictures, the robot's with the keys of a folder, the desk's with one."""
+class Robot:
+    """The robot's end, which serves an operator and two watchers, with the keys of a folder."""
 
-    def __init__(self, folder: Path, key: str) -> None:
-        keys = [(folder / name).read_text() for name in ("desk", "other") if (folder / name).exists()]
-        self.keys = folder / "keys"
+    def __init__(self, folder: Path, *keys: str) -> None:
+        self.folder, self.keys, self.port = folder, folder / "keys", free_port()
         self.keys.touch(0o600)
-        self.keys.write_text("".join(keys))
-        port = free_port()
-        self.hubs = {side: Hub(folder / side) for side in (SLAVE, MASTER)}
-        files = {SLAVE: self.keys, MASTER: folder / key}
-        self.ends = {}
-        for side, held in files.items():
-            file = write(folder / f"{side}.yaml", held, port=port, pictures=port)
-            self.ends[side] = Carrier(load(file, sides=()), side, self.hubs[side])
+        self.keys.write_text("".join((folder / name).read_text() for name in keys))
+        self.carriers = places(self._load(self.keys), SLAVE, Hub(folder / "robot"))
 
-    async def give(self) -> None:
-        """Pictures of the robot, for as long as this runs."""
+    def _load(self, key: Path) -> Configuration:
+        file = write(key.with_suffix(".yaml"), key, port=self.port, pictures=self.port)
+        return load(file, ["slave.cameras.watchers=2"], sides=())
+
+    async def _give(self) -> None:
         while True:
-            self.ends[SLAVE].put(Picture(monotonic(), "test", jpeg()))
+            for carrier in self.carriers:
+                carrier.put(Picture(monotonic(), "test", jpeg()))
             await asyncio.sleep(0.03)
 
-    async def run(self) -> tuple["asyncio.Task[str]", list["asyncio.Task[object]"]]:
-        desk = asyncio.create_task(self.ends[MASTER].run())
-        return desk, [asyncio.create_task(self.ends[SLAVE].run()), asyncio.create_task(self.give())]
+    def run(self) -> list["asyncio.Task[object]"]:
+        return [asyncio.create_task(each) for each in (self._give(), *(carrier.run() for carrier in self.carriers))]
 
-
-def seen(ends: Ends) -> int:
-    return len(ends.hubs[MASTER].newest)
+    def called(self, name: str, place: int) -> tuple[Hub, "asyncio.Task[str]"]:
+        """What a host sees at a place, and why it does not."""
+        hub = Hub(self.folder / f"{name}.pictures")
+        return hub, asyncio.create_task(Carrier(self._load(self.folder / name), MASTER, hub, place).run())
 
 
 async def end(*tasks: "asyncio.Task[object]") -> None:
@@ -55,32 +53,57 @@ async def end(*tasks: "asyncio.Task[object]") -> None:
     await asyncio.gather(*tasks, return_exceptions=True)
 
 
-@pytest.mark.parametrize("right", [Right.WATCH, Right.DRIVE])
-def test_a_key_that_may_watch_gets_the_pictures_until_it_is_withdrawn(tmp_path: Path, right: Right) -> None:
+@pytest.mark.parametrize(("right", "place"), [(Right.DRIVE, 0), (Right.WATCH, 1), (Right.DRIVE, 2)])
+def test_who_may_gets_the_pictures_until_the_key_is_withdrawn(tmp_path: Path, right: Right, place: int) -> None:
     generate(tmp_path / "desk", right, "desk")
     generate(tmp_path / "other")
 
     async def run() -> None:
-        ends = Ends(tmp_path, "desk")
-        desk, others = await ends.run()
-        await soon(lambda: seen(ends), "a picture")
-        ends.keys.write_text((tmp_path / "other").read_text())
+        robot = Robot(tmp_path, "desk", "other")
+        running = robot.run()
+        hub, desk = robot.called("desk", place)
+        await soon(lambda: hub.newest, "a picture")
+        robot.keys.write_text((tmp_path / "other").read_text())
         assert "may not drive any more" in await asyncio.wait_for(desk, 5.0)
-        await end(*others)
+        await end(*running)
 
     asyncio.run(run())
 
 
-def test_a_key_that_may_stop_is_refused_in_words(tmp_path: Path) -> None:
-    generate(tmp_path / "desk", Right.STOP, "desk")
-    generate(tmp_path / "other")
+@pytest.mark.parametrize(("right", "place"), [(Right.STOP, 0), (Right.STOP, 1), (Right.WATCH, 0)])
+def test_who_may_not_is_refused_in_words(tmp_path: Path, right: Right, place: int) -> None:
+    generate(tmp_path / "desk", right, "desk")
 
     async def run() -> None:
-        ends = Ends(tmp_path, "desk")
-        desk, others = await ends.run()
-        assert "is to stop" in await asyncio.wait_for(desk, 5.0)
-        assert not seen(ends)
-        await end(*others)
+        robot = Robot(tmp_path, "desk")
+        running = robot.run()
+        hub, desk = robot.called("desk", place)
+        assert f"is to {right}" in await asyncio.wait_for(desk, 5.0)
+        assert not hub.newest
+        await end(*running)
+
+    asyncio.run(run())
+
+
+def test_watchers_take_nothing_from_the_operator_and_from_each_other(tmp_path: Path) -> None:
+    names = ("desk", "wall", "hall", "late")
+    for name in names:
+        generate(tmp_path / name, Right.DRIVE if name == "desk" else Right.WATCH, name)
+
+    async def run() -> None:
+        robot = Robot(tmp_path, *names)
+        running = robot.run()
+        seen = [robot.called(name, place) for place, name in enumerate(names[:3])]
+        for hub, _ in seen:
+            await soon(lambda hub=hub: hub.newest, "a picture")
+        _, late = robot.called("late", 1)
+        assert "serves" in await asyncio.wait_for(late, 5.0), "a place is not taken over"
+        for hub, _ in seen:
+            hub.newest.clear()
+            await soon(lambda hub=hub: hub.newest, "another picture")
+        most = {carrier._sender.most_bit_s for carrier in robot.carriers}
+        assert most == {2e7 / 3}, "together no more than one alone"
+        await end(*running, *(task for _, task in seen))
 
     asyncio.run(run())
 
@@ -90,13 +113,14 @@ def test_a_stranger_gets_neither_pictures_nor_an_answer(tmp_path: Path) -> None:
     generate(tmp_path / "stranger")
 
     async def run() -> None:
-        ends = Ends(tmp_path, "stranger")
-        desk, others = await ends.run()
+        robot = Robot(tmp_path, "other")
+        running = robot.run()
+        calls = [robot.called("stranger", place) for place in range(3)]
         await asyncio.sleep(1.5)
-        robot = ends.ends[SLAVE].endpoint.statistics
-        assert robot.drops >= 3
-        assert robot.sent == 0
-        assert not seen(ends)
-        await end(desk, *others)
+        for carrier, (hub, _) in zip(robot.carriers, calls, strict=True):
+            assert carrier.endpoint.statistics.drops >= 3
+            assert carrier.endpoint.statistics.sent == 0
+            assert not hub.newest
+        await end(*running, *(task for _, task in calls))
 
     asyncio.run(run())

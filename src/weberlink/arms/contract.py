@@ -16,41 +16,25 @@ class ArmFault(RuntimeError):  # noqa: N818 - a fault of a device, not an error 
 
 @dataclass(frozen=True, slots=True)
 class ArmSpec:
-    """What an arm can do, known before it is opened. All tuples have one entry for each axis.
+    """What an arm can do, known before it is opened. All tuples have one entry for each axis."""
 
-    Args:
-        name: As the driver calls it.
-        joints: Names of the joints in order, 1 to 8, without the gripper.
-        gripper: Whether one more axis, the last, is a gripper; its angle is that of its motor, 0 closed.
-        lower: Least angles [rad].
-        upper: Largest angles [rad].
-        torque_nm: Largest torque that a leader displays or a follower measures [N m]; 0 for an axis that does not.
-        stiffness_nm_rad: Stiffest wall that a leader displays at `rate_hz`, stiffness of a follower's position control;
-            infinite for an ideal one [N m/rad].
-        rate_hz: Rate of the bus [Hz].
-        calibrated: Whether torques are in newton metres by a calibration; otherwise by the data sheet of the motor.
-        buttons: How many buttons it has.
-        lag_s: Nominal age of a reading [s].
-        torque_error_nm: Uncertainty of a measured torque at rest [N m].
-        watchdog_s: Time after which the motors themselves let go when their host stops [s]; None if they never do. 0
-            for a computed arm.
-        note: What a person should know before a run; empty if nothing.
-    """
-
-    name: str
-    joints: tuple[str, ...]
-    gripper: bool
-    lower: Joints
-    upper: Joints
-    torque_nm: Joints
+    name: str  # of the driver
+    joints: tuple[str, ...]  # names of 1 to 8 in order, without the gripper
+    gripper: bool  # whether one more axis, the last, is one; its angle is that of its motor, 0 closed
+    lower: Joints  # least angles [rad]
+    upper: Joints  # largest angles [rad]
+    torque_nm: Joints  # largest that a leader displays or a follower measures; 0 for an axis that does not
     stiffness_nm_rad: Joints
-    rate_hz: float
-    calibrated: bool
-    buttons: int = 0
-    lag_s: float = 0.0
-    torque_error_nm: float = 0.0
+    """Of the stiffest wall that a leader displays at `rate_hz`, or of a follower's control; inf for an ideal one."""
+    rate_hz: float  # of the bus
+    calibrated: bool  # whether torques are in newton metres by a calibration; otherwise by the data sheet of the motor
+    buttons: int = 0  # how many it has
+    lag_s: float = 0.0  # nominal age of a reading
+    torque_error_nm: float = 0.0  # uncertainty of a measured torque at rest
     watchdog_s: float | None = None
-    note: str = ""
+    """After this time the motors themselves let go when their host stops; None if they never do. 0 for a computed
+    arm."""
+    note: str = ""  # what a person should know before a run
 
     @property
     def force_feedback(self) -> bool:
@@ -64,15 +48,10 @@ class ArmSpec:
 
 
 class ArmReading(NamedTuple):
-    """Measured at `at` [s].
+    """Measured at `at` [s]: angles [rad], and torques of the environment on the arm [N m], zeros on a leader.
 
-    Args:
-        at: [s].
-        angles: Of all axes [rad].
-        torques: Of the environment on the arm [N m]; zeros on a leader.
-        ended: Whether a script or a recording is over.
-        buttons: Bit i is set while button i is pressed.
-        sampled_at: Time of the newest sample behind an interpolated reading [s]; None if it is `at`.
+    `ended` once a script or a recording is over; `buttons` has bit i set while button i is pressed. `sampled_at` is the
+    time of the newest sample behind an interpolated reading [s]; None if it is `at`.
     """
 
     at: float
@@ -110,10 +89,8 @@ class LeaderArm(Arm, Protocol):
     def display(self, torques: Joints, now: float) -> None:
         """The torques of all axes to display on the operator's hand [N m]; hold until the next ones. Never blocks.
 
-        No effect unless open. Compensation of the arm's own gravity and friction is the driver's, in addition.
-
-        Raises:
-            ValueError: a torque is not finite.
+        No effect unless open. Compensation of the arm's own gravity and friction is the driver's, in addition. Raises
+        ValueError if a torque is not finite.
         """
         ...
 

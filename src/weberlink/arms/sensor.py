@@ -1,5 +1,6 @@
 """What is sensed of an arm, as an outgoing channel: its joints, or its gripper."""
 
+from collections.abc import Callable
 from math import inf
 from typing import Literal
 
@@ -9,25 +10,17 @@ from weberlink.geometry.vector import ZERO, Vector
 
 
 class AxesSensor:
-    """Some axes of an arm, of which the angles or the torques are sent; a `weberlink.control.port.Sensor` of arms.
+    """The angles or torques of the axes `first` to before `last` of an arm with `axes`, gripper included, as a channel.
 
-    Args:
-        quantity: which part of a reading it takes.
-        first: the first axis.
-        last: the axis after the last one.
-        axes: how many the arm has, gripper included.
-
-    Attributes:
-        value: the newest usable measurement [rad | N m].
-        sent: what to encode of it [rad | N m]; its port sets it in every tick.
-        most: largest share of each deadband that may stay unsent; its port sets it where there is a limit.
+    `value` is the newest usable measurement [rad | N m], of which `shown` gives what may be sent, None for all. Its
+    port sets `most`, the largest share of each deadband that may stay unsent.
     """
 
     def __init__(self, quantity: Literal["angles", "torques"], first: int, last: int, axes: int) -> None:
         self._takes_angles = quantity == "angles"
         self._first, self._last, self._axes = first, last, axes
         self.value: Joints = (0.0,) * (last - first)
-        self.sent: Joints = self.value
+        self.shown: Callable[[Joints], Joints] | None = None
         self.most = inf
 
     def complaint(self, reading: ArmReading) -> str | None:
@@ -42,16 +35,12 @@ class AxesSensor:
     def take(self, reading: ArmReading) -> None:
         self.value = self.part(reading.angles if self._takes_angles else reading.torques)
 
-    def keep(self, values: Joints) -> None:
-        """Send these values, of all axes, from now on."""
-        self.sent = self.part(values)
-
     def part(self, values: Joints) -> Joints:
         """The entries of its axes, of a vector of all axes."""
         return values[self._first : self._last]
 
     def sample(self) -> tuple[Joints, Vector, float]:
-        return self.sent, ZERO, self.most
+        return self.value if self.shown is None else self.shown(self.value), ZERO, self.most
 
 
 def sensors_of(spec: ArmSpec, quantity: Literal["angles", "torques"]) -> list[AxesSensor]:

@@ -16,8 +16,8 @@ from typing import Annotated, Literal
 import typer
 
 from weberlink.cli.arguments import CommandGroup, File, Json, Set, file_target
-from weberlink.cli.output import fail, tell, write
-from weberlink.order import COMPLETED, FAILED, INTERRUPTED, MASTER, MISCONFIGURED, SIDES
+from weberlink.cli.output import fail, failing, tell, write
+from weberlink.order import COMPLETED, FAILED, INTERRUPTED, MISCONFIGURED, SIDES
 from weberlink.session.targets import STANDARD_OUTPUT
 
 LOOK_S, TELL_S = 0.002, 0.5
@@ -99,25 +99,21 @@ def doctor(
     """
     from rich.console import Console  # noqa: PLC0415
 
-    from weberlink.cli.doctor import Grade, Needs, examine  # noqa: PLC0415
+    from weberlink.cli.doctor import EXAMINATIONS, Grade, Needs, examine  # noqa: PLC0415
     from weberlink.config import load  # noqa: PLC0415
 
     overrides, sides = set_ or [], SIDES if side is None else (side,)
     if file is None and (link is not None or overrides):
         fail(f"{'--set' if link is None else '--link'}: needs a FILE", MISCONFIGURED)
     console = Console(stderr=True)
-    waiting = console.status("measuring for some seconds") if console.is_terminal else nullcontext()
-    if link is None or file is None:
-        needs = Needs(sides=sides) if file is None else Needs.of(load(file, overrides, sides), sides)
-        with waiting:
-            found = examine(needs)
-    else:
-        from weberlink.cli.doctor.link import examine_link, towards  # noqa: PLC0415
-
-        overrides = towards(link, load(file, overrides, [MASTER]), overrides)
-        configuration = load(file, overrides, [MASTER])
-        with waiting:
-            found = examine_link(configuration, overrides, seconds)
+    with console.status("measuring for some seconds") if console.is_terminal else nullcontext():
+        if link is None or file is None:
+            needs = Needs(sides=sides)
+            found = examine(needs if file is None else Needs(load(file, overrides, sides).system, sides, file))
+        else:
+            with failing(ValueError, MISCONFIGURED, "--link: "):
+                examine_link = EXAMINATIONS.load(next(iter((*EXAMINATIONS, *EXAMINATIONS.absent()))))
+            found = examine_link(file, overrides, link, seconds)
     write(found.document, json_out, found.show)
     raise typer.Exit(FAILED if found.count(Grade.PROBLEM) else COMPLETED)
 

@@ -15,11 +15,9 @@ from rich.text import Text
 from weberlink.cli import rules
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.installation import install_line
-from weberlink.master.devices import DEVICES
-from weberlink.master.devices.leaders import LEADERS
+from weberlink.master.devices import DEVICES, LEADERS
 from weberlink.registry import PartError, Registry, in_words, is_hardware
-from weberlink.slave.robots import ROBOTS
-from weberlink.slave.robots.followers import FOLLOWERS
+from weberlink.slave.robots import FOLLOWERS, ROBOTS
 
 READY = "ready"
 NOTHING = "nothing plugged in"

@@ -21,8 +21,7 @@ from weberlink.config.document import override
 from weberlink.config.errors import validated
 from weberlink.hardware.emulator import EMULATORS, WireFaults
 from weberlink.hardware.fault import HardwareFault
-from weberlink.master.devices import DEVICES
-from weberlink.master.devices.leaders import LEADERS
+from weberlink.master.devices import DEVICES, LEADERS
 from weberlink.order import COMPLETED, FAILED, STOP_SIGNALS
 from weberlink.realtime.process import prepare
 from weberlink.testing.serving import PtyDevice, ServedDevice
@@ -71,11 +70,8 @@ def run(
         source: stream of fault commands; not read while a command runs, which then has standard input.
         faults: FIFO of fault commands; created and removed if it does not exist.
 
-    Returns:
-        The exit status of the command; without a command 0, or 1 if the emulator failed.
-
-    Raises:
-        ConfigurationError: an argument is wrong, or umockdev is missing for a device of the kernel.
+    Returns the exit status of the command; without a command 0, or 1 if the emulator failed. Raises ConfigurationError
+    if an argument is wrong, or umockdev is missing for a device of the kernel.
     """
     emulator = _build(name, overrides)
     if emulator.transport in OF_THE_KERNEL and not command:

@@ -30,12 +30,8 @@ class CommandError(Exception):
 
 @contextmanager
 def errors(log: Callable[[Sequence[str]], None] = lambda _: None) -> Iterator[None]:
-    """Report errors in one line.
-
-    With status 2 a wrong file or key; with 1 what a command cannot do, a missing runtime directory, or a broken driver.
-
-    Args:
-        log: receives the trace of a driver, or of another part by name, that raised an error.
+    """Report errors in one line: with status 2 a wrong file or key; with 1 what a command cannot do, a missing runtime
+    directory, or a broken driver. `log` receives the trace of a driver, or of another part by name, that raised one.
     """
     try:
         yield
@@ -136,10 +132,8 @@ def finish(
 
 @contextmanager
 def progress_bar(every_s: float = PROGRESS_EVERY_S) -> Iterator[Callable[..., None]]:
-    """Show progress on standard error; yields `report(done, total, what)`.
-
-    Args:
-        every_s: least time between two lines where it is no terminal [s].
+    """Show progress on standard error; yields `report(done, total, what)`. Without a terminal that is a line, every so
+    often [s].
     """
     from rich.console import Console  # noqa: PLC0415 - for long commands alone
     from rich.progress import (  # noqa: PLC0415

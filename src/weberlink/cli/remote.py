@@ -1,9 +1,8 @@
 """Asks the robot's end of a file over the link, without a device or a session: how it is, or to stop."""
 
 import asyncio
-import os
 from collections.abc import Mapping
-from time import monotonic, time_ns
+from time import monotonic
 
 import uvloop
 
@@ -12,7 +11,7 @@ from weberlink.config import MASTER, Configuration
 from weberlink.config.finders import finder_of, finding
 from weberlink.protocol import Endpoint, Event, Refused, Right, Told
 from weberlink.protocol.aio.udp import UdpShell
-from weberlink.session.composition.link import build_caller
+from weberlink.session.composition.link import build_endpoint, live_context
 from weberlink.session.daemon import emulated_link
 from weberlink.text import one_line
 
@@ -22,15 +21,13 @@ LOOK_S = 0.002
 
 
 def ask(configuration: Configuration, asks: Right) -> Mapping[str, object]:
-    """What the robot's end answers; to a stop, when it has stopped.
-
-    Raises:
-        ConfigurationError: the key cannot be read, or the peer is not known.
-        CommandError: it refuses, or does not answer.
+    """What the robot's end answers; to a stop, when it has stopped. Raises CommandError if it refuses or does not
+    answer; ConfigurationError if the key cannot be read, or the peer is not known.
     """
     finder = finder_of(configuration, MASTER)
     epoch = monotonic()
-    endpoint = build_caller(configuration, finder, os.urandom, epoch, lambda _now: time_ns(), asks=asks)
+    context = live_context(configuration, MASTER, finder, epoch, asks=asks)
+    endpoint = build_endpoint(configuration.system, MASTER, context)
     emulated = emulated_link(MASTER, configuration.system, epoch)
     failures: list[str] = []
     # A path is wanted beside that of the master that is served.

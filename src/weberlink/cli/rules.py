@@ -59,14 +59,8 @@ def installed(folders: Sequence[Path] = FOLDERS) -> bool:
 
 
 def install(folder: Path = RULES_DIR, udevadm: str | None = None) -> list[str]:
-    """Copy the rules and let udev apply them to plugged devices; returns lines to show.
-
-    Args:
-        folder: target.
-        udevadm: path of that program; searched if not given.
-
-    Raises:
-        RulesError: they cannot be written; no file is left half written.
+    """Copy the rules and let udev apply them to plugged devices; returns lines to show. Raises RulesError if they
+    cannot be written; no file is left half written.
     """
     rules = shipped()
     for name, text in rules.items():

@@ -1,8 +1,6 @@
 """Read the YAML document and apply overrides of the command line, without validating keys or values."""
 
-import re
 from collections.abc import Hashable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +10,7 @@ from weberlink.config.errors import STUCK, ConfigurationError, no_space
 from weberlink.installation import config_folders
 
 
-class _EachKeyOnce:
+class _Loader(yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader):  # type: ignore[misc]
     """Refuses a key that is given twice, of which YAML would silently drop one, and one that holds its value."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
@@ -20,60 +18,14 @@ class _EachKeyOnce:
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode):
                 continue  # YAML itself refuses it
+            problem = f"the key {key.value!r} is given twice" if key.value in seen else None
             if not key.style and (stuck := STUCK.match(key.value)) is not None:
-                raise yaml.constructor.ConstructorError(None, None, no_space(stuck), key.start_mark)
-            if key.value in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"the key {key.value!r} is given twice", key.start_mark
-                )
+                problem = no_space(stuck)
+            if problem is not None:
+                raise yaml.constructor.ConstructorError(None, None, problem, key.start_mark)
             seen.add(key.value)
-        made: dict[Hashable, Any] = super().construct_mapping(node, deep)  # type: ignore[misc]
+        made: dict[Hashable, Any] = super().construct_mapping(node, deep)
         return made
-
-
-class _Loader(_EachKeyOnce, yaml.SafeLoader):
-    """Gives the better error messages."""
-
-
-if yaml.__with_libyaml__:
-
-    class _QuickLoader(_EachKeyOnce, yaml.CSafeLoader):
-        """Ten times as fast, which shortens the start of a daemon."""
-
-
-_QUICKEST: Any = _QuickLoader if yaml.__with_libyaml__ else _Loader
-
-
-def _read(text: str) -> Any:
-    """Parse YAML; raises YAMLError."""
-    if yaml.__with_libyaml__:
-        with suppress(yaml.YAMLError):
-            return yaml.load(text, Loader=_QuickLoader)  # noqa: S506 - a SafeLoader with one more check
-    return yaml.load(text, Loader=_Loader)  # noqa: S506
-
-
-LONGEST_FOREIGN = 1 << 16
-"""Characters of a configuration in a file that anybody may have made; those of all shipped files have 5,000."""
-DEEPEST_FOREIGN = 32
-
-
-def parse_foreign(text: str) -> Any:
-    """The YAML in a file that anybody may have made; raises ValueError if it is none, or longer than `LONGEST_FOREIGN`,
-    deeper than `DEEPEST_FOREIGN`, or has aliases, by which a short text stands for a long one; in one line.
-    """
-    if len(text) > LONGEST_FOREIGN:
-        raise ValueError(f"more than {LONGEST_FOREIGN} characters")
-    depth = 0
-    try:
-        for event in yaml.parse(text, Loader=_QUICKEST):
-            if isinstance(event, yaml.AliasEvent):
-                raise ValueError("YAML with an alias")  # noqa: TRY004
-            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-            if depth > DEEPEST_FOREIGN:
-                raise ValueError(f"YAML that is nested more than {DEEPEST_FOREIGN} deep")
-        return yaml.load(text, Loader=_QUICKEST)  # noqa: S506 - a SafeLoader with one more check
-    except yaml.YAMLError as error:
-        raise ValueError(" ".join(str(error).split())) from None
 
 
 def parse(path: Path) -> dict[str, Any]:
@@ -85,7 +37,7 @@ def parse(path: Path) -> dict[str, Any]:
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f"{path}: {_unreadable(path, error)}") from None
     try:
-        content = _read(text)
+        content = yaml.load(text, Loader=_Loader)  # noqa: S506 - a SafeLoader with one more check
     except yaml.MarkedYAMLError as error:
         row, column, words = _mistake(text, error)
         raise ConfigurationError(f"{path}:{row + 1}:{column + 1}: not YAML: {words}") from None
@@ -114,17 +66,18 @@ def _unreadable(path: Path, error: OSError | UnicodeDecodeError) -> str:
             return f"cannot be read: {error.strerror}"
 
 
-_WORDS = (
-    (r"mapping values are not allowed here", 'a value holds ": " or a key; put the value in quotes, or begin a line'),
-    (r"could not find expected ':'", "expected key: value"),
-    (r"found character '(.)' that cannot start any token", r"a value cannot begin with \1; put it in quotes"),
-    (r"found undefined alias '(.*)'", r"a value cannot begin with *; put it in quotes"),
-    (r"expected ',' or '([]}])', but .*", r"a \1 is missing"),
-    (r"expected <block end>, but found .*", "this line is indented by other spaces than those above"),
-    (r"found unexpected end of stream", "a quote is not closed"),
-    (r"but found another document", "a second document begins here; a file holds one"),
-)
-"""What the commonest mistakes are, by the parser's words for them."""
+_WORDS = {
+    "mapping values are not allowed": 'a value holds ": " or a key; put the value in quotes, or begin a line',
+    "could not find expected ':'": "expected key: value",
+    "cannot start any token": "a value cannot begin with {}; put it in quotes",
+    "found undefined alias": "a value cannot begin with {}; put it in quotes",
+    "expected ',' or ']'": "a ] is missing",
+    "expected ',' or '}'": "a }} is missing",
+    "did not find expected key": "this line is indented by other spaces than those above",
+    "found unexpected end of stream": "a quote is not closed",
+    "found another document": "a second document begins here; a file holds one",
+}
+"""What the commonest mistakes are, by what the parser says of them; {} is the character that it stops at."""
 
 
 def _mistake(text: str, error: yaml.MarkedYAMLError) -> tuple[int, int, str]:
@@ -142,24 +95,22 @@ def _mistake(text: str, error: yaml.MarkedYAMLError) -> tuple[int, int, str]:
             return at, stuck.end(), no_space(stuck)
     if "expected ':'" in problem:
         line, column = before, 0
-    words = (re.sub(pattern, word, problem) for pattern, word in _WORDS if re.fullmatch(pattern, problem))
-    return line, column, next(words, problem)
+    found = lines[line][column : column + 1] if line < len(lines) else ""
+    return line, column, next((words.format(found) for part, words in _WORDS.items() if part in problem), problem)
 
 
 def override(content: dict[str, Any], text: str) -> str:
-    """Apply one "path.to.key=value" in place, the value being YAML; returns the path.
+    """Apply one "path.to.key=value" in place, the value being YAML; returns the path. Raises ConfigurationError if it
+    is not of that form, or the path leads through a value.
 
     With a `predictor`, the `bank` of the file is dropped, as it belongs to the predictor of the file.
-
-    Raises:
-        ConfigurationError: it is not of that form, or the path leads through a value.
     """
     name, equals, value = text.partition("=")
     keys = name.strip().split(".")
     if not equals or not all(keys):
         raise ConfigurationError(f"--set {text}: must be path.to.key=value")
     try:
-        parsed = _read(value)
+        parsed = yaml.load(value, Loader=_Loader)  # noqa: S506
     except yaml.YAMLError as error:
         problem = _mistake(value, error)[2] if isinstance(error, yaml.MarkedYAMLError) else error
         raise ConfigurationError(f"--set {text}: the value is not YAML: {problem}") from None

@@ -19,11 +19,9 @@ from weberlink.config.finders import FINDERS
 from weberlink.config.model import System
 from weberlink.config.settings import Settings, settings_of
 from weberlink.installation import guests
-from weberlink.master.devices import DEVICES
-from weberlink.master.devices.leaders import LEADERS
+from weberlink.master.devices import DEVICES, LEADERS
 from weberlink.registry import Registry
-from weberlink.slave.robots import ROBOTS
-from weberlink.slave.robots.followers import FOLLOWERS
+from weberlink.slave.robots import FOLLOWERS, ROBOTS
 
 
 def schema() -> dict[str, Any]:

@@ -96,11 +96,8 @@ class Stream:
 
 @dataclass(frozen=True)
 class ArmLayout:
-    """The axes of a session in joint space: the joints and, where there is one, the gripper.
-
-    Args:
-        axes: names of all axes, the gripper last.
-        from_slave, from_master: the channels of each direction: the joints, then the gripper.
+    """The axes of a session in joint space, and the channels of each direction: the joints and, where there is one, the
+    gripper, which is the last.
     """
 
     axes: tuple[str, ...]

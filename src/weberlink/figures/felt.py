@@ -48,12 +48,8 @@ class AlignedError:
         self._begin: int | None = None
 
     def add(self, ticks: NDArray[Any], felt: NDArray[Any], robot: NDArray[Any]) -> None:
-        """Take the next moments that count, of ticks that rise until the side that counts them starts again.
-
-        Args:
-            ticks: their numbers, shape (n,).
-            felt: what was displayed to the operator, shape (n, axes).
-            robot: what the robot measured, shape (n, axes).
+        """Take the next moments that count: ticks, shape (n,), that rise until the side that counts them starts again;
+        what was displayed to the operator and what the robot measured, shape (n, axes).
         """
         ticks = ticks.astype(np.int64)
         rows = np.vstack([np.ones(len(ticks)), felt.T, robot.T])
@@ -131,14 +127,11 @@ _PER_JND = 1e4
 
 @dataclass(frozen=True)
 class Threshold:
-    """A just noticeable difference of force.
+    """A just noticeable difference of force; ValueError for a number out of range.
 
     Args:
         jnd: Weber fraction k_J, as a share of the force, > 0.
         floor_n: absolute threshold [N], > 0; Weber's law fails below about 1 N.
-
-    Raises:
-        ValueError: for a number out of range.
     """
 
     jnd: float = WEBER_FRACTION
@@ -153,16 +146,12 @@ class Threshold:
         return np.maximum(self.jnd * np.asarray(magnitude_n, dtype=np.float64), self.floor_n)
 
     def log_error(self, displayed_n: Array, measured_n: Array) -> Array:
-        """The log error [JND]: the number of JNDs, one upon the other, between two magnitudes of force.
+        """The log error [JND]: the number of JNDs, one upon the other, between two magnitudes of force [N], shape (n,).
 
         `|ln((|f| + f0) / (|f'| + f0))| / ln(1 + k_J)`, from Weber's law with an additive constant, one JND =
         k_J (|f| + f0). f0 = floor_n / k_J, so that one JND at zero force is the absolute threshold. Unlike the error in
         multiples of one JND it counts a force that is displayed k times too strong as one that is k times too weak. It
         does not see the direction.
-
-        Args:
-            displayed_n: magnitudes |f'| [N], shape (n,).
-            measured_n: magnitudes |f| [N], shape (n,).
         """
         offset = self.floor_n / self.jnd
         ratio = np.log((measured_n + offset) / (displayed_n + offset))
@@ -181,12 +170,8 @@ class QualityStatistics:
         self._jumps = Distribution()
 
     def add(self, error_n: Array, displayed_n: Array, measured_n: Array) -> None:
-        """Take the next ticks, in order.
-
-        Args:
-            error_n: distance of the displayed force from the measured one [N], shape (n,).
-            displayed_n: magnitude of the displayed force [N], shape (n,).
-            measured_n: magnitude of the measured force [N], shape (n,).
+        """Take the next ticks, in order: distances of the displayed force from the measured one, and the magnitudes of
+        both [N], shape (n,).
         """
         if not len(error_n):
             return

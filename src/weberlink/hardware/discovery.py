@@ -104,10 +104,7 @@ def permission_advice(path: str) -> str:
 class DeviceLocator:
     """Finds the device of a driver, and notices by the serial number when another one is in its place.
 
-    Args:
-        name: of the driver.
-        port: path that the options name; None for the only device plugged in.
-        plugged: lists what is plugged in.
+    `port` is the path that the options name, None for the only device of those `plugged` in.
     """
 
     def __init__(self, name: str, port: str | None, plugged: Callable[[], Sequence[PluggedDevice]]) -> None:

@@ -7,8 +7,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from struct import Struct
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, Protocol
 
 from weberlink.registry import Registry
 
@@ -20,8 +19,9 @@ EMULATORS: Registry[Any] = Registry("emulated device", BUILT_IN, "weberlink.emul
 """Each by the name of its driver; entry points of `weberlink.emulators` add more.
 
 An entry is a subclass of `FaultyDevice`, an `Emulator`, with the pydantic class of its `Options` and the name of its
-`transport`: serial, hid, evdev, or one of its own. For a device of the kernel (hid, evdev) it has `identity`. With a
-transport of its own it has `served(begin)`, which gives a `weberlink.testing.serving.ServedDevice` with an `address`.
+`transport`: serial, hid, evdev, or one of its own. For a device of the kernel (hid, evdev) it has `identity`, a
+`HidIdentity` or one that has `entry(number, instance)`: what `weberlink.testing.umockdev` is told. With a transport of
+its own it has `served(begin)`, which gives a `weberlink.testing.serving.ServedDevice` with an `address`.
 """
 
 
@@ -102,34 +102,3 @@ class HidIdentity:
     report_size: int  # of a report to the device, without its number [bytes]
     serial_number: str = ""
     manufacturer: str = ""
-
-
-class AxisRange(NamedTuple):
-    """What the kernel says of an absolute axis."""
-
-    least: int
-    most: int
-    value: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class InputIdentity:
-    """What a device of the kernel's input layer says of itself."""
-
-    vendor: int  # 16 bits
-    product: int  # 16 bits
-    name: str
-    keys: tuple[int, ...]  # their codes
-    axes: Mapping[int, AxisRange]  # the absolute ones, by their codes
-    serial_number: str = ""
-
-
-EVENT = Struct("@llHHi")
-"""struct input_event of a 64-bit kernel: seconds, microseconds, type, code, value."""
-EV_SYN, EV_KEY, EV_ABS = 0x00, 0x01, 0x03
-
-
-def event(kind: int, code: int, value: int, at: float) -> bytes:
-    """An event as the kernel writes it; `at` is its time [s]."""
-    seconds = int(at)
-    return EVENT.pack(seconds, int((at - seconds) * 1e6), kind, code, value)

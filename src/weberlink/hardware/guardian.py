@@ -51,8 +51,7 @@ class Guardian:
     the first message after this process was stopped carries no force.
 
     Args:
-        zero: message that takes the force off; must be understood as such whatever came before it, half a message
-            included.
+        zero: message that takes the force off; must be understood as such whatever came before it, half of one too.
         rests: what other messages without force begin with.
     """
 
@@ -111,11 +110,8 @@ class Guardian:
         self._given_at, self._stale = at, stale
 
     def before(self, data: bytes) -> None:
-        """Call immediately before a message is written.
-
-        Raises:
-            BadReply: it carries force, and its command is too old: this process was held up.
-            HardwareFault: it carries force, and the guardian is dead or silent.
+        """Call immediately before a message is written. Raises BadReply if it carries force, and its command is too
+        old: this process was held up; HardwareFault if it carries force, and the guardian is dead or silent.
         """
         if data.startswith(self._all_rests):
             return
@@ -220,11 +216,8 @@ def _is_closed(connection: socket) -> bool:
 class HoldingGuardian(Guardian):
     """Lets an arm whose motors keep their last goals push no more when this process stops, and keep its place.
 
-    Without torque the arm would drop, so there is no message that takes the torque off. Each cycle the exchange says
-    what leaves the arm where it is.
-
-    Args:
-        lease: longest time between two cycles [s].
+    Without torque the arm would drop, so there is no message that takes the torque off. Each cycle, within `lease` [s]
+    of the last one, the exchange says what leaves the arm where it is.
     """
 
     def __init__(self, lease: float) -> None:

@@ -11,13 +11,8 @@ LONGEST_REPORT = 64
 
 
 class HidPort:
-    """An open device.
-
-    Args:
-        path: as given by `hardware.discovery.hid_devices`.
-
-    Raises:
-        HardwareFault: it is not there or not permitted.
+    """An open device, at a path as given by `hardware.discovery.hid_devices`; raises HardwareFault if it is not there
+    or not permitted.
     """
 
     def __init__(self, path: str) -> None:
@@ -33,10 +28,8 @@ class HidPort:
     def guard(self, guardian: Guardian) -> None:
         """Have a guardian take the force off when this process stops, from now on and until the port is closed.
 
-        Its messages begin with the number of the report, a zero byte.
-
-        Raises:
-            HardwareFault: this host reaches the device through libusb, or the guardian does not start.
+        Its messages begin with the number of the report, a zero byte. Raises HardwareFault if this host reaches the
+        device through libusb, or the guardian does not start.
         """
         try:
             descriptor = os.open(self.path, os.O_WRONLY | os.O_CLOEXEC)
@@ -49,10 +42,8 @@ class HidPort:
         self._guardian = guardian
 
     def write(self, report: bytes, number: int = 0) -> None:
-        """Send one report; `number` is that of the report, 0 for a device whose reports have none.
-
-        Raises:
-            HardwareFault: it was unplugged; or of the guardian, see `Guardian.before`.
+        """Send one report; `number` is that of the report, 0 for a device whose reports have none. Raises HardwareFault
+        if it was unplugged, or of the guardian, see `Guardian.before`.
         """
         message, guardian = bytes([number]) + report, self._guardian
         if guardian is not None:
@@ -69,10 +60,7 @@ class HidPort:
     def read_all(self, until: float) -> list[bytes]:
         """All reports that have come, oldest first, as soon as there are any; a numbered one has its number in front.
 
-        None where none comes by `until` [s, monotonic]; 0 does not wait.
-
-        Raises:
-            HardwareFault: it was unplugged.
+        None where none comes by `until` [s, monotonic]; 0 does not wait. Raises HardwareFault if it was unplugged.
         """
         try:
             reports = self._waiting()

@@ -26,14 +26,9 @@ LEAVING_S = 0.05
 class SerialPort:
     """An open port.
 
-    Args:
-        path: of the device, or of a link to it.
-        baud: rate [bit/s]; without effect on a native USB port.
-        guardian: takes the force off when this process stops; None for a device that does so itself. It watches from
-            the opening of the port to its closing.
-
-    Raises:
-        HardwareFault: it is not there, in use, or not permitted; or the guardian does not start.
+    `baud` [bit/s] is without effect on a native USB port. The guardian, None for a device that takes its force off
+    itself, watches from the opening of the port to its closing. Raises HardwareFault if the port is not there, in use,
+    or not permitted, or the guardian does not start.
     """
 
     def __init__(self, path: str, baud: int = 115_200, guardian: Guardian | None = None) -> None:
@@ -54,10 +49,8 @@ class SerialPort:
                 raise
 
     def write(self, data: bytes) -> None:
-        """Write all data.
-
-        Raises:
-            HardwareFault: it was unplugged, or takes nothing; or of the guardian, see `Guardian.before`.
+        """Write all data. Raises HardwareFault if it was unplugged, or takes nothing, or of the guardian:
+        `Guardian.before`.
         """
         guardian = self._guardian
         if guardian is None:

@@ -11,11 +11,6 @@ class ThreadedDriver(Generic[Command, Sample]):
 
     An exchange with a method `start_afresh` keeps its state over reconnections, but not over sessions: it is called
     before the first `open` of each session.
-
-    Args:
-        name: of the driver.
-        exchange: see `weberlink.hardware.worker.Exchange` for its exceptions.
-        worker: of the exchange.
     """
 
     FAULT: ClassVar[type[Exception]]

@@ -4,6 +4,7 @@ import atexit
 import os
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import KW_ONLY, dataclass
 from math import inf
 from select import select
 from threading import Event, Thread, current_thread
@@ -32,21 +33,14 @@ class Exchange(Protocol[Command_contra, Sample_co]):
     """
 
     def open(self) -> Sample_co:
-        """Connect, and give the first sample.
-
-        After a disconnection it must also check that the device is still the same.
-
-        Raises:
-            HardwareFault: it cannot be used.
+        """Connect, and give the first sample; after a disconnection also check that the device is still the same.
+        Raises HardwareFault if it cannot be used.
         """
         ...
 
     def exchange(self, command: Command_contra) -> Sample_co:
-        """Command, and measure.
-
-        Raises:
-            BadReply: this answer was not good; the next one may be.
-            HardwareFault: the device is gone or refuses.
+        """Command, and measure. Raises BadReply if this answer was not good, and the next one may be; HardwareFault if
+        the device is gone or refuses.
         """
         ...
 
@@ -55,6 +49,7 @@ class Exchange(Protocol[Command_contra, Sample_co]):
         ...
 
 
+@dataclass(eq=False)
 class Worker(Generic[Command, Sample]):
     """Runs an exchange in a thread.
 
@@ -65,47 +60,23 @@ class Worker(Generic[Command, Sample]):
 
     Only the thread uses the exchange, so it need not be thread-safe. `stop` waits for a hanging exchange for a second;
     its `close` is called when it returns. The end of the program stops a running worker.
-
-    Args:
-        exchange: of the device.
-        rest: the command that is safe at any time.
-        period: of the exchange [s].
-        on_command: whether a command starts an exchange at once (`period` is then the longest pause); else the exchange
-            keeps its own time.
-        stale: age beyond which a command no longer counts [s].
-        bad_replies: how many in a row are a fault.
-        reconnect: how long to look for a device that is gone [s]; 0 for not at all.
-        scale: gives a share of a command, 0 to 1.
-        ramp: how long the share takes from 0 to 1 [s].
-        clock: monotonic [s].
     """
 
-    def __init__(
-        self,
-        exchange: Exchange[Command, Sample],
-        *,
-        rest: Command,
-        period: float,
-        on_command: bool,
-        stale: float,
-        bad_replies: int,
-        reconnect: float = 0.0,
-        scale: Callable[[Command, float], Command] | None = None,
-        ramp: float = 0.05,
-        clock: Callable[[], float] = monotonic,
-    ) -> None:
-        self._exchange = exchange
-        self._guardian: Guardian | None = getattr(exchange, "guardian", None)
-        self._rest = rest
-        self._period = period
-        self._on_command = on_command
-        self._stale = stale
-        self._bad_replies = bad_replies
-        self._reconnect = reconnect
-        self._scale = scale
-        self._ramp = ramp
-        self._clock = clock
-        self._command: tuple[Command, float, int] = (rest, -inf, 0)
+    exchange: Exchange[Command, Sample]
+    _: KW_ONLY
+    rest: Command  # that is safe at any time
+    period: float  # of the exchange [s]; with `on_command`, the longest pause
+    on_command: bool  # a command starts an exchange at once; else the exchange keeps its own time
+    stale: float  # age beyond which a command no longer counts [s]
+    bad_replies: int  # how many in a row are a fault
+    reconnect: float = 0.0  # how long to look for a device that is gone [s]; 0 for not at all
+    scale: Callable[[Command, float], Command] | None = None  # gives a share of a command, 0 to 1
+    ramp: float = 0.05  # how long the share takes from 0 to 1 [s]
+    clock: Callable[[], float] = monotonic
+
+    def __post_init__(self) -> None:
+        self._guardian: Guardian | None = getattr(self.exchange, "guardian", None)
+        self._command: tuple[Command, float, int] = (self.rest, -inf, 0)
         """The last command, its time, and the number of gaps before it."""
         self._gaps_met = 0
         self._called_at = inf
@@ -122,10 +93,6 @@ class Worker(Generic[Command, Sample]):
         """The error of the last exchange; None if there was none."""
         self.round_trip = 0.0
         """Time that the last exchange took [s]."""
-        self.bad_count = 0
-        """Bad replies since the start."""
-        self.connected_at = 0.0
-        """When the device was last connected [s]."""
         self._share = 0.0
         self._began = 0.0
 
@@ -163,7 +130,7 @@ class Worker(Generic[Command, Sample]):
         except BaseException:
             if wake >= 0:
                 os.close(wake)
-            self._exchange.close()
+            self.exchange.close()
             raise
         self._thread, self._wake = thread, wake
         atexit.register(self.stop)
@@ -171,18 +138,17 @@ class Worker(Generic[Command, Sample]):
     def _begin(self) -> None:
         """Connect, with nothing left of the last session."""
         self.fault = self.trouble = self._error = None
-        self.bad_count, self._share = 0, 0.0
-        self._command, self._called_at = (self._rest, -inf, self._gaps_met), inf
-        self._newest = (self._exchange.open(), self._clock())
-        self.connected_at = self._newest[1]
+        self._share = 0.0
+        self._command, self._called_at = (self.rest, -inf, self._gaps_met), inf
+        self._newest = (self.exchange.open(), self.clock())
         self._stopping.clear()
 
     def command(self, command: Command, now: float) -> None:
         """Set the command for the next exchange; never blocks. No effect when stopped."""
-        called_at, gaps = self._clock(), self._command[2]
-        self._command = (command, now, gaps + (called_at - self._called_at > self._stale))
+        called_at, gaps = self.clock(), self._command[2]
+        self._command = (command, now, gaps + (called_at - self._called_at > self.stale))
         self._called_at = called_at
-        if self._on_command and (wake := self._wake) >= 0:
+        if self.on_command and (wake := self._wake) >= 0:
             os.eventfd_write(wake, 1)
 
     def stop(self) -> None:
@@ -214,7 +180,7 @@ class Worker(Generic[Command, Sample]):
 
     def _run(self, wake: int) -> None:
         try:
-            due = self._clock()
+            due = self.clock()
             while not self._stopping.is_set():
                 due = self._pause(wake, due)
                 if self._stopping.is_set():
@@ -227,76 +193,74 @@ class Worker(Generic[Command, Sample]):
             self.fault = f"internal error: {error!r}"
         finally:
             try:
-                self._exchange.close()
+                self.exchange.close()
             except Exception as error:
                 self.fault = self.fault or f"internal error: {error!r}"
 
     def _pause(self, wake: int, due: float) -> float:
         """Wait for a command or until `due`; returns when the next exchange is due."""
-        if self._on_command:
-            select((wake,), (), (), self._period)
+        if self.on_command:
+            select((wake,), (), (), self.period)
             with suppress(BlockingIOError):
                 os.eventfd_read(wake)
             return due
-        wait = due - self._clock()
+        wait = due - self.clock()
         if wait > 0.0:
             self._stopping.wait(wait)
-        now, following = self._clock(), due + self._period
-        return following if now < following else now + self._period  # missed exchanges are skipped
+        now, following = self.clock(), due + self.period
+        return following if now < following else now + self.period  # missed exchanges are skipped
 
     def _once(self) -> None:
         """Exchange until a reply is good, reconnecting if needed; retries send the rest command."""
         command, at, gaps = self._command
-        began = self._clock()
-        if began - at > self._stale or gaps != self._gaps_met:
-            command, self._share, self._gaps_met = self._rest, 0.0, gaps
-        elif self._scale is not None and self._share < 1.0:
+        began = self.clock()
+        if began - at > self.stale or gaps != self._gaps_met:
+            command, self._share, self._gaps_met = self.rest, 0.0, gaps
+        elif self.scale is not None and self._share < 1.0:
             # The steps of the ramp are limited however long the last exchange took.
-            self._share = min(1.0, self._share + min(began - self._began, self._period) / self._ramp)
-            command = self._scale(command, self._share)
+            self._share = min(1.0, self._share + min(began - self._began, self.period) / self.ramp)
+            command = self.scale(command, self._share)
         self._began = began
         if self._guardian is not None:
-            self._guardian.given(at, self._stale)
+            self._guardian.given(at, self.stale)
         bad, bad_at, lost_at = 0, 0.0, None
         while not self._stopping.is_set():
             fault: HardwareFault
             try:
-                sample = self._exchange.exchange(command)
+                sample = self.exchange.exchange(command)
             except BadReply as reply:
-                bad_at = self._clock() if bad == 0 else bad_at
+                bad_at = self.clock() if bad == 0 else bad_at
                 bad += 1
-                self.bad_count += 1
                 fault = reply
             except HardwareFault as gone:
-                bad = self._bad_replies
+                bad = self.bad_replies
                 fault = gone
             else:
-                ended = self._clock()
+                ended = self.clock()
                 self.round_trip = ended - began
                 self._newest = (sample, ended)
                 self.trouble = None
                 return
-            command, self._share = self._rest, 0.0
+            command, self._share = self.rest, 0.0
             self.trouble = str(fault)
-            if bad >= self._bad_replies or self._clock() - bad_at > LOST_S:
+            if bad >= self.bad_replies or self.clock() - bad_at > LOST_S:
                 lost_at = began if lost_at is None else lost_at
-                self._return(fault, lost_at + self._reconnect)
+                self._return(fault, lost_at + self.reconnect)
                 bad = 0
-            began = self._clock()
+            began = self.clock()
 
     def _return(self, fault: HardwareFault, until: float) -> None:
         """Reopen the device until the time is over; then raise the fault."""
         with suppress(Exception):  # the first fault is reported
-            self._exchange.close()
+            self.exchange.close()
         while not self._stopping.is_set():
-            if self._clock() >= until:
+            if self.clock() >= until:
                 raise fault
             self._stopping.wait(RETRY_S)
             try:
-                sample = self._exchange.open()
+                sample = self.exchange.open()
             except HardwareFault as again:
                 fault = again
             else:
-                self._newest = (sample, self._clock())
-                self.connected_at = self._newest[1]
+                self._newest = (sample, self.clock())
                 return

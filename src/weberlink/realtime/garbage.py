@@ -22,22 +22,19 @@ def thaw_garbage() -> None:
 
 
 class Passes:
-    """Count and cost of the passes over one generation [s]."""
+    """Count of the passes over one generation, and how long the last one took [s]."""
 
-    __slots__ = ("count", "generation", "last_s", "worst_s")
+    __slots__ = ("count", "generation", "last_s")
 
     def __init__(self, generation: int) -> None:
-        self.generation = generation
-        self.count = 0
-        self.last_s = FIRST_GUESS_S
-        self.worst_s = 0.0
+        self.generation, self.count, self.last_s = generation, 0, FIRST_GUESS_S
 
 
 class GarbageSchedule:
     """Runs a pass when one is due and fits into the slack.
 
-    A pass that never fits runs anyway after `patience` intervals, and is counted in `forced`: one late tick is better
-    than memory that grows until the process dies.
+    A pass that never fits runs anyway after `patience` intervals: one late tick is better than memory that grows until
+    the process dies.
 
     Args:
         every_ticks: interval between passes [ticks], >= 1.
@@ -48,7 +45,7 @@ class GarbageSchedule:
         ValueError: naming the argument.
     """
 
-    __slots__ = ("_due", "_full_every", "_overdue", "_waited", "forced", "full", "young")
+    __slots__ = ("_due", "_full_every", "_overdue", "_waited", "full", "young")
 
     def __init__(self, every_ticks: int, *, full_every: int = 100, patience: int = 10) -> None:
         for name, value in (("every_ticks", every_ticks), ("full_every", full_every), ("patience", patience)):
@@ -60,7 +57,6 @@ class GarbageSchedule:
         self._waited = 0
         self.young = Passes(0)
         self.full = Passes(2)
-        self.forced = 0
 
     def tick(self, slack_s: float) -> None:
         """Call after each tick with the time left until the next deadline [s]."""
@@ -69,22 +65,10 @@ class GarbageSchedule:
             return
         full = (self.young.count + self.full.count + 1) % self._full_every == 0
         passes = self.full if full else self.young
-        if slack_s < CAUTION * passes.last_s:
-            if self._waited < self._overdue:
-                return
-            self.forced += 1
+        if slack_s < CAUTION * passes.last_s and self._waited < self._overdue:
+            return
         began = perf_counter()
         gc.collect(passes.generation)
         passes.last_s = perf_counter() - began
-        passes.worst_s = max(passes.worst_s, passes.last_s)
         passes.count += 1
         self._waited = 0
-
-    def summary(self) -> dict[str, float]:
-        """For a report: passes of each kind, forced passes, and the longest of all [us]."""
-        return {
-            "young": self.young.count,
-            "full": self.full.count,
-            "forced": self.forced,
-            "longest_us": 1e6 * max(self.young.worst_s, self.full.worst_s),
-        }

@@ -3,11 +3,10 @@
 import asyncio
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from math import inf
 from signal import SIG_UNBLOCK, SIGHUP, SIGINT, SIGTERM, Signals, pthread_sigmask
 from time import monotonic
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import uvloop
 
@@ -16,24 +15,23 @@ from weberlink.realtime.ticker import Ticker
 
 REASONS = {SIGINT: "interrupted", SIGHUP: "hung up"}
 AfterTick = Callable[[int, float, float, float], None]
+"""Receives the deadlines missed so far, deadline and now [s], and the time from now to the end of `flush` [us]."""
 
 
 class Ticking(Protocol):
-    """One end of the system, as the loop sees it. Times are of `time.monotonic` [s]."""
+    """What the loop needs of a `weberlink.session.side.Side`. Times are of `time.monotonic` [s]."""
 
     @property
     def stopped(self) -> bool:
-        """Whether the side has come to rest; the run ends after this tick."""
+        """Whether it has come to rest; the run ends after this tick."""
 
     @property
-    def outcome(self) -> str | None:
-        """How the run ended, if the side ended it; None otherwise."""
+    def outcome(self) -> str | None: ...
 
-    def tick(self, index: int, deadline: float, now: float) -> None:
-        """Do the work of tick `index`. An index that was skipped is a deadline that was missed."""
+    def tick(self, index: int, deadline: float, now: float) -> None: ...
 
     def stop(self, now: float, reason: str) -> None:
-        """Begin an orderly stop: ramp forces to zero, say goodbye. Ticks go on until `stopped`."""
+        """Begin an orderly stop; ticks go on until `stopped`."""
 
     def fail(self, now: float, error: BaseException) -> None:
         """Command zero force at once; no tick follows."""
@@ -55,15 +53,11 @@ class Transport(Protocol):
         """Release what `open` claimed, also if that did not finish."""
 
 
-@dataclass(frozen=True, slots=True)
-class Run:
-    """Ticks done and missed, passes of the collector, how the run ended, and whether without `Ticking.fail`."""
+class Run(NamedTuple):
+    """How the run ended, and whether without `Ticking.fail`."""
 
-    ticks: int
-    missed: int
     outcome: str | None
     orderly: bool
-    garbage: GarbageSchedule | None = None
 
 
 class TickLoop:
@@ -75,13 +69,10 @@ class TickLoop:
     stop that takes too long, ends it at once through `side.fail`.
 
     Args:
-        side: what ticks.
-        transport: of its datagrams.
         period: time between ticks [s].
         duration_s: from the first tick to the stop [s]; None for no end.
         start_at: the first deadline [s, `time.monotonic`]; None for one period after opening.
         stop_limit_s: hard bound on an orderly stop [s].
-        after_tick: receives index, deadline, now [s] and the time from now to the end of `flush` [us]; for telemetry.
         garbage: schedule for the collector, which is then frozen during the run; None leaves the collector alone.
         busy_poll: poll sockets and clock instead of sleeping between ticks (`Ticker`); takes a processor.
     """
@@ -109,7 +100,6 @@ class TickLoop:
         self._stop_by = inf
         self._after_tick = after_tick
         self._garbage = garbage
-        self._ticks = 0
         self._reason: str | None = None
         self._error: BaseException | None = None
         self._failed = False
@@ -131,7 +121,7 @@ class TickLoop:
         if self._error is not None:
             raise self._error
         outcome = self._side.outcome or self._reason
-        return Run(self._ticks, self._ticker.missed, outcome, not self._failed, self._garbage)
+        return Run(outcome, not self._failed)
 
     async def _run(self, stop_signals: tuple[Signals, ...]) -> None:
         loop = asyncio.get_running_loop()
@@ -189,9 +179,8 @@ class TickLoop:
         self._transport.service(now)
         self._side.tick(index, deadline, now)
         self._transport.flush(now, deadline + self._period)
-        self._ticks += 1
         if self._after_tick is not None:
-            self._after_tick(index, deadline, now, (monotonic() - now) * 1e6)
+            self._after_tick(self._ticker.missed, deadline, now, (monotonic() - now) * 1e6)
         if self._side.stopped:
             self._finish()
         elif self._garbage is not None:

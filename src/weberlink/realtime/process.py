@@ -105,7 +105,6 @@ def die_with_parent(signal: Signals, parent: int | None = None) -> None:
     from a thread that lives as long as the parent.
 
     Args:
-        signal: what to receive.
         parent: process id of the parent; None for the parent at the time of this call.
     """
     expected = os.getppid() if parent is None else parent

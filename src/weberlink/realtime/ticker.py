@@ -5,8 +5,6 @@ import os
 from collections.abc import Callable
 from math import isfinite
 from time import monotonic_ns
-from types import TracebackType
-from typing import Self
 
 from weberlink.realtime import timerfd
 
@@ -36,7 +34,7 @@ class Ticker:
     opening a device may take as long as a person needs to home it.
 
     A wake-up takes some time from the timer to the first line of Python. The timer is therefore set ahead by
-    `timer_advance_s`, the median of the last wake-ups, revised once a second and bounded by `LARGEST_ADVANCE_S` and
+    the median of the last wake-ups, revised once a second and bounded by `LARGEST_ADVANCE_S` and
     `LARGEST_ADVANCE_SHARE`; the rest is busy waiting.
 
     A polling ticker (`polls`) keeps the event loop running instead: but for a short rest after each tick, the loop asks
@@ -103,11 +101,6 @@ class Ticker:
         return self._period_ns / NANOSECONDS
 
     @property
-    def timer_advance_s(self) -> float:
-        """How much earlier than its deadline a tick is woken for now [s]."""
-        return self._advance_ns / NANOSECONDS
-
-    @property
     def running(self) -> bool:
         return self._loop is not None
 
@@ -142,13 +135,6 @@ class Ticker:
         forget(self._fd)
         os.close(self._fd)
         self._loop = None
-
-    def __enter__(self) -> Self:
-        self.start()
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self.stop()
 
     def _wake(self) -> None:
         passed = timerfd.expirations(self._fd)

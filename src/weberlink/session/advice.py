@@ -65,21 +65,13 @@ TICK_SHARE = 1 / 3
 
 
 class DryRun(NamedTuple):
-    """A file and what was built of it; None for a part of the other side, and of another kind of session.
+    """A file and what was built of it; None for a part of the other side, and of another kind of session."""
 
-    Args:
-        configuration: of one side or both.
-        device: in the robot's frame.
-        robot: with its scene.
-        leader: the arm of the operator's side.
-        follower: the arm of the teleoperator's side.
-    """
-
-    configuration: Configuration
-    device: Device | None = None
-    robot: Robot | None = None
-    leader: "ArmSpec | None" = None
-    follower: "ArmSpec | None" = None
+    configuration: Configuration  # of one side or both
+    device: Device | None = None  # in the robot's frame
+    robot: Robot | None = None  # with its scene
+    leader: "ArmSpec | None" = None  # the arm of the operator's side
+    follower: "ArmSpec | None" = None  # the arm of the teleoperator's side
 
     @property
     def system(self) -> System:
@@ -447,7 +439,6 @@ def tick_rate(parts: DryRun, tick_s: Callable[[Configuration], float | None] | N
     """A tick rate that this machine can hardly hold; a usual one is not looked at.
 
     Args:
-        parts: of the file.
         tick_s: measures how long a tick takes [s]; None where it cannot.
     """
     system = parts.system

@@ -26,11 +26,9 @@ class Unreached:
     touches. From then on what the robot feels is coded for the place to which it is led: that takes the model back.
 
     Args:
-        mirror: of the encoder.
         led: where the operator leads the robot [m]; None for nowhere.
         follows: whether the robot follows at all.
         least: smallest force that states a contact [N]: less may be left over within the deadband.
-        tick_period: [s].
     """
 
     def __init__(
@@ -65,10 +63,7 @@ class OutgoingChannel:
     """A signal that this side senses and encodes.
 
     Args:
-        name: as the configuration names it.
         stream: number of its updates on the wire.
-        encoder: of the channel.
-        sensor: gives the samples.
         unreached: looks after a force that the other end may feel elsewhere; None for other signals.
 
     Attributes:
@@ -93,9 +88,6 @@ class IncomingChannel:
     """A signal that this side decodes and actuates.
 
     Args:
-        name: as the configuration names it.
-        stream: number of its updates on the wire.
-        decoder: of the channel.
         place: measures where the model is evaluated; None where the model does not read a position.
         learner: is told each received contact model; None for nobody.
 
@@ -126,16 +118,7 @@ class IncomingChannel:
 
 
 class Rows:
-    """Fills in what a record holds of the streams: those of a hand and its rotation, or of an arm and its gripper.
-
-    Args:
-        outgoing: streams of the side.
-        incoming: streams of the side.
-        leads: whether this is the operator's end.
-
-    Attributes:
-        layout: of the records.
-    """
+    """Fills in what a record holds of the streams: those of a hand and its rotation, or of an arm and its gripper."""
 
     def __init__(
         self, outgoing: Sequence[OutgoingChannel], incoming: Sequence[IncomingChannel], *, leads: bool

@@ -130,7 +130,6 @@ def ask(ring: str | Path, request: Mapping[str, Any], patience_s: float = 2.0) -
     """Ask something of the daemon that writes a ring; blocks until it answers.
 
     Args:
-        ring: its path.
         request: one of these, or empty to ask what is in force only:
 
             - `weber` (0 to less than 1) or `predictor`, or both: of both sides, answered once they agree;
@@ -139,7 +138,6 @@ def ask(ring: str | Path, request: Mapping[str, Any], patience_s: float = 2.0) -
             - `stop`, with the outcome in words: an orderly end;
             - `emergency`, the moment of the command on `time.monotonic` [s]: no force and no motion from the next tick
               on; the run has failed. A run that was ordered later goes on.
-        patience_s: how long to wait [s].
 
     Returns:
         `accepted`, or `why` not. With settings of both sides `tick` of that daemon from which on they hold. Always
@@ -192,8 +190,6 @@ class ControlSocket:
 
     Args:
         listener: see `reserved`.
-        side: what is asked.
-        link: the emulated one, where there is one.
         ordered_at: when the run was ordered, on `time.monotonic` [s].
     """
 

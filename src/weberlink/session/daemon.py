@@ -12,7 +12,7 @@ from pathlib import Path
 from random import Random
 from signal import SIG_SETMASK, SIG_UNBLOCK, SIGHUP, Signals, pthread_sigmask, signal
 from socket import socket
-from time import monotonic, perf_counter, time_ns
+from time import monotonic
 from traceback import format_exception, print_exception
 from types import FrameType
 from typing import Any
@@ -22,7 +22,7 @@ from weberlink.config.errors import trace_of, validated
 from weberlink.config.finders import finder_of, finding
 from weberlink.config.model import DirectionFaults, split_address
 from weberlink.order import COMPLETED, EMERGENCY, FAILED, MISCONFIGURED, STOP_SIGNALS
-from weberlink.protocol.aio.udp import UdpShell, peer_address
+from weberlink.protocol.aio.udp import UdpShell
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.protocol.events import Address
 from weberlink.realtime.garbage import GarbageSchedule
@@ -30,7 +30,8 @@ from weberlink.realtime.loop import REASONS, AfterTick, TickLoop, Transport
 from weberlink.realtime.process import die_with_parent, prepare
 from weberlink.registry import fault_of, in_words
 from weberlink.session import description
-from weberlink.session.composition.link import Acquaintance, Identity, acquaintance
+from weberlink.session.composition.link import live_context
+from weberlink.session.composition.sides import build_side
 from weberlink.session.control_socket import ControlSocket, WithCompanion
 from weberlink.session.description import DaemonOrder, failure
 from weberlink.session.key_watch import key_watch
@@ -90,7 +91,7 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
     """Run one side to its end.
 
     Returns:
-        Outcome, faults, drops, rights and garbage collection, which the telemetry does not contain.
+        Outcome, faults, drops and rights, which the telemetry does not contain.
 
     Raises:
         ConfigurationError, StartError, OSError: before the first tick.
@@ -101,8 +102,8 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
     cpu = None if realtime.cpus is None else realtime.cpus[0 if order.side == MASTER else 1]
     epoch = monotonic()  # the first tick is that of the first deadline after opening
     finder = finder_of(configuration, order.side)
-    met = acquaintance(configuration, order.side, finder)
-    side = _build(order, configuration, epoch, met)
+    context = live_context(configuration, order.side, finder, epoch, take_over=order.take_over)
+    side = build_side(configuration, order.side, context)
     with ExitStack() as stack:
         # Before the rights are taken, so that it gets none, and has imported its libraries by the time of the session.
         paths = stack.enter_context(finding(configuration, finder, take_over=order.take_over))
@@ -143,7 +144,8 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
             return failure(str(stopped)) | {"failed": str(stopped) == EMERGENCY, "realtime": grants.as_dict()}
         stack.callback(side.close)
         transport: Transport = WithCompanion(udp, control)
-        if order.side == SLAVE and (watch := key_watch(configuration, finder, met.security, side.endpoint)) is not None:
+        watch = key_watch(configuration, finder, context.security, side.endpoint) if order.side == SLAVE else None
+        if watch is not None:
             transport = WithCompanion(transport, watch)
         ran = TickLoop(
             side,
@@ -164,41 +166,15 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
         "peer": side.peer._asdict(),
         "paths": [path._asdict() for path in udp.paths],
         "realtime": grants.as_dict(),
-        "garbage": None if ran.garbage is None else ran.garbage.summary(),
     }
-
-
-def _build(order: DaemonOrder, configuration: Configuration, epoch: float, met: Acquaintance) -> Side:
-    link = configuration.system.link
-    security, name, expects = met
-    common: dict[str, Any] = {
-        "security": security,
-        "entropy": os.urandom,
-        "epoch": epoch,
-        "stopwatch": perf_counter,
-        "identity": Identity(name, expects, order.take_over, stamp=lambda _now: time_ns()),
-    }
-    # Each side imports its own parts only.
-    if order.side == MASTER:
-        from weberlink.session.composition.sides import build_master  # noqa: PLC0415
-
-        peer = peer_address(expects) if configuration.finds_path else split_address(link.slave)
-        return build_master(configuration, peer=peer, **common)
-    from weberlink.session.composition.sides import build_slave  # noqa: PLC0415
-
-    return build_slave(configuration, live=True, **common)
 
 
 def _after_tick(side: Side, udp: UdpShell, ring: RingWriter, described: description.Description) -> AfterTick:
     """Writes the record of a tick, and what has changed of peer and paths."""
-    missed = 0
-    last_index: int | None = None
     peer, paths = side.peer, udp.paths
 
-    def write(index: int, deadline: float, now: float, work_us: float) -> None:
-        nonlocal missed, last_index, peer, paths
-        missed += 0 if last_index is None else index - last_index - 1
-        last_index = index
+    def write(missed: int, deadline: float, now: float, work_us: float) -> None:
+        nonlocal peer, paths
         ring.write(side.values((now - deadline) * 1e6, work_us, missed))
         if side.peer is not peer or udp.paths is not paths:
             peer, paths = side.peer, udp.paths
@@ -212,8 +188,6 @@ class LiveLink:
     """The emulated link of one direction, and its present faults, which may change while a session runs.
 
     Args:
-        faults: of the file.
-        link: what carries the datagrams.
         fixed: why nothing may be changed; None if it may.
     """
 

@@ -17,7 +17,7 @@ from weberlink.bounded_json import parse
 from weberlink.child_process import Order
 from weberlink.config import Configuration
 from weberlink.control.port import Port
-from weberlink.session.composition.channels import banks, streams
+from weberlink.session.composition.channels import banks
 from weberlink.session.composition.link import default_name, live_choices
 from weberlink.telemetry.runtime_directory import open_file
 
@@ -32,26 +32,16 @@ RANGE = ("lower_rad", "upper_rad")
 
 @dataclass(frozen=True)
 class DaemonOrder(Order):
-    """What a daemon runs.
+    """What a daemon runs."""
 
-    Args:
-        side: one of `SIDES`.
-        file: the configuration.
-        overrides: as of `--set`.
-        ring: where to write telemetry.
-        duration_s: length of the run; None to run until it is stopped.
-        take_over: whether a master replaces another one that the slave serves.
-        control: descriptor of the control socket, which the daemon inherits.
-        ordered_at: when the run was ordered, on `time.monotonic` [s]: an earlier stop does not concern it.
-    """
-
-    side: str
+    side: str  # one of `SIDES`
     file: str
-    overrides: tuple[str, ...]
+    overrides: tuple[str, ...]  # as of `--set`
     ring: str
-    duration_s: float | None = None
-    take_over: bool = False
-    control: int = -1
+    duration_s: float | None = None  # length of the run; None to run until it is stopped
+    take_over: bool = False  # whether a master replaces another one that the slave serves
+    control: int = -1  # descriptor of the control socket, which the daemon inherits
+    # When the run was ordered, on `time.monotonic` [s]: an earlier stop does not concern it
     ordered_at: float = field(default_factory=monotonic)
 
 
@@ -69,9 +59,6 @@ def describe(configuration: Configuration, side: str, name: str = "", port: Port
     """Describe the daemon in this process; the paths of keys and secrets are left out.
 
     Args:
-        configuration: of the session.
-        side: master or slave.
-        name: of the side, where it is known.
         port: of the side, where it is known; that of an arm adds the range of its angles.
     """
     system = configuration.system
@@ -88,7 +75,6 @@ def describe(configuration: Configuration, side: str, name: str = "", port: Port
         "system": system.model_dump(mode="json", exclude={"link": secret}),
         "finds_path": configuration.finds_path,
         "bank": list(force),
-        "position_bank": list(streams(system)[0][0].bank),  # of an arm, that of the angles of its joints
         **({} if torque is None else {"torque_bank": list(torque)}),
         "changes": sorted(live_choices(system)),
         **({} if angles is None else dict(zip(RANGE, angles, strict=True))),
@@ -96,24 +82,14 @@ def describe(configuration: Configuration, side: str, name: str = "", port: Port
 
 
 class Description:
-    """The file of one daemon.
-
-    Args:
-        ring: beside which it lies.
-        described: as of `describe`.
-    """
+    """The file of one daemon."""
 
     def __init__(self, ring: str | Path, described: dict[str, Any]) -> None:
         self._path = path_beside(ring)
         self._text = json.dumps(described)
 
     def publish(self, peer: dict[str, str] | None = None, paths: "Iterable[PathFacts]" = ()) -> None:
-        """Write the file atomically, readable by this user only; may be called in a tick, for some 50 us.
-
-        Args:
-            peer: what the side knows of its peer (`weberlink.session.side.PeerFacts`).
-            paths: those in use.
-        """
+        """Write the file atomically, readable by this user only; may be called in a tick, for some 50 us."""
         news = json.dumps({"peer": peer, "paths": [path._asdict() for path in paths]})
         fd, draft = mkstemp(prefix=f"{self._path.name}.", dir=self._path.parent)
         try:

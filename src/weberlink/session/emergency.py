@@ -20,17 +20,11 @@ NO_SESSION = "there is no running session on this host"
 
 @dataclass(frozen=True)
 class Scope:
-    """The sessions that a stop may concern.
+    """The sessions that a stop may concern."""
 
-    Args:
-        folder: only those with their files in it; None for any folder.
-        session: only the one of this name; None for all.
-        parent: only those whose launcher is a child of this process; None for all.
-    """
-
-    folder: str | None = None
-    session: str | None = None
-    parent: int | None = None
+    folder: str | None = None  # only those with their files in it; None for any folder
+    session: str | None = None  # only the one of this name; None for all
+    parent: int | None = None  # only those whose launcher is a child of this process; None for all
 
     def holds(self, path: Path) -> bool:
         """Whether it holds the session of a control socket."""
@@ -51,7 +45,6 @@ class EmergencyStop:
     """One stop: force to zero, and no motion, at both ends of the sessions of this user that were ordered before it.
 
     Args:
-        scope: the sessions that it may concern.
         name: the only one of these that it concerns, if that one runs; a page may name a session that is over.
         at: the moment of the command, on `time.monotonic` [s].
 

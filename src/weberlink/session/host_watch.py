@@ -128,13 +128,7 @@ def missed_by_host(gap: Gap, stalls: Collection[WakeUp], period: float) -> int:
 
 
 class HostWatch:
-    """A process that watches the processors of a session's daemons; it starts once all of them tick.
-
-    Args:
-        sides: those that run here.
-        realtime: settings of the daemons.
-        period: of a tick [s].
-    """
+    """A process that watches the processors of a session's daemons; it starts once all of them tick."""
 
     def __init__(self, sides: Sequence[str], realtime: RealtimeSettings, period: float) -> None:
         allowed = os.sched_getaffinity(0)

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Sequence
+from operator import attrgetter
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING
@@ -17,19 +18,13 @@ if TYPE_CHECKING:
     from weberlink.protocol.psk import Keyring
     from weberlink.protocol.security import Security
 
+_IDENTITY = attrgetter("st_ino", "st_size", "st_mtime_ns", "st_mode", "st_uid")
 LOOK_S = 0.3
 """Between two looks [s]. Keys that cannot be read twice in a row are gone: an editor may be replacing their file."""
 
 
 class KeyWatch:
-    """Looks at the keys again and again, in a thread of the loop: a disk may be slow.
-
-    Args:
-        where: file or folder of the keys.
-        read: the keys in it.
-        keyring: holds them.
-        endpoint: of the slave.
-    """
+    """Looks at the keys again and again, in a thread of the loop: a disk may be slow."""
 
     def __init__(
         self, where: Path, read: Callable[[], Sequence[HeldKey]], keyring: "Keyring", endpoint: "Endpoint"
@@ -53,7 +48,9 @@ class KeyWatch:
     def _changed(self) -> Sequence[HeldKey] | None:
         """The keys, if they may be others than at the last look."""
         try:
-            seen = _fingerprint(self._where)
+            files = sorted(self._where.iterdir()) if self._where.is_dir() else [self._where]
+            # Differs when a file of keys was written, replaced, added or removed.
+            seen = [(file.name, *_IDENTITY(os.lstat(file))) for file in files]
             if seen == self._seen:
                 return None
             keys = self._read()
@@ -89,10 +86,3 @@ def key_watch(
         return KeyWatch(*finder.stored_keys(), security, endpoint)
     path = link.key_file
     return None if path is None else KeyWatch(path, lambda: load(path), security, endpoint)
-
-
-def _fingerprint(where: Path) -> object:
-    """Differs when a file of keys was written, replaced, added or removed."""
-    files = sorted(where.iterdir()) if where.is_dir() else [where]
-    found = [(file.name, os.lstat(file)) for file in files]
-    return [(name, each.st_ino, each.st_size, each.st_mtime_ns, each.st_mode, each.st_uid) for name, each in found]

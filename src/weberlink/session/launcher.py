@@ -15,7 +15,7 @@ from pathlib import Path
 from signal import SIG_DFL, SIG_IGN, SIGTERM, Signals, getsignal, signal
 from subprocess import PIPE
 from time import monotonic, sleep, time
-from types import FrameType, TracebackType
+from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from weberlink.child_process import Child, python
@@ -137,31 +137,21 @@ class Daemon:
 
 @dataclass
 class LiveRun:
-    """A live run of one side or both; a context manager that leaves no process behind.
-
-    Args:
-        configuration: what to run.
-        overrides: as given on the command line; the daemons read the file themselves.
-        sides: which daemons to start.
-        duration_s: length of the run; None until it is stopped.
-        display: opened when the first daemon has created its ring, closed at the end; what it gives is called about ten
-            times a second with the newest records and the figures so far, unless it is None.
-        record: where to record the session, as MCAP; None to record nothing.
-        journal: writes the log; None for no log.
-        take_over: whether the master replaces another one that the slave serves.
-        tell: receives one line as soon as a cause of failure is there that a person can remove.
-        on_delay: gives advice on a measured round trip [s], which is told once; None for none.
-    """
+    """A live run of one side or both; a context manager that leaves no process behind."""
 
     configuration: Configuration
-    overrides: Sequence[str]
+    overrides: Sequence[str]  # as given on the command line; the daemons read the file themselves
     sides: Sequence[str] = SIDES
-    duration_s: float | None = None
+    duration_s: float | None = None  # length of the run; None until it is stopped
+    # Opened when the first daemon has created its ring, closed at the end; what it gives is called about ten times a
+    # second with the newest records and the figures so far, unless it is None
     display: Callable[[], AbstractContextManager[Watch | None]] = nullcontext
-    record: Path | None = None
+    record: Path | None = None  # where to record the session, as MCAP; None to record nothing
     journal: "Journal | None" = None
-    take_over: bool = False
+    take_over: bool = False  # whether the master replaces another one that the slave serves
+    # Receives one line as soon as a cause of failure is there that a person can remove
     tell: Callable[[str], None] = lambda _: None
+    # Gives advice on a measured round trip [s], which is told once; None for none
     on_delay: Callable[[float], str | None] = lambda _: None
     daemons: dict[str, Daemon] = field(default_factory=dict)
     _cameras: dict[Path, Child] = field(default_factory=dict)
@@ -191,7 +181,8 @@ class LiveRun:
         for number in STOP_SIGNALS:
             if getsignal(number) is SIG_IGN:  # for example by nohup
                 continue
-            self._stack.callback(signal, number, signal(number, self._on_signal) or SIG_DFL)
+            before = signal(number, lambda number, _: self._signals.append(Signals(number)))
+            self._stack.callback(signal, number, before or SIG_DFL)
         rings = {side: default_path(f"{os.getpid()}-{side}") for side in self.sides}
         for ring in rings.values():  # left by an earlier process with this process id
             ring.unlink(missing_ok=True)
@@ -386,9 +377,6 @@ class LiveRun:
         if is_measured and not self._has_advised and (advice := self.on_delay(1e-6 * (median_us or 0.0))) is not None:
             self._has_advised = True
             self.tell(f"{NOTE}{advice}")
-
-    def _on_signal(self, number: int, _frame: FrameType | None) -> None:
-        self._signals.append(Signals(number))
 
 
 def sweep(folders: Sequence[Path] | None = None) -> None:

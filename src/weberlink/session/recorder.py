@@ -25,12 +25,7 @@ Ordinary work goes before the recorder, so that a busy host may leave it little 
 
 
 def facts(configuration: Configuration, *, virtual: bool = False) -> dict[str, str]:
-    """Metadata for readers of a recording: the whole configuration, and the names of numbers in the records.
-
-    Args:
-        configuration: with overrides and defaults.
-        virtual: whether the session runs in virtual time.
-    """
+    """Metadata for readers of a recording: the whole configuration, and the names of numbers in the records."""
     system = configuration.system
     force, torque = banks(system)
     described: dict[str, Any] = {"system": system.model_dump(mode="json"), "bank": force, "torque_bank": torque}

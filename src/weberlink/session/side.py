@@ -42,18 +42,12 @@ _DEVICE, _UNFOUNDED, _NO_FAULT = Fault.DEVICE, Fault.UNFOUNDED, Fault.NONE
 
 
 class PeerFacts(NamedTuple):
-    """What a side knows of its peer in words.
+    """What a side knows of its peer in words."""
 
-    Args:
-        name: of the peer of the present session, or of the last one.
-        refusal: why the last call was refused, while there is no session.
-        farewell: the reason that the peer gave when it left the last session.
-        key, right: number of the key of a master, which does not tell the key, and what it is good for; "" without one.
-    """
-
-    name: str = ""
-    refusal: str = ""
-    farewell: str = ""
+    name: str = ""  # of the peer of the present session, or of the last one
+    refusal: str = ""  # why the last call was refused, while there is no session
+    farewell: str = ""  # the reason that the peer gave when it left the last session
+    # Number of the key of a master, which does not tell the key, and what it is good for; "" without one
     key: str = ""
     right: str = ""
 
@@ -64,11 +58,6 @@ class Side:
     Times are on the clock of the caller, which also fetches the endpoint's datagrams.
 
     Args:
-        port: senses and actuates; not yet open.
-        outgoing: what is sensed here, by stream.
-        incoming: what is actuated here, by stream.
-        tuning: the settings that may change while a session lives.
-        endpoint: this end of the session.
         tick_period: of both sides, as agreed [s].
         horizon: how long a model is extrapolated past the last sign of the peer's encoder [s].
         watchdog: expires when the port gives no usable reading for too long.

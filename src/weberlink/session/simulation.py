@@ -9,11 +9,11 @@ from itertools import islice
 from pathlib import Path
 from random import Random
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from weberlink.config import Configuration, ConfigurationError
+from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError
 from weberlink.config.model import EmulationSettings
 from weberlink.figures.session import Records, score_of
 from weberlink.figures.tree import Figures
@@ -23,8 +23,8 @@ from weberlink.protocol.emulation import EmulatedLink
 from weberlink.protocol.states import State
 from weberlink.registry import fault_of, is_hardware
 from weberlink.session.composition.channels import lookahead_ms
-from weberlink.session.composition.link import build_security
-from weberlink.session.composition.sides import build_master, build_slave
+from weberlink.session.composition.link import Context, build_security
+from weberlink.session.composition.sides import build_side
 from weberlink.session.interruption import Interruption
 from weberlink.session.side import Side
 from weberlink.telemetry.record import DESCRIPTION, RECORD, Record
@@ -52,9 +52,7 @@ class Simulation:
 
     Args:
         master: the operator's side; its endpoint's epoch is `epoch`.
-        slave: the teleoperator's side, likewise.
         links: the faults from master to slave, and those from slave to master.
-        tick_period: [s].
         epoch: time of tick 0 [s].
     """
 
@@ -81,7 +79,6 @@ class Simulation:
 
         Args:
             duration: None to run until the device ends.
-            observers: fed with the records of both sides, piece by piece.
             interruption: notes Ctrl-C, which costs less than a piece; None to let it raise KeyboardInterrupt.
         """
         chunks = self._chunks(duration)
@@ -165,10 +162,11 @@ def build_simulation(configuration: Configuration) -> Simulation:
     emulation = system.link.emulate or EmulationSettings()
     to_slave, to_master = emulation.directions
     chance = {name: Random(f"{emulation.seed}/{name}") for name in ("master", "slave", "forward", "backward")}  # noqa: S311
-    common: dict[str, Any] = {"security": build_security(configuration), "epoch": 0.0, "stopwatch": float}  # always 0.0
+    security = build_security(configuration)
+    caller = Context(security, chance["master"].randbytes, 0.0, peer=SLAVE_ADDRESS)
     return Simulation(
-        master=build_master(configuration, entropy=chance["master"].randbytes, peer=SLAVE_ADDRESS, **common),
-        slave=build_slave(configuration, entropy=chance["slave"].randbytes, **common),
+        master=build_side(configuration, MASTER, caller),
+        slave=build_side(configuration, SLAVE, Context(security, chance["slave"].randbytes, 0.0)),
         links=(
             Link(to_slave.emulation(), chance["forward"].random, 0.0),
             Link(to_master.emulation(), chance["backward"].random, 0.0),
@@ -210,7 +208,6 @@ def simulate(
     """Run to the end of the duration [s] or of the device's motion, or to Ctrl-C, which gives the figures so far.
 
     Args:
-        configuration: both sides.
         duration: [s]; None for `DEFAULT_DURATION`.
         record: where to record the session, as MCAP; None to record nothing.
         progress: receives the simulated time and the longest one [s], and the unit.

@@ -84,19 +84,12 @@ _FARTHEST_NS = 9e18
 
 @dataclass(frozen=True)
 class Origin:
-    """One side of a recording.
+    """One side of a recording."""
 
-    Args:
-        side: "master" or "slave".
-        rate_hz: of the ticks [Hz].
-        wall_s: a moment on the wall clock [s since 1970].
-        monotonic_s: the same moment on the clock of the records [s].
-    """
-
-    side: str
-    rate_hz: float
-    wall_s: float
-    monotonic_s: float
+    side: str  # "master" or "slave"
+    rate_hz: float  # of the ticks [Hz]
+    wall_s: float  # a moment on the wall clock [s since 1970]
+    monotonic_s: float  # the same moment on the clock of the records [s]
 
     @property
     def topic(self) -> str:

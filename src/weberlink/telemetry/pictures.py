@@ -21,34 +21,23 @@ LARGEST: Final = 2**21
 
 
 class Picture(NamedTuple):
-    """A picture, or why there is none.
+    """A picture, or why there is none."""
 
-    Args:
-        at: when it was taken [s].
-        camera: name.
-        jpeg: empty where there is none.
-        note: why there is none, in one line.
-    """
-
-    at: float
+    at: float  # when it was taken [s]
     camera: str
-    jpeg: bytes
-    note: str = ""
+    jpeg: bytes  # empty where there is none
+    note: str = ""  # why there is none, in one line
 
 
 @dataclass(frozen=True)
 class PicturesOrder(Order):
-    """What the process of a camera driver does; as of `weberlink.session.description.DaemonOrder`.
-
-    Args:
-        is_alone: whether the other side is on another host; else the pictures stay on this one.
-    """
+    """What the process of a camera driver does; as of `weberlink.session.description.DaemonOrder`."""
 
     side: str
     file: str
     overrides: tuple[str, ...]
     ring: str
-    is_alone: bool
+    is_alone: bool  # whether the other side is on another host; else the pictures stay on this one
 
 
 def path_beside(ring: str | Path) -> Path:

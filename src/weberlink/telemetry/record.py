@@ -34,23 +34,14 @@ PARTS = (HAND, ROTATION, ARM)
 
 
 class Field(NamedTuple):
-    """One quantity of a record.
-
-    Args:
-        name: of the field.
-        kind: numpy's name of its type.
-        axes: 1 for a number, 3 for a vector, and `len(JOINTS)` for the axes of an arm.
-        unit: of the numbers.
-        meaning: in words.
-        part: of a system that fills it; empty if every system does.
-    """
+    """One quantity of a record."""
 
     name: str
-    kind: str
-    axes: int
+    kind: str  # numpy's name of its type
+    axes: int  # 1 for a number, 3 for a vector, and `len(JOINTS)` for the axes of an arm
     unit: str
     meaning: str
-    part: str = ""
+    part: str = ""  # of a system that fills it; empty if every system does
 
 
 # Wide types come first, in whichever parts are recorded: so every value of a packed record is aligned.
@@ -155,8 +146,6 @@ class Layout:
     Attributes:
         parts: as bits, the first part lowest.
         fields: in the order of `FIELDS`.
-        format: for `struct`.
-        description: numpy's type.
         values: gives the values of a row, flat, in the order of the fields.
     """
 

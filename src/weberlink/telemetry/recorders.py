@@ -81,9 +81,7 @@ class RecordingFormat(Protocol):
         """Record a running session to a file.
 
         Args:
-            facts: about the system, for readers.
             rings: path of each side's ring; they need not exist yet.
-            out: the file.
             since: moment on the clock of the records from which on to record [s]; None for all that the rings hold.
         """
 

@@ -157,7 +157,6 @@ class RingWriter:
             side: name of who writes, up to 32 bytes.
             rate_hz: records per second that are intended [Hz].
             capacity: slots; a reader can lag behind by one record less.
-            records: what they hold.
 
         Raises:
             ValueError: an argument is out of range.

@@ -37,19 +37,13 @@ class ForeignFileError(OSError):
 
 @dataclass(frozen=True)
 class Places:
-    """Where a runtime directory may be.
-
-    Args:
-        environment: variables of this process.
-        users: directory with one directory for each user who is logged in.
-        shared: directory in memory in which everybody may create files, with the sticky bit set.
-        mounts: the kernel's table of mounts.
-    """
+    """Where a runtime directory may be."""
 
     environment: Mapping[str, str] = field(default_factory=lambda: os.environ)
-    users: Path = Path("/run/user")
+    users: Path = Path("/run/user")  # directory with one directory for each user who is logged in
+    # Directory in memory in which everybody may create files, with the sticky bit set
     shared: Path = Path("/dev/shm")  # noqa: S108 - what is there is checked
-    mounts: Path = Path("/proc/self/mountinfo")
+    mounts: Path = Path("/proc/self/mountinfo")  # the kernel's table of mounts
 
     def directory(self) -> Path:
         """The directory of this user, for new files; made if there is none. Raises RuntimeDirectoryError if there is

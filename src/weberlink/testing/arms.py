@@ -9,8 +9,8 @@ import pytest
 
 from weberlink.arms.contract import ArmFault, ArmReading
 from weberlink.geometry.joints import Joints, is_finite
-from weberlink.master.devices.leaders import LEADERS
-from weberlink.slave.robots.followers import FOLLOWERS
+from weberlink.master.devices import LEADERS
+from weberlink.slave.robots import FOLLOWERS
 from weberlink.testing.time import until
 
 

@@ -17,10 +17,7 @@ class Message:
     """A kind of message.
 
     Args:
-        values: that can be sent.
-        encode: gives the bytes of a value.
-        decode: gives the value in bytes.
-        refuses: with what it refuses bytes that are no message.
+        refuses: with what `decode` refuses bytes that are no message.
         refused: bytes that look like one, besides every truncation.
         unsendable: values that `encode` refuses with ValueError.
         padded: bytes more behind it are refused too.

@@ -128,12 +128,9 @@ class ServedDevice(ABC):
 
 
 class PtyDevice(ServedDevice):
-    """A serial port with the emulator at its other end.
+    """A serial port with the emulator at its other end; only the thread that serves it calls its methods.
 
-    Args:
-        emulator: the device; only the thread that serves it calls its methods.
-        path: of the link that is made; must not exist yet.
-        begin: see `ServedDevice`.
+    `path` is that of the link that is made; it must not exist yet.
     """
 
     def __init__(self, emulator: Emulator, path: Path, *, begin: Callable[[], object] = lambda: None) -> None:

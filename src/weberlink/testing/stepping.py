@@ -91,25 +91,25 @@ class SteppedWorker(Worker[Any, Any]):
     def of(cls, driver: Any, clock: Callable[[], float]) -> "SteppedWorker":
         """Take the thread off a driver that is not open; its time is that of a clock from now on."""
         worker = driver._worker
-        worker.__class__, worker._clock = cls, clock
+        worker.__class__, worker.clock = cls, clock
         assert isinstance(worker, cls)
         return worker
 
     @property
     def device(self) -> Any:
         """The exchange that a driver was made with."""
-        return getattr(self._exchange, "_exchange", self._exchange)
+        return getattr(self.exchange, "_exchange", self.exchange)
 
     def start(self) -> None:
         self.stop()
         self._begin()
-        self._due = self._clock()
+        self._due = self.clock()
         self._runs = True
 
     def step(self) -> None:
         """Exchange as often as it is due."""
-        while self._runs and self._due <= self._clock():
-            self._due = max(self._due + self._period, self._clock())
+        while self._runs and self._due <= self.clock():
+            self._due = max(self._due + self.period, self.clock())
             try:
                 self._once()
             except HardwareFault as fault:
@@ -119,4 +119,4 @@ class SteppedWorker(Worker[Any, Any]):
     def stop(self) -> None:
         if self._runs:
             self._runs = False
-            self._exchange.close()
+            self.exchange.close()

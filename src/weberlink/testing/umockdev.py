@@ -11,7 +11,8 @@ import shutil
 import struct
 import termios
 import tty
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from dataclasses import dataclass
 from fcntl import ioctl
 from pathlib import Path
 from subprocess import PIPE, STDOUT
@@ -19,7 +20,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from weberlink.child_process import Child
-from weberlink.hardware.emulator import EV_ABS, EV_KEY, EV_SYN, Emulator, HidIdentity, InputIdentity
+from weberlink.hardware.emulator import Emulator, HidIdentity
 from weberlink.hardware.fault import HardwareFault
 from weberlink.testing.serving import PtyDevice, serve
 
@@ -37,114 +38,56 @@ TORN_S = 0.05
 """After this time the rest of a report is not expected any more [s]."""
 LITERAL, END = b"\x16", b"\x04"
 
-KEY_BYTES, NAME_BYTES = 96, 256
-"""Sizes that python-evdev asks for, of bit maps and texts; umockdev gives less than was asked for as nothing."""
-USB_BUS = 3
 BUS = "/devices/pci0000:00/0000:00:14.0/usb1"
 
-Identity = HidIdentity | InputIdentity
+
+@dataclass(frozen=True, slots=True)
+class TestbedEntry:
+    """A device as umockdev is told of it, while it is plugged in."""
+
+    __test__ = False  # not a test class of pytest
+
+    node: str  # its path for processes that see the testbed
+    paths: tuple[str, ...]  # in /sys, from the outside in
+    description: str  # in umockdev's format, without a node in /dev, which umockdev could not remove again
+    ioctls: str  # answers of the node to requests, likewise
 
 
-class Pluggable:
-    """A device as umockdev is told of it, while it is plugged in.
-
-    Args:
-        identity: what it says of itself.
-        number: of its node.
-        instance: counts pluggings.
-
-    Attributes:
-        node: its path for processes that see the testbed.
-        paths: in /sys, from the outside in.
-        description: in the text format of umockdev, without a node in /dev, which umockdev could not remove again.
-        ioctls: answers of the node to requests, likewise.
-    """
-
-    def __init__(self, identity: Identity, number: int, instance: int) -> None:
-        self.identity = identity
-        usb = f"{BUS}/1-{instance}"
-        interface = f"{usb}/1-{instance}:1.0"
-        if isinstance(identity, HidIdentity):
-            self.node = f"/dev/hidraw{number}"
-            hid = f"{interface}/0003:{identity.vendor:04X}:{identity.product:04X}.{instance:04X}"
-            self.paths: tuple[str, ...] = usb, interface, hid, f"{hid}/hidraw/hidraw{number}"
-            self.description, self.ioctls = self._hid(identity, number, instance), self._hid_ioctls(identity)
-        else:
-            self.node = f"/dev/input/event{number}"
-            device = f"{interface}/input/input{instance}"
-            self.paths = device, f"{device}/event{number}"
-            self.description, self.ioctls = self._input(identity, number, instance), self._input_ioctls(identity)
-
-    def _hid(self, identity: HidIdentity, number: int, instance: int) -> str:
-        usb, interface, hid, node = self.paths
-        vendor, product = identity.vendor, identity.product
-        usb_id = f"E: PRODUCT={vendor:x}/{product:x}/100"
-        name = " ".join(filter(None, (identity.manufacturer, identity.name)))
-        lines = [
-            *(f"P: {usb}", "E: DEVTYPE=usb_device", "E: SUBSYSTEM=usb", usb_id),
-            *(f"A: idVendor={vendor:04x}", f"A: idProduct={product:04x}", "A: bcdDevice=0100"),
-            f"A: product={identity.name}",
-            *([f"A: manufacturer={identity.manufacturer}"] if identity.manufacturer else []),
-            *([f"A: serial={identity.serial_number}"] if identity.serial_number else []),
-            *("", f"P: {interface}", "E: DEVTYPE=usb_interface", "E: SUBSYSTEM=usb", usb_id, "A: bInterfaceNumber=00"),
-            *("", f"P: {hid}", "E: SUBSYSTEM=hid", f"E: HID_ID=0003:{vendor:08X}:{product:08X}"),
-            *(f"E: HID_NAME={name}", f"E: HID_PHYS=usb-{instance}/input0", f"E: HID_UNIQ={identity.serial_number}"),
-            *("", f"P: {node}", f"E: DEVNAME={self.node}", "E: SUBSYSTEM=hidraw", "E: MAJOR=240"),
-            f"E: MINOR={number}",
-        ]
-        return "\n".join(lines) + "\n"
-
-    def _hid_ioctls(self, identity: HidIdentity) -> str:
-        descriptor = identity.report_descriptor
-        size = _hex(len(descriptor).to_bytes(4, "little"))
-        padded = _hex(descriptor.ljust(LONGEST_DESCRIPTOR, b"\0"))
-        return f"@DEV {self.node}\nHIDIOCGRDESCSIZE 0 {size}\nHIDIOCGRDESC 0 {size}{padded}\n"
-
-    def _input(self, identity: InputIdentity, number: int, instance: int) -> str:
-        device, node = self.paths
-        size = struct.calcsize("l")
-        bits = _bitmap(identity.keys, KEY_BYTES)
-        words = [f"{int.from_bytes(bits[at : at + size], 'little'):x}" for at in range(0, KEY_BYTES, size)]
-        keys = " ".join(reversed(words)).lstrip("0 ") or "0"
-        lines = [
-            *(f"P: {device}", "E: SUBSYSTEM=input", f'E: NAME="{identity.name}"'),
-            *("E: ID_INPUT=1", "E: ID_INPUT_JOYSTICK=1"),
-            *(f"A: name={identity.name}", f"A: uniq={identity.serial_number}", f"A: capabilities/key={keys}"),
-            *("", f"P: {node}", f"E: DEVNAME={self.node}", "E: SUBSYSTEM=input", "E: MAJOR=13"),
-            *(f"E: MINOR={64 + number}", f"L: device=../../input{instance}"),
-        ]
-        return "\n".join(lines) + "\n"
-
-    def _input_ioctls(self, identity: InputIdentity) -> str:
-        """Of the size that python-evdev asks for."""
-        usb_id = b"".join(part.to_bytes(2, "little") for part in (USB_BUS, identity.vendor, identity.product, 0x0100))
-        name = identity.name.encode()[: NAME_BYTES - 1]
-        texts = {"EVIOCGNAME": name, "EVIOCGPHYS": b"usb/input0", "EVIOCGUNIQ": identity.serial_number.encode()}
-        lines = [
-            f"@DEV {self.node}",
-            "EVIOCGVERSION 0 01000100",
-            f"EVIOCGID 0 {_hex(usb_id)}",
-            "EVIOCGEFFECTS 0 00000000",
-            *(f"{name}(0) {len(text) + 1} {_hex(text.ljust(NAME_BYTES, bytes(1)))}" for name, text in texts.items()),
-            f"EVIOCGBIT(0) 4 {_hex(_bitmap((EV_SYN, EV_KEY, EV_ABS), 4))}",
-            f"EVIOCGBIT({EV_KEY}) {KEY_BYTES} {_hex(_bitmap(identity.keys, KEY_BYTES))}",
-            f"EVIOCGBIT({EV_ABS}) {KEY_BYTES} {_hex(_bitmap(identity.axes, KEY_BYTES))}",
-            f"EVIOCGKEY(0) {KEY_BYTES} {_hex(bytes(KEY_BYTES))}",
-            *(
-                f"EVIOCGABS({code}) 0 {_hex(struct.pack('<6i', axis.value, axis.least, axis.most, 0, 0, 0))}"
-                for code, axis in identity.axes.items()
-            ),
-        ]
-        return "\n".join(lines) + "\n"
+def usb_interface(instance: int) -> tuple[str, str]:
+    """Paths in /sys of a USB device and of its first interface; `instance` counts pluggings."""
+    return f"{BUS}/1-{instance}", f"{BUS}/1-{instance}/1-{instance}:1.0"
 
 
-def _hex(data: bytes) -> str:
-    return data.hex().upper()
+def hid_entry(identity: HidIdentity, number: int, instance: int) -> TestbedEntry:
+    """A HID device with the node of this number."""
+    vendor, product, path = identity.vendor, identity.product, f"/dev/hidraw{number}"
+    usb, interface = usb_interface(instance)
+    hid = f"{interface}/0003:{vendor:04X}:{product:04X}.{instance:04X}"
+    node = f"{hid}/hidraw/hidraw{number}"
+    usb_id = f"E: PRODUCT={vendor:x}/{product:x}/100"
+    name = " ".join(filter(None, (identity.manufacturer, identity.name)))
+    lines = [
+        *(f"P: {usb}", "E: DEVTYPE=usb_device", "E: SUBSYSTEM=usb", usb_id),
+        *(f"A: idVendor={vendor:04x}", f"A: idProduct={product:04x}", "A: bcdDevice=0100"),
+        f"A: product={identity.name}",
+        *([f"A: manufacturer={identity.manufacturer}"] if identity.manufacturer else []),
+        *([f"A: serial={identity.serial_number}"] if identity.serial_number else []),
+        *("", f"P: {interface}", "E: DEVTYPE=usb_interface", "E: SUBSYSTEM=usb", usb_id, "A: bInterfaceNumber=00"),
+        *("", f"P: {hid}", "E: SUBSYSTEM=hid", f"E: HID_ID=0003:{vendor:08X}:{product:08X}"),
+        *(f"E: HID_NAME={name}", f"E: HID_PHYS=usb-{instance}/input0", f"E: HID_UNIQ={identity.serial_number}"),
+        *("", f"P: {node}", f"E: DEVNAME={path}", "E: SUBSYSTEM=hidraw", "E: MAJOR=240", f"E: MINOR={number}", ""),
+    ]
+    descriptor = identity.report_descriptor
+    size = len(descriptor).to_bytes(4, "little").hex().upper()
+    padded = descriptor.ljust(LONGEST_DESCRIPTOR, b"\0").hex().upper()
+    ioctls = f"@DEV {path}\nHIDIOCGRDESCSIZE 0 {size}\nHIDIOCGRDESC 0 {size}{padded}\n"
+    return TestbedEntry(path, (usb, interface, hid, node), "\n".join(lines), ioctls)
 
 
-def _bitmap(codes: Iterable[int], size: int) -> bytes:
-    """Bit i of the `size` bytes is set for each code i."""
-    return sum(1 << code for code in codes).to_bytes(size, "little")
+def entry_of(identity: Any, number: int, instance: int) -> TestbedEntry:
+    is_hid = isinstance(identity, HidIdentity)
+    entry: TestbedEntry = hid_entry(identity, number, instance) if is_hid else identity.entry(number, instance)
+    return entry
 
 
 def missing() -> str | None:
@@ -172,8 +115,8 @@ class Testbed:
         self._priority = priority
         self._child: Child | None = None
         self._instances = 0
-        self._plugged: dict[int, Pluggable] = {}
-        self._described: dict[int, Identity] = {}
+        self._plugged: dict[int, TestbedEntry] = {}
+        self._described: dict[int, Any] = {}
         self.root = Path()
         """Replaces / for the processes that see the testbed."""
 
@@ -207,10 +150,10 @@ class Testbed:
         """Number of the next node, as the kernel would count."""
         return next(number for number in range(len(self._plugged) + 1) if number not in self._plugged)
 
-    def plug(self, identity: Identity, number: int) -> None:
+    def plug(self, identity: Any, number: int) -> None:
         """Let the device appear; the caller makes its node in /dev."""
         self._instances += 1
-        device = Pluggable(identity, number, self._instances)
+        device = entry_of(identity, number, self._instances)
         is_new = self._described.get(number) != identity
         self._ask({"add": device.description, "ioctls": device.ioctls if is_new else ""})
         self._described[number] = identity
@@ -259,19 +202,14 @@ class TestbedNode(PtyDevice):
     Reports of a HID device are kept apart as the kernel does, and come to the emulator without their number; a reader
     gets one report per read. Unlike with the kernel, whoever opens the node first reads what was sent while nobody had
     it open.
-
-    Args:
-        testbed: to plug it into.
-        emulator: the device, which has `identity`.
-        begin: see `PtyDevice`.
     """
 
     __test__ = False
 
     def __init__(self, testbed: Testbed, emulator: Any, *, begin: Callable[[], object] = lambda: None) -> None:
         self._number = testbed.free_number()
-        self._identity: Identity = emulator.identity
-        self.node = Pluggable(self._identity, self._number, 0).node
+        self._identity = emulator.identity
+        self.node = entry_of(self._identity, self._number, 0).node
         """Its path for processes that see the testbed."""
         super().__init__(emulator, testbed.root / self.node.removeprefix("/"), begin=begin)
         self._testbed = testbed

@@ -1,7 +1,7 @@
-"""Requests to the daemons: live changes, the emulated link, an orderly stop."""
+"""Requests to the daemons of a session: live changes, and the emulated link."""
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -15,9 +15,6 @@ ANSWER_S = 2.0
 """How long a daemon may take to answer."""
 LINK_KEYS = frozenset({"delay_ms", "jitter_ms", "loss"})
 """Settings of the emulated link: each side applies them to what it sends."""
-INHERIT_TIMES = 150
-INHERIT_AGAIN_S = 0.2
-"""How often, and how soon again, a new session is asked to take the settings of the one before."""
 
 Answer = dict[str, Any]
 
@@ -27,104 +24,23 @@ def refusal(why: str) -> Answer:
     return {"type": "answer", "accepted": False, "why": why}
 
 
-class SessionControl:
-    """Passes requests on to the daemons of this host, which check them.
+async def change(session: WatchedSession | None, request: Mapping[str, Any]) -> Answer:
+    """Change settings of both sides of a session, or of the emulated link in both directions.
 
-    Args:
-        sessions: by name.
-        link_changed: called with a session when another link is in force.
-        tell: called with lines for the user.
-
-    Attributes:
-        links: emulated links in force, by session, as far as they are known.
-        agreed: changes that the daemons accepted, by session; they may hold a little later.
+    One side agrees with the other on the settings; the link needs both. The daemons check the request.
     """
-
-    def __init__(
-        self,
-        sessions: Mapping[str, WatchedSession],
-        link_changed: Callable[[WatchedSession], None],
-        tell: Callable[[str], None],
-    ) -> None:
-        self._sessions, self._link_changed, self._tell = sessions, link_changed, tell
-        self.links: dict[str, dict[str, Any]] = {}
-        self.agreed: dict[str, dict[str, Any]] = {}
-
-    async def change(self, name: str | None, request: dict[str, Any]) -> Answer:
-        """Change settings of both sides of a session that runs, or of the emulated link in both directions."""
-        if not request:
-            return refusal("nothing to change; name weber, predictor, delay_ms, jitter_ms or loss")
-        session = self._running(name)
-        return refusal(f"{NO_SESSION} to change") if session is None else await self._apply(session, request)
-
-    async def _apply(self, session: WatchedSession, request: dict[str, Any]) -> Answer:
-        """Apply settings to a session: one side agrees with the other on those of the codec; the link needs both."""
-        link = {key: value for key, value in request.items() if key in LINK_KEYS}
-        settings = {key: value for key, value in request.items() if key not in LINK_KEYS}
-        answer: Answer = {}
-        if settings:
-            answer = await asyncio.to_thread(ask_daemon, session.ring, settings)
-            self.take(session, answer)
-            if answer.get("accepted"):
-                self.agreed.setdefault(session.name, {}).update(settings)
-        if link and answer.get("accepted", True):
-            answers = await asyncio.to_thread(_ask_sides, session, link)
-            for each in answers.values():
-                self.take(session, each)
-            answer |= _joined(answers)
-        return answer
-
-    def forget(self, name: str) -> None:
-        """Drop what is known of a session."""
-        self.links.pop(name, None)
-        self.agreed.pop(name, None)
-
-    def take(self, session: WatchedSession, answer: Answer) -> None:
-        """Note settings and link in force that a daemon told."""
-        if isinstance(answer.get("settings"), dict):
-            session.settings = answer["settings"]
-            session.generation = answer.get("generation", session.generation)
-        link = answer.get("link")
-        if isinstance(link, dict) and self.links.get(session.name) != link:
-            self.links[session.name] = link
-            self._link_changed(session)
-
-    async def inherit(self, former: str, name: str) -> None:
-        """Apply the settings of a former session to a new session once it accepts them."""
-        kept = self._in_force(former)
-        answer = refusal("it did not begin")
-        for _ in range(INHERIT_TIMES):
-            await asyncio.sleep(INHERIT_AGAIN_S)
-            session = self._sessions.get(name)
-            if session is None or len(session.sources) < 2:
-                continue
-            present = self._in_force(name)
-            changed = {key: value for key, value in kept.items() if value is not None and present.get(key) != value}
-            if session.ended or not changed:
-                return
-            answer = await self._apply(session, changed)
-            if answer["accepted"]:
-                return
-        self._tell(f"session {name} does not take over the settings: {answer['why']}")
-
-    def _in_force(self, name: str) -> dict[str, Any]:
-        """Settings and emulated link of a session: agreed, in force or as configured."""
-        session = self._sessions.get(name)
-        if session is None:
-            return {}
-        told = session.hello()
-        return {**told["settings"], **self.agreed.get(name, {}), **(self.links.get(name, told["link"]) or {})}
-
-    async def stop(self, name: str | None, why: str) -> Answer:
-        """End a session in order."""
-        session = self._running(name)
-        if session is None:
-            return refusal(f"{NO_SESSION} to stop")
-        return await asyncio.to_thread(ask_daemon, session.ring, {"stop": why})  # which ends the other side, too
-
-    def _running(self, name: str | None) -> WatchedSession | None:
-        session = self._sessions.get(name or "")
-        return None if session is None or session.ended else session
+    if not request:
+        return refusal("nothing to change; name weber, predictor, delay_ms, jitter_ms or loss")
+    if session is None or session.ended:
+        return refusal(f"{NO_SESSION} to change")
+    link = {key: value for key, value in request.items() if key in LINK_KEYS}
+    settings = {key: value for key, value in request.items() if key not in LINK_KEYS}
+    answer: Answer = {}
+    if settings:
+        answer = await asyncio.to_thread(ask_daemon, session.ring, settings)
+    if link and answer.get("accepted", True):
+        answer |= _joined(await asyncio.to_thread(_ask_sides, session, link))
+    return answer
 
 
 def _ask_sides(session: WatchedSession, request: dict[str, Any]) -> dict[RingSource, Answer]:

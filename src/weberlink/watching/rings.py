@@ -3,7 +3,7 @@
 import re
 import stat
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -45,6 +45,35 @@ def find_rings(where: Path | None) -> dict[str, dict[str, RingFile]]:
             if stat.S_ISREG(status.st_mode):
                 sessions.setdefault(session, {})[side] = RingFile(session, side, path, status.st_ino, status.st_ctime)
     return dict(sorted(sessions.items(), key=lambda item: min(ring.changed for ring in item[1].values())))
+
+
+class NoSessionError(RuntimeError):
+    """There is no such end of a live session, or more than one; the message says what to do."""
+
+
+def living_ring(side: str, session: str | None = None, where: Path | None = None) -> RingFile:
+    """The ring of the one end of a live session on this host.
+
+    Args:
+        side: master or slave.
+        session: process id of its launcher; None for the only one.
+        where: as of `find_rings`.
+
+    Raises:
+        NoSessionError: there is none, or more than one and no session given.
+    """
+    living = list[RingFile]()
+    for ring in (ends[side] for ends in find_rings(where).values() if side in ends):
+        if session in (None, ring.session):
+            with suppress(RingFormatError, OSError), closing(RingReader(ring.path)) as reader:
+                living += [ring] if reader.alive else []
+    if len(living) > 1:
+        names = ", ".join(ring.session for ring in living)
+        raise NoSessionError(f"{len(living)} sessions have a {side} on this host; choose by session one of {names}")
+    if not living:
+        which = "" if session is None else f" of session {session}"
+        raise NoSessionError(f"no {side}{which} runs on this host; start one, for example: weberlink loopback FILE")
+    return living[0]
 
 
 class RingSource:

@@ -102,17 +102,11 @@ def quaternions(rotation_rad: Array) -> Array:
 
 
 class Shown(NamedTuple):
-    """Messages of one topic.
-
-    Args:
-        topic: its name.
-        type_name: of its messages.
-        bodies: one for each tick, without encapsulation header.
-    """
+    """Messages of one topic."""
 
     topic: str
     type_name: str
-    bodies: Rows
+    bodies: Rows  # one for each tick, without encapsulation header
 
 
 def topics(side: str, *, arm: bool) -> dict[str, str]:
@@ -125,8 +119,6 @@ def shown(side: str, ticks: Rows, times_ns: NDArray[np.uint64], arm: ArmLayout |
     """The messages of some ticks.
 
     Args:
-        side: "master" or "slave".
-        ticks: records of that side.
         times_ns: of each, on the wall clock [ns since 1970].
         arm: the axes of a session in joint space; None for one in Cartesian space.
     """

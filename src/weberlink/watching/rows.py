@@ -1,4 +1,4 @@
-"""Selects the records to draw and lists them for JSON: samples, felt error, rates of the last second."""
+"""Lists records for JSON: the felt error, and the rates of the last second."""
 
 from collections import deque
 from typing import Any, NamedTuple
@@ -6,80 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.config import SLAVE
 from weberlink.figures.channel import Records, engaged
 from weberlink.figures.session import Layout
-
-ROWS_PER_S = 250.0
-"""Rows per second of a side, besides the ticks that sent an update."""
-_INTEGERS = ("ticks_missed", "datagrams_sent", "updates_sent", "state", "fault", "sent", "ramping", "model", "settings")
-COLUMNS: dict[str, int | None] = (
-    dict.fromkeys(("position", "raw", "output", "bound", "energy", "surface", "surface_size"), 7)
-    | {"surface_stiffness": 2}
-    | dict.fromkeys(("lateness_us", "work_us", "rtt_us", "one_way_us", "jitter_us"), 1)
-    | dict.fromkeys(_INTEGERS)
-)
-"""Columns of a row, with their decimal places; None for integers."""
-CARTESIAN = ("position", "raw", "output", "bound", "surface", "surface_size", "surface_stiffness", "model")
-"""Those of them that a session in joint space lacks."""
-ARM = {"joint_position": 6, "joint_raw": 6, "joint_output": 6, "gripper_updates_sent": None, "gripper_sent": None}
-"""Further columns of a session in joint space; its vectors have the axes of the arm alone."""
-ROTATION = {"rotation_raw": 6, "rotation_output": 6, "rotation_bound": 7, "rotation_sent": None}
-"""Further columns of a session with six degrees of freedom."""
-
-
-class Thinning:
-    """Selects every Nth record of a side, and all that sent an update or changed state or fault.
-
-    Args:
-        rate_hz: rate of the records [Hz].
-    """
-
-    def __init__(self, rate_hz: float) -> None:
-        self._every = max(1, int(np.ceil(rate_hz / ROWS_PER_S)))
-        self._passed = 0
-        self._before: tuple[int, int] | None = None
-
-    def choose(self, records: Records) -> Records:
-        """The rows to show."""
-        count = len(records)
-        if not count:
-            return records
-        keep = (np.arange(self._passed, self._passed + count) % self._every == 0) | (records["sent"] > 0)
-        keep |= (records["rotation_sent"] > 0) | (records["gripper_sent"] > 0)
-        for place, name in enumerate(("state", "fault")):
-            values = records[name].astype(np.int64)
-            before = values[0] if self._before is None else self._before[place]
-            keep |= np.diff(values, prepend=before) != 0
-        self._before = (int(records["state"][-1]), int(records["fault"][-1]))
-        self._passed += count
-        chosen: Records = records[keep]
-        return chosen
-
-
-def samples_message(side: str, rows: Records, origin: float, layout: Layout) -> dict[str, Any]:
-    """Message with rows of one side; `origin` is the start of the session on the clock of the rows [s]."""
-    arm, columns = layout.arm, COLUMNS if layout.torque_bank is None else COLUMNS | ROTATION
-    if arm is not None:
-        columns = {name: digits for name, digits in columns.items() if name not in CARTESIAN} | ARM
-    values = {name: rows[name] for name in columns}
-    if arm is not None:
-        values = {name: each[:, arm.places] if each.ndim > 1 else each for name, each in values.items()}
-        if side == SLAVE:
-            columns, values = columns | {"joint_bound": 6}, values | {"joint_bound": arm.torque_deadbands(rows)}
-
-    def column(values: NDArray[Any], digits: int | None) -> list[Any]:
-        if digits is None:
-            numbers: list[Any] = values.tolist()
-            return numbers
-        return listed(values, digits) if values.ndim == 1 else [listed(axis, digits) for axis in values.T]
-
-    return {
-        "type": "samples",
-        "side": side,
-        "t": listed(rows["at"] - origin, 6),
-        "columns": {name: column(values[name], digits) for name, digits in columns.items()},
-    }
 
 
 def listed(values: NDArray[Any], digits: int) -> list[float | None]:

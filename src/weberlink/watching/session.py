@@ -1,8 +1,8 @@
-"""A running session: the figures of the launcher's report so far, the rows of its last seconds, and its events."""
+"""A running session: the figures of the launcher's report so far, new records, and its events."""
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import asdict, replace
+from dataclasses import replace
 from datetime import datetime
 from math import inf
 from pathlib import Path
@@ -12,21 +12,16 @@ import numpy as np
 
 from weberlink.config import MASTER, SLAVE
 from weberlink.figures.journal import Fields, Journal
-from weberlink.figures.link import ways_now
-from weberlink.figures.paths import LinkPath, finding, paths_of
+from weberlink.figures.paths import LinkPath, paths_of
 from weberlink.figures.session import Layout, Records, SessionScore, TickPairs, joined
 from weberlink.figures.tree import DEGRADED, FAILURE, Cause
 from weberlink.figures.verdict import verdict
 from weberlink.figures.wording import ALARM, Words, fault_words, words
-from weberlink.protocol.states import State
 from weberlink.telemetry.fault import Fault, name_of
 from weberlink.telemetry.reader import DTYPE
-from weberlink.watching.hello import hello
 from weberlink.watching.rings import RingSource
-from weberlink.watching.rows import Pace, Thinning, felt_message, samples_message
+from weberlink.watching.rows import Pace
 
-BACKLOG_S = 5.0
-"""How far back `backlog` reaches."""
 UNSCORED_S = 1.0
 """How many records wait to be scored while no figures are needed."""
 UNNAMED = tuple(f"predictor {number}" for number in range(16))
@@ -35,21 +30,13 @@ MOST_EVENTS = 500
 
 
 class SessionEvent(NamedTuple):
-    """One event.
+    """One event."""
 
-    Args:
-        at: time since the session began [s].
-        wall: the same moment on the wall clock [s since 1970].
-        level: of `weberlink.figures.wording`.
-        side: master or slave; None for the session.
-        text: in words.
-    """
-
-    at: float
-    wall: float
-    level: str
-    side: str | None
-    text: str
+    at: float  # time since the session began [s]
+    wall: float  # the same moment on the wall clock [s since 1970]
+    level: str  # of `weberlink.figures.wording`
+    side: str | None  # master or slave; None for the session
+    text: str  # in words
 
 
 class EventLog:
@@ -58,10 +45,6 @@ class EventLog:
     Args:
         rate_hz: tick rate of both sides [Hz].
         origin: start of the session on the clock of the records [s].
-
-    Attributes:
-        events: the newest ones.
-        count: number of events so far.
     """
 
     def __init__(self, rate_hz: float, origin: float) -> None:
@@ -95,17 +78,11 @@ class EventLog:
         self.count += 1
 
 
-def events_message(session: str, events: list[SessionEvent]) -> dict[str, Any]:
-    """Message with events."""
-    return {"type": "events", "session": session, "events": [event._asdict() for event in events]}
+class News(NamedTuple):
+    """New records: of each side, and of the felt error those of both sides that belong together."""
 
-
-class _Shown(NamedTuple):
-    """Rows of a message: of a side (the same rows twice), or of the felt error (the master's and the slave's)."""
-
-    kind: str
-    first: Records
-    second: Records
+    records: dict[str, Records]
+    felt: tuple[Records, Records]
 
 
 class _WatchedSide:
@@ -113,7 +90,6 @@ class _WatchedSide:
 
     def __init__(self, source: RingSource) -> None:
         self.source = source
-        self.thinning = Thinning(source.rate_hz)
         self.pace = Pace()
         self.gripper_pace = Pace("gripper_updates_sent")
         self.last: Any = None
@@ -122,8 +98,7 @@ class _WatchedSide:
         """As its description says."""
         self._described: dict[str, Any] | None = None
 
-    def read(self) -> tuple[Records, Records]:
-        """The new records, and those of them to show."""
+    def read(self) -> Records:
         records = self.source.read()
         if self.source.description is not self._described:
             self._described = self.source.description
@@ -132,7 +107,7 @@ class _WatchedSide:
             self.last = records[-1]
             self.pace.add(records)
             self.gripper_pace.add(records)
-        return records, self.thinning.choose(records)
+        return records
 
     @property
     def fault(self) -> str | None:
@@ -143,14 +118,9 @@ class _WatchedSide:
 class WatchedSession:
     """A session of one or two sides; the second may join later.
 
-    Args:
-        name: of the session.
-        first: source of the side that was found first.
-
     Attributes:
         origin: time 0 of the rows [s], on the clock of the records.
         layout: what its records mean, as far as it is known.
-        settings, generation: settings in force as the daemons report them; None before that.
         log: its events.
     """
 
@@ -165,12 +135,9 @@ class WatchedSession:
         self._score = SessionScore(self.layout)
         self._unscored: dict[str, list[Records]] = {MASTER: [], SLAVE: []}
         """Records that wait to be scored: the cost of scoring is per call, not per record."""
-        self.settings: dict[str, Any] | None = None
-        self.generation: int | None = None
         self._sides: dict[str, _WatchedSide] = {}
         self._pairs = TickPairs(first.rate_hz)
         self.log = EventLog(first.rate_hz, first.began)
-        self._backlog: deque[_Shown] = deque()
         self.admit(first)
 
     def admit(self, source: RingSource) -> None:
@@ -211,14 +178,14 @@ class WatchedSession:
         return all(side.source.lost == 0 for side in self._sides.values())
 
     @property
-    def settings_count(self) -> int | None:
-        """Number of live changes in force, as of the newest record; None before the first record."""
-        return next((int(last["settings"]) for last in self.last.values()), None)
-
-    @property
     def faults(self) -> dict[str, dict[str, int]]:
         """How often each fault began, by side and name."""
         return {name: {} for name in self._sides} | self.score.faults
+
+    @property
+    def faults_now(self) -> dict[str, str | None]:
+        """The fault that is active now, by side."""
+        return {name: side.fault for name, side in self._sides.items()}
 
     @property
     def last(self) -> dict[str, Any]:
@@ -246,11 +213,11 @@ class WatchedSession:
         for side in self._sides.values():
             side.source.close()
 
-    def look(self, *, show: bool = True) -> list[dict[str, Any]]:
-        """Read new records; returns messages with their rows if `show`."""
+    def look(self) -> News:
+        """Read new records."""
         empty = np.empty(0, DTYPE)
         read = {name: side.read() for name, side in self._sides.items()}
-        for name, (records, _) in read.items():
+        for name, records in read.items():
             side = self._sides[name]
             if len(records):
                 self._unscored[name].append(records)
@@ -259,16 +226,10 @@ class WatchedSession:
         self._note_ends()
         if any(sum(map(len, waiting)) > UNSCORED_S * self.rate_hz for waiting in self._unscored.values()):
             _ = self.score
-        master, slave = (read.get(name, (empty, empty)) for name in (MASTER, SLAVE))
-        shown = [_Shown(name, rows, rows) for name, (_, rows) in read.items() if len(rows)]
-        if len(self._sides) == 2:
-            matched, now, counts = self._pairs.add(master[0], slave[1])
-            shown += [_Shown("felt", matched[counts], now[counts])] if counts.any() else []
-        self._backlog.extend(shown)
-        newest = max((float(last["at"]) for last in self.last.values()), default=0.0)
-        while self._backlog and float(self._backlog[0].first["at"][-1]) < newest - BACKLOG_S:
-            self._backlog.popleft()
-        return [self._message(*of) for of in shown] if show else []
+        if len(self._sides) < 2:
+            return News(read, (empty, empty))
+        matched, now, counts = self._pairs.add(read[MASTER], read[SLAVE])
+        return News(read, (matched[counts], now[counts]))
 
     def _note_ends(self) -> None:
         """Tell the end of a side once, with its reason."""
@@ -283,52 +244,10 @@ class WatchedSession:
             status = 0 if source.in_order and side.fault is None else 1
             self.log.note(float(side.last["at"]), name, words(name, "ended", {"outcome": outcome, "status": status}))
 
-    def backlog(self) -> list[dict[str, Any]]:
-        """Messages with the rows of the last seconds, for who begins to watch."""
-        kinds = sorted({shown.kind for shown in self._backlog}, key=lambda kind: (kind == "felt", kind))
-        of_kind = {kind: [shown for shown in self._backlog if shown.kind == kind] for kind in kinds}
-        return [
-            self._message(kind, joined([each.first for each in shown]), joined([each.second for each in shown]))
-            for kind, shown in of_kind.items()
-        ]
-
-    def hello(self) -> dict[str, Any]:
-        """The greeting; `readonly` says whether nobody may change anything."""
-        told = hello(self.name, {name: side.source.description for name, side in self._sides.items()})
-        axes = None if self.layout.arm is None else list(self.layout.arm.axes)
-        return told | self._settings | {"rate_hz": self.rate_hz, "seen_from_start": self.seen_from_start, "axes": axes}
-
-    def figures(self) -> dict[str, Any]:
-        """Message with all figures so far, and those of the last second."""
-        pace, figures = self.pace, replace(self.score.figures(), paths=self.paths)
-        against = verdict(replace(figures, faults=self.faults)).causes  # what the report would say
-        asked = self.description.get("system", {}).get("link", {}).get("dscp")
-        dscp = asked if isinstance(asked, int) else None
-        return {
-            "type": "figures",
-            "session": self.name,
-            "figures": figures.to_json(),
-            "alarms": [asdict(cause) for cause in (*self._present_faults(), *against)],
-            "faults": self.faults,
-            "faults_now": {name: side.fault for name, side in self._sides.items()},
-            "ended": self.ended,
-            "seen_from_start": self.seen_from_start,
-            "packets_per_s_now": {channel: of.packets_per_s for channel, of in pace.items()},
-            "reduction_now": {channel: of.reduction for channel, of in pace.items()},
-            "engaged": {
-                name: side.last is not None and bool(side.last["state"] == State.ENGAGED.value)
-                for name, side in self._sides.items()
-            },
-            "button": self._button,
-            "ways_now": ways_now(self.last),
-            "paths": [
-                asdict(path) | {"side": name, "words": path.route_words, "class": path.dscp_words(dscp)}
-                for name, paths in self.paths.items()
-                for path in paths
-            ],
-            "finding": finding([path for paths in self.paths.values() for path in paths]),
-            **self._settings,
-        }
+    def alarms(self) -> list[Cause]:
+        """The faults that are active now, and what the report would say."""
+        figures = replace(self.score.figures(), paths=self.paths, faults=self.faults)
+        return [*self._present_faults(), *verdict(figures).causes]
 
     def _present_faults(self) -> Iterator[Cause]:
         """The faults that are active now, as alarms."""
@@ -337,21 +256,3 @@ class WatchedSession:
                 told = fault_words(name, side.fault)
                 level = FAILURE if told.level == ALARM else DEGRADED
                 yield Cause(level, f"{name}_{side.fault}", f"{name}: {told.text}")
-
-    @property
-    def _button(self) -> str | None:
-        """Whether the button of `master.engage` is held or released; None without one, or without the master."""
-        engage = self.description.get("system", {}).get("master", {}).get("engage")
-        last = self.last.get(MASTER)
-        if engage is None or last is None:
-            return None
-        return "held" if int(last["buttons"]) >> int(engage["button"]) & 1 else "released"
-
-    @property
-    def _settings(self) -> dict[str, Any]:
-        return {} if self.settings is None else {"settings": self.settings, "generation": self.generation}
-
-    def _message(self, kind: str, first: Records, second: Records) -> dict[str, Any]:
-        if kind == "felt":
-            return felt_message(first, second, self.origin, self.layout)
-        return samples_message(kind, first, self.origin, self.layout)

@@ -82,18 +82,15 @@ class TestPolhemHid(ForceDeviceContract):
     SIGNS = (
         {"encoder_directions": (1, -1, 1)},
         {"motor_directions": (1, -1, 1)},
-        {"directions": (1, -1, 1)},
         {"report_bytes": 8},
         {"home_counts": (0, 0, -5999)},
         {"parameters": "woodenhaptics_2019"},
         {"parameters": "polhem_v3"},
     )
     REFUSED = (
-        ({"report_bytes": 8, "directions": (1, 1, 1)}, "directions"),
-        ({"directions": (1, 1, 1), "motor_directions": (1, 1, 1)}, "directions: leave it out beside"),
         (NINE_BYTES, "published for 8-byte reports, not for 14-byte reports: set encoder_dir"),
         ({**NINE_BYTES, "encoder_directions": (1, 1, 1)}, "published for 8-byte reports"),
-        ({"parameters": "vintage_phantom", "directions": (1, 1, 1)}, "published for the serial board"),
+        ({"parameters": "vintage_phantom", "encoder_directions": (1, 1, 1)}, "published for the serial board"),
         ({"parameters": "vintage_phantom_2021", "gravity_compensation": True}, "no masses are published"),
         ({"force_n": 5.01}, "force_n: expected at most 5 N"),
     )

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from weberlink.hardware.emulator import EMULATORS, WireFaults
-from weberlink.master.devices import DEVICES
-from weberlink.master.devices.leaders import LEADERS
+from weberlink.master.devices import DEVICES, LEADERS
 from weberlink.master.devices.polhem.protocol import LONG, SHORT, encode_command, encode_currents
 
 DRIVERS = {*DEVICES, *LEADERS}

@@ -10,10 +10,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.cli.live_ends import GRIPPER, LiveEnd, NoSessionError, find_end
 from weberlink.config import MASTER
 from weberlink.geometry.joints import Joints
 from weberlink.master.devices.target_link import LEADER, Sender, lock_of
+from weberlink.watching.rings import NoSessionError
+from weberlink_arms.live_ends import GRIPPER, LiveEnd, find_end
 from weberlink_arms.remote_leader import limits, pack_angles
 
 

@@ -19,10 +19,10 @@ from hypothesis import strategies as st
 from plugins.devices.tests.touch.fake_hd import Board, library, plugged
 from tests.test_child_process import executed  # noqa: F401
 from tests.wait import until
-from weberlink.geometry.rotation import turned, unit_quaternion
+from weberlink.geometry.rotation import Quaternion, turned, unit_quaternion
 from weberlink.geometry.vector import Vector
 from weberlink.hardware.fault import HardwareFault
-from weberlink.master.devices.contract import DeviceFault, Quaternion
+from weberlink.master.devices.contract import DeviceFault
 from weberlink.master.devices.threaded_device import RAMP_S
 from weberlink.testing.devices import armed, drive, fault_of
 from weberlink_devices.touch import hdapi

@@ -27,6 +27,7 @@ from weberlink.telemetry.message import (
 )
 from weberlink.watching.rings import RingSource
 from weberlink.watching.ros import topics
+from weberlink.watching.rows import felt_message
 from weberlink.watching.session import SessionEvent, WatchedSession
 from weberlink_foxglove.parameters import LiveParameters, as_parameters
 from weberlink_ros2 import follow
@@ -158,7 +159,7 @@ class FoxgloveBridge(TopicBridge):
     """
 
     def __init__(self, listen: str, port: int, *, allow_changes: bool, tell: follow.Tell) -> None:
-        self._parameters = LiveParameters(allow=allow_changes, tell=tell)
+        self._parameters = LiveParameters(allow=allow_changes)
         self.server = FoxgloveServer(self._parameters, tell)
         super().__init__(self.server, Qos(), RATE_HZ, tell)
         tick, context = (SCHEMA_NAME, SCHEMA_TEXT), self.server.context
@@ -207,9 +208,9 @@ class FoxgloveBridge(TopicBridge):
                     self._show_event(event, client)
             if now >= self._look_at or self._felt.has_sinks() or self._log.channel.has_sinks():
                 self._look_at = now + ALONE_S
-                for message in watched.look(show=self._felt.has_sinks()):
-                    if message["type"] == "felt":
-                        self._show_felt(message, watched.origin)
+                felt = watched.look().felt
+                if len(felt[0]) and self._felt.has_sinks():
+                    self._show_felt(felt_message(*felt, watched.origin, watched.layout), watched.origin)
                 for event in watched.log.since(self._told):
                     self._show_event(event)
                 self._told = watched.log.count
@@ -221,14 +222,13 @@ class FoxgloveBridge(TopicBridge):
         watched = self._watched
         if watched is None:
             return Status(Level.OK, "weberlink: session", "waits for a session", "", {})
-        figures = watched.figures()
-        alarms = figures["alarms"]
-        level = max((Level.ERROR if alarm["level"] == FAILURE else Level.WARN for alarm in alarms), default=Level.OK)
-        told = "; ".join(alarm["text"] for alarm in alarms) or "good"
+        alarms, pace = watched.alarms(), watched.pace
+        level = max((Level.ERROR if alarm.level == FAILURE else Level.WARN for alarm in alarms), default=Level.OK)
+        told = "; ".join(alarm.text for alarm in alarms) or "good"
         if watched.ended:
             level, told = Level.STALE, "over"
-        rates = {f"{name} packets [1/s]": rate for name, rate in figures["packets_per_s_now"].items()}
-        saved = {f"{name} saved": share for name, share in figures["reduction_now"].items()}
+        rates = {f"{name} packets [1/s]": of.packets_per_s for name, of in pace.items()}
+        saved = {f"{name} saved": of.reduction for name, of in pace.items()}
         values = {name: "unknown" if value is None else f"{value:.6g}" for name, value in (rates | saved).items()}
         return Status(level, "weberlink: session", told, watched.name, values)
 

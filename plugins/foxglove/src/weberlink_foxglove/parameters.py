@@ -1,14 +1,14 @@
 """The live settings of the session as parameters: read by every client, changed by the requests of the live page."""
 
 import asyncio
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 from foxglove import Parameter
 
 from weberlink.session.control_socket import LiveChangeError, ask
-from weberlink.watching.control import Answer, SessionControl, refusal
+from weberlink.watching.control import Answer, change, refusal
 from weberlink.watching.session import WatchedSession
 
 NUMBERS = frozenset({"weber", "delay_ms", "jitter_ms", "loss"})
@@ -25,10 +25,9 @@ Values = dict[str, Any]
 class LiveParameters:
     """What is in force in the followed session, and requests to change it, which may come from any thread."""
 
-    def __init__(self, *, allow: bool, tell: Callable[[str], None]) -> None:
+    def __init__(self, *, allow: bool) -> None:
         self._allow = allow
-        self._sessions: dict[str, WatchedSession] = {}
-        self._control = SessionControl(self._sessions, lambda _: None, tell)
+        self._session: WatchedSession | None = None
         self._asker = ThreadPoolExecutor(1, "settings")
         self._asked: Future[Values] | None = None
         self._ask_at = 0.0
@@ -37,15 +36,14 @@ class LiveParameters:
 
     def follow(self, session: WatchedSession) -> None:
         """From now on, parameters are those of this session."""
-        self._sessions.clear()
-        self._sessions[session.name] = session
+        self._session = session
 
     def close(self) -> None:
         self._asker.shutdown(wait=False, cancel_futures=True)
 
     def in_force(self) -> Values:
         """Settings and emulated link in force, or agreed; empty without an answer. Blocks until a daemon answers."""
-        session = next(iter(self._sessions.values()), None)
+        session = self._session
         if session is None or session.ended:
             return {}
         try:
@@ -61,7 +59,7 @@ class LiveParameters:
         if unknown := values.keys() - NAMES:
             return refusal(f"no parameter {', '.join(sorted(unknown))}; there are {', '.join(sorted(NAMES))}")
         request = {name: float(v) if name in NUMBERS and type(v) is int else v for name, v in values.items()}
-        return asyncio.run(self._control.change(next(iter(self._sessions), None), request))
+        return asyncio.run(change(self._session, request))
 
     def changed(self, now: float) -> Values:
         """What has changed since the last call; never blocks."""

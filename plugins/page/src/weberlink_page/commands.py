@@ -1,9 +1,11 @@
 """The commands `monitor` and `try`."""
 
+import json
+from contextlib import suppress
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -19,7 +21,11 @@ from weberlink.cli.arguments import (
     is_loopback,
 )
 from weberlink.cli.output import fail, failing, finish, tell
+from weberlink.installation import install_line
 from weberlink.order import MISCONFIGURED
+
+if TYPE_CHECKING:
+    from weberlink_page.launcher import TryOrder
 
 # Robots share their host with other tools, whose ports this one avoids: 8765 of Foxglove's bridge, which LeRobot starts
 # too; 9090 of rosbridge and Prometheus; 9876 and 9877 of Rerun; 7000 of MeshCat; 5000, 5555, 8000, 8080, 8081 and 8888
@@ -79,10 +85,13 @@ def try_session(
 
     Until Ctrl-C, or until its page has been closed for a minute; with --public until Ctrl-C.
     """
-    from weberlink_page import access, address  # noqa: PLC0415 - each command imports what it needs
+    from weberlink.config.cameras import CAMERAS  # noqa: PLC0415 - each command imports what it needs
+    from weberlink_page import access, address  # noqa: PLC0415
 
     check_public(listen, public)
     order = try_order(file, scene, set_ or [], duration, scripted=scripted)
+    if CAMERAS:
+        order = replace(order, overrides=(*cameras_to_try(order), *order.overrides))
     with failing(address.MonitorError):
         listening = address.bind(listen, MONITOR_PORT if port is None else port, or_any=port is None)
     token, is_own = access.new_token(), is_loopback(listen)
@@ -95,6 +104,7 @@ def try_session(
     if not is_own:
         told.append(f"other hosts: {address.public_url(listening, token)}")
         told.append("warning: who has this address may drive and change the session, and nothing is encrypted")
+    told += [f"to see the robot's camera: {install_line(guest)}" for guest in CAMERAS.absent().values()]
     for line in told:
         typer.echo(f"{NAME}: {line}", err=True)
     from weberlink_page.program import MonitorSettings, TrySession, run  # noqa: PLC0415 - takes most of a second
@@ -104,14 +114,27 @@ def try_session(
         return
     if result.report is None:
         fail(result.complaint, result.status)
-    from weberlink.figures.tree import Figures  # noqa: PLC0415 - where there is a report
+    from weberlink_page.report import figures_of  # noqa: PLC0415 - where there is a report
 
-    finish(replace(Figures.of_json(result.report), status=result.status), NAME, json_out)
+    finish(replace(figures_of(result.report), status=result.status), NAME, json_out)
+
+
+def cameras_to_try(order: "TryOrder") -> tuple[str, ...]:
+    """An override by which a camera driver that is installed shows the robot, where the file names no cameras."""
+    from weberlink.config import ConfigurationError, load  # noqa: PLC0415
+    from weberlink.config.cameras import CAMERAS  # noqa: PLC0415
+
+    with suppress(ConfigurationError):  # the session says what is wrong
+        slave = load(Path(order.file), order.overrides, sides=()).system.slave
+        if slave.cameras is None:
+            shown = {name: CAMERAS.load(name).preview(slave.robot.driver) for name in CAMERAS}
+            return tuple(f"slave.cameras={json.dumps({'driver': name} | of)}" for name, of in shown.items())[:1]
+    return ()
 
 
 def try_order(
     file: Path | None, scene: str | None, overrides: list[str], duration: float | None, *, scripted: bool
-) -> Any:
+) -> "TryOrder":
     """The sessions to run: those of the scenes of the shipped file, or of another file, which has one scene."""
     from weberlink_page.launcher import TryOrder  # noqa: PLC0415
     from weberlink_page.scenes import SCENES  # noqa: PLC0415

@@ -8,15 +8,16 @@ from time import monotonic
 from typing import Any, Protocol
 
 from weberlink.session.emergency import EmergencyStop, Scope
-from weberlink.watching.control import Answer, SessionControl, ask_daemon, refusal
+from weberlink.watching.control import Answer, ask_daemon, refusal
 from weberlink.watching.rings import RingOpener, RingSource, find_rings
-from weberlink.watching.session import WatchedSession, events_message
 from weberlink_page import driving
+from weberlink_page.control import SessionControl
 from weberlink_page.front import ANSWER_S, LONGEST_AGE_MS
 from weberlink_page.front import LOOK_S as LOOK_STOP_S
 from weberlink_page.launcher import SessionLauncher
 from weberlink_page.messages import Rooms
 from weberlink_page.requests import Requests
+from weberlink_page.session import PageSession, events_message
 from weberlink_page.viewer import Topic, Viewer, put_all
 
 LOOK_S = 0.05
@@ -39,10 +40,10 @@ class Attachment(Protocol):
     def look(self, now: float) -> None:
         """Called at each look at the sessions."""
 
-    def hello(self, session: WatchedSession, viewer: Viewer) -> dict[str, Any]:
+    def hello(self, session: PageSession, viewer: Viewer) -> dict[str, Any]:
         """What it adds to the greeting of a session for a page."""
 
-    def introduced(self, session: WatchedSession, viewer: Viewer) -> None:
+    def introduced(self, session: PageSession, viewer: Viewer) -> None:
         """Called when a page is shown another session, after the greeting."""
 
 
@@ -60,7 +61,7 @@ class SessionWatcher:
     """
 
     def __init__(self, where: Path | None, only: str | None, tell: Callable[[str], None]) -> None:
-        self.sessions: dict[str, WatchedSession] = {}
+        self.sessions: dict[str, PageSession] = {}
         """The newest last."""
         self.viewers: list[Viewer] = []
         self._where = where
@@ -89,7 +90,7 @@ class SessionWatcher:
         self._attached.append(part)
 
     @property
-    def newest(self) -> WatchedSession | None:
+    def newest(self) -> PageSession | None:
         """The session to show by default: running before ended, then the one that began last."""
         ranked = sorted(self.sessions.values(), key=lambda session: not session.ended)
         return ranked[-1] if ranked else None
@@ -200,7 +201,7 @@ class SessionWatcher:
         stop.close()
         return answer
 
-    def put(self, session: WatchedSession) -> None:
+    def put(self, session: PageSession) -> None:
         """Add a session, or replace an earlier one of that name."""
         self._drop(session.name)
         self.sessions[session.name] = session
@@ -213,7 +214,7 @@ class SessionWatcher:
         """Add a side to its session, or begin a session with it."""
         session = self.sessions.get(name)
         if session is None or source.side in session.sources:
-            self.put(WatchedSession(name, source))
+            self.put(PageSession(name, source))
         else:
             session.admit(source)
             self._greet_all(session)
@@ -229,9 +230,9 @@ class SessionWatcher:
                         self.admit(name, source)
                         self._tell(f"session {name}: {source.side} at {source.rate_hz:g} Hz")
 
-    def _follow(self, session: WatchedSession, *, is_figures_time: bool) -> None:
+    def _follow(self, session: PageSession, *, is_figures_time: bool) -> None:
         viewers = self.viewers_of(session.name)
-        for message in session.look(show=bool(viewers)):
+        for message in session.rows(show=bool(viewers)):
             put_all(viewers, "rows", message)
         self._keep_settings(session)
         if session.ended:
@@ -241,7 +242,7 @@ class SessionWatcher:
         if viewers and (is_figures_time or session.ended):
             put_all(viewers, "final" if session.ended else "figures", session.figures())
 
-    def _tell_events(self, session: WatchedSession) -> None:
+    def _tell_events(self, session: PageSession) -> None:
         events = session.log.since(self._told_events.get(session.name, 0))
         self._told_events[session.name] = session.log.count
         if events:
@@ -255,7 +256,7 @@ class SessionWatcher:
             if session is not None and viewer.watching != session.name:
                 self._introduce(viewer, session)
 
-    def _greeting(self, viewer: Viewer, session: WatchedSession) -> dict[str, Any]:
+    def _greeting(self, viewer: Viewer, session: PageSession) -> dict[str, Any]:
         hello = session.hello()
         hello["readonly"] = hello["readonly"] or not viewer.may_change
         hello["link"] = self.control.links.get(session.name, hello["link"])
@@ -264,7 +265,7 @@ class SessionWatcher:
             hello |= part.hello(session, viewer)
         return hello
 
-    def _greet_all(self, session: WatchedSession) -> None:
+    def _greet_all(self, session: PageSession) -> None:
         for viewer in self.viewers_of(session.name):
             viewer.put("again", self._greeting(viewer, session))
 
@@ -274,7 +275,7 @@ class SessionWatcher:
         rooms = nothing if self.launcher is None else self.launcher.rooms
         return {"token": self.requests.token if viewer.may_change else None, "rooms": rooms}
 
-    def _introduce(self, viewer: Viewer, session: WatchedSession) -> None:
+    def _introduce(self, viewer: Viewer, session: PageSession) -> None:
         """Switch a page to a session and send its last seconds."""
         viewer.watching = session.name
         self.driving.leave(viewer)
@@ -306,7 +307,7 @@ class SessionWatcher:
             for noted in (self._asked_at, self._told_events):
                 noted.pop(name, None)
 
-    def _keep_settings(self, session: WatchedSession) -> None:
+    def _keep_settings(self, session: PageSession) -> None:
         """Ask a daemon for its settings at the beginning, and when its records report a change."""
         count = session.settings_count
         if count is None or count == self._asked_at.get(session.name):
@@ -316,7 +317,7 @@ class SessionWatcher:
         self._asking.add(task)
         task.add_done_callback(self._asking.discard)
 
-    async def _ask_settings(self, session: WatchedSession) -> None:
+    async def _ask_settings(self, session: PageSession) -> None:
         for _ in range(ASK_TIMES):
             answer = await asyncio.to_thread(ask_daemon, session.ring, {})
             self.control.take(session, answer)

@@ -16,7 +16,6 @@ from rich.console import Console
 from rich.text import Text
 
 from weberlink.config import ConfigurationError
-from weberlink.config.document import parse_foreign
 from weberlink.config.errors import require_package
 from weberlink.figures.report import session_report
 from weberlink.figures.session import Records
@@ -30,7 +29,7 @@ from weberlink.telemetry.recorders import BEGUN, COMPLETE
 from weberlink_recording.lerobot_frames import NoFramesError, frames_of
 from weberlink_recording.reader import Recording, RecordingError, read_recording
 from weberlink_recording.ros_export import RATE_HZ, write_ros
-from weberlink_recording.session import CONFIGURATION, RecordedSession, put_together, time_axis
+from weberlink_recording.session import CONFIGURATION, RecordedSession, parse_foreign, put_together, time_axis
 from weberlink_recording.verified import Verified, verify
 
 FORMATS = ("csv", "parquet", "ros", "lerobot")

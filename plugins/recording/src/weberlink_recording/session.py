@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from weberlink.config import MASTER, SIDES, SLAVE
-from weberlink.config.document import parse_foreign
-from weberlink.figures.session import ANOTHER_CLOCK_S, LATEST_S, MARGIN_S, Layout, Records, SessionScore
+from weberlink.figures.session import MARGIN_S, Layout, Records, SessionScore
 from weberlink.figures.tree import Figures
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
@@ -20,10 +20,18 @@ from weberlink.telemetry.record import COUNTERS, FIELDS, FINITE
 from weberlink.telemetry.recorders import BEGUN
 from weberlink_recording.reader import Recording, RecordingError
 
+ANOTHER_CLOCK_S = 0.1
+"""A larger jump of the clock of the peer means another peer, or a restart of it."""
+LATEST_S = 1e10
+"""Upper limit of plausible times and durations [s]: three centuries."""
 LEAST_OVERLAP_S = 0.1
 """Two files with less time in common are not two sides of one session."""
 TORQUE_BANK = "torque_bank"
 """The fact with the predictors of the torque channel; absent with three degrees of freedom."""
+LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+LONGEST_FOREIGN = 1 << 16
+"""Characters of a configuration in a file that anybody may have made; those of all shipped files have 5,000."""
+DEEPEST_FOREIGN = 32
 CONFIGURATION = "configuration"
 """The fact with the configuration, as YAML."""
 ADDED = {field.name: 0.0 for field in FIELDS if field.name.startswith(("joint_", "gripper_"))}
@@ -149,6 +157,25 @@ def _clock(
         offset = float(moved["at"][0] - original[side]["at"][same])
     wall_ns = round(origin.wall_s * 1e9)
     return lambda at: (at - wall_ns) * 1e-9 + origin.monotonic_s + offset
+
+
+def parse_foreign(text: str) -> Any:
+    """The YAML in a file that anybody may have made; raises ValueError if it is none, or longer than `LONGEST_FOREIGN`,
+    deeper than `DEEPEST_FOREIGN`, or has aliases, by which a short text stands for a long one; in one line.
+    """
+    if len(text) > LONGEST_FOREIGN:
+        raise ValueError(f"more than {LONGEST_FOREIGN} characters")
+    depth = 0
+    try:
+        for event in yaml.parse(text, Loader=LOADER):
+            if isinstance(event, yaml.AliasEvent):
+                raise ValueError("YAML with an alias")  # noqa: TRY004
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if depth > DEEPEST_FOREIGN:
+                raise ValueError(f"YAML that is nested more than {DEEPEST_FOREIGN} deep")
+        return yaml.load(text, Loader=LOADER)  # noqa: S506 - a SafeLoader
+    except yaml.YAMLError as error:
+        raise ValueError(" ".join(str(error).split())) from None
 
 
 def _layout(recording: Recording, rate_hz: float) -> Layout:

@@ -4,10 +4,11 @@ import sys
 from signal import SIGHUP, SIGINT, SIGTERM, signal
 from threading import Event
 
-from weberlink.cli.live_ends import find_end
 from weberlink.config import MASTER
 from weberlink.geometry.vector import ZERO
 from weberlink.master.devices.target_link import PointerSender
+from weberlink.telemetry.reader import RingReader
+from weberlink.watching.rings import living_ring
 
 PERIOD_S = 0.03
 ANEW_S = 0.3
@@ -23,13 +24,14 @@ def lead(session: str | None) -> None:
     over = Event()
     for number in (SIGINT, SIGTERM, SIGHUP):
         signal(number, lambda _number, _frame: over.set())
-    end = find_end(MASTER, session)
+    ring = living_ring(MASTER, session)
+    end = RingReader(ring.path)
     sender = PointerSender(end.pid)
     try:
         sender.send(ZERO, held=False)
         over.wait(ANEW_S)
-        sys.stderr.write(f"weberlink lead: the topic leads session {end.session}; Ctrl-C lets go\n")
-        while end.is_alive and not over.wait(PERIOD_S):
+        sys.stderr.write(f"weberlink lead: the topic leads session {ring.session}; Ctrl-C lets go\n")
+        while end.alive and not over.wait(PERIOD_S):
             sender.send(ZERO, held=True)
         sender.send(ZERO, held=False)
     finally:

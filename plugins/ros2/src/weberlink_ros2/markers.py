@@ -28,7 +28,7 @@ Shape = Mapping[str, Any]
 
 
 def scene_markers(scene: Sequence[Shape], tool: Sequence[Vector]) -> bytes:
-    """Body of a MarkerArray with all solids as `weberlink.watching.hello.drawn` lists them, and the robot's tool.
+    """Body of a MarkerArray with all solids as `weberlink.watching.scene.drawn` lists them, and the robot's tool.
 
     Without a time, so that they hold until others take their place. The points of the tool are in its frame [m].
     """

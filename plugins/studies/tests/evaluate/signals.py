@@ -11,7 +11,7 @@ def trace(forces: list[float], depths: list[float]) -> Trace:
     """Forces and positions along z, one a millisecond."""
     forces_n, positions_m = np.zeros((len(forces), 3)), np.zeros((len(forces), 3))
     forces_n[:, 2], positions_m[:, 2] = forces, np.negative(depths)
-    return Trace(np.arange(len(forces)) * 1e-3, positions_m, forces_n, np.empty((0, 2)))
+    return Trace(np.arange(len(forces)) * 1e-3, positions_m, forces_n)
 
 
 def wall(ticks: int = 800, stiffness: float = 500.0) -> Trace:
@@ -25,4 +25,4 @@ def walk(ticks: int, seed: int) -> Trace:
     chance = np.random.default_rng(seed)
     forces = np.cumsum(chance.normal(0.0, 0.02, (ticks, 3)), axis=0) + 1.0
     positions = np.cumsum(chance.normal(0.0, 1e-5, (ticks, 3)), axis=0)
-    return Trace(np.arange(ticks) * 1e-3, positions, forces, np.empty((0, 2)))
+    return Trace(np.arange(ticks) * 1e-3, positions, forces)

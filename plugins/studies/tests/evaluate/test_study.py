@@ -83,9 +83,3 @@ def test_figures_are_those_of_a_plain_run(signal: Trace, predictor: str) -> None
         assert sum(found["selected"].values()) == found["packets"]
     else:
         assert "selected" not in found
-
-
-# --- cases
-
-
-# --- recordings

@@ -1,12 +1,13 @@
 """Carries pictures from the robot's host to the operator's: a session of its own, by the same keys and paths.
 
 The link is that of `weberlink.protocol`, so that keys, new addresses, lost paths and clocks are dealt with as those of
-the session that moves the robot. A key that may watch is enough. One host at a time is served.
+the session that moves the robot. Each host is served at a place of its own: the operator's at the first one, by a key
+that may drive, and watchers at the others, by keys that may watch.
 """
 
 import asyncio
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from time import monotonic, time_ns
@@ -46,7 +47,7 @@ def watching_keys(keys: Iterable[HeldKey]) -> list[HeldKey]:
     return [key._replace(right=Right.DRIVE) if key.right.allows(Right.WATCH) else key for key in keys]
 
 
-def robots_security(configuration: Configuration, finder: PathFinder | None) -> tuple[Security, Any]:
+def robots_security(configuration: Configuration, finder: PathFinder | None, *, watches: bool) -> tuple[Security, Any]:
     """The suite of the robot's end, and where its keys are and what reads them; None for it without a key."""
     link = configuration.system.link
     path = link.key_file
@@ -59,7 +60,7 @@ def robots_security(configuration: Configuration, finder: PathFinder | None) -> 
     where, read = (path, partial(held_keys, path)) if finder is None else finder.stored_keys()  # type: ignore[arg-type]
 
     def held() -> list[HeldKey]:
-        return watching_keys(read())
+        return watching_keys(read()) if watches else list(read())
 
     return Keyring(held()), (where, held)
 
@@ -69,12 +70,17 @@ class Carrier:
 
     Args:
         configuration: of the session.
-        side: of this host.
-        hub: from which the robot's end takes what it sends, or to which the operator's gives it.
+        side: of this host; `MASTER` for a watcher too.
+        hub: from which the robot's end takes what it sends, or to which the other end gives it.
+        place: 0 for the operator, from 1 for watchers.
+        served: the carriers of all places of the robot's end, among which the bandwidth is shared.
     """
 
-    def __init__(self, configuration: Configuration, side: str, hub: Hub) -> None:
+    def __init__(
+        self, configuration: Configuration, side: str, hub: Hub, place: int = 0, served: "Sequence[Carrier]" = ()
+    ) -> None:
         self._configuration, self._side, self._hub = configuration, side, hub
+        self._place, self._served = place, served
         assert configuration.cameras is not None
         self._options: VideoOptions = configuration.cameras.options  # type: ignore[assignment]
         self._epoch = monotonic()
@@ -84,7 +90,7 @@ class Carrier:
         self.endpoint = self._build()
         self._sender, self._receiver = Sender(self._options.most_kbit_s * 1e3), Receiver()
         self._cameras: list[str] = []
-        self.ended = asyncio.Event()
+        self._ended = False
         self._no_path = ""
 
     def _build(self) -> Endpoint:
@@ -101,7 +107,7 @@ class Carrier:
         }
         finder = self._finder
         if self._side == SLAVE:
-            self._security, self._keys = robots_security(self._configuration, finder)
+            self._security, self._keys = robots_security(self._configuration, finder, watches=self._place > 0)
             own = link.names.slave or (finder.own if finder else default_name(SLAVE, link.listen))
             return Endpoint(
                 role=Role.RESPONDER, outgoing=pictures, incoming=reports, security=self._security, name=own, **common
@@ -110,11 +116,11 @@ class Carrier:
         peer = peer_address(expects) if self._configuration.finds_path else self._address(link.slave)
         return Endpoint(
             role=Role.INITIATOR, outgoing=reports, incoming=pictures, security=security, peer=peer,
-            name=link.names.master or own, expects=link.names.slave or expects, take_over=True, **common,
+            name=link.names.master or own, expects=link.names.slave or expects, take_over=self._place == 0, **common,
         )  # fmt: skip
 
     def _address(self, of_link: str) -> tuple[str, int]:
-        return split_address(of_link)[0], self._options.port
+        return split_address(of_link)[0], self._options.port + self._place
 
     def put(self, picture: Picture) -> None:
         """Send a picture, where somebody watches."""
@@ -123,11 +129,15 @@ class Carrier:
         at_us = round((picture.at - self._epoch) * 1e6)
         self._sender.put(self._cameras.index(picture.camera), pack(picture), picture.at, at_us)
 
+    def end(self) -> None:
+        self._ended = True
+
     async def run(self) -> str:
-        """Carry until `ended`; returns why the other end does not want pictures, or ""."""
+        """Carry until `end`; returns why the other end does not want pictures, or ""."""
         link, listens = self._configuration.system.link, self._side == SLAVE
         with ExitStack() as stack:
-            paths = stack.enter_context(finding(self._configuration, self._finder, take_over=True, stream=STREAM))
+            stream = f"{STREAM} {self._place}" if self._place else STREAM
+            paths = stack.enter_context(finding(self._configuration, self._finder, take_over=True, stream=stream))
             emulated = emulated_link(self._side, self._configuration.system, self._epoch)
             shell = UdpShell(
                 self.endpoint,
@@ -147,7 +157,7 @@ class Carrier:
                 watch.open(loop)
                 stack.callback(watch.close)
             self.endpoint.connect(monotonic())
-            while not self.ended.is_set():
+            while not self._ended:
                 shell.service()
                 if self._no_path:
                     return self._no_path
@@ -194,6 +204,8 @@ class Carrier:
     def _send(self, now: float) -> None:
         """Send what may leave now."""
         if self._side == SLAVE:
+            shared_by = sum(carrier.endpoint.clock.rtt is not None for carrier in self._served)
+            self._sender.most_bit_s = self._options.most_kbit_s * 1e3 / max(1, shared_by)
             for fragment in self._sender.take(now) if self.endpoint.clock.rtt is not None else ():
                 self._update(fragment, now)
         elif (report := self._receiver.report(now, self.endpoint.clock.rtt or 0.0)) is not None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 from pydantic import Field
 
@@ -11,6 +11,7 @@ from weberlink.config.settings import Settings
 from weberlink_video.jpeg import MOST_PIXELS
 
 PORT: Final = 47_001
+LAST_PORT: Final = 65_535
 MOST_CAMERAS: Final = 8
 Side = Annotated[int, Field(ge=64, le=MOST_PIXELS, multiple_of=8)]
 
@@ -37,8 +38,14 @@ class VideoOptions(Settings):
     port: int = Field(
         default=PORT,
         ge=1,
-        le=65_535,
-        description="UDP port of the pictures on the robot's host",
+        le=LAST_PORT,
+        description="UDP port of the pictures on the robot's host; each host that watches takes the next one",
+    )
+    watchers: int = Field(
+        default=1,
+        ge=0,
+        le=8,
+        description="hosts that may watch at once beside the operator's (`weberlink watch`); equal in both files",
     )
     most_kbit_s: float = Field(
         default=20_000.0,
@@ -51,6 +58,8 @@ class VideoOptions(Settings):
         names = [source.name for source in self.sources]
         if len(set(names)) < len(names):
             yield "sources: two of them have the same name"
+        if self.port + self.watchers > LAST_PORT:
+            yield f"port: {self.watchers} watchers take the ports behind it, of which {LAST_PORT} is the last"
 
 
 class Video:
@@ -58,3 +67,9 @@ class Video:
 
     Options: ClassVar[type[VideoOptions]] = VideoOptions
     MODULE: ClassVar[str] = "weberlink_video.process"
+
+    @staticmethod
+    def preview(robot: str) -> dict[str, Any]:
+        """Options for who tries a robot of this driver: its scene, or a test picture."""
+        shown = {"name": "robot", "kind": "scene"} if robot == "mujoco" else {"name": "test", "kind": "pattern"}
+        return {"sources": [shown | {"size": [320, 240], "rate_hz": 15}]}

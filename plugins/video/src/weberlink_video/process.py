@@ -25,27 +25,35 @@ from weberlink_video.hub import Hub
 from weberlink_video.sources import Camera, Robot
 
 NICENESS = 5
-AGAIN_S = 2.0
 
 
 async def run(order: PicturesOrder, configuration: Configuration) -> None:
     """Make or receive pictures until this process is told to end."""
     hub = Hub(path_beside(order.ring))
-    carrier = Carrier(configuration, order.side, hub) if order.is_alone else None
+    carriers = places(configuration, order.side, hub) if order.is_alone else []
     ended = asyncio.Event()
     loop = asyncio.get_running_loop()
     loop.add_signal_handler(SIGTERM, ended.set)
     await hub.open()
-    cameras = _start_cameras(order, configuration, hub, carrier) if order.side == SLAVE else []
-    carrying = loop.create_task(_carry(carrier, hub)) if carrier is not None else None
+    cameras = _start_cameras(order, configuration, hub, carriers) if order.side == SLAVE else []
+    carrying = [loop.create_task(_carry(carrier, hub)) for carrier in carriers]
     await ended.wait()
     for camera in cameras:
         camera.end()
-    if carrier is not None and carrying is not None:
-        carrier.ended.set()
-        with suppress(TimeoutError):
-            await asyncio.wait_for(carrying, 0.5)
+    for carrier in carriers:
+        carrier.end()
+    if carrying:
+        await asyncio.wait(carrying, timeout=0.5)
     hub.close()
+
+
+def places(configuration: Configuration, side: str, hub: Hub) -> list[Carrier]:
+    """The ends of this side: of the robot's one for each host that it serves."""
+    assert configuration.cameras is not None
+    carriers: list[Carrier] = []
+    count = 1 + configuration.cameras.options.watchers if side == SLAVE else 1  # type: ignore[attr-defined]
+    carriers += (Carrier(configuration, side, hub, place, carriers) for place in range(count))
+    return carriers
 
 
 async def _carry(carrier: Carrier, hub: Hub) -> None:
@@ -60,14 +68,14 @@ async def _carry(carrier: Carrier, hub: Hub) -> None:
 
 
 def _start_cameras(
-    order: PicturesOrder, configuration: Configuration, hub: Hub, carrier: Carrier | None
+    order: PicturesOrder, configuration: Configuration, hub: Hub, carriers: list[Carrier]
 ) -> list[Camera]:
     assert configuration.cameras is not None
     loop = asyncio.get_running_loop()
 
     def give(picture: Picture) -> None:
         hub.put(picture)
-        if carrier is not None:
+        for carrier in carriers:
             carrier.put(picture)
 
     def give_later(picture: Picture) -> None:

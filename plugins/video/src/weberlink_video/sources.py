@@ -10,7 +10,6 @@ from time import monotonic, sleep
 from typing import Any, Final, NamedTuple
 
 from weberlink.telemetry.pictures import Picture
-from weberlink.telemetry.pose import PoseReader, path_of
 from weberlink.text import one_line
 from weberlink_video.jpeg import Splitter, check
 from weberlink_video.options import SourceSettings
@@ -74,6 +73,7 @@ def _drawn_scene(source: SourceSettings, robot: Robot) -> Iterator[tuple[float, 
     os.environ.setdefault("MUJOCO_GL", "egl" if ctypes.util.find_library("EGL") else "osmesa")
     import mujoco  # noqa: PLC0415
 
+    from weberlink_mujoco.robot.pose import PoseReader, path_of  # noqa: PLC0415 - of the guest that has the robot
     from weberlink_video.pattern import jpeg_of  # noqa: PLC0415 - for those that draw
 
     model, (width, height) = mujoco.MjModel.from_xml_path(str(robot.model)), source.size

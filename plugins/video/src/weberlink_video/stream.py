@@ -55,14 +55,14 @@ class Sender:
     """Sends the newest message of each camera; an older one that has not begun to leave is dropped.
 
     Args:
-        most_bit_s: of all of them.
+        most_bit_s: of all of them; may be changed.
     """
 
     def __init__(self, most_bit_s: float) -> None:
-        self.rate = min(FIRST_BIT_S, most_bit_s)
+        self.rate = FIRST_BIT_S
         """[bit/s]"""
         self.dropped = 0
-        self._most = most_bit_s
+        self.most_bit_s = most_bit_s
         self._next: dict[int, tuple[bytes, float, int]] = {}
         self._queue: deque[bytes] = deque()
         self._sent: dict[int, _Waiting] = {}
@@ -79,6 +79,7 @@ class Sender:
 
     def take(self, now: float) -> Iterator[bytes]:
         """The fragments that may leave now."""
+        self.rate = min(self.rate, self.most_bit_s)
         burst = max(2.0 * FORM_BYTES, BURST_S * self.rate / 8.0)
         self._tokens = min(burst, self._tokens + max(0.0, now - self._filled_at) * self.rate / 8.0)
         self._filled_at = now
@@ -130,7 +131,7 @@ class Sender:
     def _adapt(self, queue_s: float, received: int, now: float) -> None:
         before, self._received = self._received, (received, now)
         if queue_s <= QUEUE_S:
-            self.rate = min(self._most, self.rate * GROWTH)
+            self.rate = self.rate * GROWTH
         elif before is not None and now - self._fell_at > max(2.0 * REPORT_S, queue_s):
             carried = (received - before[0] & 0xFFFF_FFFF) * 8.0 / max(now - before[1], 1e-3)
             self.rate = max(LEAST_BIT_S, FALL * min(self.rate, max(carried, 0.5 * self.rate)))

@@ -129,9 +129,11 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         groups = [(system.codec.joints.angle, system.codec.joints.torque, len(system.codec.joints.names))]
         if system.codec.gripper is not None:
             groups.append((system.codec.gripper.angle, system.codec.gripper.torque, 1))
-        return tuple(_angles(angle, count, system) for angle, _, count in groups), tuple(
-            _torques(torque, count, system) for _, torque, count in groups
+        angles = (
+            joint_channel(**_common(angle, system), bounds=per_axis(angle.bound_rad, count), step=angle.step_rad)
+            for angle, _, count in groups
         )
+        return tuple(angles), tuple(_torques(torque, count, system) for _, torque, count in groups)
     forward, backward = channels(system)
     if system.codec.rotation is None:
         return (forward,), (backward,)
@@ -153,11 +155,6 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         position_step=orientation.step_rad,
     )
     return (forward, turning), (backward, twisting)
-
-
-def _angles(settings: AngleCodecSettings, count: int, system: System) -> Channel:
-    bounds = per_axis(settings.bound_rad, count)
-    return joint_channel(**_common(settings, system), bounds=bounds, step=settings.step_rad)
 
 
 def _torques(settings: JointTorqueCodecSettings, count: int, system: System, weber: float | None = None) -> Channel:
@@ -189,7 +186,6 @@ def account(control: ControlSettings, mapping: MappingSettings | None, *, turns:
     """What bounds the energy out of the hand, in the robot's frame, where lengths and forces are scaled, but no angles.
 
     Args:
-        control: of both sides.
         mapping: of the hand's frame to the robot's; None where they are one.
         turns: whether it is that of a torque.
     """

@@ -24,7 +24,6 @@ def coupling(configuration: Configuration, device: Device | None = None) -> floa
     """Stiffness of the robot towards its command [N/m]: as the file states it, or by the device.
 
     Args:
-        configuration: of both sides.
         device: in the robot's frame, if it is built already.
 
     Raises:

@@ -1,15 +1,16 @@
 """What both sides build alike from a configuration: agreement, security, endpoint, control, tuning."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import wraps
 from getpass import getuser
 from pathlib import Path
 from secrets import token_bytes
 from socket import gethostname
+from time import perf_counter, time_ns
 from typing import Any, NamedTuple, TypeVar, cast
 
-from weberlink.codec import Channel, Decoder, Encoder
+from weberlink.codec import Decoder, Encoder
 from weberlink.codec.predictors import BANKS
 from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError, System
 from weberlink.config.finders import PathFinder, finder_of
@@ -33,25 +34,22 @@ Parts = tuple[Port, list[OutgoingChannel], list[IncomingChannel], Tuning]
 """Of a side: its port, its channels out and in, and the settings that may change."""
 
 
-class Identity(NamedTuple):
-    """What a process says of itself to the other end.
+class Context(NamedTuple):
+    """What an end is given besides its file."""
 
-    Args:
-        name: where the file sets none; "" for that of the role.
-        expects: name of the only peer, where the file sets none; "" for any.
-        take_over: whether a master replaces another one that the slave serves.
-        asks: what a caller wants.
-        stamp: wall clock [ns] at `now` [s]; None to count `now`.
-    """
+    security: Security  # suite, with the key
+    entropy: Entropy  # gives random bytes
+    epoch: float  # time of tick 0 [s]
+    stopwatch: Stopwatch = float  # a clock [s], for the time spent in the codec; by default always 0.0
+    peer: Address | None = None  # address of the slave; None at its own end
+    name: str = ""  # where the file sets none; "" for that of the role
+    expects: str = ""  # name of the only peer, where the file sets none; "" for any
+    take_over: bool = False  # whether a master replaces another one that the slave serves
+    asks: Right = Right.DRIVE  # what a caller wants
+    stamp: Callable[[float], int] | None = None  # wall clock [ns] at `now` [s]; None to count `now`
+    # Whether a simulated robot publishes its pose and measures its steps: nothing in virtual time depends on the host.
+    live: bool = False
 
-    name: str = ""
-    expects: str = ""
-    take_over: bool = False
-    asks: Right = Right.DRIVE
-    stamp: Callable[[float], int] | None = None
-
-
-ANONYMOUS = Identity()
 
 F = TypeVar("F", bound=Callable[..., Any])
 ControlEnd = TypeVar("ControlEnd")
@@ -135,25 +133,19 @@ def own_key(path: Path) -> HeldKey:
     return key
 
 
-class Acquaintance(NamedTuple):
-    """Suite, own name and the name of the only peer ("" for any), where the file sets no names."""
-
-    security: Security
-    own: str
-    expects: str = ""
-
-
-def acquaintance(configuration: Configuration, side: str, finder: PathFinder | None) -> Acquaintance:
-    """How a process that runs one side knows the other one; ConfigurationError as of `build_security`."""
+def acquaintance(configuration: Configuration, side: str, finder: PathFinder | None) -> tuple[Security, str, str]:
+    """Suite, own name and the name of the only peer ("" for any) of a process that runs one side, where the file sets
+    no names; ConfigurationError as of `build_security`.
+    """
     if finder is not None:
-        return Acquaintance(finder.security, finder.own, finder.expects)
+        return finder.security, finder.own, finder.expects
     link = configuration.system.link
     named = own_key(link.key_file).name if side == MASTER and link.security == "psk" and link.key_file else ""
     if named and link.names.master not in (None, named):
         raise ConfigurationError(
             f"link.names.master: the key is that of {named!r}; leave the name out, or take its own"
         )
-    return Acquaintance(build_security(configuration), named or default_name(side, link.listen))
+    return build_security(configuration), named or default_name(side, link.listen), ""
 
 
 def default_name(side: str, listen: str) -> str:
@@ -169,60 +161,63 @@ def default_name(side: str, listen: str) -> str:
     return "".join(letter for letter in name if letter.isprintable())[-LONGEST_NAME:]
 
 
-def build_endpoint(
-    system: System,
-    role: Role,
-    security: Security,
-    entropy: Entropy,
+def live_context(
+    configuration: Configuration,
+    side: str,
+    finder: PathFinder | None,
     epoch: float,
-    outgoing: Sequence[Channel],
-    incoming: Sequence[Channel],
-    peer: Address | None,
-    identity: Identity = ANONYMOUS,
-    kind: type[Endpoint] = Endpoint,
-) -> Endpoint:
-    names = system.link.names
-    own, other = (names.master, names.slave) if role is Role.INITIATOR else (names.slave, names.master)
-    other = other or identity.expects
-    return kind(
-        role=role,
-        agreement=agreement(system),
-        outgoing=[channel.forms for channel in outgoing],
-        incoming=[channel.forms for channel in incoming],
-        security=security,
-        entropy=entropy,
-        epoch=epoch,
-        tick_period=system.tick_period,
-        silence=system.link.silence_ms * 1e-3,
-        longest_round_trip=system.link.longest_round_trip_ms * 1e-3,
-        peer=peer,
-        carries_credit=SCHEMES[system.control.scheme].carries_credit and system.codec.joints is None,
-        name=own or identity.name,
-        expects=other or "",
-        take_over=identity.take_over,
-        stamp=identity.stamp,
-        asks=identity.asks,
+    *,
+    take_over: bool = False,
+    asks: Right = Right.DRIVE,
+) -> Context:
+    """That of a process that runs one side, or asks the slave; ConfigurationError as of `build_security`."""
+    security, name, expects = acquaintance(configuration, side, finder)
+    peer = None
+    if side == MASTER:
+        from weberlink.protocol.aio.udp import peer_address  # noqa: PLC0415 - not in virtual time
+
+        found, link = configuration.finds_path, configuration.system.link
+        peer = peer_address(expects) if found else split_address(link.slave)
+    return Context(
+        security,
+        os.urandom,
+        epoch,
+        perf_counter,
+        peer,
+        name,
+        expects,
+        take_over,
+        asks,
+        stamp=lambda _now: time_ns(),
+        live=True,
     )
 
 
-def build_caller(
-    configuration: Configuration,
-    finder: PathFinder | None,
-    entropy: Entropy,
-    epoch: float,
-    stamp: Callable[[float], int],
-    *,
-    asks: Right = Right.DRIVE,
-    kind: type[Endpoint] = Endpoint,
-) -> Endpoint:
-    """The endpoint of a master without a device; ConfigurationError as of `build_security`."""
-    from weberlink.protocol.aio.udp import peer_address  # noqa: PLC0415 - not in virtual time
-
-    security, own, expects = acquaintance(configuration, MASTER, finder)
-    peer = peer_address(expects) if configuration.finds_path else split_address(configuration.system.link.slave)
-    identity = Identity(own, expects, asks=asks, stamp=stamp)
-    ways = streams(configuration.system)
-    return build_endpoint(configuration.system, Role.INITIATOR, security, entropy, epoch, *ways, peer, identity, kind)
+def build_endpoint(system: System, side: str, context: Context, kind: type[Endpoint] = Endpoint) -> Endpoint:
+    forward, backward = streams(system)
+    outgoing, incoming = (forward, backward) if side == MASTER else (backward, forward)
+    own, other = system.link.names.master, system.link.names.slave
+    if side == SLAVE:
+        own, other = other, own
+    return kind(
+        role=Role.INITIATOR if side == MASTER else Role.RESPONDER,
+        agreement=agreement(system),
+        outgoing=[channel.forms for channel in outgoing],
+        incoming=[channel.forms for channel in incoming],
+        security=context.security,
+        entropy=context.entropy,
+        epoch=context.epoch,
+        tick_period=system.tick_period,
+        silence=system.link.silence_ms * 1e-3,
+        longest_round_trip=system.link.longest_round_trip_ms * 1e-3,
+        peer=context.peer,
+        carries_credit=SCHEMES[system.control.scheme].carries_credit and system.codec.joints is None,
+        name=own or context.name,
+        expects=other or context.expects,
+        take_over=context.take_over,
+        stamp=context.stamp,
+        asks=context.asks,
+    )
 
 
 @with_file_name
@@ -232,8 +227,6 @@ def build_control(
     """One end of the control scheme.
 
     Args:
-        configuration: of both sides.
-        build: makes the end of a scheme of this name.
         coupling: stiffness of the robot towards its command [N/m].
 
     Raises:
@@ -259,9 +252,6 @@ def build_driver(where: str, driver: Any, *arguments: Any, contract: type | None
     """A driver from its options; what it cannot accept is an error of its place in the file.
 
     Args:
-        where: its place in the file.
-        driver: the class.
-        arguments: for it.
         contract: a protocol that its object must satisfy; the driver may be of another distribution.
 
     Raises:

@@ -223,7 +223,6 @@ def check_force_ends(device: "Device | LeaderArm", driver: str, accepted: str | 
 
     Args:
         device: not wrapped by a mapping.
-        driver: its name.
         accepted: `master.accept_no_watchdog`, the driver that may do without either.
 
     Raises:

@@ -34,8 +34,6 @@ def build_led(configuration: Configuration, endpoint: Endpoint, live: Stopwatch 
     """The port of a robot that a hand leads, its channels out and in, and the settings that may change.
 
     Args:
-        configuration: of both sides.
-        endpoint: of this one.
         live: with it, a simulated robot measures its steps, and publishes its pose; None for neither.
     """
     system, robot = configuration.system, build_robot(configuration)

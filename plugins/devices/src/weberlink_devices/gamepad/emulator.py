@@ -6,8 +6,8 @@ of rest.
 
 from typing import ClassVar
 
-from weberlink.hardware.emulator import EV_ABS, EV_KEY, EV_SYN, AxisRange, InputIdentity, event
 from weberlink_devices.gamepad.device import KEYS
+from weberlink_devices.gamepad.identity import EV_ABS, EV_KEY, EV_SYN, AxisRange, InputIdentity, event
 from weberlink_devices.thumb import DeflectionEmulator, ThumbOptions
 
 VENDOR, PRODUCT = 0x045E, 0x028E

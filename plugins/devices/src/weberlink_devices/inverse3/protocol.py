@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 from math import hypot, isfinite
 from typing import Any, Literal, NamedTuple
 
+from weberlink.geometry.rotation import Quaternion
 from weberlink.geometry.vector import Vector, norm
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.master.devices.contract import Quaternion
 
 ForceKey = Literal["vector", "values"]
 Grip = Literal["none", "wireless_verse_grip", "verse_grip"]

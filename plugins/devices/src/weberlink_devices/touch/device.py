@@ -8,11 +8,11 @@ from typing import ClassVar
 
 from pydantic import BaseModel
 
-from weberlink.geometry.rotation import IDENTITY, of_matrix
+from weberlink.geometry.rotation import IDENTITY, Quaternion, of_matrix
 from weberlink.geometry.vector import ZERO, Vector, cube, is_finite, within
 from weberlink.hardware.discovery import PluggedDevice, UsbId, serial_ports
 from weberlink.hardware.fault import HardwareFault
-from weberlink.master.devices.contract import DeviceFault, DeviceReading, Quaternion
+from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.devices.force_device import force_spec
 from weberlink.master.devices.threaded_device import RAMP_S, STALE_S, fingerprint
 from weberlink.registry import Tier

@@ -5,14 +5,15 @@ from contextlib import suppress
 from time import monotonic
 from typing import TYPE_CHECKING
 
+from weberlink.geometry.rotation import Quaternion
 from weberlink.geometry.vector import Vector
 from weberlink.slave.robots.computed import LONGEST_GAP, ComputedRobot
-from weberlink.slave.robots.contract import Quaternion, RobotSpec
+from weberlink.slave.robots.contract import RobotSpec
 from weberlink.slave.scenes.scene import Scene
 from weberlink_mujoco.robot.options import MujocoOptions
 
 if TYPE_CHECKING:
-    from weberlink.telemetry.pose import PoseWriter
+    from weberlink_mujoco.robot.pose import PoseWriter
 
 POSE_S = 1.0 / 30.0
 """Time between two published poses [s]."""
@@ -56,7 +57,7 @@ class MujocoRobot(ComputedRobot):
     def open(self, now: float) -> None:
         super().open(now)
         if self._shows:
-            from weberlink.telemetry.pose import PoseWriter, path_of  # noqa: PLC0415 - live sessions only
+            from weberlink_mujoco.robot.pose import PoseWriter, path_of  # noqa: PLC0415 - live sessions only
 
             with suppress(OSError):  # a session does not need to be seen
                 self._pose = PoseWriter(path_of(os.getpid()), len(self._simulation.pose))

@@ -5,8 +5,9 @@ from math import ceil, sqrt
 import mujoco
 import numpy as np
 
+from weberlink.geometry.rotation import Quaternion
 from weberlink.geometry.vector import ZERO, Vector, is_finite
-from weberlink.slave.robots.contract import Quaternion, RobotFault
+from weberlink.slave.robots.contract import RobotFault
 from weberlink_mujoco.robot.impedance import Impedance
 from weberlink_mujoco.robot.options import MujocoOptions
 from weberlink_mujoco.robot.plant import Array, Plant, settle

@@ -6,12 +6,11 @@ Run as a program, this file is that child and writes a JSON result to standard o
 
 import asyncio
 import json
-import os
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from time import monotonic, time_ns
+from time import monotonic
 from typing import Any
 
 import uvloop
@@ -23,7 +22,7 @@ from weberlink.protocol import PeerClosed, PeerSilent, Refused, State
 from weberlink.protocol.aio.udp import UdpShell
 from weberlink.protocol.probing import Heard, ProbingEndpoint
 from weberlink.realtime.process import prepare
-from weberlink.session.composition.link import build_caller
+from weberlink.session.composition.link import build_endpoint, live_context
 from weberlink.session.daemon import emulated_link
 
 PERIOD_S = 0.005
@@ -116,8 +115,8 @@ class Measurement:
 
 def run_link_trial(file: Path, overrides: Sequence[str], seconds: float) -> LinkTrial:
     """Measure the link of a file for some seconds in a child process; a failure is in the result."""
-    request = {"file": str(file), "overrides": list(overrides), "seconds": seconds}
-    return run_child(__name__, received, "link", request, seconds + WARM_UP_S + PATH_S + 2.0 * ANSWER_S)
+    limit_s = seconds + WARM_UP_S + PATH_S + 2.0 * ANSWER_S
+    return run_child(__name__, received, "link", limit_s, file=str(file), overrides=list(overrides), seconds=seconds)
 
 
 def received(heard: Sequence[Sequence[Any]] = (), **fields: Any) -> LinkTrial:
@@ -127,7 +126,8 @@ def received(heard: Sequence[Sequence[Any]] = (), **fields: Any) -> LinkTrial:
 
 def build_probe(configuration: Configuration, epoch: float, finder: PathFinder | None) -> ProbingEndpoint:
     """The endpoint of a master that measures. Raises ConfigurationError: no key can be read, or no such peer."""
-    endpoint = build_caller(configuration, finder, os.urandom, epoch, lambda _now: time_ns(), kind=ProbingEndpoint)
+    context = live_context(configuration, MASTER, finder, epoch)
+    endpoint = build_endpoint(configuration.system, MASTER, context, ProbingEndpoint)
     assert isinstance(endpoint, ProbingEndpoint)
     return endpoint
 

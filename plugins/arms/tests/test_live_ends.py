@@ -6,8 +6,9 @@ from time import monotonic
 
 import pytest
 
-from tests.cli.arm_rings import ArmRings, arm_rings
-from weberlink.cli.live_ends import NoSessionError, find_end
+from plugins.arms.tests.arm_rings import ArmRings, arm_rings
+from weberlink.watching.rings import NoSessionError
+from weberlink_arms.live_ends import find_end
 
 
 @pytest.fixture

@@ -8,12 +8,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from math import ceil
+from pathlib import Path
 from typing import Any
 
-from weberlink.cli.doctor.link_trial import LinkTrial, build_probe, run_link_trial
 from weberlink.cli.doctor.report import DoctorReport, Finding, Needs, advice, ok, problem
 from weberlink.cli.doctor.trial import nearest_rank
-from weberlink.config import MASTER, Configuration, System
+from weberlink.config import MASTER, Configuration, System, load
 from weberlink.config.finders import finder_of
 from weberlink.config.model import LinkSettings, split_address
 from weberlink.protocol.aio.sockets import numeric
@@ -23,6 +23,7 @@ from weberlink.protocol.probing import Heard
 from weberlink.protocol.session import LONGEST_SILENCE
 from weberlink.protocol.timing import LONGEST_RTT
 from weberlink.session.advice import AHEAD, DryRun, added_delays, uncontrolled_delay
+from weberlink_link.trial import LinkTrial, build_probe, run_link_trial
 
 SILENCE_STEP_MS = 10
 ELSEWHERE = "use another network"
@@ -31,26 +32,32 @@ WayOut = tuple[Mapping[str, Any], Sequence[Finding]]
 """What a path finder says of the way out of this host: for JSON, and in words."""
 
 
-def examine_link(configuration: Configuration, overrides: Iterable[str], seconds: float) -> DoctorReport:
-    """Examine the way out of this host if the file has a path finder, then measure the link to the waiting slave;
-    raises ConfigurationError if the key cannot be read, or the peer is not known.
+def examine(file: Path, overrides: Iterable[str], peer: str, seconds: float) -> DoctorReport:
+    """Examine the way out of this host if the file has a path finder, then measure the link to the waiting slave.
+
+    Args:
+        file: of the master.
+        overrides: as of `weberlink.config.load`.
+        peer: a label where paths are found, else a host, perhaps with a port.
+        seconds: of the measurement [s].
+
+    Raises:
+        ConfigurationError: the file is wrong, the key cannot be read, or the peer is not known.
     """
-    assert configuration.path is not None
-    build_probe(configuration, 0.0, finder_of(configuration, MASTER))  # for its errors, before anything takes time
+    given = load(file, overrides, [MASTER])
+    if given.finds_path:
+        called = f"link.finder.peer={peer}"
+    else:
+        try:
+            address = split_address(peer)
+        except ValueError:
+            address = peer.strip("[]"), split_address(given.system.link.slave)[1]
+        called = f"link.slave={numeric(address)}"
+    configuration = load(file, [*overrides, called], [MASTER])
     finder = configuration.finder
+    build_probe(configuration, 0.0, finder_of(configuration, MASTER))  # for its errors, before anything takes time
     way_out = ({}, []) if finder is None else finder.driver.examine(finder.options)
-    return judge(configuration, way_out, run_link_trial(configuration.path, [*overrides], seconds))
-
-
-def towards(peer: str, configuration: Configuration, overrides: Iterable[str]) -> list[str]:
-    """The overrides, and one that calls this peer: a label where paths are found, else a host, perhaps with a port."""
-    if configuration.finds_path:
-        return [*overrides, f"link.finder.peer={peer}"]
-    try:
-        address = split_address(peer)
-    except ValueError:
-        address = peer.strip("[]"), split_address(configuration.system.link.slave)[1]
-    return [*overrides, f"link.slave={numeric(address)}"]
+    return judge(configuration, way_out, run_link_trial(file, [*overrides, called], seconds))
 
 
 def judge(configuration: Configuration, way_out: WayOut, trial: LinkTrial) -> DoctorReport:
@@ -76,7 +83,7 @@ def judge(configuration: Configuration, way_out: WayOut, trial: LinkTrial) -> Do
         **({} if failure is None else {"failure": failure}),
     }
     findings = [replace(each, area=area) for area, group in found.items() for each in group]
-    return DoctorReport(Needs.of(configuration, [MASTER]), findings, document)
+    return DoctorReport(Needs(configuration.system, [MASTER], configuration.path), findings, document)
 
 
 def _describe_paths(paths: Iterable[Mapping[str, Any]], link: LinkSettings) -> Iterator[Finding]:

@@ -3,7 +3,6 @@
 A program reads the newest motion and force by axis.
 """
 
-from contextlib import suppress
 from pathlib import Path
 from time import monotonic
 from typing import Any, NamedTuple
@@ -16,16 +15,11 @@ from weberlink.figures.session import Records, joined
 from weberlink.session.description import read as read_description
 from weberlink.telemetry.reader import DTYPE, RingReader
 from weberlink.telemetry.record import AXES, JOINTS
-from weberlink.telemetry.ring import RingFormatError
-from weberlink.watching.rings import RingFile, find_rings
+from weberlink.watching.rings import NoSessionError, RingFile, living_ring
 
 STALE_S = 0.5
 """Age of the newest record from which its daemon stands still [s]."""
 GRIPPER = "gripper"
-
-
-class NoSessionError(RuntimeError):
-    """There is no such end of a live session, or more than one; the message says what to do."""
 
 
 OF_ARM = {
@@ -129,32 +123,7 @@ class LiveEnd:
 
 
 def find_end(side: str, session: str | None = None, ticks: int = 1, where: Path | None = None) -> LiveEnd:
-    """The one end of a live session on this host that has a name.
-
-    Args:
-        side: master or slave.
-        session: process id of its launcher, as its files are named; None for the only one.
-        ticks: as of `LiveEnd`.
-        where: folder of the rings; None for the runtime directories of this user.
-
-    Raises:
-        NoSessionError: there is none, or more than one and no session given.
+    """The one end of a live session on this host that has a name: `side` is master or slave, `ticks` as of `LiveEnd`,
+    the others and the errors as of `weberlink.watching.rings.living_ring`.
     """
-    found = list[LiveEnd]()
-    for ring in (ends[side] for ends in find_rings(where).values() if side in ends):
-        with suppress(NoSessionError, RingFormatError, OSError):
-            if session in (None, ring.session):
-                end = LiveEnd(ring, ticks)
-                if end.is_alive:
-                    found.append(end)
-                else:
-                    end.close()
-    if len(found) == 1:
-        return found[0]
-    for end in found:
-        end.close()
-    if found:
-        names = ", ".join(end.session for end in found)
-        raise NoSessionError(f"{len(found)} sessions have a {side} on this host; choose by session one of {names}")
-    which = "" if session is None else f" of session {session}"
-    raise NoSessionError(f"no {side}{which} runs on this host; start one, for example: weberlink loopback FILE")
+    return LiveEnd(living_ring(side, session, where), ticks)

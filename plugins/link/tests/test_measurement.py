@@ -10,8 +10,6 @@ import pytest
 from tests.protocol.harness import AGREEMENT, KEY, MASTER, SLAVE, TICK, Pair, Side, forms
 from tests.session.systems import CONFIGS
 from weberlink.cli.doctor import DoctorReport, Grade
-from weberlink.cli.doctor.link import Way, WayOut, figures, judge, lost_answers, lost_questions
-from weberlink.cli.doctor.link_trial import PERIOD_S, LinkTrial, Measurement, received
 from weberlink.cli.doctor.report import problem
 from weberlink.config import MASTER as LEADS
 from weberlink.config import load
@@ -21,6 +19,8 @@ from weberlink.protocol.aio.udp import PathFacts
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.probing import Heard, ProbingEndpoint
 from weberlink.protocol.psk import PresharedKey
+from weberlink_link.examination import Way, WayOut, figures, judge, lost_answers, lost_questions
+from weberlink_link.trial import PERIOD_S, LinkTrial, Measurement, received
 
 LOOPBACK = CONFIGS / "loopback.yaml"
 TICK_MS = 1.0

@@ -1,0 +1,77 @@
+"""What `weberlink try` shows of a robot, and a browser that never reads: neither page nor session notices it."""
+
+import asyncio
+import json
+import signal
+import socket
+from contextlib import ExitStack
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import psutil
+import pytest
+from aiohttp import ClientSession, ClientTimeout
+
+pytest.importorskip("weberlink_page")
+from plugins.page.tests.monitors import Monitor
+from plugins.video.tests.test_jpeg import jpeg
+from tests.program import ROOT, document, faults_of
+from weberlink_page.commands import cameras_to_try, try_order
+from weberlink_page.launcher import TryOrder
+
+VIDEO = ROOT / "plugins/video/configs/video.yaml"
+MOST_GROWTH = 2**24
+
+
+@pytest.mark.parametrize(
+    ("order", "kind"),
+    [
+        (try_order(None, None, [], None, scripted=False), "pattern"),
+        (TryOrder(str(VIDEO)), None),
+        (TryOrder(str(VIDEO), ("slave.cameras=null",)), "pattern"),
+        (TryOrder(str(VIDEO), ("slave.cameras=null", "slave.robot={driver: mujoco}")), "scene"),
+        (TryOrder("/nowhere.yaml"), None),
+    ],
+)
+def test_who_tries_sees_the_robot_where_the_file_names_no_cameras(order: TryOrder, kind: str | None) -> None:
+    added = [json.loads(each.removeprefix("slave.cameras=")) for each in cameras_to_try(order)]
+    assert [source["kind"] for of in added for source in of["sources"]] == ([] if kind is None else [kind])
+
+
+@pytest.mark.realtime
+def test_browser_that_never_reads_is_noticed_by_nobody(tmp_path: Path) -> None:
+    (tmp_path / "pictures").write_bytes(20 * jpeg(1024, 1024, quality=95))
+    cameras = (
+        f"slave.cameras={{driver: video, sources: [{{name: test, device: {tmp_path / 'pictures'}, rate_hz: 60}}]}}"
+    )
+    patient = ("--set", "link.silence_ms=2000", "--set", cameras)
+    with Monitor(tmp_path, "--json", tmp_path / "report", *patient, command="try --scripted") as monitor:
+        session, (host, port) = monitor.until_said(r"session (\d+): slave"), urlsplit(monitor.url).netloc.split(":")
+        view = f"/view?session={session}"
+
+        async def pictures(count: int) -> None:
+            async with (
+                ClientSession(timeout=ClientTimeout(60.0)) as client,
+                client.ws_connect(f"{monitor.url}{view}", max_msg_size=0) as page,
+            ):
+                while count:  # between two passes of the file it is said that there are no more
+                    count -= len(await page.receive_bytes()) > 1_000_000
+
+        asyncio.run(pictures(3))
+        with ExitStack() as stack:
+            for _ in range(4):
+                browser = stack.enter_context(socket.create_connection((host, int(port))))
+                upgrade = "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
+                key = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+                browser.sendall(f"GET {view} HTTP/1.1\r\nHost: {host}:{port}\r\n{upgrade}{key}\r\n".encode())
+                assert b"101" in browser.recv(20)
+            asyncio.run(pictures(20))  # what is kept for each of them is there
+            processes = [psutil.Process(monitor.pid), *psutil.Process(monitor.pid).children(recursive=True)]
+            before = {process: process.memory_info().rss for process in processes}
+            asyncio.run(pictures(40))
+            grown = {process.pid: process.memory_info().rss - rss for process, rss in before.items()}
+        assert max(grown.values()) < MOST_GROWTH, grown
+        monitor.send(signal.SIGINT)
+        status, said = monitor.finish()
+    assert status == 0, said
+    assert faults_of(document((tmp_path / "report").read_text())) == {"master": {}, "slave": {}}
