@@ -31,8 +31,8 @@ LOOK_S = 0.005
 """A force lasts for so long until the received model is asked for a contact, and a correction of the model is waited
 for so much longer than the round trip and its jitter [s]."""
 ASK_S = 0.015
-"""A contact lasts for so long until the robot's end is asked whether it has corrected the model: the answer comes before
-the bound falls [s]."""
+"""A contact lasts for so long until the robot's end is asked whether it has corrected the model: the answer comes
+before the bound falls [s]."""
 ROUNDING = 1.0 + 1e-9
 
 
@@ -187,7 +187,7 @@ class HandContact(ContactWatch):
         is_silent = endpoint.liveness.encoder_heard_at < self._since + trip
         if is_silent and self._now - self._since >= ASK_S + self._delay and not self._has_asked:
             self._has_asked = True
-            endpoint.ask()
+            endpoint.request_answer()
         waited = trip + endpoint.clock.jitter + LOOK_S if trip else 0.0
         x, y, z = self._decoder.stated(self._tick - self._playout, self._sent.ago(waited))
         self._claimed = self._claimed + elapsed if hypot(x, y, z) > self._least_force else 0.0

@@ -267,7 +267,7 @@ class Endpoint:
         if self._session is not None:
             self._session.request_full_state()
 
-    def ask(self) -> None:
+    def request_answer(self) -> None:
         """Ask the peer for an answer at once, which shows whether an update of it is missing."""
         if self._session is not None:
             self._session.heartbeats.ask()

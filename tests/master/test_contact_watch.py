@@ -41,7 +41,9 @@ class Watched:
         self.asked: list[float] = []
         self.liveness = SimpleNamespace(encoder_heard_at=0.0)
         clock = SimpleNamespace(rtt=RTT, jitter=jitter)
-        link: Any = SimpleNamespace(clock=clock, liveness=self.liveness, ask=lambda: self.asked.append(self.now))
+        link: Any = SimpleNamespace(
+            clock=clock, liveness=self.liveness, request_answer=lambda: self.asked.append(self.now)
+        )
         self.watch = HandContact(
             ContactLimiter(10.0, 1.0, 1.0),
             self.decoder,

@@ -88,7 +88,7 @@ class Desk:
             clock=SimpleNamespace(rtt=RTT, jitter=0.0),
             credit=SimpleNamespace(known=5),
             request_full_state=self._request,
-            ask=lambda: None,
+            request_answer=lambda: None,
         )
         self.hand = HandPosition(self.scheme, lambda force: max(0.1 * force, 0.02))
         self.encoder, self.decoder = Encoder(force_channel(predictor="zoh")), Decoder(force_channel(predictor="zoh"))
