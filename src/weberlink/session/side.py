@@ -554,9 +554,9 @@ class Side:
         for channel in self.outgoing:
             channel.encode(index)
         self.codec_time += self._stopwatch() - began
-        for channel in self.outgoing:
+        for stream, channel in enumerate(self.outgoing):
             if channel.update is not None:
-                endpoint.send_update(now, channel.update, stream=channel.stream)
+                endpoint.send_update(now, channel.update, stream=stream)
                 if self.send_at_once is not None:
                     self.send_at_once(now)
 
