@@ -93,7 +93,10 @@ def measure(arrangement: Arrangement, progress: Progress) -> Findings | dict[str
     """Measure one part after the other; the parts by name, if Ctrl-C comes before the last one is done."""
     began = monotonic()
     configuration = arrangement.configuration(arrangement.overrides(MAIN_RATE_HZ))
-    facts, taken = host(Needs.of(configuration)), steal()  # before the run, so that its own load does not count
+    facts, taken = (
+        host(Needs(configuration.system, file=configuration.path)),
+        steal(),
+    )  # before the run, so that its own load does not count
     rights = granted(configuration.system.realtime)
     steps: dict[str, tuple[str, Callable[[], Any]]] = {
         f"lateness {rate_hz:g} Hz": (

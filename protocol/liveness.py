@@ -278,7 +278,7 @@ class HeartbeatSchedule:
     def _longest_pause(self, room: float, losses: int, questions: int, path: float) -> float:
         """Longest pause between two datagrams with which a limit that leaves this room for pauses holds, although so
         many datagrams in a row are lost, and so many questions, whose answers take this path [s]."""
-        asking = questions * (ASK_PACE + self._tick_period) + (path if questions else 0.0)
+        asking = questions * (ASK_PACE + self._tick_period) + path
         return max(room - asking, room / (1 + losses))
 
     def _longest_gap(self, loss: float, unanswered: float, shortest: float, path: float, jitter: float) -> float:

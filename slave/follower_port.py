@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 from weberlink.arms.contract import ArmFault, ArmReading, FollowerArm
 from weberlink.arms.sensor import AxesSensor
 from weberlink.control.ends import Control
-from weberlink.geometry.joints import Joints, is_finite
+from weberlink.geometry.joints import Joints
 from weberlink.slave.guard import Guard, PressLimit
 from weberlink.slave.robot_port import TeleoperatorPort
 from weberlink.telemetry.row import Row, placed
@@ -63,7 +63,7 @@ class FollowerPort(TeleoperatorPort):
     def _wanted(self, values: Sequence[Any], elapsed: float) -> Joints | None:  # noqa: ARG002
         commanded: Joints = ()
         for value in values:
-            if value is None or not is_finite(value):
+            if value is None:  # the guard holds where one is not finite
                 return None
             commanded += value
         return commanded + self.applied[len(commanded) :]  # a gripper that the session does not lead

@@ -87,13 +87,6 @@ class Scene:
         self._place(0.0)
         self.penetration_depth = 0.0
         """Distance [m] between probe and proxy at the last call."""
-        self.rejected = 0
-        """Positions that were not usable, since the start."""
-
-    @property
-    def contacts(self) -> int:
-        """How many objects were touched at the last call."""
-        return len(self._touched)
 
     @property
     def proxy(self) -> Vector | None:
@@ -116,7 +109,6 @@ class Scene:
         if x - x == y - y == z - z == 0.0:
             return (x, y, z)
         self.forget_friction()  # what overflowed must not be remembered
-        self.rejected += 1
         return ZERO
 
     def touch(self, position: Vector) -> tuple[Touch, ...]:
@@ -146,7 +138,7 @@ class Scene:
         return SceneState(self._proxy.at, self._touched, contacts, self.penetration_depth, self._time)
 
     def restore(self, state: SceneState) -> None:
-        """Go back to where `state` was read. The counter `rejected` stays."""
+        """Go back to where `state` was read."""
         self._proxy.at, self._touched, contacts, self.penetration_depth, time = state
         for contact, remembered in zip(self._remembering, contacts, strict=True):
             contact.restore(remembered)
@@ -158,7 +150,7 @@ class Scene:
         self._hold(NOTHING)
 
     def reset(self) -> None:
-        """Forget the contact: the next position is accepted even inside a solid. Counters stay."""
+        """Forget the contact: the next position is accepted even inside a solid."""
         self._proxy.at = None
         self._hold(NOTHING)
         self.penetration_depth = 0.0
@@ -192,7 +184,6 @@ class Scene:
         """Move the proxy; release objects that are no longer touched."""
         x, y, z = position
         if not (-FARTHEST < x < FARTHEST and -FARTHEST < y < FARTHEST and -FARTHEST < z < FARTHEST):
-            self.rejected += 1
             return position, ()
         proxy, presses = self._proxy.follow(position)
         if presses:

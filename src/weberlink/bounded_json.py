@@ -11,15 +11,8 @@ LONGEST_NUMBER = 32
 
 
 def parse(data: bytes, longest: int) -> Any:
-    """Parse a JSON text in UTF-8.
-
-    Args:
-        data: the text.
-        longest: most bytes.
-
-    Raises:
-        ValueError: it is longer, is not JSON, is nested deeper than `DEEPEST`, or holds a number that is not finite or
-            longer than `LONGEST_NUMBER`.
+    """Parse a JSON text in UTF-8. ValueError if it has more than the `longest` bytes, is not JSON, is nested deeper
+    than `DEEPEST`, or holds a number that is not finite or longer than `LONGEST_NUMBER`.
     """
     if len(data) > longest:
         raise ValueError(f"more than {longest} bytes")

@@ -30,10 +30,8 @@ def isolated_python(*arguments: str) -> list[str]:
 
 @dataclass(frozen=True)
 class Order:
-    """What a child is to do, for its command line; subclasses are dataclasses of JSON values and tuples of them.
-
-    Args:
-        parent: process that the child ends with (see `weberlink.realtime.process.die_with_parent`).
+    """What a child is to do, for its command line; subclasses are dataclasses of JSON values and tuples of them. The
+    child ends with the process `parent` (see `weberlink.realtime.process.die_with_parent`).
     """
 
     parent: int = field(default_factory=os.getpid, kw_only=True)
@@ -153,12 +151,8 @@ class Child:
         return lines
 
     def end(self, limit_s: float, *signals: Signals) -> bytes:
-        """Wait until it has ended: at most so long, as long again after each of these signals, then it is killed.
-
-        Closes its standard input. May be repeated.
-
-        Returns:
-            What it wrote and `lines` has not returned.
+        """Wait until it has ended: at most so long, as long again after each of these signals, then it is killed;
+        returns what it wrote and `lines` has not returned. Closes its standard input. May be repeated.
         """
         if self._output is not None:
             return self._output

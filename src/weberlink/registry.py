@@ -127,10 +127,15 @@ class Registry(Mapping[str, T], Generic[T]):
         """Names of entries that guests of this project add and that are not installed here, each with its guest."""
         return {name: guest for name, guest in guests(self.group).items() if name not in self}
 
+    def distribution(self, name: str) -> str | None:
+        """The distribution that has an entry; None for one that is built in."""
+        installed = None if name in self.built_in else self._installed.get(name)
+        return None if installed is None or installed.dist is None else installed.dist.name
+
     def owned(self, name: str) -> str:
         """The name of an entry, with the distribution that has it where that is another one."""
-        installed = None if name in self.built_in else self._installed.get(name)
-        return name if installed is None or installed.dist is None else f"{name} of {installed.dist.name}"
+        owner = self.distribution(name)
+        return name if owner is None else f"{name} of {owner}"
 
     def runs(self, frame: "FrameType") -> str | None:
         """The name of the loaded entry whose method a frame runs, the most derived one; None for another frame."""
@@ -164,25 +169,14 @@ def _installed(group: str, path: tuple[str, ...]) -> Mapping[str, "EntryPoint"]:
 
 
 def resolve(place: str) -> Any:
-    """Import "module:attribute"; the attribute may have dots.
-
-    Raises:
-        ImportError: the module, or a package that it needs, is missing.
-        AttributeError: the module has no such attribute.
-    """
+    """Import "module:attribute"; the attribute may have dots. ImportError or AttributeError if something is missing."""
     module, _, attribute = place.partition(":")
     return reduce(getattr, filter(None, attribute.split(".")), import_module(module))
 
 
 def import_part(what: str, place: str) -> Any:
-    """Import "module:attribute" of another distribution, whose module may raise anything.
-
-    Args:
-        what: kind, name and distribution, for the message.
-        place: "module:attribute".
-
-    Raises:
-        PartError: it cannot be imported.
+    """Import "module:attribute" of another distribution, whose module may raise anything; PartError if it cannot be
+    imported. `what` is its kind, name and distribution, for the message.
     """
     try:
         return resolve(place)
@@ -196,11 +190,8 @@ def in_words(error: BaseException) -> str:
 
 
 class PartFault(NamedTuple):
-    """An error that escaped from a part by name.
-
-    Args:
-        text: kind, name, distribution, error and line.
-        is_foreign: whether the part is of another distribution; else the error is one of this program.
+    """An error that escaped from a part by name: kind, name, distribution, error and line; and whether the part is of
+    another distribution, or else the error one of this program.
     """
 
     text: str
@@ -225,15 +216,8 @@ def fault_of(error: BaseException) -> PartFault | None:
 
 
 def check_contract(what: str, made: object, contract: type) -> None:
-    """See that an object, or a class, has all that a protocol names.
-
-    Args:
-        what: kind and name, for the message, such as "device acme".
-        made: the object.
-        contract: the protocol.
-
-    Raises:
-        ValueError: naming what is missing.
+    """See that an object, or a class, has all that a protocol names; ValueError naming what is missing. `what` is its
+    kind and name, for the message, such as "device acme".
     """
     entry = made if isinstance(made, type) else type(made)
     _complain(what, entry, "has no", [name for name in members(contract) if not hasattr(made, name)], contract)

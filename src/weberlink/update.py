@@ -27,11 +27,8 @@ class UpdateForm(NamedTuple):
 
 
 class PreviousSample(NamedTuple):
-    """The sample that was sent before the newest one.
-
-    Args:
-        gap: ticks from it to the newest sample, 1 to `MAX_GAP`.
-        levels: its int16 levels, as far as the fit reads them; in the order of those of the newest sample.
+    """The sample that was sent before the newest one: ticks from it to the newest one, 1 to `MAX_GAP`, and its int16
+    levels, as far as the fit reads them, in the order of those of the newest sample.
     """
 
     gap: int
@@ -39,11 +36,7 @@ class PreviousSample(NamedTuple):
 
 
 class ModelParameters(NamedTuple):
-    """The parameters of a model that the sender estimated, packed by its predictor.
-
-    Args:
-        data: 0 to `UpdateForm.most_bytes` bytes.
-    """
+    """Those of a model that the sender estimated, packed by its predictor: 0 to `UpdateForm.most_bytes` bytes."""
 
     data: bytes
 

@@ -74,7 +74,7 @@ WRONG = {
     "configs deley": "delay",
     # A device that is not known, its options, and an emulator's.
     "device test phantom": "phantom",
-    "device test operator --set foce_n=1": "operator.foce_n",
+    "device test operator --set foce_n=1": "master.device.foce_n",
     "device emulate polhem_seral": "polhem_serial",
     "device emulate polhem_serial --set handle.sed=1": "handle.sed",
     "device emulate polhem_serial --link port --faults /": "/",

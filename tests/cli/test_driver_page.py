@@ -4,22 +4,17 @@ import re
 import sys
 import tomllib
 from collections.abc import Iterator
-from math import inf
-from pathlib import Path
-from time import monotonic
+from types import ModuleType
 from typing import Any
 
 import pytest
 
 from tests.cli.packages import add_drivers
-from tests.hardware.helpers import Answering
+from tests.program import weberlink
 from tests.session.packages import install
 from tests.session.systems import CONFIGS
-from weberlink.geometry.vector import Vector
 
 PAGE = (CONFIGS.parent / "docs" / "how-to" / "driver.md").read_text(encoding="utf-8")
-SWING_M = 0.02
-YIELDS_M_N = 0.0003
 
 
 def block(language: str, containing: str = "") -> str:
@@ -28,48 +23,41 @@ def block(language: str, containing: str = "") -> str:
     return str(found)
 
 
-class PaddleBoard(Answering):
-    """In a hand that swings to and fro and yields; its motor stops by itself when it has not heard a line for 50 ms."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._commanded_n = 0.0
-        self._heard_at = -inf
-        self._text = b""
-        self._origin: float | None = None
-
-    @property
-    def force(self) -> Vector:
-        """That its motor makes [N]."""
-        return (0.0, self._commanded_n if monotonic() - self._heard_at <= 0.05 else 0.0, 0.0)
-
-    def receive(self, data: bytes, now: float) -> None:
-        self._origin = self._origin or now
-        *lines, self._text = (self._text + data).split(b"\n")
-        for line in lines:
-            self._commanded_n, self._heard_at = 1e-3 * int(line), now
-            phase = (now - self._origin) % 2.0
-            position = SWING_M * (1.0 - 2.0 * abs(phase - 1.0)) + YIELDS_M_N * self.force[1]
-            self.answers.append(b"%d\n" % round(1e6 * position))
-
-
-page: dict[str, Any] = {"PaddleBoard": PaddleBoard, "__name__": __name__}
+MODULES = {
+    "paddle": block("python", "class Paddle("),
+    "paddle_board": block("python", "class PaddleBoard("),
+    "slow_point": block("python", "class SlowPoint("),
+    "paddle_commands": block("python", "def sends("),
+}
+board = sys.modules["paddle_board"] = ModuleType("paddle_board")
+exec(MODULES["paddle_board"], board.__dict__)
+page: dict[str, Any] = {"__name__": __name__}
 exec(block("python", "ForceDeviceContract"), page)
 
 
-@pytest.mark.realtime
-class TestPaddle(page["TestPaddle"]):  # type: ignore[misc, name-defined]
-    """The test of the page, with its driver installed."""
+@pytest.fixture(autouse=True)
+def guest(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The package of the page as pip would leave it."""
+    project = tomllib.loads(block("toml"))["project"]
+    entry_points = "\n".join(
+        f"[{group}]\n" + "\n".join(f"{name} = {value}" for name, value in entries.items())
+        for group, entries in project["entry-points"].items()
+    )
+    add_drivers(install(tmp_path_factory.mktemp("site"), project["name"], MODULES, entry_points), monkeypatch)
+    yield
+    for name in MODULES.keys() - {"paddle_board"}:
+        sys.modules.pop(name, None)
 
-    @pytest.fixture(autouse=True)
-    def _driver(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-        """The package of the page as pip would leave it."""
-        project = tomllib.loads(block("toml"))["project"]
-        entry_points = "\n".join(
-            f"[{group}]\n" + "\n".join(f"{name} = {value}" for name, value in entries.items())
-            for group, entries in project["entry-points"].items()
-        )
-        modules = {"paddle": block("python", "class Paddle(")}
-        add_drivers(install(tmp_path, project["name"], modules, entry_points), monkeypatch)
-        yield
-        sys.modules.pop("paddle", None)
+
+@pytest.mark.realtime
+class TestPaddle(page["TestPaddle"]): ...  # type: ignore[misc, name-defined]
+
+
+class TestSlowPoint(page["TestSlowPoint"]): ...  # type: ignore[misc, name-defined]
+
+
+def test_study_and_command_are_there_and_run() -> None:
+    assert weberlink("swing", "--hertz", 2).output == "2 Hz\n"
+    pytest.importorskip("weberlink_studies")
+    told = weberlink("study", "sends", "--seconds", 0.3).output.splitlines()
+    assert [line.partition(":")[0] for line in told] == ["zoh", "linear"] and all("completed" in line for line in told)

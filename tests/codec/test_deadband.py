@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from math import cos, inf, isfinite, nan, pi, radians, sin
+from typing import Any
 
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from tests.codec.signals import up
 from weberlink.codec import Encoder, force_channel, position_channel
 from weberlink.codec.deadband import DEADBANDS, Deadband, DeadbandSetup, ForceDeadband, PositionDeadband
 from weberlink.codec.deadband.cone import ConeDeadband
@@ -38,10 +40,6 @@ def make(name: str, weber: float = K, floor: float = FLOOR) -> Deadband:
 def at(degrees: float, size: float = 1.0) -> Vector:
     """In a plane, from z."""
     return (size * sin(radians(degrees)), 0.0, size * cos(radians(degrees)))
-
-
-def up(size: float) -> Vector:
-    return (0.0, 0.0, size)
 
 
 def accepts(deadband: Deadband, displayed: Vector, actual: Vector, moved: float = 0.0) -> bool:
@@ -232,42 +230,20 @@ def test_no_shape_depends_on_the_axes(name: str, f: Vector, aside: Vector, turn:
     assert deadband.error(*turned) == pytest.approx(deadband.error(g, f), rel=1e-6, abs=1e-9)
 
 
-@pytest.mark.parametrize(("build", "named"), [
-    (ForceDeadband, "weber"),
-    (lambda bad: ForceDeadband(K, bad), "floor"),
-    (lambda bad: PositionDeadband(bad, K), "weber"),
-    (lambda bad: PositionDeadband(K, bad), "bound"),
-    (ConeDeadband, "weber"),
-    (lambda bad: ConeDeadband(K, bad), "floor"),
-    (lambda bad: ConeDeadband(K, FLOOR, bad), "direction"),
-    (lambda bad: LevelCrossingDeadband(bad, FLOOR), "weber"),
-    (lambda bad: LevelCrossingDeadband(K, bad), "floor"),
-    (lambda bad: LevelCrossingDeadband(K, FLOOR, bad), "direction"),
-    (lambda bad: LevelCrossingDeadband(K, FLOOR, 1.0, bad), "hysteresis"),
-    (VelocityDeadband, "weber"),
-    (lambda bad: VelocityDeadband(K, slope=bad), "slope"),
-    (lambda bad: VelocityDeadband(K, most=bad), "most"),
-    (lambda bad: VelocityDeadband(K, period=bad), "period"),
-    (lambda bad: PerAxisDeadband(bad, (K, K, K)), "weber"),
-    (lambda bad: PerAxisDeadband(K, (K, K, K), bad), "resolution"),
+@pytest.mark.parametrize(("shape", "arguments"), [
+    (ForceDeadband, [("weber", K), ("floor", K), ("displayed", "actual", "wanted")]),
+    (PositionDeadband, [("weber", K), ("bound", K)]),
+    (ConeDeadband, [("weber", K), ("floor", K), ("direction", 1.0, 0.0, 3.15)]),
+    (LevelCrossingDeadband, [("weber", K), ("floor", K, 0.0), ("direction", 1.0, 0.0, 3.15), ("hysteresis", K, 1.01)]),
+    (VelocityDeadband, [("weber", K), ("floor", K), ("displayed", "actual", "wanted"), ("slope", K), ("most", K),
+                        ("period", K, 0.0)]),
+    (PerAxisDeadband, [("weber", K), ("threshold of an axis", (K, K, K), (K, 0.0, K), (K, nan, K)), ("resolution", K)]),
 ])  # fmt: skip
-@pytest.mark.parametrize("bad", [-0.1, nan, inf])
-def test_refuses_numbers_that_are_out_of_range(build: Callable[[float], Deadband], named: str, bad: float) -> None:
-    with pytest.raises(ValueError, match=named):
-        build(bad)
-
-
-@pytest.mark.parametrize(("build", "named"), [
-    (lambda: LevelCrossingDeadband(K, 0.0), "lowest level"),
-    (lambda: VelocityDeadband(K, period=0.0), "period"),
-    (lambda: ConeDeadband(K, FLOOR, 0.0), "direction"),
-    (lambda: ConeDeadband(K, FLOOR, 3.15), "direction"),
-    (lambda: LevelCrossingDeadband(K, FLOOR, 1.0, 1.01), "hysteresis"),
-    (lambda: ForceDeadband(K, 0.0, "wanted"), "displayed"),  # type: ignore[arg-type]
-    (lambda: VelocityDeadband(K, 0.0, "wanted"), "displayed"),  # type: ignore[arg-type]
-    (lambda: PerAxisDeadband(K, (K, 0.0, K)), "threshold of an axis"),
-    (lambda: PerAxisDeadband(K, (K, nan, K)), "threshold of an axis"),
-])  # fmt: skip
-def test_refuses_what_is_just_beyond_its_range(build: Callable[[], Deadband], named: str) -> None:
-    with pytest.raises(ValueError, match=named):
-        build()
+def test_refuses_what_is_out_of_range(shape: Callable[..., Deadband], arguments: list[tuple[Any, ...]]) -> None:
+    """Each argument: what the error names, a good value, and what is beyond its range; of a number also all below."""
+    good = [value for _, value, *_ in arguments]
+    shape(*good)
+    for index, (named, value, *beyond) in enumerate(arguments):
+        for bad in (*beyond, *([-0.1, nan, inf] if isinstance(value, float) else [])):
+            with pytest.raises(ValueError, match=named):
+                shape(*good[:index], bad, *good[index + 1 :])

@@ -5,11 +5,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
-
-import pytest
 
 from tests.session.packages import install
 
@@ -20,15 +16,15 @@ MODULES = {
     for name in ("my_predictors", "my_deadbands")
 }
 ENTRY_POINTS = re.findall(r'\[project\.entry-points\."(.*?)"\]\n(.*)\n', PAGE)
-VALID = [
+RUNS = [
     (["codec.force.bank=[zoh, damped]", "codec.position.predictor=damped"], ["zoh", "damped"], "ForceDeadband"),
     (["codec.force.predictor=adaptive", "codec.force.bank=[damped, path]"], ["damped", "path"], "ForceDeadband"),
     (["codec.force.deadband={shape: constant, bound_n: 0.1}"], None, "Constant(width=0.1)"),
 ]
-WRONG = [
-    ("codec.force.predictor=damper", "codec.force.predictor: should be 'zoh'"),
-    ("codec.force.deadband={shape: constant, bound_n: 9}", "deadband.bound_n: should be less than or equal to 5"),
-]
+REFUSED = {
+    "codec.force.predictor=damper": "codec.force.predictor: should be 'zoh'",
+    "codec.force.deadband={shape: constant, bound_n: 9}": "deadband.bound_n: should be less than or equal to 5",
+}
 SCRIPT = """
 import json, sys
 from pathlib import Path
@@ -48,35 +44,18 @@ print(json.dumps([run(overrides) for overrides in json.loads(sys.argv[1])]))
 """
 
 
-@pytest.fixture(scope="module")
-def results(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
-    """Of all sets of overrides, by one process in which the distribution is installed."""
+def test_entries_that_are_installed_can_be_named_in_a_file_and_are_checked_as_ours(tmp_path: Path) -> None:
     text = "".join(f"[{group}]\n{line.replace(chr(34), '')}\n" for group, line in ENTRY_POINTS)
-    folder = install(tmp_path_factory.mktemp("site"), "my-codec", MODULES, text)
-    asked: list[Sequence[str]] = [*(overrides for overrides, _, _ in VALID), *([override] for override, _ in WRONG)]
-    ran = subprocess.run(
-        [sys.executable, "-c", SCRIPT, json.dumps(asked)],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        env=os.environ | {"PYTHONPATH": str(folder)},
-        check=False,
-    )
+    folder = install(tmp_path, "my-codec", MODULES, text)
+    asked = [*(overrides for overrides, _, _ in RUNS), *([override] for override in REFUSED)]
+    command = [sys.executable, "-c", SCRIPT, json.dumps(asked)]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join((str(folder), os.environ.get("PYTHONPATH", "")))}
+    ran = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment, check=False)
     assert ran.returncode == 0, ran.stderr
-    found: list[Any] = json.loads(ran.stdout)
-    return found
-
-
-@pytest.mark.parametrize("index", range(len(VALID)))
-def test_an_installed_entry_can_be_named_in_the_file(results: list[Any], index: int) -> None:
-    _, bank, deadband = VALID[index]
-    outcome, packets, found, shape = results[index]
-    assert outcome == "completed"
-    assert packets > 0
-    assert bank is None or found == bank
-    assert deadband in shape
-
-
-@pytest.mark.parametrize("index", range(len(WRONG)))
-def test_wrong_settings_of_an_installed_entry_are_one_line(results: list[Any], index: int) -> None:
-    assert WRONG[index][1] in results[len(VALID) + index]
+    found = json.loads(ran.stdout)
+    for (_, bank, deadband), (outcome, packets, used, shape) in zip(RUNS, found, strict=False):
+        assert outcome == "completed" and packets > 0
+        assert bank is None or used == bank
+        assert deadband in shape
+    for said, expected in zip(found[len(RUNS) :], REFUSED.values(), strict=True):
+        assert expected in said

@@ -5,29 +5,14 @@ import pytest
 from tests.codec.law import AXIS_BOUNDS as BOUNDS
 from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.channel import joint_channel
-from weberlink.codec.rate import UpdateRate
 from weberlink.protocol.wire import UpdateLayout
 from weberlink.update import PreviousSample, Update
 
 STEP = 1e-3
 
 
-def channel_of(axes: int, predictor: str = "linear", rate: UpdateRate | None = None) -> Channel:
-    return joint_channel(predictor=predictor, bounds=BOUNDS[:axes], step=STEP, rate=rate)
-
-
-def test_axes_of_other_thresholds_do_not_move_the_decision() -> None:
-    encoder = Encoder(channel_of(6, "zoh"))
-    start = (0.0,) * 6
-    encoder.encode(0, start)
-    for axis, bound in enumerate(BOUNDS[:6]):
-        finest = max(bound, 0.5 * STEP)
-        inside = tuple(0.98 * finest if i == axis else 0.0 for i in range(6))
-        beyond = tuple(1.02 * finest if i == axis else 0.0 for i in range(6))
-        assert encoder.encode(2 * axis + 1, inside) is None
-        assert encoder.encode(2 * axis + 2, beyond) is not None
-        encoder.restart()
-        encoder.encode(2 * axis + 2, start)
+def channel_of(axes: int, predictor: str = "linear") -> Channel:
+    return joint_channel(predictor=predictor, bounds=BOUNDS[:axes], step=STEP)
 
 
 @pytest.mark.parametrize(("axes", "groups"), [(1, (1,)), (3, (3,)), (4, (3, 1)), (7, (3, 3, 1))])
@@ -60,13 +45,6 @@ def test_rest_is_displayed_and_not_sent() -> None:
     assert encoder.encode(0, (0.55, 0.0, -0.05, -0.16)) is None
     assert decoder.joints(0) == encoder.held == rest
     assert encoder.encode(1, (0.5, 0.0, 0.0, 0.0)) is not None
-
-
-def test_a_restart_is_sent_on_credit() -> None:
-    encoder = Encoder(channel_of(4, rate=UpdateRate(0.01, 8.0)))
-    for tick in range(20):
-        encoder.restart()
-        assert encoder.encode(tick, (float(tick),) * 4) is not None
 
 
 def test_what_does_not_fit_is_refused() -> None:

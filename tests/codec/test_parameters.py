@@ -2,13 +2,21 @@
 
 from contextlib import nullcontext
 from math import inf, isfinite, nan
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
+from weberlink.codec import force_channel
 from weberlink.codec.parameters import EXPONENT_BITS, Block, Float, Uniform, pack, unpack
+from weberlink.codec.predictors import PREDICTORS
+from weberlink.codec.predictors.affine import Affine
+from weberlink.codec.predictors.path import Path
+from weberlink.codec.predictors.surface import SurfacePatch
+from weberlink.codec.sample import Sample
+from weberlink.geometry.vector import ZERO, unit
 
 LARGEST_EXPONENT = 2**EXPONENT_BITS - 1
 widths_of_fields = st.lists(st.integers(1, 20), max_size=10)
@@ -100,16 +108,8 @@ def test_the_levels_of_a_float() -> None:
     assert [form.number(level) for level in range(8)] == [2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0]
     assert [form.level(number) for number in (2.0, 2.4, 2.6, 3.6, 19.0, 21.0, inf)] == [0, 0, 1, 2, 6, 7, 7]
     assert [signed.number(level) for level in range(8)] == [0.0, -2.0, 3.0, -3.0, 4.0, -4.0, 6.0, -6.0]
-    assert [signed.level(number) for number in (0.0, -2.0, 2.0, 3.0, -6.0, 1e300, -inf, nan)] == [
-        0,
-        1,
-        2,
-        2,
-        7,
-        6,
-        7,
-        0,
-    ]
+    levels = [signed.level(number) for number in (0.0, -2.0, 2.0, 3.0, -6.0, 1e300, -inf, nan)]
+    assert levels == [0, 1, 2, 2, 7, 6, 7, 0]
 
 
 @given(form=uniforms, number=st.floats(-1e300, 1e300))
@@ -117,3 +117,28 @@ def test_a_uniform_number_is_within_half_a_step_or_saturated(form: Uniform, numb
     level, most = form.level(number), form.low + form.step * (2**form.width - 1)
     assert 0 <= level < 2**form.width
     assert abs(form.number(level) - min(max(number, form.low), most)) <= 0.5 * form.step * (1.0 + 1e-6) + 1e-12
+
+
+NEWEST = Sample(9, (0.0, 0.0, 2.0), (0.0, 0.0, -0.004))
+OBLIQUE = unit((1.0, -2.0, 3.0))
+MOVING = SurfacePatch(OBLIQUE, ZERO, 9, 700.0, 20.0, 0.3, 3e-5, -4e-7, 6e-3)
+DAMPED = SurfacePatch(OBLIQUE, ZERO, 9, 700.0, -20.0, 0.3, damping=300.0, rate=-2e-4)
+PATH = Path(NEWEST, (4, 8), ((0.01, -0.02, 0.0), (0.2, 0.0, -1.0)))
+ELASTIC = Path(NEWEST, (4,), ((0.1, 0.0, -0.05),), stiffness=(-100.0, -400.0))
+FIELD = ((-300.0, 50.0, 20.0), (40.0, -500.0, 10.0), (-20.0, 30.0, -400.0))
+AFFINE = Affine(NEWEST.value, NEWEST.position, 9, FIELD, (0.01, -0.02, 0.03))
+
+
+@pytest.mark.parametrize(
+    ("predictor", "model", "axes", "data"),
+    [
+        ("surface", MOVING, "xyz", "5127773695eaf44cb789463120"), ("surface", DAMPED, "xyz", "d127773695eaf64ce3a82c"),
+        ("surface", MOVING, "xz", "5173a57abd132de2518c"), ("surface", MOVING, "z", "495eb7894631"),
+        ("path", PATH, "xyz", "56040a7d900264400030"), ("elastic", ELASTIC, "xyz", "3007240273018020"),
+        ("affine", AFFINE, "xyz", "3680401835800fe826024a160780"),
+    ],
+)  # fmt: skip
+def test_a_model_has_the_bytes_of_the_protocol(predictor: str, model: Any, axes: str, data: str) -> None:
+    """Another format of a number needs another version of the protocol."""
+    grid = force_channel(predictor=predictor, axes=axes).grid
+    assert PREDICTORS[predictor].packed(model, NEWEST, grid).data.hex() == data  # type: ignore[attr-defined]

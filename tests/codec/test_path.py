@@ -155,6 +155,3 @@ def test_a_stiffness_that_is_none_or_beyond_the_limits_is_held(along: float, nor
     assert unpacked(channel, NEWEST._replace(value=ZERO), packed.data) is None
     if found is not None:
         assert found.stiffness == pytest.approx((along, normal), rel=2.0**-7)
-
-
-# What they save.

@@ -117,6 +117,25 @@ def test_the_robot_presses_a_new_contact_gently_until_it_can_be_answered(axis: i
     assert [slave.follow(along(-0.03), here, TICK, 0, rtt) for _ in range(2)] == [along(-0.03)] * 2
 
 
+def test_a_robot_that_was_led_out_while_it_waits_still_goes_in_slowly_and_once_there_may_lag() -> None:
+    slave, rtt = BoundedSlave(SETTINGS), 0.1
+
+    def follow(target: float, here: float) -> float:
+        slave.observe(at(here), at(9.0))
+        (_, _, commanded) = slave.follow(at(target), at(here), TICK, 0, rtt)
+        return commanded
+
+    assert follow(-0.005, -0.001) == -0.001
+    for _ in range(round((1.5 * rtt + LATE) / TICK) - 2):
+        assert follow(-0.0005, -0.001) == -0.0005
+    assert follow(-0.0006, 0.0) == pytest.approx(-0.0001 - LEAVE * TICK), "pushed out as the time is over"
+    here = 0.0
+    while here > -0.0006:
+        before, here = here, follow(-0.0006, here)
+        assert before - here <= LEAVE * TICK * (1.0 + 1e-9)
+    assert [follow(-0.0006, 0.0), follow(-0.02, 0.0)] == [-0.0006, -0.02]
+
+
 # What is known of a contact: 500 N/m at height 0, the newest sample 2 N at 4 mm.
 
 

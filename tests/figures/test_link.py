@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from tests.figures.test_session import NONE, records, score
-from weberlink.figures.link import AWAY, CONNECTED, UNCONNECTED, ConnectionScore, ways_now
+from weberlink.figures.link import AWAY, CONNECTED, UNCONNECTED, ConnectionScore
 from weberlink.figures.paths import LONGEST, MOST, LinkPath, finding, notable, paths_of
 from weberlink.figures.session import Records
 from weberlink.protocol.aio.udp import PathFacts
@@ -123,7 +123,6 @@ def test_without_a_session_nothing_is_known() -> None:
         assert told["jitter_us"] == {"p50": None, "p99": None}
         assert {way["loss"] for way in (told["to_slave"], told["to_master"])} == {None}
         assert told["to_master"]["one_way_us"]["p50"] is None
-    assert ways_now({})["to_slave"] == {"one_way_us": None, "loss": None, "burst": None}
 
 
 RELAYED = PathFacts(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)

@@ -1,6 +1,5 @@
 """The verdict of a session: every cause from its figures, and none from clean ones."""
 
-import json
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -11,7 +10,6 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from tests.figures.test_session import RATE, records
-from weberlink.figures.paths import LinkPath
 from weberlink.figures.session import Layout, Records, SessionScore
 from weberlink.figures.tree import DEGRADED, FAILURE, GOOD, Figures, Verdict, to_json
 from weberlink.figures.verdict import verdict
@@ -164,10 +162,3 @@ def test_failures_come_first_and_decide_the_word(chosen: set[str]) -> None:
     assert found.word == levels[0]
     assert found.status == (FAILURE in levels)
     assert len({cause.name for cause in found.causes}) == len(found.causes)
-
-
-def test_a_document_gives_the_figures_back() -> None:
-    found = replace(
-        clean(), verdict=verdict(clean()), paths={"master": [LinkPath(0, "direct", "", "", "a:1", 0, "", 46)]}
-    )
-    assert Figures.of_json(json.loads(json.dumps(found.to_json()))) == found

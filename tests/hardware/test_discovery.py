@@ -8,6 +8,7 @@ from weberlink.hardware.discovery import (
     DeviceLocator,
     PluggedDevice,
     UsbId,
+    by_path,
     hid_devices,
     only,
     serial_ports,
@@ -43,6 +44,13 @@ def test_only_complains_in_one_line(found: list[PluggedDevice], said: str) -> No
 def test_identity_matches_product_or_whole_vendor(seen: tuple[int, int]) -> None:  # a port that is no USB device: None
     assert UsbId(0x16C0, 0x0483).matches(*seen) == (seen == (0x16C0, 0x0483))
     assert UsbId(0x16C0).matches(*seen) == (seen[0] == 0x16C0)
+
+
+def test_only_a_device_file_that_may_not_be_opened_is_a_problem() -> None:
+    """Not what has no file, such as a device that a library opens by the place where it is plugged in."""
+    found = by_path([("1-2:1.0", None, None), ("/dev/no-such", "Teensy", "1234"), ("/dev/null", "Null", None)])
+    assert found[1:] == [PluggedDevice("/dev/null", "Null", ""), PluggedDevice("1-2:1.0", "", "")]
+    assert found[0].problem is not None and "no permission to open /dev/no-such" in found[0].problem
 
 
 def test_nothing_of_an_unknown_identity_is_listed() -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tests.control.teleoperation import Wall
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, AccountParameters, SchemeParameters
 from weberlink.control.ends import MasterControl
-from weberlink.geometry.vector import ZERO, Vector, norm
+from weberlink.geometry.vector import ZERO, norm
 from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.operator_port import HandPosition
 
@@ -60,17 +60,6 @@ def test_a_model_that_is_felt_before_the_robot_touches_leads_it_there() -> None:
     assert hand.sample()[2] == pytest.approx(force_bound(2.0) / COUPLING)
     hand.asked = FREE_FORCE
     assert hand.sample()[2] == inf
-
-
-def test_what_is_sent_is_the_command_of_the_control_scheme() -> None:
-    class Back(MasterControl):
-        def command(self, position: Vector) -> Vector:
-            return position[0], position[1], position[2] + 0.006
-
-    hand = HandPosition(Back(SETTINGS), force_bound)
-    hand.take(DeviceReading(0.0, (0.0, 0.0, -0.01)))
-    assert hand.sample()[0] == hand.command == pytest.approx((0.0, 0.0, -0.004))
-    assert hand.value == (0.0, 0.0, -0.01)
 
 
 def test_a_position_that_is_not_finite_is_named() -> None:

@@ -156,20 +156,6 @@ def founded(delay: float = 0.0) -> Leading:
     return leading.opened((0.0, 0.0), (0.0,))
 
 
-@pytest.mark.parametrize(
-    ("torques", "stated"), [((0.6, 0.1, 0.4), ((0.0, 0.05), (0.3,))), ((FREE, 0.0, -FREE), ((0.0, 0.0), (0.0,)))]
-)
-def test_torque_that_the_follower_states_and_drag_are_displayed_for_ever(
-    torques: Joints, stated: tuple[Joints, ...]
-) -> None:
-    leading = founded()
-    leading.control.answer = torques
-    for _ in range(2000):
-        leading.tick(*stated)
-    assert leading.output == torques
-    assert not leading.port.unfounded
-
-
 @pytest.mark.parametrize("delay", [0.0, 0.05])
 def test_torque_without_a_contact_ends_on_the_channel_that_has_none(delay: float) -> None:
     """What the gripper holds founds no torque of the joints."""
@@ -183,7 +169,7 @@ def test_torque_without_a_contact_ends_on_the_channel_that_has_none(delay: float
     assert shown[-1][:2] == (0.0, 0.0)
     assert leading.port.unfounded
     assert leading.control.resumed == 1
-    assert leading.tick((0.5, 0.0), (0.3,))[0] < 0.1
+    assert leading.tick((0.0, 0.05), (0.3,))[0] < 0.1, "any axis states one"
     assert not leading.port.unfounded
 
 

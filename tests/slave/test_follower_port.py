@@ -7,7 +7,7 @@ import pytest
 
 from tests.arms.ends import TICK, Servos
 from tests.compiled import replaces_methods
-from weberlink.arms.contract import ArmFault, ArmReading
+from weberlink.arms.contract import ArmFault
 from weberlink.arms.sensor import sensors_of
 from weberlink.geometry.joints import Joints
 from weberlink.slave.follower_port import TRIP_RETREAT, FollowerPort, axis_press_limit
@@ -104,67 +104,12 @@ def test_it_holds_while_nothing_of_use_is_decoded(nothing: Joints | None) -> Non
     assert following.port.account(TICK, 0.0, encodes=True) == 0, "an arm hands no energy over"
 
 
-@pytest.mark.parametrize("retreat", [True, False])
-def test_it_holds_when_nobody_leads_and_fades(retreat: bool) -> None:
-    following = Following(Servos(walls=(-0.02, -inf, -inf))).there((-0.05, 0.1), (0.2,))
-    following.port.release(retreat=retreat)
-    held = {following.tick(None, None, engaged=False) for _ in range(round(RAMP / TICK) + 1)}
-    assert held == {(-0.05, 0.1, 0.2)}
-    assert following.joints.sample()[0] == (0.0, 0.0)
-    applied = following.tick((0.5, 0.1), (0.2,))
-    assert applied[0] == pytest.approx(-0.05 + APPROACH * TICK), "the next approach is slow again"
-
-
-def test_it_presses_with_no_more_than_the_limit() -> None:
-    following = Following(Servos(walls=(-0.02, -inf, 0.1), angles=(0.0, 0.0, 0.4)))
-    largest = [0.0, 0.0, 0.0]
-    assert following.row().contact_ticks == 0
-    for tick in range(3000):
-        following.tick((-min(1.0, tick * 4e-4), 0.3), (0.0,))
-        largest = [max(most, abs(torque)) for most, torque in zip(largest, following.arm.torques, strict=True)]
-    assert largest[0] == pytest.approx(PRESS[0], rel=0.05)
-    assert largest[2] == pytest.approx(PRESS[2], rel=0.05)
-    assert following.port.applied[1] == 0.3, "an axis in free space goes on"
-    assert following.row().contact_ticks > 0
-    assert following.trips == 0
-
-
 def test_arm_that_sags_keeps_a_light_load_up() -> None:
     following = Following(Servos(sag=0.07)).there((0.5, 0.0), (0.5,))
     following.arm.load = (-0.3, 0.0, 0.0)
     for _ in range(1000):
         following.tick((0.5, 0.0), (0.5,))
     assert following.port.applied[0] == 0.5
-
-
-def test_torque_above_the_limit_of_an_axis_trips() -> None:
-    following = Following().there((0.0, 0.0), (0.2,))
-    for torques, trips in (((2.0, -2.0, 1.0), 0), ((0.0, 2.0001, 0.0), 1), ((0.0, 2.0001, 0.0), 1)):
-        following.arm.torques = torques
-        following.sense()
-        assert (following.trips, following.port.tripped) == (trips, trips > 0)
-    assert [following.tick((0.0, -0.3), (0.2,)) for _ in range(200)][-1] == (0.0, pytest.approx(TRIP_RETREAT), 0.2)
-    assert following.joints.sample()[0] == (0.0, 0.0)
-
-
-@pytest.mark.parametrize(
-    "reading",
-    [
-        ArmReading(0.0, (0.0, nan, 0.0), (0.0, 0.0, 0.0)),
-        ArmReading(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, inf)),
-        ArmReading(0.0, (0.0, 0.0, 0.0), (0.0, 0.0)),
-    ],
-)
-def test_unusable_reading_is_named_and_never_held(reading: ArmReading) -> None:
-    following = Following().there((0.1, 0.0), (0.2,))
-    port = following.port
-    assert following.joints.complaint(reading) is not None
-    assert following.gripper.complaint(reading) is not None
-    port.latest = lambda now: reading
-    port.settle(following.now)
-    following.now += TICK
-    port.actuate([None, None], following.now, TICK, TICK, engaged=False)
-    assert following.arm.commands[-1] == (0.1, 0.0, 0.2)
 
 
 def test_arm_that_opens_without_angles_is_closed_again() -> None:

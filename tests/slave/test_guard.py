@@ -274,6 +274,7 @@ events = st.lists(
 
 @both
 @given(happens=events)
+@example(happens=[("lead", (1.0, 1.0, -1.0), 1500)])
 @example(happens=[("lead", (1.0, 1.0, -1.0), 300), ("push", (30.0, 0.0, -30.0), 30), ("lead", (0.0, 0.0, 0.0), 40)])
 @example(happens=[("lead", (0.01, 0.0, 0.0), 300), ("hold", FREE, 3), ("lead", (0.3, nan, 0.0), 9)])
 @examples(60)

@@ -69,9 +69,8 @@ class BoardOptions(Options):
 class PolhemBoard(FaultyDevice):
     """The board of an emulated device (see `weberlink.hardware.emulator`); subclasses speak the wire formats.
 
-    `messages` came, right or wrong, `errors` are the wrong ones among them. Currents are in the motors [mA];
-    `last_force_at` is when there was last one, None for never. `watchdog_trips`: how often the amplifiers went off
-    without a message. Raises ValueError if it is to have a weight, and none is published.
+    `messages` came, right or wrong, `errors` are the wrong ones among them. `watchdog_trips`: how often the amplifiers
+    went off without a message. Raises ValueError if it is to have a weight, and none is published.
     """
 
     WATCHDOG_S: ClassVar[float]
@@ -100,7 +99,6 @@ class PolhemBoard(FaultyDevice):
         self.handle = Handle(options.handle)
         self.currents_ma: Currents = OFF
         self.largest_current_ma = 0.0
-        self.last_force_at: float | None = None
         self.enabled = False
         self.watchdog_trips = 0
         self._button_pressed = False
@@ -170,8 +168,6 @@ class PolhemBoard(FaultyDevice):
         a, b, c = (sign * current for sign, current in zip(self._motor_signs, currents_ma, strict=True))
         self.currents_ma = (a, b, c)
         self.largest_current_ma = max(self.largest_current_ma, *map(abs, self.currents_ma))
-        if self.currents_ma != OFF:
-            self.last_force_at = self._now
 
     def _set_counters(self, counts: Counts6) -> None:
         a, b, c, d, e, f = (true - count for true, count in zip(self._truth, counts, strict=True))
@@ -209,8 +205,6 @@ class PolhemBoard(FaultyDevice):
     def _move(self, now: float) -> None:
         if self._now is not None and now <= self._now:
             return
-        if self.currents_ma != OFF:
-            self.last_force_at = now
         self.handle.advance(self.force, now)
         self._now = now
         self._truth = self._true_counts(now)

@@ -132,6 +132,25 @@ def test_a_wall_of_the_stated_stiffness_is_stable_in_a_hand(name: str) -> None:
         assert max(last) - min(last) < 0.004
 
 
+def test_a_pause_that_is_over_is_looked_into_as_well() -> None:
+    """The thread stood still between two messages of one exchange."""
+    bench = opened("koch_leader")
+    bench.run((0.05,) * 6, 0.05)
+    bench.wait(0.1)
+    bench.exchange._servos.bus.send(b"")
+    with pytest.raises(HardwareFault, match="watchdog tripped"):
+        bench.exchange.exchange((0.05,) * 6)
+
+
+def test_an_order_of_an_so101_is_its_torque_in_counts_within_those_of_a_turn() -> None:
+    """By the stiffness of the servo 23 counts, and two for its dead zone."""
+    bench = opened("so101_leader")
+    exchange, present = bench.exchange, bench.exchange._present[0]
+    for position, torque, goal in ((2000, 0.2, 25), (2000, -0.2, -25), (2, -0.2, -2), (4093, 0.2, 2)):
+        exchange._present[0] = present._replace(position=position)
+        assert exchange._order(0, torque)[2:4] == (position + goal).to_bytes(2, "little")
+
+
 def test_small_torques_of_an_so101_do_not_switch_on_and_off() -> None:
     bench = opened("so101_leader")
     zone = 0.05 * bench.options.most[0]

@@ -9,12 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.cli import arm_sessions as arms
+from tests.figures.test_verdict import clean
 from tests.watching.sources import BANK, RATE, HandSource, description, pieces, records
+from weberlink.figures.paths import LinkPath
 from weberlink.figures.session import Layout
+from weberlink.figures.verdict import verdict
 from weberlink.telemetry.fault import Fault
 from weberlink_page.hello import hello
+from weberlink_page.report import figures_of
 from weberlink_page.rows import CARTESIAN, COLUMNS, ROTATION, Thinning, samples_message
-from weberlink_page.session import BACKLOG_S, PageSession
+from weberlink_page.session import BACKLOG_S, PageSession, ways_now
 
 HAND = Layout(RATE, BANK)
 
@@ -121,3 +125,14 @@ def test_rows_have_their_columns_and_null_for_what_is_unknown() -> None:
     assert told["columns"]["state"] == [4, 4, 4]
     turned = samples_message("master", rows, 0.0, replace(HAND, torque_bank=("zoh",)))["columns"]
     assert (set(turned), len(turned["rotation_raw"])) == (set(COLUMNS) | set(ROTATION), 3)
+
+
+def test_a_document_gives_the_figures_back() -> None:
+    found = replace(
+        clean(), verdict=verdict(clean()), paths={"master": [LinkPath(0, "direct", "", "", "a:1", 0, "", 46)]}
+    )
+    assert figures_of(json.loads(json.dumps(found.to_json()))) == found
+
+
+def test_without_a_record_no_way_is_known() -> None:
+    assert ways_now({})["to_slave"] == {"one_way_us": None, "loss": None, "burst": None}

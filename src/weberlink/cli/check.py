@@ -4,34 +4,26 @@ The parts are built as the daemons build them; nothing is opened or sent.
 """
 
 from collections.abc import Iterator
-from math import cos, pi, sin
-from statistics import median
 from time import perf_counter
 from typing import TYPE_CHECKING, NamedTuple
 
 from weberlink.codec import Channel
-from weberlink.codec.replay import code
 from weberlink.config import Configuration, System
 from weberlink.config.joints import AngleCodecSettings, JointTorqueCodecSettings
 from weberlink.config.model import ControlSettings, MappingSettings
 from weberlink.config.settings import PredictedSettings
 from weberlink.control.table import SCHEMES
-from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.contract import Device
 from weberlink.protocol.wire import UpdateLayout
-from weberlink.session.advice import advise, dry_run
+from weberlink.session.advice import advise, dry_run, measured_tick_s
 from weberlink.session.composition.channels import streams
 from weberlink.session.composition.link import build_security
-from weberlink.session.composition.slave import build_scene
 from weberlink.slave.robots.contract import Robot
-from weberlink.slave.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from weberlink.arms.contract import ArmSpec
 
 UDP_IP_BYTES = 28
-SAMPLES = 2000
-"""Ticks of the cost measurement."""
 
 
 class Stream(NamedTuple):
@@ -66,8 +58,8 @@ def describe(configuration: Configuration) -> Iterator[str]:
         at_most = "" if most is None else f"; at most {most:g} updates/s"
         yield f"{title:<10}{name}{settings.predictor}{bank}; {thresholds}{at_most}"
         yield f"          update of {shortest} to {longest} bytes of UDP payload"
-    if not parts.is_of_arms:
-        yield from _cost(configuration)
+    if (took := measured_tick_s(configuration)) is not None:
+        yield f"cost      a tick of both sides takes {1e6 * took:.0f} us here, in virtual time"
     uncoded = octets * 8 * system.rate_hz / 1e3
     yield f"          an update every tick would be {uncoded:.0f} kbit/s both ways, IP headers included"
     for warning in advice:
@@ -195,40 +187,3 @@ def _streams(system: System) -> Iterator[Stream]:
         yield Stream(title, "angles ", arm.angle, f"bound {_each(arm.angle.bound_rad)} rad", angles)
         thresholds = f"k = {arm.torque.weber:g}, floor {_each(arm.torque.floor_nm)} N m"
         yield Stream("", "torques ", arm.torque, thresholds, torques)
-
-
-# --- what they cost
-
-
-def _cost(configuration: Configuration) -> Iterator[str]:
-    _, backward = streams(configuration.system)
-    scene = build_scene(configuration)
-    yield f"cost      codec {_codec_us(backward[0]):.1f} us per tick (force channel, encode and decode)"
-    for torque in backward[1:]:
-        yield f"          codec {_codec_us(torque):.1f} us per tick more (torque channel)"
-    if scene is not None:
-        yield f"          scene {_scene_us(scene):.1f} us per tick at its surface"
-
-
-def _codec_us(channel: Channel) -> float:
-    """Median time per tick [us] on a stroke over a soft wall, which sends as often as real contact does."""
-    samples = ((force, position) for position, force in map(_stroke, range(SAMPLES)))
-    return median(code(channel, samples, stopwatch=perf_counter).seconds) * 1e6
-
-
-def _scene_us(scene: Scene) -> float:
-    times = []
-    for tick in range(SAMPLES):
-        position, _ = _stroke(tick)
-        began = perf_counter()
-        scene.force(position, 1e-3)
-        times.append(perf_counter() - began)
-    scene.reset()
-    return median(times) * 1e6
-
-
-def _stroke(tick: int) -> tuple[Vector, Vector]:
-    """Position on a circle of 3 cm that dips 4 mm below z = 0, and the reaction of a wall of 500 N/m there."""
-    angle = 2.0 * pi * tick * 1e-3
-    position = (0.03 * cos(angle), 0.03 * sin(angle), -0.002 + 0.002 * sin(3.0 * angle))
-    return position, ((0.0, 0.0, -500.0 * position[2]) if position[2] < 0.0 else ZERO)

@@ -20,8 +20,8 @@ from weberlink.cli.dialog import Dialog, StoppedByUser, View, uninterrupted
 from weberlink.cli.output import CommandError
 from weberlink.config import MASTER, ConfigurationError, load
 from weberlink.config.document import override
-from weberlink.config.errors import require_package, validated
-from weberlink.config.loading import make_absolute
+from weberlink.config.loading import Part, load_part
+from weberlink.config.model import DriverSettings
 from weberlink.geometry.vector import ZERO, Vector, add, distance, norm, scale, subtract
 from weberlink.installation import absence
 from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading, DeviceSpec
@@ -38,13 +38,8 @@ class DeviceTestError(CommandError):
 
 
 def run(name: str, dialog: Dialog, file: Path | None = None, overrides: Sequence[str] = ()) -> None:
-    """Test a device or a robot.
-
-    Args:
-        name: driver to test.
-        dialog: with the person.
-        file: configuration that names it; None for its defaults.
-        overrides: "key=value" each, for options of the driver; keys may have the full path.
+    """Test a device or a robot, with the options of a file, or else its defaults, and "key=value" overrides of them; a
+    key may have the full path.
 
     Raises:
         ConfigurationError: there is no such driver, or its options are wrong.
@@ -63,7 +58,8 @@ def run(name: str, dialog: Dialog, file: Path | None = None, overrides: Sequence
         raise ConfigurationError(f"{name}: there is no such driver; there are {known}")
     section = SECTIONS[side]
     overrides = [text.removeprefix(f"{section}.") for text in overrides]
-    driver, options, tick_period = _alone(name, side, overrides) if file is None else _of(file, name, side, overrides)
+    part, tick_period = _alone(name, side, overrides) if file is None else _of(file, name, side, overrides)
+    driver, options = part.driver, part.options
     try:
         if side == MASTER:
             try_master(driver, options, lambda options: build_driver(section, driver, options, tick_period), dialog)
@@ -77,8 +73,8 @@ def run(name: str, dialog: Dialog, file: Path | None = None, overrides: Sequence
         raise DeviceTestError(f"{name}: stopped before the end{left}") from None
 
 
-def _of(file: Path, name: str, side: str, overrides: Sequence[str]) -> tuple[Any, BaseModel, float]:
-    """The driver of a configuration, its options and its tick period [s]."""
+def _of(file: Path, name: str, side: str, overrides: Sequence[str]) -> tuple[Part, float]:
+    """The driver of a configuration, and its tick period [s]."""
     section = SECTIONS[side]
     loaded = load(file, [f"{section}.{text}" for text in overrides], sides=[side])
     settings = loaded.system.master.device if side == MASTER else loaded.system.slave.robot
@@ -86,23 +82,16 @@ def _of(file: Path, name: str, side: str, overrides: Sequence[str]) -> tuple[Any
     assert part is not None
     if settings.driver != name:
         raise ConfigurationError(f"{file}: {section}.driver: is {settings.driver}, not {name}")
-    return part.driver, part.options, loaded.system.tick_period
+    return part, loaded.system.tick_period
 
 
-def _alone(name: str, side: str, overrides: Sequence[str]) -> tuple[Any, BaseModel, float]:
+def _alone(name: str, side: str, overrides: Sequence[str]) -> tuple[Part, float]:
     """A driver with its defaults and the overrides."""
-    try:
-        driver: Any = SIDES[side][name]
-    except (ImportError, ValueError) as error:
-        why = str(error) if isinstance(error, ValueError) else f"{name}: cannot be loaded: {error}"
-        raise ConfigurationError(why) from None
-    if hasattr(driver, "NEEDS"):
-        package, extra = driver.NEEDS
-        require_package(package, extra, name)
     content: dict[str, Any] = {}
-    overridden = {override(content, text) for text in overrides}
-    options = validated(driver.Options, content, name)
-    return driver, make_absolute(options, Path.cwd(), overridden), 1.0 / RATE_HZ
+    for text in overrides:
+        override(content, text)
+    settings = DriverSettings(driver=name, **content)
+    return load_part(SIDES[side], settings, SECTIONS[side], Path.cwd(), ()), 1.0 / RATE_HZ
 
 
 def described(spec: DeviceSpec | RobotSpec) -> Iterator[str]:
@@ -142,11 +131,7 @@ Its value is printed only after the last axis was felt: a correct position does 
 
 
 def try_master(driver: Any, options: BaseModel, build: Callable[[BaseModel], Device], dialog: Dialog) -> None:
-    """Test a haptic device of a driver, which `build` makes from options.
-
-    Raises:
-        DeviceTestError, DeviceFault, StoppedByUser: of the test, the device, or the person. The force is zero.
-    """
+    """Test a haptic device of a driver, which `build` makes from options. However it ends, the force is zero."""
     frame: Frame = {**FRAME, **getattr(driver, "FRAME", {})}
     is_real = is_hardware(driver)
     fingerprint: str | None = driver.fingerprint(options) if hasattr(driver, "fingerprint") else None
@@ -244,10 +229,7 @@ def classify_motion(asked: str, moved: Vector, frame: Frame) -> ObservedMotion |
 
 
 def _check_signs(device: Device, frame: Frame, options: Mapping[str, str], dialog: Dialog) -> None:
-    """Ask for a motion along every axis: with a wrong sign, a wall would push instead of resist.
-
-    Raises DeviceTestError if the position does not follow the hand; `options` name what reverses an axis.
-    """
+    """Ask for a motion along every axis: with a wrong sign, a wall would push instead of resist."""
     dialog.tell("", "Check of signs: you move the handle; there is no force.")
     motions = [_motion(axis, device, frame, dialog) for axis in device.spec.axes]
     dialog.tell("")
@@ -341,11 +323,7 @@ FORCE_CHANGE_N = 5.0
 
 
 def try_robot(driver: Any, build: Callable[[], Robot], dialog: Dialog) -> None:
-    """Test the robot of a driver.
-
-    Raises:
-        DeviceTestError, RobotFault, StoppedByUser: of the test, the robot, or the person. It stays where it is.
-    """
+    """Test the robot of a driver. However that ends, it stays where it is."""
     robot = build()
     newtons, share = robot.spec.force_error
     error = f"    (+-{newtons:g} N and {share * 100:g} %)" if newtons or share else ""

@@ -30,12 +30,8 @@ class CommandError(Exception):
 
 @contextmanager
 def errors(log: Callable[[Sequence[str]], None] = lambda _: None) -> Iterator[None]:
-    """Report errors in one line.
-
-    With status 2 a wrong file or key; with 1 what a command cannot do, a missing runtime directory, or a broken driver.
-
-    Args:
-        log: receives the trace of a driver, or of another part by name, that raised an error.
+    """Report errors in one line: with status 2 a wrong file or key; with 1 what a command cannot do, a missing runtime
+    directory, or a broken driver. `log` receives the trace of a driver, or of another part by name, that raised one.
     """
     try:
         yield
@@ -135,12 +131,8 @@ def finish(
 
 
 @contextmanager
-def progress_bar(every_s: float = PROGRESS_EVERY_S) -> Iterator[Callable[..., None]]:
-    """Show progress on standard error; yields `report(done, total, what)`.
-
-    Args:
-        every_s: least time between two lines where it is no terminal [s].
-    """
+def progress_bar() -> Iterator[Callable[..., None]]:
+    """Show progress on standard error; yields `report(done, total, what)`."""
     from rich.console import Console  # noqa: PLC0415 - for long commands alone
     from rich.progress import (  # noqa: PLC0415
         BarColumn,
@@ -160,7 +152,7 @@ def progress_bar(every_s: float = PROGRESS_EVERY_S) -> Iterator[Callable[..., No
             nonlocal told
             text, now = f"{done:g}/{total:g} {what}", monotonic()
             bar.update(task, completed=done, total=total, description=text)
-            if bar.disable and now - told >= every_s:
+            if bar.disable and now - told >= PROGRESS_EVERY_S:
                 told = now
                 tell(f"{text}, after {now - began:.0f} s")
 

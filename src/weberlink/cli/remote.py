@@ -21,11 +21,8 @@ LOOK_S = 0.002
 
 
 def ask(configuration: Configuration, asks: Right) -> Mapping[str, object]:
-    """What the robot's end answers; to a stop, when it has stopped.
-
-    Raises:
-        ConfigurationError: the key cannot be read, or the peer is not known.
-        CommandError: it refuses, or does not answer.
+    """What the robot's end answers; to a stop, when it has stopped. Raises CommandError if it refuses or does not
+    answer; ConfigurationError if the key cannot be read, or the peer is not known.
     """
     finder = finder_of(configuration, MASTER)
     epoch = monotonic()

@@ -103,10 +103,8 @@ def copy(name: str, out: Path | None) -> list[Path]:
     """Copy a shipped file with the files that it names, each at the same place beside it; or a folder.
 
     A file that is there already with the same content stays. No other one is overwritten, and then nothing is written.
-    `out` is the copy, or a folder for it; None for the same name in the working directory. Returns what was written.
-
-    Raises:
-        ConfigurationError: there is no such file, or a copy cannot be written.
+    `out` is the copy, or a folder for it; None for the same name in the working directory. Returns what was written;
+    raises ConfigurationError if there is no such file, or a copy cannot be written.
     """
     source = find(name)
     target = Path(source.name) if out is None else out / source.name if out.is_dir() else out

@@ -100,12 +100,10 @@ def _mistake(text: str, error: yaml.MarkedYAMLError) -> tuple[int, int, str]:
 
 
 def override(content: dict[str, Any], text: str) -> str:
-    """Apply one "path.to.key=value" in place, the value being YAML; returns the path.
+    """Apply one "path.to.key=value" in place, the value being YAML; returns the path. Raises ConfigurationError if it
+    is not of that form, or the path leads through a value.
 
     With a `predictor`, the `bank` of the file is dropped, as it belongs to the predictor of the file.
-
-    Raises:
-        ConfigurationError: it is not of that form, or the path leads through a value.
     """
     name, equals, value = text.partition("=")
     keys = name.strip().split(".")

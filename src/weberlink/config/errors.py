@@ -36,15 +36,8 @@ def trace_of(error: BaseException) -> list[str]:
 
 
 def require_package(package: str, extra: str, asked: str) -> None:
-    """Require an optional package.
-
-    Args:
-        package: import name.
-        extra: extra of this project that installs it.
-        asked: the option or key that needs it, as the user wrote it.
-
-    Raises:
-        ConfigurationError: it is not installed.
+    """Raise ConfigurationError if an optional package is missing, which this extra of the project installs; `asked` is
+    the option or key that needs it, as the user wrote it.
     """
     if find_spec(package) is None:
         raise ConfigurationError(f"{asked}: needs {package}; install it with: {install_line(extra)}")
@@ -66,16 +59,8 @@ def one_of(known: Sequence[str], given: object) -> str:
 
 
 def validated(model: type[M], document: Mapping[str, Any], *where: str, strict: bool | None = None) -> M:
-    """Settings of a part of a file.
-
-    Args:
-        model: of the settings.
-        document: the part, as YAML has it.
-        where: path of the part.
-        strict: whether a text is no number.
-
-    Raises:
-        ConfigurationError: for the first of its errors.
+    """Settings of the part of a file at the path `where`; raises ConfigurationError for the first of its errors. If
+    `strict`, a text is no number.
     """
     try:
         return model.model_validate(document, strict=strict)

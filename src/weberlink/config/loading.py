@@ -18,7 +18,7 @@ from weberlink.order import MASTER, SIDES, SLAVE
 from weberlink.registry import Registry, is_hardware
 from weberlink.slave.robots import ROBOTS
 
-__all__ = ["MASTER", "SIDES", "SLAVE", "Configuration", "Part", "load", "load_device", "make_absolute"]
+__all__ = ["MASTER", "SIDES", "SLAVE", "Configuration", "Part", "load", "load_device", "load_part"]
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Configuration:
 
 
 def load(path: Path, overrides: Iterable[str] = (), sides: Iterable[str] = SIDES) -> Configuration:
-    """Read and validate a file.
+    """Read and validate a file; raises ConfigurationError if the file, an override or a value is wrong.
 
     Relative paths start at the folder of the file, those in an override at the working directory.
 
@@ -56,9 +56,6 @@ def load(path: Path, overrides: Iterable[str] = (), sides: Iterable[str] = SIDES
         path: the YAML file.
         overrides: "path.to.key=value" each, applied in order; the value is YAML.
         sides: sides whose drivers are imported and checked, so that a host needs no library of the other side.
-
-    Raises:
-        ConfigurationError: the file, an override or a value is wrong.
     """
     content = parse(path)
     overridden = {override(content, text) for text in overrides}
@@ -67,13 +64,13 @@ def load(path: Path, overrides: Iterable[str] = (), sides: Iterable[str] = SIDES
         system: System = make_absolute(validated(System, content), path.parent, overridden)
         devices, robots = _tables(system)
         if MASTER in sides:
-            device = _part(devices, system.master.device, "master.device", path.parent, overridden)
+            device = load_part(devices, system.master.device, "master.device", path.parent, overridden)
         if SLAVE in sides:
-            robot = _part(robots, system.slave.robot, "slave.robot", path.parent, overridden)
+            robot = load_part(robots, system.slave.robot, "slave.robot", path.parent, overridden)
         if system.link.finder is not None:
-            finder = _part(FINDERS, system.link.finder, "link.finder", path.parent, overridden)
+            finder = load_part(FINDERS, system.link.finder, "link.finder", path.parent, overridden)
         if system.slave.cameras is not None:
-            cameras = _part(CAMERAS, system.slave.cameras, "slave.cameras", path.parent, overridden)
+            cameras = load_part(CAMERAS, system.slave.cameras, "slave.cameras", path.parent, overridden)
         if system.link.security == "none":
             _refuse_hardware("master.device", system.master.device, device)
             _refuse_hardware("slave.robot", system.slave.robot, robot)
@@ -89,7 +86,7 @@ def load_device(configuration: Configuration) -> Part:
     if configuration.device is not None:
         return configuration.device
     system = configuration.system
-    return _part(_tables(system)[0], system.master.device, "master.device", configuration.path.parent, ())
+    return load_part(_tables(system)[0], system.master.device, "master.device", configuration.path.parent, ())
 
 
 def _tables(system: System) -> tuple[Registry[Any], Registry[Any]]:
@@ -103,10 +100,7 @@ def _tables(system: System) -> tuple[Registry[Any], Registry[Any]]:
 
 
 def _refuse_hardware(where: str, settings: DriverSettings, part: Part | None) -> None:
-    """Refuse hardware without a key: any user of this host could then join the session.
-
-    Each end answers for its own hardware, so that neither imports the other's driver.
-    """
+    """Refuse hardware without a key: any user of this host could then join the session."""
     if part is not None and is_hardware(part.driver):
         raise ConfigurationError(
             f"link.security: none lets every user of this host move {where} {settings.driver}; "
@@ -114,7 +108,7 @@ def _refuse_hardware(where: str, settings: DriverSettings, part: Part | None) ->
         )
 
 
-def _part(
+def load_part(
     table: Registry[Any], settings: DriverSettings, where: str, folder: Path, overridden: Collection[str]
 ) -> Part:
     """Find a driver in a table of drivers, and validate its options."""
@@ -146,13 +140,8 @@ def _arms(table: Registry[Any]) -> Collection[str]:
 
 
 def make_absolute(value: Any, folder: Path, overridden: Collection[str], where: str = "") -> Any:
-    """Settings, or one of them, in which every path is absolute.
-
-    Args:
-        value: validated settings, or one of them.
-        folder: what a relative path in the file is relative to.
-        overridden: fields set on the command line, whose paths are relative to the working directory.
-        where: path of the value in the file.
+    """Settings, or one of them at the path `where` in the file, in which every path is absolute: below the folder, or
+    of the `overridden` fields, which were set on the command line, below the working directory.
     """
 
     def absolute(name: str | int, each: Any) -> Any:

@@ -88,12 +88,10 @@ class EnergyBound:
 
 def accounts_in(dump: Mapping[str, Any]) -> tuple[AccountParameters, ...]:
     """The accounts in the dump of a `System`, as descriptions and recordings hold it, in the robot's frame: that of the
-    force and, with six degrees of freedom, that of the torque; or that of all axes of an arm.
+    force and, with six degrees of freedom, that of the torque; or that of all axes of an arm. None of a scheme that
+    keeps no account, or one of its own; ValueError if it says something else of an account than this release does.
 
-    `damping` is that of angles [N m s] for torques. None of a scheme that keeps no account, or keeps one of its own.
-
-    Raises:
-        ValueError: it says something else of an account than this release does.
+    `damping` is that of angles [N m s] for torques.
     """
     try:
         if dump.get("control", {}).get("scheme") != "bounded":

@@ -53,21 +53,14 @@ def footer(facts: dict[str, Any], seed: int | None = None) -> str:
 
 def _commit() -> str | None:
     """The commit of the checkout of this file, with + if it has changes; None outside a checkout."""
-    here = Path(__file__).resolve().parent
+    here = Path(__file__).resolve()
+
+    def git(*words: str) -> str:
+        command = ["git", "-C", str(here.parent), *words]
+        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=5).stdout.strip()  # noqa: S603
+
     try:
-        described = subprocess.run(  # noqa: S603
-            ["git", "-C", str(here), "describe", "--always", "--dirty=+", "--exclude=*"],  # noqa: S607
-            capture_output=True,
-            text=True,
-            check=True,
-            timeout=5,
-        )
-        inside = subprocess.run(  # noqa: S603
-            ["git", "-C", str(here), "ls-files", "--error-unmatch", Path(__file__).name],  # noqa: S607
-            capture_output=True,
-            check=False,
-            timeout=5,
-        )
+        git("ls-files", "--error-unmatch", here.name)
+        return git("describe", "--always", "--dirty=+", "--exclude=*")
     except (OSError, subprocess.SubprocessError):
         return None
-    return described.stdout.strip() if inside.returncode == 0 else None

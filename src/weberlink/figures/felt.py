@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.figures.channel import Records, distances, in_session
+from weberlink.figures.channel import Exceedances, Records, distances, in_session
 from weberlink.figures.distribution import Distribution
 from weberlink.figures.tree import Quality
 
@@ -48,12 +48,8 @@ class AlignedError:
         self._begin: int | None = None
 
     def add(self, ticks: NDArray[Any], felt: NDArray[Any], robot: NDArray[Any]) -> None:
-        """Take the next moments that count, of ticks that rise until the side that counts them starts again.
-
-        Args:
-            ticks: their numbers, shape (n,).
-            felt: what was displayed to the operator, shape (n, axes).
-            robot: what the robot measured, shape (n, axes).
+        """Take the next moments that count: ticks, shape (n,), that rise until the side that counts them starts again;
+        what was displayed to the operator and what the robot measured, shape (n, axes).
         """
         ticks = ticks.astype(np.int64)
         rows = np.vstack([np.ones(len(ticks)), felt.T, robot.T])
@@ -131,14 +127,11 @@ _PER_JND = 1e4
 
 @dataclass(frozen=True)
 class Threshold:
-    """A just noticeable difference of force.
+    """A just noticeable difference of force; ValueError for a number out of range.
 
     Args:
         jnd: Weber fraction k_J, as a share of the force, > 0.
         floor_n: absolute threshold [N], > 0; Weber's law fails below about 1 N.
-
-    Raises:
-        ValueError: for a number out of range.
     """
 
     jnd: float = WEBER_FRACTION
@@ -153,16 +146,12 @@ class Threshold:
         return np.maximum(self.jnd * np.asarray(magnitude_n, dtype=np.float64), self.floor_n)
 
     def log_error(self, displayed_n: Array, measured_n: Array) -> Array:
-        """The log error [JND]: the number of JNDs, one upon the other, between two magnitudes of force.
+        """The log error [JND]: the number of JNDs, one upon the other, between two magnitudes of force [N], shape (n,).
 
         `|ln((|f| + f0) / (|f'| + f0))| / ln(1 + k_J)`, from Weber's law with an additive constant, one JND =
         k_J (|f| + f0). f0 = floor_n / k_J, so that one JND at zero force is the absolute threshold. Unlike the error in
         multiples of one JND it counts a force that is displayed k times too strong as one that is k times too weak. It
         does not see the direction.
-
-        Args:
-            displayed_n: magnitudes |f'| [N], shape (n,).
-            measured_n: magnitudes |f| [N], shape (n,).
         """
         offset = self.floor_n / self.jnd
         ratio = np.log((measured_n + offset) / (displayed_n + offset))
@@ -175,33 +164,17 @@ class QualityStatistics:
     def __init__(self, period_s: float, threshold: Threshold | None = None) -> None:
         self._period_s = period_s
         self._threshold = threshold or Threshold()
-        self._count = self._noticed = self._run = self._longest = 0
-        self._square_sum = self._log_square_sum = 0.0
-        self._largest = self._log_largest = 0.0
+        self._errors, self._log_errors = Exceedances(), Exceedances()
         self._jumps = Distribution()
 
     def add(self, error_n: Array, displayed_n: Array, measured_n: Array) -> None:
-        """Take the next ticks, in order.
-
-        Args:
-            error_n: distance of the displayed force from the measured one [N], shape (n,).
-            displayed_n: magnitude of the displayed force [N], shape (n,).
-            measured_n: magnitude of the measured force [N], shape (n,).
+        """Take the next ticks, in order: distances of the displayed force from the measured one, and the magnitudes of
+        both [N], shape (n,).
         """
-        if not len(error_n):
-            return
         threshold_n = self._threshold.at(measured_n)
-        error, log_error = error_n / threshold_n, self._threshold.log_error(displayed_n, measured_n)
         noticed = error_n > threshold_n
-        self._count += len(error)
-        self._noticed += int(noticed.sum())
-        self._square_sum += float(np.square(error).sum())
-        self._log_square_sum += float(np.square(log_error).sum())
-        self._largest = max(self._largest, float(error.max()))
-        self._log_largest = max(self._log_largest, float(log_error.max()))
-        leading = len(noticed) if noticed.all() else int(noticed.argmin())
-        self._longest = max(self._longest, self._run + leading, longest_run(noticed))
-        self._run = self._run + leading if leading == len(noticed) else int(noticed[::-1].argmin())
+        self._errors.add(error_n / threshold_n, noticed)
+        self._log_errors.add(self._threshold.log_error(displayed_n, measured_n), noticed)
 
     def add_jumps(self, jump_n: Array, before_n: Array) -> None:
         """Take jumps: changes of the displayed force from one tick to the next, in a tick with an update [N].
@@ -214,21 +187,19 @@ class QualityStatistics:
         """All measures; None before the first tick, or the first jump."""
         jumps: dict[str, float] = {}
         if self._jumps.count:
-            shares = {
-                "median": self._jumps.percentile(50.0),
-                "p99": self._jumps.percentile(99.0),
-                "max": self._jumps.max,
-            }
-            jumps = {f"jump_{name}_jnd": value / _PER_JND for name, value in shares.items()}
-        if not self._count:
+            shares = (self._jumps.percentile(50.0), self._jumps.percentile(99.0), self._jumps.max)
+            named = zip(("median", "p99", "max"), shares, strict=True)
+            jumps = {f"jump_{name}_jnd": value / _PER_JND for name, value in named}
+        errors, logs = self._errors, self._log_errors
+        if not errors.count:
             return Quality(**jumps)
         return Quality(
-            error_rms_jnd=(self._square_sum / self._count) ** 0.5,
-            error_max_jnd=self._largest,
-            noticeable_fraction=self._noticed / self._count,
-            noticeable_longest_s=self._longest * self._period_s,
-            log_error_rms_jnd=(self._log_square_sum / self._count) ** 0.5,
-            log_error_max_jnd=self._log_largest,
+            error_rms_jnd=errors.rms,
+            error_max_jnd=errors.largest,
+            noticeable_fraction=errors.beyond / errors.count,
+            noticeable_longest_s=errors.longest_run * self._period_s,
+            log_error_rms_jnd=logs.rms,
+            log_error_max_jnd=logs.largest,
             **jumps,
         )
 
@@ -252,9 +223,3 @@ class JumpsOfRecords:
         counts &= np.diff(joined["tick"].astype(np.int64)) == 1
         held, displayed = (records["output"][counts].astype(np.float64) for records in (before, after))
         return distances(displayed, held), np.linalg.norm(held, axis=1)
-
-
-def longest_run(flags: NDArray[np.bool_]) -> int:
-    """Most True in a row."""
-    edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
-    return int((edges[1::2] - edges[::2]).max(initial=0))

@@ -49,9 +49,8 @@ COUNTED = {
 
 
 class _Event(NamedTuple):
-    """An event to write: the first record that shows it, its kind, name and fields.
-
-    Events of one kind replace each other, so that the last line of a kind gives the current condition.
+    """What to write, and the first record that shows it; events of one kind replace each other, so that the last is
+    written.
     """
 
     record: Any
@@ -199,13 +198,8 @@ class Journal:
         """Lines that could not be written since the last one that was, which reports them."""
 
     def add(self, side: str, records: Records, wall_offset_s: float) -> None:
-        """Take the next records of a side, in their order.
-
-        Args:
-            side: its name.
-            records: of `weberlink.telemetry.reader.DTYPE`, shape (n,); may be empty.
-            wall_offset_s: from the clock of the records to the wall clock [s]: the ring's `started_wall_s` minus its
-                `started_monotonic_s`.
+        """Take the next records of a side, in their order, shape (n,); may be empty. The offset is that from the clock
+        of the records to the wall clock [s]: the ring's `started_wall_s` minus its `started_monotonic_s`.
         """
         if not len(records):
             return

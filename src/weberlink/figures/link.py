@@ -4,13 +4,10 @@ A way is measured by the side that receives. Where that side's records are on an
 round trip, which is the sum of both, and its loss is what that side reported.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
-from weberlink.config import MASTER, SLAVE
 from weberlink.figures.channel import Records, engaged
 from weberlink.figures.distribution import Distribution
 from weberlink.figures.tree import Connection, Way, Ways
@@ -132,27 +129,3 @@ def ways_of(master: WayScore, slave: WayScore) -> Ways:
 
     here = master if master.ticks else slave
     return Ways(here.jitter.median(), to_slave=way(slave, master), to_master=way(master, slave))
-
-
-def ways_now(last: Mapping[str, Any]) -> dict[str, Any]:
-    """The same of the newest record of each side that has one, for JSON."""
-
-    def known(value: Any) -> float | None:
-        return float(value) if np.isfinite(value) else None
-
-    def way(receiver: Any, sender: Any) -> dict[str, float | None]:
-        if receiver is not None:
-            delay, loss, burst = (receiver[name] for name in ("one_way_us", "incoming_loss", "peer_burst"))
-            return {"one_way_us": known(delay), "loss": known(loss), "burst": float(burst) or None}
-        if sender is None:
-            return {"one_way_us": None, "loss": None, "burst": None}
-        outward = float(sender["rtt_us"]) - float(sender["one_way_us"])
-        return {"one_way_us": known(outward), "loss": known(sender["outgoing_loss"]), "burst": None}
-
-    master, slave = last.get(MASTER), last.get(SLAVE)
-    here = slave if master is None else master
-    return {
-        "jitter_us": None if here is None else known(here["jitter_us"]),
-        "to_slave": way(slave, master),
-        "to_master": way(master, slave),
-    }

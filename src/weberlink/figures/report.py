@@ -277,11 +277,8 @@ def _recording(facts: Mapping[str, Any]) -> str:
 
 
 def status_line(records: dict[str, Any], figures: Figures) -> str:
-    """One line of a running session, at most 79 characters: what is wrong, then the state, then figures.
-
-    Args:
-        records: the newest record of each side; None before the first.
-        figures: those so far.
+    """One line of a running session, at most 79 characters: what is wrong, then the state, then figures. Of the newest
+    record of each side, None before the first, and the figures so far.
     """
     present = {side: record for side, record in records.items() if record is not None}
     parts = [f"{figures.duration_s:6.1f} s"]

@@ -76,12 +76,8 @@ class Layout:
         torque_bank: Sequence[str] | None,
         on_unknown: Callable[[ValueError], None] | None = None,
     ) -> Self:
-        """That of the dump of a `System`, as descriptions and recordings hold it.
-
-        A part that is missing or of another release is told to `on_unknown`, and left out.
-
-        Raises:
-            ValueError: it is so without `on_unknown`.
+        """That of the dump of a `System`, as descriptions and recordings hold it. A part that is missing or of another
+        release is told to `on_unknown`, and left out; without that, ValueError.
         """
 
         def known(read: Callable[[Mapping[str, Any]], Known], unknown: Known) -> Known:
@@ -316,11 +312,9 @@ class TickPairs:
         self._slave: Records | None = None
 
     def add(self, master: Records, slave: Records) -> tuple[Records, Records, NDArray[np.bool_]]:
-        """Take the next records of both sides, each in order of time.
-
-        Returns:
-            Records of the master and of the slave, shape (n,) each, that make pairs, and whether they count for errors:
-            they are of the same moment, in session and not in a ramp.
+        """Take the next records of both sides, each in order of time; returns those of the master and of the slave,
+        shape (n,) each, that make pairs, and whether they count for errors: of the same moment, in session and not in a
+        ramp.
         """
         self._master, self._slave = (
             joined([each for each in (waiting, new) if each is not None and len(each)])[-self._longest_wait :]
@@ -351,9 +345,8 @@ def nearest_ticks(
 ) -> tuple[int, NDArray[np.intp], NDArray[np.bool_]]:
     """The tick of the master nearest in time to each tick of the slave; times [s] of one tick or more, in order.
 
-    Returns:
-        The number n of slave ticks for which no nearer tick of the master can follow; for each of these the index of
-        the nearest, shape (n,), and whether it belongs to the same moment, shape (n,).
+    Returns the number n of slave ticks for which no nearer tick of the master can follow; for each of these the index
+    of the nearest, shape (n,), and whether it belongs to the same moment, shape (n,).
     """
     ready = int(np.searchsorted(slave_at, master_at[-1] - 0.5 * period, side="right"))
     now = slave_at[:ready]

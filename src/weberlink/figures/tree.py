@@ -5,19 +5,13 @@ A figure is None while it is unknown. Times end in their unit, shares are from 0
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
-from types import UnionType
-from typing import Any, Self, get_args, get_origin, get_type_hints
+from typing import Any
 
 from weberlink.figures.paths import LinkPath
 from weberlink.order import COMPLETED, FAILED
 
 GOOD, DEGRADED, FAILURE = "good", "degraded", "failed"
 """The word of a verdict."""
-CHANNELS = (
-    *("force", "torque", "position", "orientation"),
-    *("joint_torque", "gripper_torque", "joint_angle", "gripper_angle"),
-)
-"""Names of all channels; a session has some of them."""
 FLAT = {"flat": True}
 """Metadata of a field whose own fields stand in its place in the document."""
 
@@ -200,12 +194,8 @@ class Energy:
 
 @dataclass(frozen=True)
 class Cause:
-    """Why a session is not good.
-
-    Args:
-        level: `degraded` or `failed`.
-        name: short identifier; no two causes of a verdict share one.
-        text: words, with the figure.
+    """Why a session is not good: `degraded` or `failed`; a short identifier, which no two causes of a verdict share;
+    words, with the figure.
     """
 
     level: str
@@ -287,13 +277,6 @@ class Figures:
         document: dict[str, Any] = to_json(self)
         return document
 
-    @classmethod
-    def of_json(cls, document: Mapping[str, Any]) -> Self:
-        """The figures of a document of this release."""
-        channels = {name: document[name] for name in CHANNELS if name in document}
-        figures: Self = _of_json(cls, {**document, "channels": channels})
-        return figures
-
 
 def to_json(value: Any) -> Any:
     """Numbers, texts, lists and dictionaries, from any part of the tree."""
@@ -308,24 +291,3 @@ def to_json(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {name: to_json(inner) for name, inner in value.items()}
     return [to_json(inner) for inner in value] if isinstance(value, list | tuple) else value
-
-
-def _of_json(kind: Any, document: Any) -> Any:
-    """A value of a type from its document."""
-    origin, arguments = get_origin(kind), get_args(kind)
-    if origin is UnionType:  # with None
-        return None if document is None else _of_json(arguments[0], document)
-    if isinstance(kind, type) and is_dataclass(kind):
-        types, values = get_type_hints(kind), {}
-        for each in fields(kind):
-            inner = document.get(each.name)
-            if each.metadata and inner is None and (each.default is not None or "violation_floor" in document):
-                inner = document  # where its own fields stand; those of Felt in one channel alone
-            values[each.name] = _of_json(types[each.name], inner)
-        return kind(**values)
-    if origin is Mapping:
-        return {name: _of_json(arguments[1], inner) for name, inner in document.items()}
-    if isinstance(document, list):
-        parts = (_of_json(arguments[0], inner) for inner in document)
-        return tuple(parts) if origin is tuple else list(parts)
-    return document

@@ -93,10 +93,6 @@ class Worker(Generic[Command, Sample]):
         """The error of the last exchange; None if there was none."""
         self.round_trip = 0.0
         """Time that the last exchange took [s]."""
-        self.bad_count = 0
-        """Bad replies since the start."""
-        self.connected_at = 0.0
-        """When the device was last connected [s]."""
         self._share = 0.0
         self._began = 0.0
 
@@ -142,10 +138,9 @@ class Worker(Generic[Command, Sample]):
     def _begin(self) -> None:
         """Connect, with nothing left of the last session."""
         self.fault = self.trouble = self._error = None
-        self.bad_count, self._share = 0, 0.0
+        self._share = 0.0
         self._command, self._called_at = (self.rest, -inf, self._gaps_met), inf
         self._newest = (self.exchange.open(), self.clock())
-        self.connected_at = self._newest[1]
         self._stopping.clear()
 
     def command(self, command: Command, now: float) -> None:
@@ -236,7 +231,6 @@ class Worker(Generic[Command, Sample]):
             except BadReply as reply:
                 bad_at = self.clock() if bad == 0 else bad_at
                 bad += 1
-                self.bad_count += 1
                 fault = reply
             except HardwareFault as gone:
                 bad = self.bad_replies
@@ -269,5 +263,4 @@ class Worker(Generic[Command, Sample]):
                 fault = again
             else:
                 self._newest = (sample, self.clock())
-                self.connected_at = self._newest[1]
                 return

@@ -1,12 +1,14 @@
 """An emulated machine for the checks, on which everything is right unless a test changes it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from weberlink.cli.doctor import CHECKS, Finding, Machine, Needs, examine
 from weberlink.cli.doctor.machine import Unreadable
+from weberlink.cli.doctor.report import USUAL
 from weberlink.cli.doctor.trial import HostTrial, RightsTrial, SessionTrial, Stretch
+from weberlink.config import SIDES
 
 CPU = "sys/devices/system/cpu"
 CLOCK = "sys/devices/system/clocksource/clocksource0"
@@ -82,7 +84,7 @@ def _answers() -> dict[str, Any]:
         "resolution_ns": lambda: 1.0,
         "rights_trial": lambda **_: TRIAL,
         "host_trial": lambda **_: HOST,
-        "session_trial": lambda _settings: SessionTrial(p99_us=40.0),
+        "session_trial": lambda **_: SessionTrial(p99_us=40.0),
         "drivers": tuple,
         "python": lambda: BUILD,
         "version": lambda _package: "1.0",
@@ -104,6 +106,15 @@ ROWS = {
     "wakeful": "host",
 }
 """Rows of the table by the name of their findings, where that is another one."""
+
+
+def asking(file: str | None = None, sides: Sequence[str] = SIDES, **settings: Any) -> Needs:
+    """What is usual, but for these settings of a file."""
+    changed = {
+        name: getattr(USUAL, name).model_copy(update=value) if isinstance(value, dict) else value
+        for name, value in settings.items()
+    }
+    return Needs(USUAL.model_copy(update=changed), sides, None if file is None else Path(file))
 
 
 def look(check: str, here: Machine, needs: Needs | None = None) -> Finding:

@@ -10,11 +10,24 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from tests.cli.doctor.machines import BUILD, CLOCK, CPU, GRANTS, REFUSED, STRETCH, TRIAL, idle_state, look, machine
+from tests.cli.doctor.machines import (
+    BUILD,
+    CLOCK,
+    CPU,
+    GRANTS,
+    REFUSED,
+    STRETCH,
+    TRIAL,
+    asking,
+    idle_state,
+    look,
+    machine,
+)
 from weberlink.cli.devices import NO_RULES, READY, DriverStatus
 from weberlink.cli.doctor import CHECKS, Grade, Machine, Needs, examine
 from weberlink.cli.doctor.network import CHARGED_BYTES
 from weberlink.cli.doctor.trial import HostTrial, RightsTrial, SessionTrial
+from weberlink.config.model import DriverSettings
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.protocol.keys import generate
 from weberlink.telemetry.ring import slot_bytes
@@ -33,10 +46,11 @@ SWAP = {"proc/swaps": "Filename\tType\tSize\tUsed\tPriority\n/dev/sda2  partitio
 HUGE = "sys/kernel/mm/transparent_hugepage/enabled"
 RING = 10 * 1000 * slot_bytes()
 TIGHT = {"space": lambda _path: (64_000_000, int(1.5 * RING))}
-LISTENING = Needs(listen=("0.0.0.0", 47000))
-CALLING = Needs(slave=("robot", 47000))
+LISTENING = asking(link={"listen": "0.0.0.0:47000"})
+CALLING = asking(link={"slave": "robot:47000"})
+SLEEPY = asking(realtime={"wakeful": False})
 LIMITS = "| sudo tee -a /etc/security/limits.d/weberlink.conf"
-NAMED = Needs(drivers=(("master", "paddle"), ("slave", "point")))
+NAMED = asking("x.yaml", master={"device": DriverSettings(driver="paddle")})
 INSTALL = "sudo weberlink device rules"
 # Port 47000 is B798; the tenth column is the inode.
 SOCKETS = {"proc/net/udp": "sl local\n 12: 00000000:B798 00000000:0000 07 0:0 00:0 00000000 0 0 4242 2\n"}
@@ -79,7 +93,7 @@ def awake(**stretch: float | None) -> dict[str, Any]:
 def sessions(most_hz: float, *, missed: float = 0.0, late_share: float = 0.2) -> dict[str, Any]:
     """A machine that is punctual up to a rate; above it late by more than is allowed, and below it by so much."""
 
-    def trial(settings: Mapping[str, Any]) -> SessionTrial:
+    def trial(*, settings: Mapping[str, Any]) -> SessionTrial:
         rate_hz = settings["rate_hz"]
         return SessionTrial((0.3 if rate_hz > most_hz else late_share) * 1e6 / rate_hz, missed)
 
@@ -116,11 +130,11 @@ CASES = [
     ),
     Case("wall clock", ADVICE, answers={"clock_is_synchronised": lambda: False}),
     # processors
-    Case("processors", PROBLEM, "slave on 7", needs=Needs(cpus=(1, 7))),
+    Case("processors", PROBLEM, "slave on 7", needs=asking(realtime={"cpus": (1, 7)})),
     Case("processors", ADVICE, answers={"affinity": lambda: frozenset({0})}),
     Case("governor", ADVICE, f"tee /{CPU}/cpu*/{GOVERNOR}", {f"{CPU}/cpu1/{GOVERNOR}": "schedutil"}),
-    Case("idle states", ADVICE, "realtime: {wakeful: true}", DEEP, Needs(wakeful=False)),
-    Case("idle states", OK, files=DEEP, needs=Needs(wakeful=False, rate_hz=100.0)),
+    Case("idle states", ADVICE, "realtime: {wakeful: true}", DEEP, SLEEPY),
+    Case("idle states", OK, files=DEEP, needs=asking(realtime={"wakeful": False}, rate_hz=100.0)),
     Case("cpu quota", ADVICE, "50 %", {f"{SLICE}/cpu.max": "50000 100000"}),
     # rights
     Case("scheduling", PROBLEM, f"echo 'ann - rtprio 98' {LIMITS}", answers=rights("priority")),
@@ -130,27 +144,27 @@ CASES = [
     Case("timer slack", OK, "1 ns"),
     Case("rate", OK, "hold 4000 Hz here: late p99 50 us", answers=sessions(1e5)),
     Case("rate", OK, "hold 2000 Hz here: late p99 100 us", answers=sessions(2000.0)),
-    Case("rate", ADVICE, "rate_hz: 2000", needs=Needs(rate_hz=5000.0), answers=sessions(2000.0)),
-    Case("rate", OK, "hold 5000 Hz", needs=Needs(rate_hz=5000.0), answers=sessions(1e5)),
+    Case("rate", ADVICE, "rate_hz: 2000", needs=asking(rate_hz=5000.0), answers=sessions(2000.0)),
+    Case("rate", OK, "hold 5000 Hz", needs=asking(rate_hz=5000.0), answers=sessions(1e5)),
     Case("rate", ADVICE, "top -H", answers=sessions(1e5, missed=0.011)),
-    Case("rate", ADVICE, "at 500 Hz: late p99 600 us", needs=Needs(rate_hz=500.0), answers=sessions(100.0)),
-    Case("rate", UNKNOWN, "no port", answers={"session_trial": lambda _settings: SessionTrial(failure="no port")}),
+    Case("rate", ADVICE, "at 500 Hz: late p99 600 us", needs=asking(rate_hz=500.0), answers=sessions(100.0)),
+    Case("rate", UNKNOWN, "no port", answers={"session_trial": lambda **_: SessionTrial(failure="no port")}),
     Case("punctuality", OK, answers=rights(p99=200.0)),
     Case("punctuality", ADVICE, "top -H", answers=rights(p99=300.0)),
     Case("punctuality", PROBLEM, answers=rights(p99=1200.0)),
-    Case("punctuality", PROBLEM, needs=Needs(rate_hz=4000.0), answers=rights(p99=300.0)),
+    Case("punctuality", PROBLEM, needs=asking(rate_hz=4000.0), answers=rights(p99=300.0)),
     # host
-    Case("host", OK, needs=Needs(wakeful=False), answers=awake(missed=0.03)),  # the share is that of the setting in use
-    Case("host", ADVICE, "3.00 %", needs=Needs(wakeful=True), answers=awake(missed=0.03)),
+    Case("host", OK, needs=SLEEPY, answers=awake(missed=0.03)),  # the share is that of the setting in use
+    Case("host", ADVICE, "3.00 %", answers=awake(missed=0.03)),
     Case("wakeful", OK, "no clear difference"),
     Case("wakeful", ADVICE, "in the file: realtime: {wakeful: false}", answers=awake(steal=0.03)),
     # memory
-    Case("swap", ADVICE, "2048 MB", SWAP, Needs(lock_memory=False)),
+    Case("swap", ADVICE, "2048 MB", SWAP, asking(realtime={"lock_memory": False})),
     Case("huge pages", ADVICE, f"echo madvise | sudo tee /{HUGE}", {HUGE: "[always] madvise never"}),
     Case("shared memory", PROBLEM, "remount", answers=TIGHT),
     # network
-    Case("receive buffer", OK, needs=Needs(rate_hz=1000.0)),
-    Case("receive buffer", ADVICE, f"={int(2 * 0.1 * 4000 * CHARGED_BYTES)}", needs=Needs(rate_hz=4000.0)),
+    Case("receive buffer", OK, needs=asking(rate_hz=1000.0)),
+    Case("receive buffer", ADVICE, f"={int(2 * 0.1 * 4000 * CHARGED_BYTES)}", needs=asking(rate_hz=4000.0)),
     Case("port", OK, needs=LISTENING),
     Case("port", PROBLEM, "UDP port 47000 is in use", SOCKETS, LISTENING, {"bind": failing(EADDRINUSE)}),
     Case("slave address", PROBLEM, "link.slave: ROBOT:PORT", needs=CALLING, answers=at("2001:db8::5")),
@@ -190,7 +204,7 @@ def test_key_file_problems_come_with_fixes_and_no_key(tmp_path: Path) -> None:
         (public, PROBLEM, f"chmod 600 '{public}'"),
         (tmp_path, PROBLEM, f"weberlink keygen {tmp_path}.new"),
     ):
-        finding = look("key file", Machine(), Needs(file=Path("x.yaml"), key_file=path))
+        finding = look("key file", Machine(), asking("x.yaml", link={"security": "psk", "key_file": path}))
         assert (finding.grade, fix in (finding.fix or "")) == (grade, True)
         assert good.read_text().split()[1] not in repr(finding)
 
@@ -198,7 +212,7 @@ def test_key_file_problems_come_with_fixes_and_no_key(tmp_path: Path) -> None:
 def test_failed_trial_is_reported_once_and_unknown(tmp_path: Path) -> None:
     trials = {"rights_trial": lambda **_: RightsTrial(failure="no processes")}
     trials["host_trial"] = lambda **_: HostTrial(failure="not permitted")
-    trials["session_trial"] = lambda _settings: SessionTrial(failure="no port")
+    trials["session_trial"] = lambda **_: SessionTrial(failure="no port")
     report = examine(Needs(), machine(tmp_path, **trials), [row for row in CHECKS if row.area in ("rights", "host")])
     assert [(each.check, each.grade, each.found) for each in report.findings] == [
         ("rights", UNKNOWN, "rights: no processes"),

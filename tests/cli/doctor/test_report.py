@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from tests.cli.doctor.machines import FILES, HOST, machine
+from tests.cli.doctor.machines import FILES, HOST, asking, machine
 from tests.examples import examples
 from tests.program import document, weberlink
 from tests.session.systems import CONFIGS
-from weberlink.cli.doctor import CHECKS, Check, Finding, Grade, Machine, Needs, examine
+from weberlink.cli.doctor import CHECKS, Check, Finding, Grade, Machine, Needs, advised, examine
 from weberlink.cli.doctor.trial import SessionTrial
 from weberlink.config import load
 
@@ -35,7 +35,7 @@ def test_an_ideal_machine_has_nothing_to_fix_and_missing_files_are_unknown(tmp_p
 @given(st.dictionaries(st.sampled_from(sorted(FILES)), st.text(max_size=60), max_size=len(FILES)))
 def test_arbitrary_files_never_raise(tmp_path_factory: pytest.TempPathFactory, files: dict[str, str]) -> None:
     host = machine(tmp_path_factory.mktemp("machine"), {name: text.replace("\0", "") for name, text in files.items()})
-    needs = Needs(listen=("0.0.0.0", 47000), slave=("robot", 47000), cpus=(0, 1))
+    needs = asking(link={"listen": "0.0.0.0:47000", "slave": "robot:47000"}, realtime={"cpus": (0, 1)})
     for each in examine(needs, host, READ).findings:
         assert (each.fix is None) == (each.grade is OK) or each.grade is UNKNOWN
 
@@ -61,7 +61,7 @@ def test_failing_check_becomes_a_finding_and_the_fix_of_a_row_is_for_those_that_
 def test_command_reports_of_this_machine_and_fails_on_problems(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     # A trial of the host takes seconds; its own tests make a real one.
     monkeypatch.setattr(Machine, "host_trial", lambda _machine, **_request: HOST)
-    monkeypatch.setattr(Machine, "session_trial", lambda _machine, _settings: SessionTrial(p99_us=40.0))
+    monkeypatch.setattr(Machine, "session_trial", lambda _machine, **_: SessionTrial(p99_us=40.0))
     out = tmp_path / "doctor.json"
     ended = weberlink("doctor", LAN, "--side", "master", "--json", out)
     told = document(out.read_text(encoding="utf-8"))
@@ -75,11 +75,22 @@ def test_command_reports_of_this_machine_and_fails_on_problems(monkeypatch: pyte
     assert (told["needs"]["file"], alone.status) == (None, int(told["counts"]["problem"] > 0))
 
 
+def test_what_check_warns_of_is_advice_with_its_remedy() -> None:
+    ask = ["codec.force.weber=0.5", "link.security=none"]
+    (found,) = advised(load(CONFIGS / "loopback.yaml", ask))
+    assert (found.grade, found.fix, found.area) == (ADVICE, "use at most that", "file")
+    assert found.found.startswith("codec.force.weber 0.5")
+    assert [each.grade for each in advised(load(CONFIGS / "loopback.yaml"))] == [OK]
+    (found,) = advised(load(LAN, ["link.key_file=none.key"]))
+    assert found.grade is UNKNOWN and "none.key" in found.found
+
+
 def test_needs_follow_the_configuration() -> None:
     overrides = ["rate_hz=500", "realtime.cpus=[0, 1]", "realtime.priority=7", "link.slave=robot:5"]
-    needs = Needs.of(load(LAN, overrides), ["slave"])
-    assert (needs.rate_hz, needs.pinned, needs.priority) == (500.0, {"slave": 1}, 7)
+    system = load(LAN, overrides).system
+    needs = Needs(system, ["slave"])
+    assert (needs.rate_hz, needs.pinned, needs.realtime.priority) == (500.0, {"slave": 1}, 7)
     assert (needs.listen, needs.slave) == (("0.0.0.0", 47000), None)  # the slave calls nobody
-    assert Needs.of(load(LAN, overrides), ["master"]).slave == ("robot", 5)
-    loopback = Needs.of(load(CONFIGS / "loopback.yaml"))
-    assert (loopback.listen, loopback.slave, loopback.key_file) == (None, None, None)  # any port that is free
+    assert Needs(system, ["master"]).slave == ("robot", 5)
+    loopback = Needs(load(CONFIGS / "loopback.yaml").system)
+    assert (loopback.listen, loopback.slave) == (None, None)  # any port that is free

@@ -83,7 +83,7 @@ def judge(configuration: Configuration, way_out: WayOut, trial: LinkTrial) -> Do
         **({} if failure is None else {"failure": failure}),
     }
     findings = [replace(each, area=area) for area, group in found.items() for each in group]
-    return DoctorReport(Needs.of(configuration, [MASTER]), findings, document)
+    return DoctorReport(Needs(configuration.system, [MASTER], configuration.path), findings, document)
 
 
 def _describe_paths(paths: Iterable[Mapping[str, Any]], link: LinkSettings) -> Iterator[Finding]:

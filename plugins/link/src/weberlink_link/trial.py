@@ -115,8 +115,8 @@ class Measurement:
 
 def run_link_trial(file: Path, overrides: Sequence[str], seconds: float) -> LinkTrial:
     """Measure the link of a file for some seconds in a child process; a failure is in the result."""
-    request = {"file": str(file), "overrides": list(overrides), "seconds": seconds}
-    return run_child(__name__, received, "link", request, seconds + WARM_UP_S + PATH_S + 2.0 * ANSWER_S)
+    limit_s = seconds + WARM_UP_S + PATH_S + 2.0 * ANSWER_S
+    return run_child(__name__, received, "link", limit_s, file=str(file), overrides=list(overrides), seconds=seconds)
 
 
 def received(heard: Sequence[Sequence[Any]] = (), **fields: Any) -> LinkTrial:

@@ -114,9 +114,9 @@ def try_session(
         return
     if result.report is None:
         fail(result.complaint, result.status)
-    from weberlink.figures.tree import Figures  # noqa: PLC0415 - where there is a report
+    from weberlink_page.report import figures_of  # noqa: PLC0415 - where there is a report
 
-    finish(replace(Figures.of_json(result.report), status=result.status), NAME, json_out)
+    finish(replace(figures_of(result.report), status=result.status), NAME, json_out)
 
 
 def cameras_to_try(order: "TryOrder") -> tuple[str, ...]:

@@ -1,11 +1,13 @@
 """A session as pages see it: its greeting, the rows of its last seconds, its figures and events as messages."""
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from typing import Any, NamedTuple
 
-from weberlink.config import MASTER
-from weberlink.figures.link import ways_now
+import numpy as np
+
+from weberlink.config import MASTER, SLAVE
 from weberlink.figures.paths import finding
 from weberlink.figures.session import Records, joined
 from weberlink.protocol.states import State
@@ -22,6 +24,30 @@ BACKLOG_S = 5.0
 def events_message(session: str, events: list[SessionEvent]) -> dict[str, Any]:
     """Message with events."""
     return {"type": "events", "session": session, "events": [event._asdict() for event in events]}
+
+
+def ways_now(last: Mapping[str, Any]) -> dict[str, Any]:
+    """Each way of the link (`weberlink.figures.link`), by the newest record of each side that has one, for JSON."""
+
+    def known(value: Any) -> float | None:
+        return float(value) if np.isfinite(value) else None
+
+    def way(receiver: Any, sender: Any) -> dict[str, float | None]:
+        if receiver is not None:
+            delay, loss, burst = (receiver[name] for name in ("one_way_us", "incoming_loss", "peer_burst"))
+            return {"one_way_us": known(delay), "loss": known(loss), "burst": float(burst) or None}
+        if sender is None:
+            return {"one_way_us": None, "loss": None, "burst": None}
+        outward = float(sender["rtt_us"]) - float(sender["one_way_us"])
+        return {"one_way_us": known(outward), "loss": known(sender["outgoing_loss"]), "burst": None}
+
+    master, slave = last.get(MASTER), last.get(SLAVE)
+    here = slave if master is None else master
+    return {
+        "jitter_us": None if here is None else known(here["jitter_us"]),
+        "to_slave": way(slave, master),
+        "to_master": way(master, slave),
+    }
 
 
 class _Shown(NamedTuple):

@@ -90,7 +90,7 @@ def throttling(machine: Machine, needs: Needs) -> Finding:
     found = f"real-time tasks may take {100 * share:.0f} % of a processor"
     if share >= LEAST_SHARE:
         return ok(found)
-    if not needs.priority:
+    if not needs.realtime.priority:
         return ok(f"{found}; the file asks for none")
     grade = problem if runtime == 0 else advice
     return grade(found, f"sudo sysctl -w kernel.sched_rt_runtime_us={round(0.95 * max(period, 1))}")
@@ -134,11 +134,6 @@ def processors(machine: Machine, needs: Needs) -> Finding:
         return problem(f"the file pins {', '.join(barred)}, which this process may not use", pin)
     if len(set(needs.pinned.values())) < len(needs.pinned):
         return advice("the file pins both sides to one processor", pin)
-    if needs.busy_poll and len(allowed) <= len(needs.sides):
-        return problem(
-            f"{online}, and with busy_poll each daemon takes one: little is left for everything else",
-            "in the file: realtime: {busy_poll: false}; or add a processor",
-        )
     if len(allowed) < len(needs.sides):
         found = f"{online}, for two daemons and everything else"
         return advice(found, "add a second processor, or run each side on its own host")
@@ -163,7 +158,7 @@ def isolation(machine: Machine, needs: Needs) -> Finding:
         pair = ", ".join(map(str, (sorted(isolated) * 2)[:2]))
         found = f"processors {names} are isolated, and the file pins no daemon to them"
         return advice(found, f"in the file: realtime: {{cpus: [{pair}]}}")
-    if needs.busy_poll:
+    if needs.realtime.busy_poll:
         return advice(
             "with busy_poll a daemon takes a processor, and the file pins none",
             "in the file: realtime: {cpus: [MASTER, SLAVE]}, with kernel parameter isolcpus= for the same",
@@ -185,7 +180,7 @@ def governor(machine: Machine, _needs: Needs) -> Finding:
 def idle_states(machine: Machine, needs: Needs) -> Finding:
     """Whether waking up is slow, and daemons do not prevent it."""
     slow = ", ".join(slow_states(machine, needs))
-    if slow and not needs.wakeful:
+    if slow and not needs.realtime.wakeful:
         return advice(f"waking up from {slow} takes more than a tenth of a tick")
     if slow:
         return ok(f"waking up from {slow} is slow; daemons prevent these states")
@@ -224,7 +219,7 @@ def control_group(machine: Machine, needs: Needs) -> Iterator[Finding]:
     else:
         yield ok("no control group limits processor time")
     budget = f"/sys/fs/cgroup/cpu{groups.get('cpu', '')}/cpu.rt_runtime_us"
-    if needs.priority and machine.read(budget, "") == "0":  # only kernels with real-time groups have one
+    if needs.realtime.priority and machine.read(budget, "") == "0":  # only kernels with real-time groups have one
         found = "the control group has no real-time budget: SCHED_FIFO is refused"
         yield problem(found, f"echo 950000 | sudo tee {budget}", "real-time group")
 
@@ -253,18 +248,18 @@ CAP_IPC_LOCK = 14
 @check("rights", "rights")
 def rights(machine: Machine, needs: Needs) -> Iterator[Finding]:
     trial = machine.rights_trial(
-        priority=needs.priority,
-        lock_memory=needs.lock_memory,
-        wakeful=needs.wakeful,
+        priority=needs.realtime.priority,
+        lock_memory=needs.realtime.lock_memory,
+        wakeful=needs.realtime.wakeful,
         cpu=next((cpu for cpu in needs.pinned.values() if cpu in machine.affinity()), None),
         rate_hz=needs.rate_hz,
-        encrypted=needs.encrypted,
+        encrypted=needs.system.link.security != "none",
     )
     if trial.failure is not None:
         raise Unreadable(trial.failure)
     yield _scheduling(machine, needs, trial)
     yield _memory_lock(machine, needs, trial)
-    if needs.wakeful:
+    if needs.realtime.wakeful:
         yield _idle_latency(machine, needs, trial)
     detail = str(trial.grants["timer_slack"]["detail"])
     refused = unknown(f"timer slack of 1 ns: {detail}", check="timer slack")
@@ -282,13 +277,11 @@ def rights(machine: Machine, needs: Needs) -> Iterator[Finding]:
 @check("rights", "rate", OTHER_LOAD)
 def rate(machine: Machine, needs: Needs) -> Finding:
     """The highest rate at which both ends of a session are punctual on this machine."""
-    settings: dict[str, object] = {
-        f"realtime.{name}": getattr(needs, name) for name in ("priority", "lock_memory", "wakeful", "busy_poll")
-    }
-    if needs.cpus is not None and set(needs.cpus) <= machine.affinity():
-        settings["realtime.cpus"] = needs.cpus
+    cpus = needs.realtime.cpus
+    barred = {} if cpus is None or set(cpus) <= machine.affinity() else {"cpus": None}
+    settings = {f"realtime.{name}": value for name, value in (needs.realtime.model_dump() | barred).items()}
     for rate_hz in sorted({*RATES_HZ, needs.rate_hz}, reverse=True):
-        trial = machine.session_trial(settings | {"rate_hz": rate_hz})
+        trial = machine.session_trial(settings=settings | {"rate_hz": rate_hz})
         if trial.failure is not None:
             raise Unreadable(trial.failure)
         found = f"late p99 {trial.p99_us:.0f} us, {100 * trial.missed:.2f} % of ticks missed"
@@ -316,12 +309,12 @@ def raise_limit(machine: Machine, limit: str, unit: str, container: str) -> str:
 
 def _scheduling(machine: Machine, needs: Needs, trial: RightsTrial) -> Finding:
     name = "scheduling"
-    if not needs.priority:
+    if not needs.realtime.priority:
         found = "the file asks for the ordinary scheduler (priority 0)"
         return advice(found, "in the file: realtime: {priority: 50}", name)
     if not (refused := refusal(trial, "priority")):
         return ok(f"{trial.grants['priority']['detail']} granted", name)
-    found = f"SCHED_FIFO {needs.priority} {refused} (rtprio limit {machine.limit(resource.RLIMIT_RTPRIO)})"
+    found = f"SCHED_FIFO {needs.realtime.priority} {refused} (rtprio limit {machine.limit(resource.RLIMIT_RTPRIO)})"
     fix = raise_limit(machine, "rtprio 98", "LimitRTPRIO=98", "--cap-add SYS_NICE --ulimit rtprio=98")
     return problem(found, fix, name)
 
@@ -329,7 +322,7 @@ def _scheduling(machine: Machine, needs: Needs, trial: RightsTrial) -> Finding:
 def _memory_lock(machine: Machine, needs: Needs, trial: RightsTrial) -> Finding:
     """Whether memory can be locked, and later allocations too: they fail when the limit is nearly full."""
     name, needed = "memory lock", trial.memory_bytes
-    if not needs.lock_memory:
+    if not needs.realtime.lock_memory:
         return advice("the file does not ask for locked memory", "in the file: realtime: {lock_memory: true}", name)
     capabilities = re.search(r"^CapEff:\s*([0-9a-f]+)", machine.read("/proc/self/status", ""), re.M)
     overridden = capabilities is not None and bool(int(capabilities[1], 16) >> CAP_IPC_LOCK & 1)
@@ -375,13 +368,13 @@ def host(machine: Machine, needs: Needs) -> Iterator[Finding]:
     """What the host takes with processors kept awake or not, as the file has it, and which of both is better."""
     allowed = machine.affinity()
     trial = machine.host_trial(
-        priority=min(needs.priority + 1, HIGHEST_PRIORITY),  # above daemons, which may run meanwhile
+        priority=min(needs.realtime.priority + 1, HIGHEST_PRIORITY),  # above daemons, which may run meanwhile
         processors=sorted(set(needs.pinned.values()) & allowed or allowed),
         rate_hz=needs.rate_hz,
     )
     if trial.failure is not None:
         raise Unreadable(f"its share of missed ticks: {trial.failure}")
-    stretches = trial.awake if needs.wakeful and trial.awake else trial.asleep
+    stretches = trial.awake if needs.realtime.wakeful and trial.awake else trial.asleep
     missed, steal = mean(stretches, "missed") or 0.0, mean(stretches, "steal")
     counted = "not counted here" if steal is None else f"{100 * steal:.1f} %"
     found = f"the host makes {100 * missed:.2f} % of ticks at {needs.rate_hz:g} Hz be missed; steal {counted}"
@@ -402,7 +395,7 @@ def host(machine: Machine, needs: Needs) -> Iterator[Finding]:
         return
     found += f": {'awake' if better else 'not awake'} is better"
     setting = f"in the file: realtime: {{wakeful: {str(better).lower()}}}"
-    yield ok(found, name) if better == needs.wakeful else advice(found, setting, name)
+    yield ok(found, name) if better == needs.realtime.wakeful else advice(found, setting, name)
 
 
 def awake_is_better(trial: HostTrial, period_us: float) -> bool | None:
@@ -436,7 +429,7 @@ def swap(machine: Machine, needs: Needs) -> Finding:
     size = f"{sum(int(line.split()[2]) for line in areas) * 1024 / MEGABYTE:.0f} MB of swap"
     if not areas:
         return ok("no swap")
-    if needs.lock_memory:
+    if needs.realtime.lock_memory:
         return ok(f"{size}; daemons lock their memory where that is granted")
     return advice(f"{size}, and the file does not lock memory")
 

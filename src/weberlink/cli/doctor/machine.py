@@ -13,6 +13,7 @@ import sysconfig
 import threading
 from collections.abc import Mapping, Sequence
 from errno import EACCES, ENOENT
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from time import CLOCK_MONOTONIC, clock_getres
@@ -35,16 +36,11 @@ class Unreadable(Exception):  # noqa: N818 - a result, not a fault of the progra
 
 
 class Machine:
-    """The machine.
+    """The machine; `root` is the folder that has `proc`, `sys`, `etc`, `boot`, `dev` and `run`."""
 
-    Args:
-        root: folder that has `proc`, `sys`, `etc`, `boot`, `dev` and `run`.
-        variables: of the environment.
-    """
-
-    def __init__(self, root: Path = Path("/"), variables: Mapping[str, str] = os.environ) -> None:
+    def __init__(self, root: Path = Path("/")) -> None:
         self.root = root
-        self.variables = variables
+        self.variables: Mapping[str, str] = os.environ
         self.user = os.geteuid()
 
     def read(self, path: str, default: str | None = None) -> str:
@@ -96,18 +92,9 @@ class Machine:
     # System calls, programs and libraries of this machine, for tests to replace.
     which = staticmethod(shutil.which)
     is_compiled = staticmethod(is_compiled)
-
-    def rights_trial(self, **request: Any) -> RightsTrial:
-        """Run that trial in a child process; a failure is in the result."""
-        return run_child(trial.__name__, RightsTrial, "rights", request)
-
-    def host_trial(self, **request: Any) -> HostTrial:
-        """Run that trial in a child process; a failure is in the result."""
-        return run_child(trial.__name__, HostTrial, "host", request)
-
-    def session_trial(self, settings: Mapping[str, object]) -> SessionTrial:
-        """Run that trial in a child process; a failure is in the result."""
-        return run_child(trial.__name__, SessionTrial, "session", {"settings": dict(settings)})
+    rights_trial = staticmethod(partial(run_child, trial.__name__, RightsTrial, "rights"))
+    host_trial = staticmethod(partial(run_child, trial.__name__, HostTrial, "host"))
+    session_trial = staticmethod(partial(run_child, trial.__name__, SessionTrial, "session"))
 
     def affinity(self) -> frozenset[int]:
         """Processors that this process may run on."""

@@ -32,9 +32,10 @@ def receive_buffer(machine: Machine, needs: Needs) -> Finding:
     size, largest = (machine.number(f"/proc/sys/net/core/rmem_{name}") for name in ("default", "max"))
     holds_ms = 1e3 * size / CHARGED_BYTES / needs.rate_hz
     found = f"UDP receive buffer {size} B holds {holds_ms:.0f} ms at one update per tick"
-    if holds_ms >= 1e3 * needs.silence_s:
+    silence_ms = needs.system.link.silence_ms
+    if holds_ms >= silence_ms:
         return ok(f"{found} (limit {largest} B)")
-    wanted = int(2 * needs.silence_s * needs.rate_hz * CHARGED_BYTES)
+    wanted = int(2e-3 * silence_ms * needs.rate_hz * CHARGED_BYTES)
     return advice(found, f"sudo sysctl -w net.core.rmem_default={wanted}")
 
 
@@ -106,12 +107,13 @@ def firewall(machine: Machine, needs: Needs) -> Finding:
 @check("key", "key file")
 def key_file(_machine: Machine, needs: Needs) -> Finding:
     """Whether a daemon of this user can read the pre-shared key; its content is never shown."""
-    path = needs.key_file
-    if path is None:
+    link = needs.system.link
+    path = link.key_file
+    if path is None or link.security != "psk":
         if needs.file is None:
             return ok("no file, so no key to check")
         made = "weberlink loopback makes a key for each session"
-        return ok(made if needs.encrypted else "the file uses no key: datagrams are not encrypted")
+        return ok(made if link.security != "none" else "the file uses no key: datagrams are not encrypted")
     try:
         keys.load(path)
     except keys.KeyFileError as error:
@@ -130,10 +132,9 @@ def key_file(_machine: Machine, needs: Needs) -> Finding:
 @check("devices", "devices")
 def devices(machine: Machine, needs: Needs) -> Iterator[Finding]:
     """State of the drivers that the file names, and of other devices plugged in."""
-    named = dict(needs.drivers)
     others = 0
     for each in machine.drivers():
-        if named.get(each.side) == each.driver:
+        if needs.drivers.get(each.side) == each.driver:
             yield _named(each)
         elif each.plugged:
             others += 1
@@ -141,7 +142,7 @@ def devices(machine: Machine, needs: Needs) -> Iterator[Finding]:
             helps = each.advice and each.state not in (NO_EXTRA, BROKEN)
             yield advice(found, each.advice[0], "device") if helps else ok(found, "device")
     if not others:
-        yield ok(f"nothing {'else ' if named else ''}plugged in that a driver knows")
+        yield ok(f"nothing {'else ' if needs.drivers else ''}plugged in that a driver knows")
 
 
 def _named(status: DriverStatus) -> Finding:

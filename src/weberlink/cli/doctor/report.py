@@ -13,78 +13,78 @@ from rich.console import Console
 from rich.text import Text
 
 from weberlink.cli.doctor.machine import Machine, Unreadable
-from weberlink.config import MASTER, SIDES, SLAVE, Configuration
-from weberlink.config.model import RealtimeSettings, split_address
+from weberlink.config import MASTER, SIDES, SLAVE, Configuration, ConfigurationError, System
+from weberlink.config.model import LinkSettings, RealtimeSettings, split_address
 from weberlink.protocol.aio.sockets import numeric
+from weberlink.protocol.keys import KeyFileError
 from weberlink.registry import Registry
+from weberlink.session.advice import advise, dry_run
 
-DEFAULTS = RealtimeSettings()
+USUAL = System(link=LinkSettings(listen="127.0.0.1:0", slave="127.0.0.1:0", security="session"))
 INDENT = 10
 
 
 @dataclass(frozen=True, slots=True)
 class Needs:
-    """Requirements that the checks compare the machine with; the defaults are those without a configuration."""
+    """What the machine is compared with: the settings of a file, or the usual ones, for the sides that run here."""
 
+    system: System = USUAL
+    sides: Sequence[str] = SIDES
     file: Path | None = None
-    sides: Sequence[str] = SIDES  # those that run on this machine
-    rate_hz: float = 1000.0
-    priority: int = DEFAULTS.priority  # of SCHED_FIFO; 0 for the ordinary scheduler
-    lock_memory: bool = DEFAULTS.lock_memory
-    wakeful: bool = DEFAULTS.wakeful  # whether daemons keep processors out of deep idle states
-    busy_poll: bool = DEFAULTS.busy_poll  # whether each daemon takes a processor
-    cpus: tuple[int, int] | None = None  # processors of the master and the slave
-    listen: tuple[str, int] | None = None  # what the slave binds; None if it does not run here, or for any free port
-    slave: tuple[str, int] | None = None  # what the master calls; None if it does not run here
-    key_file: Path | None = None
-    encrypted: bool = True
-    silence_s: float = 0.1
-    drivers: tuple[tuple[str, str], ...] = ()  # pairs of side and driver
 
-    @classmethod
-    def of(cls, configuration: Configuration, sides: Sequence[str] = SIDES) -> "Needs":
-        """The needs of a configuration."""
-        system = configuration.system
-        link, realtime = system.link, system.realtime
-        listen, slave = split_address(link.listen), split_address(link.slave)
-        names = {MASTER: system.master.device.driver, SLAVE: system.slave.robot.driver}
-        return cls(
-            file=configuration.path,
-            sides=tuple(sides),
-            rate_hz=system.rate_hz,
-            priority=realtime.priority,
-            lock_memory=realtime.lock_memory,
-            wakeful=realtime.wakeful,
-            busy_poll=realtime.busy_poll,
-            cpus=realtime.cpus,
-            listen=listen if SLAVE in sides and listen[1] else None,
-            slave=slave if MASTER in sides and slave[1] else None,
-            key_file=link.key_file if link.security == "psk" else None,
-            encrypted=link.security != "none",
-            silence_s=link.silence_ms * 1e-3,
-            drivers=tuple((side, names[side]) for side in sides),
-        )
+    @property
+    def rate_hz(self) -> float:
+        return self.system.rate_hz
 
     @property
     def period_us(self) -> float:
         return 1e6 / self.rate_hz
 
     @property
+    def realtime(self) -> RealtimeSettings:
+        return self.system.realtime
+
+    @property
     def pinned(self) -> dict[str, int]:
         """The processor that each local side is pinned to; empty where the file pins none."""
-        return {} if self.cpus is None else {side: self.cpus[SIDES.index(side)] for side in self.sides}
+        cpus = self.realtime.cpus
+        return {} if cpus is None else {side: cpus[SIDES.index(side)] for side in self.sides}
+
+    @property
+    def listen(self) -> tuple[str, int] | None:
+        """What the slave binds; None if it does not run here, or for any free port."""
+        return self._address(SLAVE, self.system.link.listen)
+
+    @property
+    def slave(self) -> tuple[str, int] | None:
+        """What the master calls; None if it does not run here."""
+        return self._address(MASTER, self.system.link.slave)
+
+    def _address(self, side: str, text: str) -> tuple[str, int] | None:
+        address = split_address(text)
+        return address if side in self.sides and address[1] else None
+
+    @property
+    def drivers(self) -> dict[str, str]:
+        """Those that a file names, by side."""
+        named = {MASTER: self.system.master.device.driver, SLAVE: self.system.slave.robot.driver}
+        return {} if self.file is None else {side: named[side] for side in self.sides}
 
     @property
     def document(self) -> dict[str, Any]:
         """For JSON; of the key it says only whether one is used."""
-        document = asdict(self) | {
+        link = self.system.link
+        return {
             "file": None if self.file is None else str(self.file),
+            "sides": list(self.sides),
+            "rate_hz": self.rate_hz,
+            **self.realtime.model_dump(mode="json"),
             "listen": None if self.listen is None else numeric(self.listen),
             "slave": None if self.slave is None else numeric(self.slave),
-            "drivers": dict(self.drivers),
+            "encrypted": link.security != "none",
+            "silence_s": 1e-3 * link.silence_ms,
+            "drivers": self.drivers,
         }
-        del document["key_file"]
-        return document
 
 
 class Grade(StrEnum):
@@ -197,6 +197,17 @@ def examine(needs: Needs, machine: Machine | None = None, checks: Sequence[Check
     """Run the checks on a machine; default: this one."""
     here = machine or Machine()
     return DoctorReport(needs, [each for row in checks for each in _findings(row, here, needs)])
+
+
+def advised(configuration: Configuration) -> list[Finding]:
+    """What `check` and every run say of a file, too."""
+    try:
+        lines = advise(dry_run(configuration))
+    except (ConfigurationError, KeyFileError) as error:
+        return [replace(unknown(f"advice on the file: {error}", check="advice"), area="file")]
+    parts = (line.rpartition("; ") for line in lines)
+    found = [advice(what or remedy, remedy, "advice") for what, _, remedy in parts]
+    return [replace(each, area="file") for each in found or [ok("nothing in the file hinders what is felt", "advice")]]
 
 
 def _findings(row: Check, machine: Machine, needs: Needs) -> Iterator[Finding]:

@@ -81,7 +81,7 @@ class SessionTrial:
     failure: str | None = None  # why there is no result
 
 
-def run_child(module: str, answer: Callable[..., T], name: str, request: Any, limit_s: float = LIMIT_S) -> T:
+def run_child(module: str, answer: Callable[..., T], name: str, limit_s: float = LIMIT_S, **request: Any) -> T:
     """Run a module as a program with a name and a request in JSON; makes an answer of the fields that it writes as
     JSON, or of `failure`, why there are none."""
     command = python("-m", module, name, json.dumps(request))
