@@ -187,12 +187,12 @@ class Session:
                 arrived = clock.arrival_bound(stream.sent_at)
                 if arrived is not None and departure > arrived + SLACK:
                     stream.is_missed = True
-        self._watch_streams()
         if content.kind == wire.BYE:
             return PeerClosed(content.data.decode(errors="replace"))
         if content.report is not None and not self._learn(content.report, now):
             return DropReason.IMPLAUSIBLE
         outcome = self._deliver(content, departure, now)
+        self._watch_streams()
         # A late credit is still true, because the count only grows.
         if content.credit is not None and outcome is not DropReason.IMPLAUSIBLE:
             bits = wire.UPDATE_CREDIT_BITS if content.update is not None else wire.HEARTBEAT_CREDIT_BITS
@@ -244,8 +244,6 @@ class Session:
         self.is_fresh = True
         is_current = liveness.hear(departure, content.echo, content.generation, now)
         self.heartbeats.heard(now, liveness.confirmed_at)
-        if not self.is_proven:
-            self._watch_streams()
         if kind == wire.HEARTBEAT:
             runs = content.selector & wire.ENCODES != 0
             liveness.hear_encoder(self.sequence, now, runs=runs, streams=self._current(content.tick))
