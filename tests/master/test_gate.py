@@ -57,6 +57,7 @@ PUSH, PULL = (1.0, -1.0, 1.0, 1.0), (-1.0, 1.0, -1.0, 1.0)
 @example("slow force", [Part("engaged", PUSH, 110), Part("idle", PUSH, 3), Part("engaged", PULL, 110)])
 @example("force", [Part("engaged", PUSH, 60), Part("silent", PUSH, 85), Part("engaged", PULL, 60)])
 @example("torque", [Part("engaged", PUSH, 60), Part("closed", PULL, 1), Part("engaged", PULL, 30)])
+@example("force", [Part("engaged", PUSH, 49), Part("engaged", PULL, 30)])  # another one as the gate has opened
 def test_what_leaves_obeys_every_limit_in_every_state(kind: str, course: list[Part]) -> None:
     gate, (most, slew, width) = made(kind), KINDS[kind]
     last, gain, silent, idle, follows = gate.bounds[0].approach.held, 0.0, 0.0, 1.0, False
