@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from tests.records import assert_whole
 from weberlink.telemetry.reader import DTYPE, RingReader
-from weberlink.telemetry.record import COLUMNS, FIELDS, HAND, RECORD, layout
+from weberlink.telemetry.record import FIELDS, HAND, RECORD, layout
 from weberlink.telemetry.ring import (
     RECORDS_AT,
     RingFormatError,
@@ -108,7 +108,7 @@ def test_a_record_that_does_not_fit_is_not_published(path):
         with pytest.raises(struct.error):
             writer.write((1.0,))
         with pytest.raises(struct.error):
-            writer.write((-1,) * len(COLUMNS))
+            writer.write((-1,) * len(record(0)))
         writer.write(record(2))
         assert reader.read()["tick"].tolist() == [1, 2]
 
@@ -139,10 +139,7 @@ def test_a_process_is_known_by_its_start_and_not_by_its_number_alone(path):
 
 
 def record(i):
-    return tuple(i % 256 if column in BYTES else i for column in COLUMNS)
-
-
-BYTES = {field.name for field in FIELDS if field.kind == "u1"}
+    return tuple(i % 256 if field.kind == "u1" else i for field in FIELDS for _ in range(field.axes))
 
 
 @given(capacity=st.integers(2, 9), before=st.integers(0, 25), steps=st.lists(st.integers(0, 25), max_size=12))

@@ -19,7 +19,7 @@ from plugins.recording.tests.records import FACTS, SIDES
 from tests import records as records_of
 from tests.wait import PATIENCE, until
 from weberlink.telemetry.reader import RingReader
-from weberlink.telemetry.record import COLUMNS
+from weberlink.telemetry.record import ALL
 from weberlink.telemetry.ring import RingWriter
 from weberlink_recording.marks import LONGEST_MARK
 from weberlink_recording.reader import read_recording
@@ -246,7 +246,7 @@ def test_records_that_were_overwritten_are_counted_once(capacity, before, steps)
             source, kept, total = RingSource("master", path), Kept(), 0
             for step in (before, *steps):
                 for tick in range(total, total + step):
-                    ring.write(tuple(tick % 256 for _ in COLUMNS))
+                    ring.write((tick % 256,) * len(ALL.format))
                 total += step
                 assert source.open()
                 source.move(kept)

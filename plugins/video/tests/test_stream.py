@@ -36,34 +36,46 @@ def run(
     picture_bytes: int = 20_000,
     rate_hz: float = 30.0,
     length_s: float = 20.0,
+    stall_s: float = 0.0,
 ) -> Outcome:
-    """Pictures of one camera over a link with a queue of any length, and reports back."""
+    """Pictures of one camera over a link with a queue of any length, and reports back.
+
+    On busy hosts each end stands still for up to `stall_s` after each look.
+    """
     draw = random.Random(7).random
     sender, receiver = Sender(2e7), Receiver()
-    wire: list[tuple[float, int, bool, bytes]] = []
+    forward: list[tuple[float, int, bytes]] = []
+    backward: list[tuple[float, int, bytes]] = []
     ages, queues, sent, count, free_at, due = [], [], 0, 0, 0.0, 0.0
+    sends_at = receives_at = looked_at = 0.0
     for step in range(round(length_s / STEP_S)):
         now = step * STEP_S
         if now >= due:
             due += 1.0 / rate_hz
             sender.put(0, count.to_bytes(4, "big") * (picture_bytes // 4), now, round(now * 1e6))
             count += 1
-        for fragment in sender.take(now):
+        looks = now >= sends_at
+        while looks and backward and backward[0][0] <= now:
+            sender.hear(heapq.heappop(backward)[2], now)
+        for fragment in sender.take(now) if looks else ():
+            sends_at = now + stall_s * draw()
             sent += 8 * (len(fragment) + DATAGRAM_OVERHEAD)
             free_at = max(free_at, now) + 8 * (len(fragment) + DATAGRAM_OVERHEAD) / rate_bit_s
             queues.append((now, free_at - now))
             if draw() >= loss:
-                heapq.heappush(wire, (free_at + delay_s, step, False, fragment))
-        while wire and wire[0][0] <= now:
-            at, left, is_report, data = heapq.heappop(wire)
-            if is_report:
-                sender.hear(data, now)
-            elif (whole := receiver.take(data, at - left * STEP_S, now)) is not None:
+                heapq.heappush(forward, (free_at + delay_s, step, fragment))
+        if now < receives_at:
+            continue
+        receives_at, stood_s, looked_at = now + stall_s * draw(), now - looked_at - STEP_S, now
+        while forward and forward[0][0] <= now:
+            at, left, data = heapq.heappop(forward)
+            read_at = now if stall_s else at
+            if (whole := receiver.take(data, read_at - left * STEP_S, now, stood_s)) is not None:
                 message, at_us = whole
                 assert len({message[i : i + 4] for i in range(0, len(message), 4)}) == 1, "of one picture alone"
                 ages.append(now - at_us * 1e-6)
         if (report := receiver.report(now, 2.0 * delay_s)) is not None and draw() >= loss:
-            heapq.heappush(wire, (now + delay_s, step, True, report))
+            heapq.heappush(backward, (now + delay_s, step, report))
     late = [queue for now, queue in queues if now > length_s / 2.0]
     return Outcome(sorted(ages), len(ages), sent / length_s, max(queue for _, queue in queues), max(late))
 
@@ -75,6 +87,14 @@ def test_every_picture_arrives_soon_on_a_link_that_carries_them() -> None:
     assert outcome.ages[len(outcome.ages) // 2] < 0.015
 
 
+@pytest.mark.parametrize(("delay_s", "loss", "least"), [(0.0, 0.0, 570), (0.025, 0.02, 400)])
+def test_busy_hosts_are_no_queue_of_the_link(delay_s: float, loss: float, least: int) -> None:
+    outcome = run(rate_bit_s=1e8, delay_s=delay_s, loss=loss, stall_s=0.03)
+    assert outcome.shown >= least
+    assert outcome.ages[len(outcome.ages) // 2] < delay_s + 0.03
+    assert outcome.ages[len(outcome.ages) * 99 // 100] < 2.0 * delay_s + 0.12
+
+
 def test_lost_fragments_are_sent_again() -> None:
     outcome = run(rate_bit_s=1e8, delay_s=0.025, loss=0.02)
     assert outcome.shown >= 420, "a newer picture that comes first replaces one that waits for a fragment"
@@ -84,9 +104,10 @@ def test_lost_fragments_are_sent_again() -> None:
 
 @pytest.mark.parametrize("rate_bit_s", [1e6, 2e6, 5e6])
 def test_pictures_give_way_on_a_slow_link(rate_bit_s: float) -> None:
-    outcome = run(rate_bit_s=rate_bit_s, delay_s=0.01, loss=0.0, picture_bytes=30_000)
-    assert outcome.late_queue_s < 0.06, "what shares the link waits no longer behind pictures"
-    assert outcome.sent_bit_s > 0.4 * min(rate_bit_s, 7.2e6), "and the link is used"
+    for stall_s, longest in ((0.0, 0.035), (0.03, 0.1)):
+        outcome = run(rate_bit_s=rate_bit_s, delay_s=0.01, loss=0.0, picture_bytes=30_000, stall_s=stall_s)
+        assert outcome.late_queue_s < longest, "what shares the link waits no longer behind pictures"
+        assert outcome.sent_bit_s > 0.4 * min(rate_bit_s, 7.2e6), "and the link is used"
 
 
 def test_link_that_carries_nothing_leaves_nothing_behind() -> None:

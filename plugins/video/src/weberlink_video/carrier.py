@@ -91,6 +91,7 @@ class Carrier:
         self._sender, self._receiver = Sender(self._options.most_kbit_s * 1e3), Receiver()
         self._cameras: list[str] = []
         self._ended = False
+        self._stood = 0.0
         self._no_path = ""
 
     def _build(self) -> Endpoint:
@@ -157,7 +158,9 @@ class Carrier:
                 watch.open(loop)
                 stack.callback(watch.close)
             self.endpoint.connect(monotonic())
+            looked_at = monotonic()
             while not self._ended:
+                self._stood, looked_at = monotonic() - looked_at - LOOK_S, monotonic()
                 shell.service()
                 if self._no_path:
                     return self._no_path
@@ -185,7 +188,7 @@ class Carrier:
             data = event.update.payload.data
             if self._side == SLAVE:
                 self._sender.hear(data, now)
-            elif (whole := self._receiver.take(data, event.age, now)) is not None:
+            elif (whole := self._receiver.take(data, event.age, now, max(0.0, self._stood))) is not None:
                 self._give(*whole, now)
 
     def _give(self, message: bytes, at_us: int, now: float) -> None:

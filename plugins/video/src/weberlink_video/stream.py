@@ -32,11 +32,15 @@ KEPT: Final = 8
 """Messages of which fragments can be sent again, and that are put together at a time."""
 DEADLINE_S: Final = 0.5
 """A picture that is older is given up."""
-QUEUE_S: Final = 0.015
+QUEUE_S: Final = 0.01
 """Delay in queues up to which the rate grows."""
-GROWTH, FALL = 1.08, 0.8
+GROWTH, FALL = 0.08, 0.8
 LEAST_BIT_S, FIRST_BIT_S = 1e5, 2e6
-BURST_S: Final = 0.003
+BURST_S: Final = 0.01
+"""Of the rate, which a host that stood still for so long makes up for."""
+WAITED_SHARE: Final = 0.75
+"""Of the time that a host did not look, which fragments count as having waited there: half of it would be the mean, and
+what is left over passes for a queue of the link; all of it would hide one."""
 ASK_AGAIN_S: Final = 0.02
 """Beside the round trip, until a fragment that is missing is asked for again."""
 TAIL_S: Final = 0.03
@@ -131,7 +135,7 @@ class Sender:
     def _adapt(self, queue_s: float, received: int, now: float) -> None:
         before, self._received = self._received, (received, now)
         if queue_s <= QUEUE_S:
-            self.rate = self.rate * GROWTH
+            self.rate *= 1.0 + GROWTH * (1.0 - queue_s / QUEUE_S)
         elif before is not None and now - self._fell_at > max(2.0 * REPORT_S, queue_s):
             carried = (received - before[0] & 0xFFFF_FFFF) * 8.0 / max(now - before[1], 1e-3)
             self.rate = max(LEAST_BIT_S, FALL * min(self.rate, max(carried, 0.5 * self.rate)))
@@ -163,9 +167,16 @@ class Receiver:
         self._quickest: deque[tuple[float, float]] = deque()
         self._report_at = -inf
 
-    def take(self, fragment: bytes, age: float, now: float) -> tuple[bytes, int] | None:
-        """Take a fragment that was so long on its way [s]; a message that is whole by now, and when it was taken on the
-        sender's clock [us]. What does not fit is dropped."""
+    def take(self, fragment: bytes, age: float, now: float, stood: float = 0.0) -> tuple[bytes, int] | None:
+        """Take a fragment; a message that is whole by now, and when it was taken on the sender's clock [us]. What does
+        not fit is dropped.
+
+        Args:
+            fragment: as of `Sender.take`.
+            age: for how long it was on its way when it was read [s].
+            now: [s].
+            stood: for how long this host had not looked [s]: so long it may have waited here, not on the link.
+        """
         if len(fragment) <= HEAD.size:
             return None
         camera, number, place, count, at_us = HEAD.unpack_from(fragment)
@@ -173,7 +184,7 @@ class Receiver:
         if not place < count <= MOST_FRAGMENTS or (place < count - 1 and len(body) != CHUNK):
             return None
         self._bytes += len(fragment)
-        self._measure(age, now)
+        self._measure(age, now, stood)
         if number <= self._newest.get(camera, 0) or number <= self._seen - KEPT:
             return None
         self._seen = max(self._seen, number)
@@ -191,15 +202,15 @@ class Receiver:
             del self._partial[old]
         return b"".join(partial.fragments[index] for index in range(count)), at_us
 
-    def _measure(self, age: float, now: float) -> None:
-        """Note by how much a fragment is later than the quickest one of the last 10 s."""
+    def _measure(self, age: float, now: float, stood: float) -> None:
+        """Note by how much the link made a fragment later than the quickest one of the last 10 s, at least."""
         quickest = self._quickest
         while quickest and quickest[-1][1] >= age:
             quickest.pop()
         quickest.append((now, age))
         while quickest[0][0] < now - 10.0:
             quickest.popleft()
-        self._late.append(age - quickest[0][1])
+        self._late.append(max(0.0, age - quickest[0][1] - WAITED_SHARE * stood))
 
     def report(self, now: float, round_trip: float) -> bytes | None:
         """What to tell the sender now; None for nothing."""
