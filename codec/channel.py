@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import inf
-from typing import Any
 
 from weberlink.codec.deadband import Deadband, ForceDeadband, PositionDeadband, Reference
 from weberlink.codec.deadband.per_axis import PerAxisDeadband
@@ -181,8 +180,9 @@ def joint_channel(
     step: float,
     predictor: str = "linear",
     weber: float = 0.0,
+    tick_period: float = 1e-3,
     rest: Joints | None = None,
-    **others: Any,
+    rate: UpdateRate | None = None,
 ) -> Channel:
     """Make the channel of a vector of joint values.
 
@@ -191,8 +191,7 @@ def joint_channel(
         step: wire step, > 0 [rad or N m].
         predictor: a name of `PREDICTORS` that reads no position and sends no parameters.
         weber: Weber factor of the value on its own axis, >= 0; 0 for angles.
-        rest: as of `Channel`, with a value for each axis.
-        others: rate and tick_period, as of `Channel`.
+        tick_period, rest, rate: as of `Channel`; `rest` has a value for each axis.
 
     Raises:
         ValueError: as `Channel`, or for a number out of its range.
@@ -209,9 +208,10 @@ def joint_channel(
             PerAxisDeadband(weber, (x, y, z), ROUNDING * step),
             Quantizer(step, "xyz"[:width]),
             rest=None if rest is None else parts(rest)[start // PART],
+            rate=rate,
+            tick_period=tick_period,
             joints=len(bounds) if start == 0 else width,
             more=more if start == 0 else (),
-            **others,
         )
         more = (made, *more)
     return made
@@ -224,12 +224,17 @@ def force_channel(
     weber: float = 0.10,
     floor: float = 0.02,
     reference: Reference = "actual",
-    deadband: Deadband | None = None,
     axes: str = "xyz",
     force_step: float = 1e-3,
     position_step: float = 1e-5,
+    fit_limits: FitLimits | None = None,
     saturates: bool = True,
-    **others: Any,
+    deadband: Deadband | None = None,
+    smoothing: Smoothing | None = None,
+    rate: UpdateRate | None = None,
+    every_position: bool = False,
+    tick_period: float = 1e-3,
+    lookahead: int = 0,
 ) -> Channel:
     """Make the backward channel: forces [N], and the commanded positions [m] at which they were measured.
 
@@ -239,12 +244,12 @@ def force_channel(
         weber: Weber factor k, >= 0.
         floor: absolute threshold [N], >= 0.
         reference: the force that k scales.
-        deadband: a deadband of another shape; `weber`, `floor` and `reference` are not read then.
         axes: the axes that are sent.
         force_step: wire step [N], > 0.
         position_step: wire step [m], > 0.
         saturates: False lifts the int16 range, for studies without a wire.
-        others: fit_limits, smoothing, rate, every_position, tick_period and lookahead, as of `Channel`.
+        deadband: a deadband of another shape; `weber`, `floor` and `reference` are not read then.
+        fit_limits, smoothing, rate, every_position, tick_period, lookahead: as of `Channel`.
 
     Raises:
         ValueError: as `Channel`, or for a number out of range.
@@ -252,13 +257,18 @@ def force_channel(
     if bank is None:
         bank = ADAPTIVE_BANK if predictor == ADAPTIVE else HYBRID_BANK
     return Channel(
-        _bank(predictor, bank),
-        deadband if deadband is not None else ForceDeadband(weber, floor, reference),
-        _quantizer(force_step, axes, saturates=saturates),
-        _quantizer(position_step, axes, saturates=saturates),
+        bank=tuple(bank) if predictor in BANKS else (predictor,),
+        deadband=deadband if deadband is not None else ForceDeadband(weber, floor, reference),
+        value_quantizer=_quantizer(force_step, axes, saturates=saturates),
+        position_quantizer=_quantizer(position_step, axes, saturates=saturates),
         rest=ZERO,
+        fit_limits=fit_limits if fit_limits is not None else FitLimits(),
         adaptive=predictor == ADAPTIVE,
-        **others,
+        smoothing=smoothing,
+        rate=rate,
+        every_position=every_position,
+        tick_period=tick_period,
+        lookahead=lookahead,
     )
 
 
@@ -271,7 +281,9 @@ def position_channel(
     axes: str = "xyz",
     position_step: float = 1e-5,
     saturates: bool = True,
-    **others: Any,
+    rate: UpdateRate | None = None,
+    tick_period: float = 1e-3,
+    lookahead: int = 0,
 ) -> Channel:
     """Make the forward channel: commanded positions [m].
 
@@ -279,16 +291,14 @@ def position_channel(
     distance moved in a tick.
     """
     return Channel(
-        _bank(predictor, bank),
-        PositionDeadband(weber, bound),
-        _quantizer(position_step, axes, saturates=saturates),
+        bank=tuple(bank) if predictor in BANKS else (predictor,),
+        deadband=PositionDeadband(weber, bound),
+        value_quantizer=_quantizer(position_step, axes, saturates=saturates),
         adaptive=predictor == ADAPTIVE,
-        **others,
+        rate=rate,
+        tick_period=tick_period,
+        lookahead=lookahead,
     )
-
-
-def _bank(predictor: str, bank: Sequence[str]) -> tuple[str, ...]:
-    return tuple(bank) if predictor in BANKS else (predictor,)
 
 
 def _quantizer(step: float, axes: str, *, saturates: bool) -> Quantizer:

@@ -30,6 +30,9 @@ GRACE = 0.05
 LOOK_S = 0.005
 """A force lasts for so long until the received model is asked for a contact, and a correction of the model is waited
 for so much longer than the round trip and its jitter [s]."""
+ASK_S = 0.015
+"""A contact lasts for so long until the robot's end is asked whether it has corrected the model: the answer comes
+before the bound falls [s]."""
 ROUNDING = 1.0 + 1e-9
 
 
@@ -131,7 +134,9 @@ class HandContact(ContactWatch):
     The robot's end states a contact by an update whose sample has a force of more than `least` [N]; and while it is
     silent, by the received model, at the place that its silence is about: where the robot was commanded to a round trip
     ago, since by now a correction of the model for that place would have come. A robot that is elsewhere says so
-    (`weberlink.session.channels.Unreached`). `playout`: how much later than received an update is used [ticks].
+    (`weberlink.session.channels.Unreached`). Silence counts only where it is no loss: in each contact something must be
+    heard once the robot is there, with no update missing, so it is asked for. `playout`: how much later than received
+    an update is used [ticks].
     """
 
     def __init__(
@@ -147,32 +152,47 @@ class HandContact(ContactWatch):
     ) -> None:
         super().__init__(limiter, endpoint, (least,), delay)
         self._decoder, self._least_force, self._sent, self._playout = decoder, least, sent, playout
-        self._tick = self._claimed = 0.0
+        self._tick = self._now = self._claimed = 0.0
         self._newest_sample: Sample | None = None
-        self._is_new = False
+        self._is_stated = self._has_asked = False
+        self._since = -inf
 
     def reset(self) -> None:
         super().reset()
         self._sent.reset()
         self._claimed = 0.0
 
-    def note_command(self, command: Vector, tick: float) -> None:
-        """Take in the command of this tick [m], and the present tick of the other side."""
+    def note_command(self, command: Vector, tick: float, asked: float, now: float) -> None:
+        """Take in the command of this tick [m], the present tick of the other side, and what was asked for last [N]."""
         self._sent.add(command)
-        self._tick = tick
+        self._tick, self._now = tick, now
         newest = self._decoder.newest
-        self._is_new, self._newest_sample = newest is not self._newest_sample, newest
+        self._is_stated = (
+            newest is not None and newest is not self._newest_sample and hypot(*newest.value) > self._least_force
+        )
+        self._newest_sample = newest
+        if self._is_stated:
+            self._since = -inf  # of this contact all is heard
+        elif asked <= self._least_force:
+            self._since, self._has_asked = now, False
 
     def _heard(self, decoded: Joints, elapsed: float, round_trip: float | None) -> tuple[float, float]:  # noqa: ARG002
-        newest = self._newest_sample
-        if self._is_new and newest is not None and hypot(*newest.value) > self._least_force:
+        if self._is_stated:
             self._claimed = UNREACHED_S
             return 0.0, 0.0
         if self.limiter.lasted < LOOK_S:
             return inf, 0.0
-        waited = 0.0 if round_trip is None else round_trip + self._endpoint.clock.jitter + LOOK_S
+        endpoint = self._endpoint
+        trip = round_trip or 0.0
+        is_silent = endpoint.liveness.encoder_heard_at < self._since + trip
+        if is_silent and self._now - self._since >= ASK_S + self._delay and not self._has_asked:
+            self._has_asked = True
+            endpoint.request_answer()
+        waited = trip + endpoint.clock.jitter + LOOK_S if trip else 0.0
         x, y, z = self._decoder.stated(self._tick - self._playout, self._sent.ago(waited))
         self._claimed = self._claimed + elapsed if hypot(x, y, z) > self._least_force else 0.0
+        if is_silent:
+            return inf, 0.0
         if self._claimed < UNREACHED_S + LOOK_S:
             return inf, self._claimed
         return UNREACHED_S, 0.0

@@ -237,7 +237,7 @@ class HandPort(OperatorPort):
     def actuate(self, values: Sequence[Any], now: float, elapsed: float, step: float, *, engaged: bool) -> None:
         contact = self._contact
         if contact is not None:
-            contact.note_command(self.hand.command, self._tick)
+            contact.note_command(self.hand.command, self._tick, self.gate.bounds[0].asked, now)
         super().actuate(values, now, elapsed, step, engaged=engaged)
         hand, force = self.hand, self.displays[0]
         hand.displayed, hand.touched, hand.asked = force.output, force.decoded, self.gate.bounds[0].asked

@@ -267,6 +267,12 @@ class Endpoint:
         if self._session is not None:
             self._session.request_full_state()
 
+    def request_answer(self) -> None:
+        """Ask the peer for an answer at once, which shows whether an update of it is missing."""
+        if self._session is not None:
+            self._session.heartbeats.ask()
+            self._due = None
+
     def propose_change(self, now: float, tick: int, body: bytes) -> bool:
         """Propose that both ends change something at the same tick; `ChangeAnswered` follows.
 

@@ -127,10 +127,15 @@ class Registry(Mapping[str, T], Generic[T]):
         """Names of entries that guests of this project add and that are not installed here, each with its guest."""
         return {name: guest for name, guest in guests(self.group).items() if name not in self}
 
+    def distribution(self, name: str) -> str | None:
+        """The distribution that has an entry; None for one that is built in."""
+        installed = None if name in self.built_in else self._installed.get(name)
+        return None if installed is None or installed.dist is None else installed.dist.name
+
     def owned(self, name: str) -> str:
         """The name of an entry, with the distribution that has it where that is another one."""
-        installed = None if name in self.built_in else self._installed.get(name)
-        return name if installed is None or installed.dist is None else f"{name} of {installed.dist.name}"
+        owner = self.distribution(name)
+        return name if owner is None else f"{name} of {owner}"
 
     def runs(self, frame: "FrameType") -> str | None:
         """The name of the loaded entry whose method a frame runs, the most derived one; None for another frame."""

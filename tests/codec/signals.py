@@ -21,6 +21,11 @@ NOISE = 2e-3
 """Noise of a force sensor on each axis, rms [N]."""
 
 
+def up(force: float) -> Vector:
+    """Along z."""
+    return (0.0, 0.0, force)
+
+
 def contact_stream(seed: int, *, ticks: int = 400, axes: str = "xyz") -> Stream:
     """A sum of sinusoids over a plane, a dome or a cavity, with random noise and dropouts of the force."""
     random = Random(seed)

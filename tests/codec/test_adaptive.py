@@ -9,7 +9,7 @@ from random import Random
 import pytest
 
 from tests.codec.law import FITTED
-from tests.codec.signals import GodObject, Stream, contact, stroke
+from tests.codec.signals import GodObject, Stream, contact, stroke, up
 from weberlink.codec import Channel, Encoder, force_channel
 from weberlink.codec.adaptive import REST_S, AdaptiveChoice, Shadow
 from weberlink.codec.deadband import ForceDeadband
@@ -19,14 +19,10 @@ from weberlink.codec.predictors.estimation import KEPT_S, LONGEST_GAP_S, History
 from weberlink.codec.predictors.model import Hold
 from weberlink.codec.replay import code
 from weberlink.codec.sample import Sample
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO
 
 LIMITS = FitLimits()
 DEADBAND = ForceDeadband(0.1)
-
-
-def up(force: float) -> Vector:
-    return (0.0, 0.0, force)
 
 
 def bank(*names: str) -> Channel:

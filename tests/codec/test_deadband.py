@@ -8,6 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from tests.codec.signals import up
 from weberlink.codec import Encoder, force_channel, position_channel
 from weberlink.codec.deadband import DEADBANDS, Deadband, DeadbandSetup, ForceDeadband, PositionDeadband
 from weberlink.codec.deadband.cone import ConeDeadband
@@ -39,10 +40,6 @@ def make(name: str, weber: float = K, floor: float = FLOOR) -> Deadband:
 def at(degrees: float, size: float = 1.0) -> Vector:
     """In a plane, from z."""
     return (size * sin(radians(degrees)), 0.0, size * cos(radians(degrees)))
-
-
-def up(size: float) -> Vector:
-    return (0.0, 0.0, size)
 
 
 def accepts(deadband: Deadband, displayed: Vector, actual: Vector, moved: float = 0.0) -> bool:

@@ -9,19 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.codec.law import FITTED
-from tests.codec.signals import contact_stream
+from tests.codec.signals import contact_stream, up
 from tests.examples import examples
 from weberlink.codec import Decoder, Encoder, force_channel
 from weberlink.codec.predictors.chords import MARGIN, Chords
-from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
+from weberlink.geometry.vector import ZERO, distance, is_finite
 
 seeds = st.integers(0, 2**32 - 1)
 CAUSAL = (*FITTED, "hybrid", "affine")
 """Predictors that learn nothing beyond the history of the sample."""
-
-
-def up(force: float) -> Vector:
-    return (0.0, 0.0, force)
 
 
 @pytest.mark.parametrize("predictor", CAUSAL)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.codec.signals import contact_stream
+from tests.codec.signals import contact_stream, up
 from weberlink.codec import Decoder, Encoder, Update, force_channel
 from weberlink.codec.channel import Smoothing
 from weberlink.codec.deadband import ForceDeadband
@@ -14,10 +14,6 @@ from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.update import PreviousSample
 
 vectors = st.tuples(*[st.floats(-40.0, 40.0)] * 3)
-
-
-def up(force: float) -> Vector:
-    return (0.0, 0.0, force)
 
 
 def held(tick: int, force: int) -> Update:

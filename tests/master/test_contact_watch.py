@@ -11,7 +11,7 @@ from weberlink.codec import Decoder, Encoder, force_channel
 from weberlink.control.contract import UNREACHED_S
 from weberlink.control.sent import SentCommands
 from weberlink.geometry.vector import ZERO, Vector, norm
-from weberlink.master.gate import GRACE, LOOK_S, PATIENCE, ContactLimiter, HandContact
+from weberlink.master.gate import ASK_S, GRACE, LOOK_S, PATIENCE, ContactLimiter, HandContact
 
 pytestmark = replaces_methods  # a stand-in for an endpoint, a compiled class
 TICK, STIFFNESS = 1e-3, 500.0
@@ -38,7 +38,12 @@ class Watched:
         self.tick = 0
         for depth in samples:
             self.receive(depth)
-        link: Any = SimpleNamespace(clock=SimpleNamespace(rtt=RTT, jitter=jitter))
+        self.asked: list[float] = []
+        self.liveness = SimpleNamespace(encoder_heard_at=0.0)
+        clock = SimpleNamespace(rtt=RTT, jitter=jitter)
+        link: Any = SimpleNamespace(
+            clock=clock, liveness=self.liveness, request_answer=lambda: self.asked.append(self.now)
+        )
         self.watch = HandContact(
             ContactLimiter(10.0, 1.0, 1.0),
             self.decoder,
@@ -49,6 +54,10 @@ class Watched:
             playout=0,
         )
 
+    @property
+    def now(self) -> float:
+        return self.tick * TICK
+
     def receive(self, depth: float) -> None:
         """A complete update: of a robot so deep in the plane, whatever was predicted."""
         self.tick += 1
@@ -58,12 +67,16 @@ class Watched:
         if update is not None:
             self.decoder.apply(update)
 
-    def go(self, command: Vector, force: Vector, ticks: int) -> list[float]:
+    def command(self, command: Vector, force: Vector) -> None:
+        self.tick += 1
+        self.watch.note_command(command, float(self.tick), norm(force), self.now)
+
+    def go(self, command: Vector, force: Vector, ticks: int, *, heard: bool = True) -> list[float]:
         """Command this, and ask for this force; returns what is displayed in each tick [N]."""
         shown = []
         for _ in range(ticks):
-            self.tick += 1
-            self.watch.note_command(command, float(self.tick))
+            self.command(command, force)
+            self.liveness.encoder_heard_at = self.now if heard else self.liveness.encoder_heard_at
             shown.append(min(norm(force), self.watch.bound(norm(force), force, TICK)))
         return shown
 
@@ -137,9 +150,9 @@ def told_limiter(watched: Watched) -> list[tuple[float, int]]:
 def test_a_claim_of_the_model_grows_into_a_contact_once_an_answer_could_have_come(before: Vector) -> None:
     """For a hand that stays in the model: nothing, then a claim that grows, then a contact."""
     watched = Watched()
-    for _ in range(500):  # nothing is felt, and nothing asked
-        watched.tick += 1
-        watched.watch.note_command(before, float(watched.tick))
+    for _ in range(500):  # nothing is asked for
+        watched.command(before, PRESSED if before == INSIDE else ZERO)
+        watched.liveness.encoder_heard_at = watched.now
     told = told_limiter(watched)
     watched.go(INSIDE, PRESSED, 400)
     first = next(tick for tick, (_, claimed) in enumerate(told) if claimed)
@@ -151,6 +164,33 @@ def test_a_claim_of_the_model_grows_into_a_contact_once_an_answer_could_have_com
     watched.watch.reset()
     watched.watch.bound(norm(PRESSED), PRESSED, TICK)
     assert told[-1] == (inf, 0)
+
+
+def test_silence_that_may_be_a_loss_states_no_contact_and_is_asked_about_once() -> None:
+    """The robot's end is heard no more: it may have corrected the model."""
+    watched = Watched()
+    watched.go(OUTSIDE, ZERO, 500)
+    began = watched.now
+    shown = watched.go(INSIDE, PRESSED, 500, heard=False)
+    assert [round((asked - began) / TICK) for asked in watched.asked] == [round(ASK_S / TICK)]
+    assert max(shown[PATIENT:]) <= 1.0
+
+
+@pytest.mark.parametrize(("late", "is_felt"), [(0, False), (RTT_TICKS, True)])
+def test_a_contact_counts_once_something_is_heard_that_left_after_the_robot_was_there(late: int, is_felt: bool) -> None:
+    watched = Watched()
+    watched.go(OUTSIDE, ZERO, 500)
+    watched.go(INSIDE, PRESSED, late, heard=False)
+    watched.go(INSIDE, PRESSED, 1)
+    assert (watched.go(INSIDE, PRESSED, 1000, heard=False)[-1] == norm(PRESSED)) is is_felt
+
+
+def test_of_a_contact_that_a_sample_has_stated_all_is_heard() -> None:
+    watched = Watched()
+    watched.go(OUTSIDE, ZERO, 500)
+    watched.go(INSIDE, PRESSED, 20)
+    watched.receive(0.5 * DEPTH)
+    assert set(watched.go(INSIDE, PRESSED, 1000, heard=False)) == {norm(PRESSED)}
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.05])

@@ -82,12 +82,13 @@ class Desk:
     def __init__(self, *, contact: bool = False, button: int | None = None) -> None:
         self.handle, self.scheme, self.now = Handle(), Scheme(), 100.0
         self.requests = 0
-        liveness = SimpleNamespace(in_touch_at=self.now)
+        liveness = SimpleNamespace(in_touch_at=self.now, encoder_heard_at=self.now)
         self.endpoint: Any = SimpleNamespace(
             liveness=liveness,
             clock=SimpleNamespace(rtt=RTT, jitter=0.0),
             credit=SimpleNamespace(known=5),
             request_full_state=self._request,
+            request_answer=lambda: None,
         )
         self.hand = HandPosition(self.scheme, lambda force: max(0.1 * force, 0.02))
         self.encoder, self.decoder = Encoder(force_channel(predictor="zoh")), Decoder(force_channel(predictor="zoh"))

@@ -61,7 +61,6 @@ from weberlink.update import ModelParameters, PreviousSample, Update
 
 OTHER: Address = ("192.0.2.9", 40_009)
 OTHER_KEY = PresharedKey(bytes(32))
-DARK = Emulation(loss=1.0)
 by_suite = pytest.mark.parametrize("security", suites())
 
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from random import Random
 from typing import Any
 
+import numpy as np
+
 from weberlink.config import Configuration
-from weberlink.geometry.vector import is_finite, norm
 from weberlink.protocol import Endpoint, State
 from weberlink.protocol.wire import CHANGE_TICK_BITS, Kind, pack
 from weberlink.session.composition.channels import streams
 from weberlink.session.composition.link import Context, build_endpoint, build_security
-from weberlink.session.simulation import MASTER_ADDRESS, SLAVE_ADDRESS, build_simulation
-from weberlink.telemetry.record import RECORD
+from weberlink.session.simulation import MASTER_ADDRESS, SLAVE_ADDRESS, as_array, build_simulation
 from weberlink.update import Payload, PreviousSample, Update
 
 CONNECTS_WITHIN = 40
@@ -87,12 +87,10 @@ class Duel:
 
     def _look(self) -> None:
         """What must hold in every tick: the record can be written, and what is commanded is within the limits."""
-        record = self.side.record()
-        RECORD.pack(*record)
-        commanded = record.output_x, record.output_y, record.output_z
-        assert is_finite(commanded)
+        (record,) = as_array([self.side.record()])
+        assert np.isfinite(record["output"]).all()
         if self._hero == "master":
-            assert norm(commanded) <= self._configuration.system.master.limits.force_n * (1.0 + 1e-9)
+            assert np.linalg.norm(record["output"]) <= self._configuration.system.master.limits.force_n * (1.0 + 1e-9)
 
     def carry(self) -> None:
         """Deliver everything that both ends have said, until neither answers."""

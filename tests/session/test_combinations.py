@@ -13,7 +13,7 @@ from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.geometry.vector import distance
 from weberlink.protocol.states import State
 from weberlink.session.composition.channels import force_deadband
-from weberlink.session.simulation import as_array, build_simulation
+from weberlink.session.simulation import build_simulation
 
 pytestmark = pytest.mark.hypothesis  # so that `make hunt` runs it
 
@@ -71,8 +71,7 @@ def test_run_is_finite_and_limited_and_within_the_deadband(combination: Combinat
     limit, force = settings.system.master.limits.force_n, settings.system.codec.force
     error = force_deadband(force, settings.system.tick_period, force.weber).error
     simulation = build_simulation(settings)
-    steps = [simulation.step() for _ in range(round(SECONDS * RATE))]
-    master, slave = (as_array(side) for side in zip(*steps, strict=True))
+    master, slave = simulation.advance(round(SECONDS * RATE))
     for values in (master["output"], slave["output"], slave["raw"]):
         assert np.isfinite(values).all()
     felt = np.linalg.norm(master["output"], axis=1)

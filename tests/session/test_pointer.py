@@ -10,7 +10,7 @@ from tests.session.systems import configuration
 from weberlink.figures.session import Layout, Records, SessionScore
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.pointer import PointerDevice
-from weberlink.session.simulation import as_array, build_simulation
+from weberlink.session.simulation import build_simulation
 
 WALL, HAND = 1500.0, 150.0
 """Stiffness of the scenes and of the hand [N/m]."""
@@ -32,8 +32,7 @@ def run(
             super().__init__(*of, source)
 
     simulation = build_simulation(configuration(*EASY, *overrides, file="try.yaml", device=Led))
-    pairs = [simulation.step() for _ in range(round(1000 * seconds))]
-    master, slave = (as_array(side) for side in zip(*pairs, strict=True))
+    master, slave = simulation.advance(round(1000 * seconds))
     if score is not None:
         score.add(master, slave)
     return master, slave

@@ -24,9 +24,8 @@ class Robot:
         self.force, self.place = ZERO, OUTSIDE
         self.led: Vector | None = OUTSIDE
         self.follows = True
-        self.channel = OutgoingChannel(
-            "force", 0, encoder, self, Unreached(encoder.mirror, self.lead, lambda: self.follows, 0.05, TICK)
-        )
+        unreached = Unreached(encoder.mirror, self.lead, lambda: self.follows, 0.05, TICK)
+        self.channel = OutgoingChannel(encoder, self, unreached)
         self.tick = 0
         self.updates = 0
 

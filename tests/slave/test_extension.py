@@ -150,10 +150,11 @@ TOYS = (
 for toys in TOYS:
     overrides = [*toys, f"slave.scene=[{SLAB}]", "link.security=session", "control.scheme=half"]
     simulation = build_simulation(load(Path(sys.argv[1]), overrides))
-    records = [simulation.step()[0] for _ in range(2000)]
-    felt.append(max(record.decoded_z for record in records))
-    told = [each for each in records if each.ramping == 0 and 0.5 < abs(each.decoded_z) < 5.0]
-    ratios |= {round(each.output_z / each.decoded_z, 3) for each in told}
+    master, _ = simulation.advance(2000)
+    decoded, output = master["decoded"][:, 2], master["output"][:, 2]
+    felt.append(float(decoded.max()))
+    told = (master["ramping"] == 0) & (0.5 < abs(decoded)) & (abs(decoded) < 5.0)
+    ratios |= set((output[told] / decoded[told]).round(3).tolist())
 for name in ("broken", "loose"):
     try:
         dry_run(load(Path(sys.argv[1]), [f"control.scheme={name}"]))

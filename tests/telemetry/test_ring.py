@@ -6,6 +6,7 @@ import stat
 import struct
 import tempfile
 import time
+from contextlib import closing
 from itertools import product
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from hypothesis import strategies as st
 
 from tests.records import assert_whole
 from weberlink.telemetry.reader import DTYPE, RingReader
-from weberlink.telemetry.record import COLUMNS, FIELDS, HAND, RECORD, layout
+from weberlink.telemetry.record import FIELDS, HAND, RECORD, layout
 from weberlink.telemetry.ring import (
     RECORDS_AT,
     RingFormatError,
@@ -103,12 +104,12 @@ def test_without_room_there_is_an_error_at_the_start_and_nothing_is_left(path):
 
 
 def test_a_record_that_does_not_fit_is_not_published(path):
-    with create(path) as writer, RingReader(path) as reader:
+    with create(path) as writer, closing(RingReader(path)) as reader:
         writer.write(record(1))
         with pytest.raises(struct.error):
             writer.write((1.0,))
         with pytest.raises(struct.error):
-            writer.write((-1,) * len(COLUMNS))
+            writer.write((-1,) * len(record(0)))
         writer.write(record(2))
         assert reader.read()["tick"].tolist() == [1, 2]
 
@@ -139,10 +140,7 @@ def test_a_process_is_known_by_its_start_and_not_by_its_number_alone(path):
 
 
 def record(i):
-    return tuple(i % 256 if column in BYTES else i for column in COLUMNS)
-
-
-BYTES = {field.name for field in FIELDS if field.kind == "u1"}
+    return tuple(i % 256 if field.kind == "u1" else i for field in FIELDS for _ in range(field.axes))
 
 
 @given(capacity=st.integers(2, 9), before=st.integers(0, 25), steps=st.lists(st.integers(0, 25), max_size=12))
@@ -150,7 +148,7 @@ def test_a_reader_gets_the_newest_records_without_a_gap_and_counts_the_rest(capa
     with tempfile.TemporaryDirectory() as directory, create(Path(directory) / "ring", capacity=capacity) as writer:
         for i in range(before):
             writer.write(record(i))
-        with RingReader(writer.path) as reader:
+        with closing(RingReader(writer.path)) as reader:
             total, first, read = before, max(0, before - capacity + 1), 0
             for step in [0, *steps]:
                 for i in range(total, total + step):
@@ -171,7 +169,7 @@ def test_fields_of_parts_that_a_session_lacks_read_as_zero(path):
     kept = layout(1)
     with RingWriter.create(path, side="slave", rate_hz=4000.0, capacity=8, records=kept) as writer:
         writer.write(row.values(kept))
-        with RingReader(path) as reader:
+        with closing(RingReader(path)) as reader:
             (record,) = reader.read()
     for field in FIELDS:
         assert np.all(record[field.name] == (field.part in ("", HAND)))
@@ -180,7 +178,7 @@ def test_fields_of_parts_that_a_session_lacks_read_as_zero(path):
 def test_another_process_is_followed_while_it_writes_without_a_torn_record(path, start):
     # So small a ring is lapped in microseconds: most copies are overwritten while they are made.
     start("writer_process.py", path, "master", 0, 4, 0)
-    with RingReader(path) as reader:
+    with closing(RingReader(path)) as reader:
         first, last, got = None, -1, 0
         for _ in range(20_000):
             records = reader.read()
@@ -208,7 +206,7 @@ def test_a_record_is_read_when_all_of_it_is_visible_and_not_when_its_counter_is(
         for i in range(written - 1):
             writer.write(record(i))
         before = writer.path.read_bytes()
-        with RingReader(writer.path) as reader, writer.path.open("r+b") as file:
+        with closing(RingReader(writer.path)) as reader, writer.path.open("r+b") as file:
             got = reader.read()["tick"].tolist()
             writer.write(record(written - 1))
             after = writer.path.read_bytes()
@@ -235,7 +233,7 @@ def test_a_record_is_read_when_all_of_it_is_visible_and_not_when_its_counter_is(
 
 def test_a_killed_writer_leaves_all_that_it_published(path, start):
     process = start("writer_process.py", path, "master", 0, 50, 0)
-    with RingReader(path) as reader:
+    with closing(RingReader(path)) as reader:
         while reader.written < 1000:
             pass
         assert reader.alive
@@ -243,7 +241,7 @@ def test_a_killed_writer_leaves_all_that_it_published(path, start):
         process.wait()
         assert not reader.alive
         reader.read()
-    with RingReader(path) as late:
+    with closing(RingReader(path)) as late:
         records = late.read()
         assert len(records) == 49
         assert records["tick"].tolist() == list(range(late.written - 49, late.written))

@@ -87,7 +87,8 @@ def main() -> int:
             figures = (
                 f"at rest after {rest}, {1e3 * outcome.travel_m:.1f} mm, {outcome.force_n:.1f} N, follows after {back}"
             )
-            laws.check(f"fault: {fault}", not outcome.broken, "; ".join((*outcome.broken, outcome.told, figures)))
+            told = filter(None, (*outcome.broken, outcome.told, figures))
+            laws.check(f"fault: {fault}", not outcome.broken, "; ".join(told))
     found["broken"] = laws.broken
     simulator = ", ".join(f"{name} {number}" for name, number in facts["simulator"].items())
     print(f"{footer(facts, chosen.seed)}; {simulator}")

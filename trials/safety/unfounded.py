@@ -23,7 +23,7 @@ from tests.session.systems import configuration
 from weberlink.codec.predictors import ADAPTIVE, HYBRID, PREDICTORS
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
 from weberlink.figures.session import Records
-from weberlink.session.simulation import Simulation, as_array, build_simulation
+from weberlink.session.simulation import Simulation, build_simulation
 from weberlink.telemetry.fault import Fault
 
 SECONDS = 4.0  # length of a session [s]
@@ -158,8 +158,7 @@ class Finding:
 
 def records(simulation: Simulation, period: float, seconds: float = SECONDS) -> tuple[Records, Records]:
     """The records of both sides of a session."""
-    masters, slaves = zip(*(simulation.step() for _ in range(round(seconds / period))), strict=True)
-    return as_array(masters), as_array(slaves)
+    return simulation.advance(round(seconds / period))
 
 
 def found(cell: Cell, master: Records, slave: Records, period: float) -> Finding:

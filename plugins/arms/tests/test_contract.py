@@ -8,8 +8,8 @@ import pytest
 
 from plugins.arms.tests import benches
 from plugins.arms.tests.benches import FAMILIES, FOLLOWERS, LEADERS, Stepped
-from weberlink.master.devices import leaders
-from weberlink.slave.robots import followers
+from weberlink.master import devices
+from weberlink.slave import robots
 from weberlink.testing.arms import ArmBench, HardwareFollowerContract, HardwareLeaderContract
 from weberlink.testing.time import TICK
 
@@ -20,7 +20,7 @@ FAULTS = ("unplug", "silent", "late", "garbled", "dead")
 
 def made(name: str, **options: Any) -> Any:
     """Not open."""
-    driver: Any = (leaders.LEADERS if name in LEADERS else followers.FOLLOWERS)[name]
+    driver: Any = (devices.LEADERS if name in LEADERS else robots.FOLLOWERS)[name]
     return driver(driver.Options.model_validate(options), TICK)
 
 
@@ -95,6 +95,11 @@ OPTIONS: list[tuple[str, dict[str, Any], str]] = [
 def test_torques_are_calibrated_where_their_ratio_is_given(name: str, ratio: str) -> None:
     plain = made(name).spec
     assert (plain.calibrated, made(name, **{ratio: (0.7,) * plain.axes}).spec.calibrated) == (False, True)
+
+
+@pytest.mark.parametrize("name", ["koch_leader", "omx_leader"])
+def test_a_leader_says_after_how_long_its_motors_let_go(name: str) -> None:
+    assert made(name, bus_watchdog_ms=100.0).spec.watchdog_s == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize(("name", "options", "field"), OPTIONS)

@@ -133,9 +133,9 @@ def test_watcher_sees_a_running_robot_on_the_page_and_can_change_nothing(tmp_pat
         with Reader(wall.pid, "master") as reader:
             assert shown(picture := reader.first()) == pytest.approx(picture.at, abs=5e-3)
         with closing(WatchedSession(str(wall.pid), RingSource(ring))) as session:
-            assert not session.look()
-            assert session.hello()["readonly"]
-            assert session.figures()["figures"]["faults"] == {}
+            assert not any(map(len, session.look().records.values()))
+            assert not session.description.get("changes"), "so that the page is read only"
+            assert not any(session.faults.values())
             assert session.description["system"]["slave"]["cameras"]["driver"] == "video"
         assert {session_of(path) for path in control_sockets()} & {str(wall.pid), str(slave.pid)} == {str(slave.pid)}
         refused = subprocess.run([*WEBERLINK, "watch", files[2]], cwd=ROOT, capture_output=True, text=True, check=False)

@@ -7,6 +7,7 @@ Each imports what it needs when it runs.
 import os
 import sys
 from contextlib import nullcontext
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 from textwrap import wrap
@@ -99,7 +100,7 @@ def doctor(
     """
     from rich.console import Console  # noqa: PLC0415
 
-    from weberlink.cli.doctor import EXAMINATIONS, Grade, Needs, examine  # noqa: PLC0415
+    from weberlink.cli.doctor import EXAMINATIONS, Grade, Needs, advised, examine  # noqa: PLC0415
     from weberlink.config import load  # noqa: PLC0415
 
     overrides, sides = set_ or [], SIDES if side is None else (side,)
@@ -107,9 +108,12 @@ def doctor(
         fail(f"{'--set' if link is None else '--link'}: needs a FILE", MISCONFIGURED)
     console = Console(stderr=True)
     with console.status("measuring for some seconds") if console.is_terminal else nullcontext():
-        if link is None or file is None:
-            needs = Needs(sides=sides)
-            found = examine(needs if file is None else Needs(load(file, overrides, sides).system, sides, file))
+        if file is None:
+            found = examine(Needs(sides=sides))
+        elif link is None:
+            configuration = load(file, overrides, sides)
+            found = examine(Needs(configuration.system, sides, file))
+            found = replace(found, findings=[*found.findings, *advised(configuration)])
         else:
             with failing(ValueError, MISCONFIGURED, "--link: "):
                 examine_link = EXAMINATIONS.load(next(iter((*EXAMINATIONS, *EXAMINATIONS.absent()))))

@@ -20,7 +20,7 @@ from weberlink.cli.dialog import Dialog, StoppedByUser, View, uninterrupted
 from weberlink.cli.output import CommandError
 from weberlink.config import MASTER, ConfigurationError, load
 from weberlink.config.document import override
-from weberlink.config.loading import load_part
+from weberlink.config.loading import Part, load_part
 from weberlink.config.model import DriverSettings
 from weberlink.geometry.vector import ZERO, Vector, add, distance, norm, scale, subtract
 from weberlink.installation import absence
@@ -58,7 +58,8 @@ def run(name: str, dialog: Dialog, file: Path | None = None, overrides: Sequence
         raise ConfigurationError(f"{name}: there is no such driver; there are {known}")
     section = SECTIONS[side]
     overrides = [text.removeprefix(f"{section}.") for text in overrides]
-    driver, options, tick_period = _alone(name, side, overrides) if file is None else _of(file, name, side, overrides)
+    part, tick_period = _alone(name, side, overrides) if file is None else _of(file, name, side, overrides)
+    driver, options = part.driver, part.options
     try:
         if side == MASTER:
             try_master(driver, options, lambda options: build_driver(section, driver, options, tick_period), dialog)
@@ -72,8 +73,8 @@ def run(name: str, dialog: Dialog, file: Path | None = None, overrides: Sequence
         raise DeviceTestError(f"{name}: stopped before the end{left}") from None
 
 
-def _of(file: Path, name: str, side: str, overrides: Sequence[str]) -> tuple[Any, BaseModel, float]:
-    """The driver of a configuration, its options and its tick period [s]."""
+def _of(file: Path, name: str, side: str, overrides: Sequence[str]) -> tuple[Part, float]:
+    """The driver of a configuration, and its tick period [s]."""
     section = SECTIONS[side]
     loaded = load(file, [f"{section}.{text}" for text in overrides], sides=[side])
     settings = loaded.system.master.device if side == MASTER else loaded.system.slave.robot
@@ -81,16 +82,16 @@ def _of(file: Path, name: str, side: str, overrides: Sequence[str]) -> tuple[Any
     assert part is not None
     if settings.driver != name:
         raise ConfigurationError(f"{file}: {section}.driver: is {settings.driver}, not {name}")
-    return part.driver, part.options, loaded.system.tick_period
+    return part, loaded.system.tick_period
 
 
-def _alone(name: str, side: str, overrides: Sequence[str]) -> tuple[Any, BaseModel, float]:
+def _alone(name: str, side: str, overrides: Sequence[str]) -> tuple[Part, float]:
     """A driver with its defaults and the overrides."""
     content: dict[str, Any] = {}
     for text in overrides:
         override(content, text)
-    part = load_part(SIDES[side], DriverSettings(driver=name, **content), SECTIONS[side], Path.cwd(), ())
-    return part.driver, part.options, 1.0 / RATE_HZ
+    settings = DriverSettings(driver=name, **content)
+    return load_part(SIDES[side], settings, SECTIONS[side], Path.cwd(), ()), 1.0 / RATE_HZ
 
 
 def described(spec: DeviceSpec | RobotSpec) -> Iterator[str]:

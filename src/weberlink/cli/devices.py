@@ -3,7 +3,6 @@
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -122,12 +121,7 @@ def survey(host: DeviceAccess | None = None, sides: Mapping[str, Sequence[Regist
     has_rules = rules.installed(here.rules)
     drivers: list[DriverStatus] = []
     for side, table in ((side, table) for side, tables in sides.items() for table in tables):
-        packages = {
-            entry.name: entry.dist.name if entry.dist is not None else entry.value
-            for entry in entry_points(group=table.group or "")
-            if entry.name not in table.built_in
-        }
-        drivers.extend(_status(side, table, name, packages.get(name), here, has_rules) for name in sorted(table))
+        drivers.extend(_status(side, table, name, here, has_rules) for name in sorted(table))
         drivers.extend(
             DriverStatus(side, driver, f"weberlink-{guest}", None, guest, ABSENT, (), (install_line(guest),))
             for driver, guest in sorted(table.absent().items())
@@ -135,10 +129,9 @@ def survey(host: DeviceAccess | None = None, sides: Mapping[str, Sequence[Regist
     return Survey(drivers, has_rules)
 
 
-def _status(
-    side: str, table: Registry[Any], name: str, package: str | None, host: DeviceAccess, has_rules: bool
-) -> DriverStatus:
+def _status(side: str, table: Registry[Any], name: str, host: DeviceAccess, has_rules: bool) -> DriverStatus:
     """Examine one driver."""
+    package = table.distribution(name)
     try:
         driver = table[name]
         if not isinstance(driver, type):

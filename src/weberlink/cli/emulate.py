@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from difflib import get_close_matches
+from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import Any, TextIO
@@ -38,15 +39,6 @@ STOP_LIMIT_S = 3.0
 CHUNK = 4096
 OF_THE_KERNEL = ("hid", "evdev")
 """Transports of devices that only a command in their testbed sees."""
-WIRE_FAULTS = {
-    "garble": "as many of the next answers arrive with a byte changed; on a WebSocket: cut in half",
-    "late": "every answer is delayed by as many seconds; 0: no delay",
-    "silent": "answers are lost",
-    "ok": "end these three faults",
-    "unplug": "disconnect the device; one with its own power goes on",
-    "plug": "connect it again",
-}
-WORDS = {"status": "print the state of the device as JSON", "help": "list the commands"}
 
 
 def run(
@@ -268,11 +260,22 @@ class FaultCommands:
     """Interprets lines of commands: faults of the wire and of the device, its status, help; answers go to `out`."""
 
     def __init__(self, name: str, emulator: Any, device: ServedDevice, out: TextIO) -> None:
-        self._name = name
-        self._emulator = emulator
-        self._device = device
-        self._out = out
-        self._words: Mapping[str, str] = {**WIRE_FAULTS, **emulator.OWN_FAULTS, **WORDS}
+        self._name, self._emulator, self._device, self._out = name, emulator, device, out
+        faults: WireFaults = emulator.faults
+        self._words: Mapping[str, tuple[str, Callable[[float], object]]] = {
+            "garble": (
+                "as many of the next answers arrive with a byte changed; on a WebSocket: cut in half",
+                lambda value: setattr(faults, "garble", int(_at_least_0(value))),
+            ),
+            "late": ("every answer is delayed by as many seconds", lambda s: setattr(faults, "late_s", _at_least_0(s))),
+            "silent": ("answers are lost", lambda value: setattr(faults, "silent", value != 0.0)),
+            "ok": ("end these three faults", lambda _: vars(faults).update(vars(WireFaults()))),
+            "unplug": ("disconnect the device; one with its own power goes on", lambda _: device.unplug()),
+            "plug": ("connect it again", lambda _: None if device.plugged else device.plug()),
+            **{word: (what, partial(emulator.inject, word)) for word, what in emulator.OWN_FAULTS.items()},
+            "status": ("print the state of the device as JSON", lambda _: self.say(json.dumps(self.status()))),
+            "help": ("list the commands", lambda _: self._help()),
+        }
 
     def say(self, text: str) -> None:
         with suppress(BrokenPipeError):  # nobody reads the answers
@@ -283,36 +286,19 @@ class FaultCommands:
         """Execute a command; a wrong one is answered with the reason."""
         word, *values = line.split() or [""]
         try:
-            self._do(word, float(" ".join(values)) if values else None)
+            if word in self._words:
+                self._words[word][1](float(" ".join(values)) if values else 1.0)
+            elif word:
+                close = get_close_matches(word, self._words, n=1, cutoff=0.5)
+                known = f"did you mean {close[0]}?" if close else f"there are {', '.join(self._words)}"
+                self.say(f"{word}: unknown; {known}")
         except (ValueError, OSError, HardwareFault) as error:
             said = str(error)
             self.say(said if said.startswith(f"{word}:") else f"{word}: {said}")
 
-    def _do(self, word: str, value: float | None) -> None:
-        faults: WireFaults = self._emulator.faults
-        wire: Mapping[str, Callable[[], object]] = {
-            "": lambda: None,
-            "garble": lambda: setattr(faults, "garble", int(_at_least_0(1.0 if value is None else value))),
-            "late": lambda: setattr(faults, "late_s", _at_least_0(value)),
-            "silent": lambda: setattr(faults, "silent", value != 0.0),
-            "ok": lambda: vars(faults).update(vars(WireFaults())),
-            "unplug": self._device.unplug,
-            "plug": lambda: None if self._device.plugged else self._device.plug(),
-            "status": lambda: self.say(json.dumps(self.status(), allow_nan=False)),
-            "help": self._help,
-        }
-        if word in wire:
-            wire[word]()
-        elif word in self._words:
-            self._emulator.inject(word, 1.0 if value is None else value)
-        else:
-            close = get_close_matches(word, self._words, n=1, cutoff=0.5)
-            known = f"did you mean {close[0]}?" if close else f"there are {', '.join(self._words)}"
-            raise ValueError(f"unknown; {known}")
-
     def _help(self) -> None:
         width = max(map(len, self._words))
-        self.say("\n".join(f"{word:{width}}  {what}" for word, what in self._words.items()))
+        self.say("\n".join(f"{word:{width}}  {what}" for word, (what, _) in self._words.items()))
         self.say("a number may follow a fault; the default is 1")
 
     def status(self) -> dict[str, Any]:
@@ -342,7 +328,7 @@ def _is_plain(value: Any) -> bool:
     return value is None or isinstance(value, bool | int | str)
 
 
-def _at_least_0(value: float | None) -> float:
-    if value is None or not 0.0 <= value < 1e9:
-        raise ValueError("expected a number >= 0" if value is None else f"expected a number >= 0, got {value}")
+def _at_least_0(value: float) -> float:
+    if not 0.0 <= value < 1e9:
+        raise ValueError(f"expected a number >= 0, got {value}")
     return value

@@ -131,10 +131,8 @@ def finish(
 
 
 @contextmanager
-def progress_bar(every_s: float = PROGRESS_EVERY_S) -> Iterator[Callable[..., None]]:
-    """Show progress on standard error; yields `report(done, total, what)`. Without a terminal that is a line, every so
-    often [s].
-    """
+def progress_bar() -> Iterator[Callable[..., None]]:
+    """Show progress on standard error; yields `report(done, total, what)`."""
     from rich.console import Console  # noqa: PLC0415 - for long commands alone
     from rich.progress import (  # noqa: PLC0415
         BarColumn,
@@ -154,7 +152,7 @@ def progress_bar(every_s: float = PROGRESS_EVERY_S) -> Iterator[Callable[..., No
             nonlocal told
             text, now = f"{done:g}/{total:g} {what}", monotonic()
             bar.update(task, completed=done, total=total, description=text)
-            if bar.disable and now - told >= every_s:
+            if bar.disable and now - told >= PROGRESS_EVERY_S:
                 told = now
                 tell(f"{text}, after {now - began:.0f} s")
 

@@ -97,7 +97,7 @@ def install_line() -> str:
     return f"sudo {shlex.join(words)} device rules"
 
 
-def group_line(path: str, groups: Iterable[int], user: str | None = None) -> str | None:
+def group_line(path: str, groups: Iterable[int]) -> str | None:
     """How to join the group that may open a device, if this process, of these groups, lacks that alone."""
     try:
         status = os.stat(path)  # noqa: PTH116 - a device, not a file to read
@@ -108,9 +108,8 @@ def group_line(path: str, groups: Iterable[int], user: str | None = None) -> str
     if not may or status.st_gid == 0 or status.st_gid in groups:
         return None
     with suppress(KeyError):  # of a user without a name
-        user = user or pwd.getpwuid(os.getuid()).pw_name
-    if user in group.gr_mem:
-        return f"log out and in again: you are in the group {group.gr_name}, but this login began before that"
+        if pwd.getpwuid(os.getuid()).pw_name in group.gr_mem:
+            return f"log out and in again: you are in the group {group.gr_name}, but this login began before that"
     return f"sudo usermod -aG {group.gr_name} $USER    (then log out and in again)"
 
 

@@ -147,46 +147,60 @@ def arm_in(dump: Mapping[str, Any]) -> ArmLayout | None:
 
 
 @dataclass
-class ErrorStatistics:
-    """Running statistics of an error against its bound."""
+class Exceedances:
+    """Running statistics of errors, and of the ticks in which they are beyond a bound."""
 
     count: int = 0
-    violations: int = 0
+    beyond: int = 0
     square_sum: float = 0.0
     largest: float = 0.0
     longest_run: int = 0
-    deadbands: Distribution = field(default_factory=Distribution)  # in millionths, because its first bin ends at 1
     _run: int = 0
 
-    def add(self, compared: Compared) -> None:
+    def add(self, errors: Series, beyond: NDArray[np.bool_]) -> None:
+        """Take the next ticks, in order, shape (n,) each."""
+        if not len(errors):
+            return
+        self.count += len(errors)
+        self.beyond += int(beyond.sum())
+        self.square_sum += float(np.square(errors).sum())
+        self.largest = max(self.largest, float(errors.max()))
+        leading = len(beyond) if beyond.all() else int(beyond.argmin())
+        self.longest_run = max(self.longest_run, self._run + leading, longest_run(beyond))
+        self._run = self._run + leading if leading == len(beyond) else int(beyond[::-1].argmin())
+
+    @property
+    def rms(self) -> float:
+        return float((self.square_sum / max(1, self.count)) ** 0.5)
+
+
+def longest_run(flags: NDArray[np.bool_]) -> int:
+    """Most True in a row."""
+    edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
+
+
+class ErrorStatistics(Exceedances):
+    """Of an error against its deadband."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._deadbands = Distribution()  # in millionths, because its first bin ends at 1
+
+    def compare(self, compared: Compared) -> None:
         """Take the next ticks."""
         errors, bounds, deviations, _ = compared
-        outside = deviations > bounds
-        self.count += len(errors)
-        self.violations += int(outside.sum())
-        self.square_sum += float((errors * errors).sum())
-        if len(errors):
-            self.largest = max(self.largest, float(errors.max()))
+        self.add(errors, deviations > bounds)
         bounded = bounds > 0.0
-        self.deadbands.add(deviations[bounded] / bounds[bounded] * 1e6)
-        for value in outside.tolist():
-            self._run = self._run + 1 if value else 0
-            self.longest_run = max(self.longest_run, self._run)
+        self._deadbands.add(deviations[bounded] / bounds[bounded] * 1e6)
 
     def figures(self, period: float) -> Errors:
-        deadbands = self.deadbands.spread()
+        deadbands = self._deadbands.spread()
         largest, high = (None if us is None else us * 1e-6 for us in (deadbands.max, deadbands.p99))
         if not self.count:
             return Errors(None, None, None, None, None, largest, high)
-        return Errors(
-            error_rms=(self.square_sum / self.count) ** 0.5,
-            error_max=self.largest,
-            violation_fraction=self.violations / self.count,
-            violation_longest_s=self.longest_run * period,
-            violation_s=self.violations * period,
-            error_max_deadbands=largest,
-            error_p99_deadbands=high,
-        )
+        longest_s, total_s = self.longest_run * period, self.beyond * period
+        return Errors(self.rms, self.largest, self.beyond / self.count, longest_s, total_s, largest, high)
 
 
 class ChannelScore:
@@ -216,13 +230,13 @@ class ChannelScore:
         if stream.bank and len(records):
             tally(self._selected, records[f"{stream.counted}selected"][records[f"{stream.counted}sent"] > 0])
             coded = "raw" if stream.prefix else "coded"  # of the hand alone there is a look-ahead
-            self.coding.add(stream.compare(in_session[f"{stream.prefix}decoded"], in_session, coded))
+            self.coding.compare(stream.compare(in_session[f"{stream.prefix}decoded"], in_session, coded))
 
     def compare(self, sender: Records, receiver: Records) -> None:
         """Take records of the same moments."""
         if len(sender):
             compared = self.stream.felt(receiver, sender)
-            self.felt.add(compared)
+            self.felt.compare(compared)
             if compared.by_axis is not None:
                 self._squares = self._squares + (compared.by_axis**2).sum(axis=0)
                 self._largest = np.maximum(self._largest, compared.by_axis.max(axis=0))
@@ -278,11 +292,6 @@ class UpdatesOnTheirWay:
 def angles_between(a: NDArray[Any], b: NDArray[Any]) -> Series:
     """Angles [rad] between rotations given as rotation vectors [rad], shape (n, 3) each, row by row."""
     return np.asarray(np.linalg.norm(turns_between(a, b), axis=1), dtype=np.float64)
-
-
-def turns(rotations: NDArray[Any]) -> Series:
-    """Rotation vectors [rad] from each row to the next, in the fixed frame; shape (n - 1, 3)."""
-    return turns_between(rotations[:-1], rotations[1:])
 
 
 def turns_between(a: NDArray[Any], b: NDArray[Any]) -> Series:

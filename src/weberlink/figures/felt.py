@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.figures.channel import Records, distances, in_session
+from weberlink.figures.channel import Exceedances, Records, distances, in_session
 from weberlink.figures.distribution import Distribution
 from weberlink.figures.tree import Quality
 
@@ -164,29 +164,17 @@ class QualityStatistics:
     def __init__(self, period_s: float, threshold: Threshold | None = None) -> None:
         self._period_s = period_s
         self._threshold = threshold or Threshold()
-        self._count = self._noticed = self._run = self._longest = 0
-        self._square_sum = self._log_square_sum = 0.0
-        self._largest = self._log_largest = 0.0
+        self._errors, self._log_errors = Exceedances(), Exceedances()
         self._jumps = Distribution()
 
     def add(self, error_n: Array, displayed_n: Array, measured_n: Array) -> None:
         """Take the next ticks, in order: distances of the displayed force from the measured one, and the magnitudes of
         both [N], shape (n,).
         """
-        if not len(error_n):
-            return
         threshold_n = self._threshold.at(measured_n)
-        error, log_error = error_n / threshold_n, self._threshold.log_error(displayed_n, measured_n)
         noticed = error_n > threshold_n
-        self._count += len(error)
-        self._noticed += int(noticed.sum())
-        self._square_sum += float(np.square(error).sum())
-        self._log_square_sum += float(np.square(log_error).sum())
-        self._largest = max(self._largest, float(error.max()))
-        self._log_largest = max(self._log_largest, float(log_error.max()))
-        leading = len(noticed) if noticed.all() else int(noticed.argmin())
-        self._longest = max(self._longest, self._run + leading, longest_run(noticed))
-        self._run = self._run + leading if leading == len(noticed) else int(noticed[::-1].argmin())
+        self._errors.add(error_n / threshold_n, noticed)
+        self._log_errors.add(self._threshold.log_error(displayed_n, measured_n), noticed)
 
     def add_jumps(self, jump_n: Array, before_n: Array) -> None:
         """Take jumps: changes of the displayed force from one tick to the next, in a tick with an update [N].
@@ -199,21 +187,19 @@ class QualityStatistics:
         """All measures; None before the first tick, or the first jump."""
         jumps: dict[str, float] = {}
         if self._jumps.count:
-            shares = {
-                "median": self._jumps.percentile(50.0),
-                "p99": self._jumps.percentile(99.0),
-                "max": self._jumps.max,
-            }
-            jumps = {f"jump_{name}_jnd": value / _PER_JND for name, value in shares.items()}
-        if not self._count:
+            shares = (self._jumps.percentile(50.0), self._jumps.percentile(99.0), self._jumps.max)
+            named = zip(("median", "p99", "max"), shares, strict=True)
+            jumps = {f"jump_{name}_jnd": value / _PER_JND for name, value in named}
+        errors, logs = self._errors, self._log_errors
+        if not errors.count:
             return Quality(**jumps)
         return Quality(
-            error_rms_jnd=(self._square_sum / self._count) ** 0.5,
-            error_max_jnd=self._largest,
-            noticeable_fraction=self._noticed / self._count,
-            noticeable_longest_s=self._longest * self._period_s,
-            log_error_rms_jnd=(self._log_square_sum / self._count) ** 0.5,
-            log_error_max_jnd=self._log_largest,
+            error_rms_jnd=errors.rms,
+            error_max_jnd=errors.largest,
+            noticeable_fraction=errors.beyond / errors.count,
+            noticeable_longest_s=errors.longest_run * self._period_s,
+            log_error_rms_jnd=logs.rms,
+            log_error_max_jnd=logs.largest,
             **jumps,
         )
 
@@ -237,9 +223,3 @@ class JumpsOfRecords:
         counts &= np.diff(joined["tick"].astype(np.int64)) == 1
         held, displayed = (records["output"][counts].astype(np.float64) for records in (before, after))
         return distances(displayed, held), np.linalg.norm(held, axis=1)
-
-
-def longest_run(flags: NDArray[np.bool_]) -> int:
-    """Most True in a row."""
-    edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
-    return int((edges[1::2] - edges[::2]).max(initial=0))

@@ -1,7 +1,7 @@
 """The event loop of a daemon: ticks, signals, and how a run ends."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from math import inf
 from signal import SIG_UNBLOCK, SIGHUP, SIGINT, SIGTERM, Signals, pthread_sigmask
@@ -53,6 +53,12 @@ class Transport(Protocol):
         """Release what `open` claimed, also if that did not finish."""
 
 
+class Companion(Protocol):
+    """What works in the loop of a daemon beside its ticks: the control socket, the watch over the keys."""
+
+    def open(self, loop: asyncio.AbstractEventLoop) -> None: ...
+
+
 class Run(NamedTuple):
     """How the run ended, and whether without `Ticking.fail`."""
 
@@ -86,6 +92,7 @@ class TickLoop:
         duration_s: float | None = None,
         start_at: float | None = None,
         stop_limit_s: float = 1.0,
+        companions: Sequence[Companion] = (),
         after_tick: AfterTick | None = None,
         garbage: GarbageSchedule | None = None,
         busy_poll: bool = False,
@@ -98,7 +105,7 @@ class TickLoop:
         self._stop_at_index: float | None = None
         self._stop_limit = stop_limit_s
         self._stop_by = inf
-        self._after_tick = after_tick
+        self._companions, self._after_tick = companions, after_tick
         self._garbage = garbage
         self._reason: str | None = None
         self._error: BaseException | None = None
@@ -133,6 +140,8 @@ class TickLoop:
         # A parent may have blocked them until there is a handler.
         pthread_sigmask(SIG_UNBLOCK, stop_signals)
         try:
+            for companion in self._companions:
+                companion.open(loop)
             opening = self._transport.open(loop)
             if opening is not None:
                 await self._unless_stopped(opening)

@@ -63,17 +63,14 @@ class OutgoingChannel:
     """A signal that this side senses and encodes.
 
     Args:
-        stream: number of its updates on the wire.
         unreached: looks after a force that the other end may feel elsewhere; None for other signals.
 
     Attributes:
         update: made in this tick, if any.
     """
 
-    def __init__(
-        self, name: str, stream: int, encoder: Encoder, sensor: Sensor, unreached: Unreached | None = None
-    ) -> None:
-        self.name, self.stream, self.encoder, self.sensor, self.unreached = name, stream, encoder, sensor, unreached
+    def __init__(self, encoder: Encoder, sensor: Sensor, unreached: Unreached | None = None) -> None:
+        self.encoder, self.sensor, self.unreached = encoder, sensor, unreached
         self.update: Update | None = None
 
     def encode(self, tick: int) -> None:
@@ -96,15 +93,8 @@ class IncomingChannel:
         value: gives the value at a tick of the peer and a position; None before the first update.
     """
 
-    def __init__(
-        self,
-        name: str,
-        stream: int,
-        decoder: Decoder,
-        place: Sensor | None = None,
-        learner: MasterControl | None = None,
-    ) -> None:
-        self.name, self.stream, self.decoder, self.place, self.learner = name, stream, decoder, place, learner
+    def __init__(self, decoder: Decoder, place: Sensor | None = None, learner: MasterControl | None = None) -> None:
+        self.decoder, self.place, self.learner = decoder, place, learner
         self.received = 0
         self.value = decoder.joints if decoder.is_arm else decoder.value
 

@@ -10,7 +10,7 @@ import os
 import re
 import socket
 import stat
-from collections.abc import Awaitable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from fcntl import F_GETFL, F_SETFL, F_SETOWN, fcntl
 from math import isfinite
@@ -27,9 +27,7 @@ if TYPE_CHECKING:  # who only asks needs no event loop
     import asyncio
 
     from weberlink.control.tuning import Tuning
-    from weberlink.realtime.loop import Transport
     from weberlink.session.daemon import LiveLink
-    from weberlink.session.key_watch import KeyWatch
     from weberlink.session.side import Side
 
 LONGEST_QUESTION = 1024
@@ -334,21 +332,3 @@ class ControlSocket:
         if self._socket is not None:
             with suppress(OSError):  # the asker has ended, or does not read
                 self._socket.sendto(json.dumps(content | in_force).encode(), sender)
-
-
-class WithCompanion:
-    """A transport, and what is opened and closed with it: the control socket, or the watch over the keys."""
-
-    def __init__(self, transport: "Transport", companion: "ControlSocket | KeyWatch") -> None:
-        self._transport = transport
-        self._companion = companion
-        self.service = transport.service  # bound here, so that a tick pays nothing for the companion
-        self.flush = transport.flush
-
-    def open(self, loop: "asyncio.AbstractEventLoop") -> Awaitable[None] | None:
-        self._companion.open(loop)
-        return self._transport.open(loop)
-
-    def close(self) -> None:
-        self._companion.close()
-        self._transport.close()

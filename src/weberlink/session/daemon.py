@@ -26,13 +26,13 @@ from weberlink.protocol.aio.udp import UdpShell
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.protocol.events import Address
 from weberlink.realtime.garbage import GarbageSchedule
-from weberlink.realtime.loop import REASONS, AfterTick, TickLoop, Transport
+from weberlink.realtime.loop import REASONS, AfterTick, Companion, TickLoop
 from weberlink.realtime.process import die_with_parent, prepare
 from weberlink.registry import fault_of, in_words
 from weberlink.session import description
 from weberlink.session.composition.link import live_context
 from weberlink.session.composition.sides import build_side
-from weberlink.session.control_socket import ControlSocket, WithCompanion
+from weberlink.session.control_socket import ControlSocket
 from weberlink.session.description import DaemonOrder, failure
 from weberlink.session.key_watch import key_watch
 from weberlink.session.side import Side
@@ -143,17 +143,19 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
             side.close()
             return failure(str(stopped)) | {"failed": str(stopped) == EMERGENCY, "realtime": grants.as_dict()}
         stack.callback(side.close)
-        transport: Transport = WithCompanion(udp, control)
-        watch = key_watch(configuration, finder, context.security, side.endpoint) if order.side == SLAVE else None
-        if watch is not None:
-            transport = WithCompanion(transport, watch)
+        stack.callback(control.close)
+        companions: list[Companion] = [control]
+        if order.side == SLAVE and (watch := key_watch(configuration, finder, context.security, side.endpoint)):
+            companions.append(watch)
+            stack.callback(watch.close)
         ran = TickLoop(
             side,
-            transport,
+            udp,
             system.tick_period,
             duration_s=order.duration_s,
             start_at=epoch,
             stop_limit_s=stop_limit_s(system, order.side),
+            companions=companions,
             after_tick=_after_tick(side, udp, ring, described),
             garbage=GarbageSchedule(max(1, int(GARBAGE_EVERY_S * system.rate_hz))),
             busy_poll=system.realtime.busy_poll,

@@ -30,7 +30,7 @@ from weberlink.protocol.states import State
 from weberlink.realtime.stall import StallDetector, Watchdog
 from weberlink.session.channels import IncomingChannel, OutgoingChannel, Rows
 from weberlink.telemetry.fault import Fault, FaultLedger
-from weberlink.telemetry.record import ALL, Record
+from weberlink.telemetry.record import ALL
 from weberlink.telemetry.row import Row
 
 CONNECT_PATIENCE = 1.0
@@ -245,10 +245,10 @@ class Side:
         measured = {} if isnan(round_trip) else {"round_trip_ms": round(round_trip, 1)}
         return {"fault": self._faults.active.name.lower(), "force_n": round(force, 3), **measured}
 
-    def record(self) -> Record:
-        """The telemetry of the tick just done, in virtual time, with the fields of all parts."""
+    def record(self) -> tuple[float, ...]:
+        """The telemetry of the tick just done, in virtual time: the values of a record with the fields of all parts."""
         self._fill(0.0, 0.0, 0)
-        return Record._make(ALL.values(self._row))
+        return ALL.values(self._row)
 
     def values(self, lateness_us: float, work_us: float, missed: int) -> tuple[float, ...]:
         """The telemetry of the tick just done: the values of a record of this side's `layout`."""
@@ -554,9 +554,9 @@ class Side:
         for channel in self.outgoing:
             channel.encode(index)
         self.codec_time += self._stopwatch() - began
-        for channel in self.outgoing:
+        for stream, channel in enumerate(self.outgoing):
             if channel.update is not None:
-                endpoint.send_update(now, channel.update, stream=channel.stream)
+                endpoint.send_update(now, channel.update, stream=stream)
                 if self.send_at_once is not None:
                     self.send_at_once(now)
 

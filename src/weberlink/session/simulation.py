@@ -27,7 +27,7 @@ from weberlink.session.composition.link import Context, build_security
 from weberlink.session.composition.sides import build_side
 from weberlink.session.interruption import Interruption
 from weberlink.session.side import Side
-from weberlink.telemetry.record import DESCRIPTION, RECORD, Record
+from weberlink.telemetry.record import DESCRIPTION, RECORD
 
 if TYPE_CHECKING:
     from weberlink.master.trace import Trace
@@ -40,6 +40,7 @@ DEFAULT_DURATION = 60.0
 """Of a device that never ends by itself [s]."""
 
 Link = EmulatedLink[tuple[str, int]]
+Values = tuple[float, ...]
 Observer = Callable[[Records, Records], object]
 """Takes the next records of master and slave, such as `SessionScore.add`."""
 
@@ -103,7 +104,12 @@ class Simulation:
         if error is not None:
             raise error
 
-    def _ticks(self, duration: float | None) -> Iterator[tuple[Record, Record]]:
+    def advance(self, ticks: int) -> tuple[Records, Records]:
+        """The records of both sides of so many ticks, 1 or more."""
+        masters, slaves = zip(*(self.step() for _ in range(ticks)), strict=True)
+        return as_array(masters), as_array(slaves)
+
+    def _ticks(self, duration: float | None) -> Iterator[tuple[Values, Values]]:
         last = None if duration is None else self._index + round(duration / self._tick_period)
         while not self.master.stopped:
             if self._index == last:
@@ -115,8 +121,8 @@ class Simulation:
         self.master.close()
         self.slave.close()
 
-    def step(self) -> tuple[Record, Record]:
-        """One tick of both sides; returns what they would write to telemetry."""
+    def step(self) -> tuple[Values, Values]:
+        """One tick of both sides; returns what they would write to telemetry: the values of a record each."""
         now = self._epoch + self._index * self._tick_period
         if self._index == 0:
             self.slave.open(now)
@@ -148,7 +154,7 @@ class Simulation:
                     link.send(data, address, at)
 
 
-def as_array(records: Sequence[Record]) -> Records:
+def as_array(records: Sequence[Values]) -> Records:
     """Records as the structured array that a telemetry reader would return."""
     return np.frombuffer(b"".join(RECORD.pack(*record) for record in records), dtype=np.dtype(DESCRIPTION))
 

@@ -4,12 +4,11 @@ A side fills the fields by name in a `weberlink.telemetry.row.Row`, and writes t
 all fields, with 0 in those that nobody fills.
 """
 
-from collections import namedtuple
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from math import nan
 from struct import Struct
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from weberlink.geometry.joints import MOST_JOINTS
 
@@ -132,12 +131,6 @@ FINITE = (
     *("joint_position", "joint_raw", "joint_decoded", "joint_output"),
 )
 """Vectors that are finite in every record; others are NaN while unknown."""
-_PLACES = {3: AXES, len(JOINTS): JOINTS}
-COLUMNS = tuple(
-    name
-    for field in FIELDS
-    for name in ([f"{field.name}_{place}" for place in _PLACES[field.axes]] if field.axes > 1 else [field.name])
-)
 
 
 class Layout:
@@ -173,17 +166,3 @@ def layout(parts: int) -> Layout:
 ALL = layout((1 << len(PARTS)) - 1)
 DESCRIPTION = ALL.description
 RECORD = Struct(f"<{ALL.format}")
-
-
-if TYPE_CHECKING:
-
-    class Record(tuple[float, ...]):
-        """The values of one record, flat, in wire order, by the names in `COLUMNS`."""
-
-        def __getattr__(self, name: str) -> float: ...
-
-        @classmethod
-        def _make(cls, values: Iterable[float]) -> "Record": ...
-
-else:
-    Record = namedtuple("Record", COLUMNS)

@@ -14,7 +14,7 @@ from tests.cli.doctor.machines import FILES, HOST, asking, machine
 from tests.examples import examples
 from tests.program import document, weberlink
 from tests.session.systems import CONFIGS
-from weberlink.cli.doctor import CHECKS, Check, Finding, Grade, Machine, Needs, examine
+from weberlink.cli.doctor import CHECKS, Check, Finding, Grade, Machine, Needs, advised, examine
 from weberlink.cli.doctor.trial import SessionTrial
 from weberlink.config import load
 
@@ -68,11 +68,23 @@ def test_command_reports_of_this_machine_and_fails_on_problems(monkeypatch: pyte
     problems = {each["check"]: each["fix"] for each in told["findings"] if each["grade"] == "problem"}
     assert {"slave address", "key file"} <= set(problems)  # the file is an example
     assert (all(problems.values()), ended.status, told["counts"]["problem"]) == (True, 1, len(problems))
-    assert (told["needs"]["sides"], told["needs"]["drivers"]) == (["master"], {"master": "operator"})
+    assert (told["needs"]["sides"], told["needs"]["drivers"], told["needs"]["encrypted"]) == (
+        ["master"], {"master": "operator"}, True
+    )  # fmt: skip
     assert f"\n{len(problems)} problem" in ended.output
     alone = weberlink("doctor", "--json", "-")
     told = json.loads(alone.output)
     assert (told["needs"]["file"], alone.status) == (None, int(told["counts"]["problem"] > 0))
+
+
+def test_what_check_warns_of_is_advice_with_its_remedy() -> None:
+    ask = ["codec.force.weber=0.5", "link.security=none"]
+    (found,) = advised(load(CONFIGS / "loopback.yaml", ask))
+    assert (found.grade, found.fix, found.area) == (ADVICE, "use at most that", "file")
+    assert found.found.startswith("codec.force.weber 0.5")
+    assert [each.grade for each in advised(load(CONFIGS / "loopback.yaml"))] == [OK]
+    (found,) = advised(load(LAN, ["link.key_file=none.key"]))
+    assert found.grade is UNKNOWN and "none.key" in found.found
 
 
 def test_needs_follow_the_configuration() -> None:

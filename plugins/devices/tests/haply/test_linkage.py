@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from weberlink_devices.haply.board import Pair
-from weberlink_devices.haply.linkage import VERSIONS, PlanarFiveBar, Unreachable, radians
+from weberlink_devices.haply.linkage import VERSIONS, HaplyFrame, PlanarFiveBar, Unreachable, radians
 
 every_version = pytest.mark.parametrize("name", sorted(VERSIONS))
 STEP = 1e-6
@@ -64,6 +64,7 @@ def test_motors_and_tip_do_the_same_work(name: str, share: Pair, force: Pair, tu
     moved = (jacobian.x1 * turn[0] + jacobian.x2 * turn[1], jacobian.y1 * turn[0] + jacobian.y2 * turn[1])
     assert first * turn[0] + second * turn[1] == pytest.approx(force[0] * moved[0] + force[1] * moved[1], abs=1e-9)
     assert jacobian.force((first, second)) == pytest.approx(force, abs=1e-6)
+    assert HaplyFrame.planar(HaplyFrame.force(force)) == force and HaplyFrame.force(force)[2] == 0.0
 
 
 def test_postures_that_follow_from_the_published_numbers() -> None:

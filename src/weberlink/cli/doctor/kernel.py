@@ -134,11 +134,6 @@ def processors(machine: Machine, needs: Needs) -> Finding:
         return problem(f"the file pins {', '.join(barred)}, which this process may not use", pin)
     if len(set(needs.pinned.values())) < len(needs.pinned):
         return advice("the file pins both sides to one processor", pin)
-    if needs.realtime.busy_poll and len(allowed) <= len(needs.sides):
-        return problem(
-            f"{online}, and with busy_poll each daemon takes one: little is left for everything else",
-            "in the file: realtime: {busy_poll: false}; or add a processor",
-        )
     if len(allowed) < len(needs.sides):
         found = f"{online}, for two daemons and everything else"
         return advice(found, "add a second processor, or run each side on its own host")

@@ -38,9 +38,9 @@ class Unreadable(Exception):  # noqa: N818 - a result, not a fault of the progra
 class Machine:
     """The machine; `root` is the folder that has `proc`, `sys`, `etc`, `boot`, `dev` and `run`."""
 
-    def __init__(self, root: Path = Path("/"), variables: Mapping[str, str] = os.environ) -> None:
+    def __init__(self, root: Path = Path("/")) -> None:
         self.root = root
-        self.variables = variables
+        self.variables: Mapping[str, str] = os.environ
         self.user = os.geteuid()
 
     def read(self, path: str, default: str | None = None) -> str:

@@ -13,10 +13,12 @@ from rich.console import Console
 from rich.text import Text
 
 from weberlink.cli.doctor.machine import Machine, Unreadable
-from weberlink.config import MASTER, SIDES, SLAVE, System
+from weberlink.config import MASTER, SIDES, SLAVE, Configuration, ConfigurationError, System
 from weberlink.config.model import LinkSettings, RealtimeSettings, split_address
 from weberlink.protocol.aio.sockets import numeric
+from weberlink.protocol.keys import KeyFileError
 from weberlink.registry import Registry
+from weberlink.session.advice import advise, dry_run
 
 USUAL = System(link=LinkSettings(listen="127.0.0.1:0", slave="127.0.0.1:0", security="session"))
 INDENT = 10
@@ -195,6 +197,17 @@ def examine(needs: Needs, machine: Machine | None = None, checks: Sequence[Check
     """Run the checks on a machine; default: this one."""
     here = machine or Machine()
     return DoctorReport(needs, [each for row in checks for each in _findings(row, here, needs)])
+
+
+def advised(configuration: Configuration) -> list[Finding]:
+    """What `check` and every run say of a file, too."""
+    try:
+        lines = advise(dry_run(configuration))
+    except (ConfigurationError, KeyFileError) as error:
+        return [replace(unknown(f"advice on the file: {error}", check="advice"), area="file")]
+    parts = (line.rpartition("; ") for line in lines)
+    found = [advice(what or remedy, remedy, "advice") for what, _, remedy in parts]
+    return [replace(each, area="file") for each in found or [ok("nothing in the file hinders what is felt", "advice")]]
 
 
 def _findings(row: Check, machine: Machine, needs: Needs) -> Iterator[Finding]:

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 SLEW_S = 0.05
 """Time in which the torque of a leader may rise to its largest, where the file does not say otherwise [s]."""
-ANGLES, TORQUES = ("joint_angle", "gripper_angle"), ("joint_torque", "gripper_torque")
 
 
 def build_leading(configuration: Configuration, endpoint: Endpoint) -> Parts:
@@ -35,7 +34,7 @@ def build_leading(configuration: Configuration, endpoint: Endpoint) -> Parts:
     joints, gripper, engage = _joints(system), system.codec.gripper, system.master.engage
     most, slew = torque_limits(system, leader.spec)
     sensors = sensors_of(leader.spec, "angles")
-    outgoing, incoming = _channels(system, ANGLES, TORQUES, sensors, leads=True)
+    outgoing, incoming = _channels(system, sensors, leads=True)
     tuning = build_tuning(system, incoming[0].decoder)
     # Less torque than the deadband states no contact: it may be left over.
     floors = per_axis(joints.torque.floor_nm, len(joints.names))
@@ -98,24 +97,17 @@ def build_following(configuration: Configuration) -> Parts:
         trip_retract=TRIP_RETREAT,
     )
     port = FollowerPort(follower, guard=guard, sensors=sensors, by_button=system.master.engage is not None)
-    outgoing, incoming = _channels(system, TORQUES, ANGLES, sensors, leads=False)
+    outgoing, incoming = _channels(system, sensors, leads=False)
     return port, outgoing, incoming, build_tuning(system, outgoing[0].encoder)
 
 
 def _channels(
-    system: System, sent: tuple[str, str], received: tuple[str, str], sensors: list[AxesSensor], *, leads: bool
+    system: System, sensors: list[AxesSensor], *, leads: bool
 ) -> tuple[list[OutgoingChannel], list[IncomingChannel]]:
     """Of the joints and, where there is one, of the gripper."""
-    out, back = streams(system) if leads else streams(system)[::-1]
-    outgoing = [
-        OutgoingChannel(name, stream, Encoder(out[stream]), sensor)
-        for stream, (name, sensor) in enumerate(zip(sent, sensors, strict=False))
-    ]
-    incoming = [
-        IncomingChannel(name, stream, Decoder(channel))
-        for stream, (name, channel) in enumerate(zip(received, back, strict=False))
-    ]
-    return outgoing, incoming
+    sent, received = streams(system) if leads else streams(system)[::-1]
+    outgoing = [OutgoingChannel(Encoder(channel), sensor) for channel, sensor in zip(sent, sensors, strict=True)]
+    return outgoing, [IncomingChannel(Decoder(channel)) for channel in received]
 
 
 def _pressed(

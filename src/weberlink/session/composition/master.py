@@ -80,8 +80,8 @@ def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
     bounds = [Bound((force_limit,), (_force_slew(system, device),), ramp, contact=contact)]
     displays = [Display(control, [3], device.command)]
     hand = HandPosition(control, force_bound, free)
-    outgoing = [OutgoingChannel("position", 0, Encoder(forward[0]), hand)]
-    incoming = [IncomingChannel("force", 0, force_decoder, hand, control)]
+    outgoing = [OutgoingChannel(Encoder(forward[0]), hand)]
+    incoming = [IncomingChannel(force_decoder, hand, control)]
     turning = None
     if system.codec.rotation is not None:
         from weberlink.control.axes import HANDLE, build_axes  # noqa: PLC0415 - for six degrees of freedom alone
@@ -89,8 +89,8 @@ def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
 
         encoder = Encoder(forward[1])
         orientation = HandOrientation(on_jump=encoder.reset)
-        outgoing.append(OutgoingChannel("orientation", 1, encoder, orientation))
-        incoming.append(IncomingChannel("torque", 1, Decoder(backward[1]), orientation))
+        outgoing.append(OutgoingChannel(encoder, orientation))
+        incoming.append(IncomingChannel(Decoder(backward[1]), orientation))
         torques = build_axes(system.control.scheme, HANDLE, account(system.control, system.master.mapping, turns=True))
         displayed = device.spec.torque_n_m
         most = limits.torque_nm / system.master.frame_map.force_scale

@@ -76,13 +76,13 @@ def build_led(configuration: Configuration, endpoint: Endpoint, live: Stopwatch 
         return port.follows
 
     unreached = Unreached(force_encoder.mirror, lambda: port.led(0), follows, least_contact(system), system.tick_period)
-    outgoing = [OutgoingChannel("force", 0, force_encoder, port.force, unreached)]
-    incoming = [IncomingChannel("position", 0, Decoder(forward[0]))]
+    outgoing = [OutgoingChannel(force_encoder, port.force, unreached)]
+    incoming = [IncomingChannel(Decoder(forward[0]))]
     if rotation is not None:
         torque_encoder, least = Encoder(backward[1]), rotation.torque.floor_nm
         unturned = Unreached(torque_encoder.mirror, lambda: port.led(1), follows, least, system.tick_period)
-        outgoing.append(OutgoingChannel("torque", 1, torque_encoder, ToolTorque(port.shown, tool), unturned))
-        incoming.append(IncomingChannel("orientation", 1, Decoder(forward[1])))
+        outgoing.append(OutgoingChannel(torque_encoder, ToolTorque(port.shown, tool), unturned))
+        incoming.append(IncomingChannel(Decoder(forward[1])))
     return port, outgoing, incoming, build_tuning(system, force_encoder)
 
 

@@ -10,7 +10,8 @@ from weberlink.codec import Channel, force_channel, position_channel
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC, DeadbandSetup
 from weberlink.codec.rate import UpdateRate
 from weberlink.config.model import PositionCodecSettings
-from weberlink.figures.felt import WEBER_FRACTION, QualityStatistics, Threshold, longest_run
+from weberlink.figures.channel import longest_run
+from weberlink.figures.felt import WEBER_FRACTION, QualityStatistics, Threshold
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import UpdateLayout
 from weberlink_studies.evaluate.replay import Signal, replay, signal_of

@@ -20,7 +20,7 @@ from rich.console import RenderableType
 
 from weberlink.config import ConfigurationError, load
 from weberlink.control.table import SCHEMES
-from weberlink.figures.felt import longest_run
+from weberlink.figures.channel import longest_run
 from weberlink.figures.session import Records
 from weberlink.session.composition.channels import account
 from weberlink_studies.baselines import BASELINES, recorded
