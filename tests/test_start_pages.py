@@ -3,10 +3,7 @@
 import re
 from pathlib import Path
 
-from typer.testing import CliRunner
-
-from tests.program import COMMANDS
-from weberlink.cli import app
+from tests.program import COMMANDS, weberlink
 from weberlink.installation import guests
 
 ROOT = Path(__file__).parents[1]
@@ -16,11 +13,9 @@ def test_the_scene_of_the_page_is_complete_and_is_touched(tmp_path: Path) -> Non
     (example,) = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs" / "start" / "scene.md").read_text("utf-8"), re.S)
     path = tmp_path / "mine.yaml"
     path.write_text(example, encoding="utf-8")
-    checked = CliRunner().invoke(app, ["check", str(path)])
-    assert checked.exit_code == 0, checked.output
-    assert "warning" not in checked.output
-    ran = CliRunner().invoke(app, ["simulate", str(path), "--duration", "3"])
-    assert ran.exit_code == 0, ran.output
+    checked, ran = weberlink("check", path), weberlink("simulate", path, "--duration", 3)
+    assert (checked.status, ran.status) == (0, 0), (checked, ran)
+    assert "warning" not in checked.output + checked.errors
     assert ran.output.startswith("good")
 
 

@@ -14,11 +14,13 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
 from random import Random
+from typing import Any
 
 ROOT = Path(__file__).parents[1]
 SOURCES = {
@@ -36,12 +38,10 @@ TESTS = {"master": "tests/master/test_*.py", "slave": "tests/slave/test_*.py"}
 """Tests of a package, where they are not its whole folder."""
 SESSIONS = "tests/session"
 TIMEOUT_S = 400.0
-SWAPS: dict[type[ast.AST], tuple[str, str]] = {
-    ast.Lt: ("<", "<="), ast.LtE: ("<=", "<"), ast.Gt: (">", ">="), ast.GtE: (">=", ">"),
-    ast.Eq: ("==", "!="), ast.NotEq: ("!=", "=="), ast.Is: ("is", "is not"), ast.IsNot: ("is not", "is"),
-    ast.In: ("in", "not in"), ast.NotIn: ("not in", "in"),
-    ast.Add: ("+", "-"), ast.Sub: ("-", "+"), ast.Mult: ("*", "/"), ast.Div: ("/", "*"),
-    ast.And: ("and", "or"), ast.Or: ("or", "and"),
+SWAPS: dict[type[ast.AST], type[Any]] = {
+    ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
+    ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In,
+    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.And: ast.Or, ast.Or: ast.And,
 }  # fmt: skip
 CALLS = {"min": "max", "max": "min", "abs": "", "any": "all", "all": "any"}
 
@@ -60,103 +60,48 @@ class Mutant:
     becomes: str
 
 
-class Mutations(ast.NodeVisitor):
-    """All changes of the functions of one source."""
+def mutations(node: ast.AST, *, within: bool = False) -> Iterator[tuple[ast.AST, str]]:
+    """Nodes of the functions below a node, each with what may take its place."""
+    if isinstance(node, ast.Assert | ast.Raise | ast.JoinedStr):
+        return
+    if within:
+        for new in variants(node):
+            yield node, new
+    children: Iterable[ast.AST] = ast.iter_child_nodes(node)
+    if isinstance(node, ast.FunctionDef):
+        children = node.body
+    elif isinstance(node, ast.AnnAssign):
+        children = [] if node.value is None else [node.value]
+    elif isinstance(node, ast.If) and within:
+        yield node.test, f"not ({ast.unparse(node.test)})"
+    for child in children:
+        yield from mutations(child, within=within or isinstance(node, ast.FunctionDef))
 
-    def __init__(self, text: str) -> None:
-        self.found: list[tuple[int, int, str]] = []
-        self._text = text
-        lengths = [len(line) for line in text.splitlines(keepends=True)]
-        self._starts = [sum(lengths[:row]) for row in range(len(lengths))]
-        self._depth = 0
 
-    def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
-        self._depth += 1
-        for child in node.body:
-            self.visit(child)
-        self._depth -= 1
+def variants(node: Any) -> Iterator[str]:
+    match node:
+        case ast.Compare():
+            for index, operator in enumerate(node.ops):
+                ops = [*node.ops[:index], SWAPS[type(operator)](), *node.ops[index + 1 :]]
+                yield ast.unparse(ast.Compare(node.left, ops, node.comparators))
+        case ast.BinOp() if type(node.op) in SWAPS:
+            yield ast.unparse(ast.BinOp(node.left, SWAPS[type(node.op)](), node.right))
+        case ast.BoolOp():
+            yield ast.unparse(ast.BoolOp(SWAPS[type(node.op)](), node.values))
+        case ast.UnaryOp(op=ast.Not() | ast.USub()):
+            yield ast.unparse(node.operand)
+        case ast.Call(func=ast.Name(id=name)) if name in CALLS:
+            yield CALLS[name] + ast.unparse(node).removeprefix(name)
+        case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
+            yield repr(value + 1 if isinstance(value, int) else value * 2.0 or 1.0)
+        case ast.Expr(value=ast.Call()) | ast.AugAssign() | ast.Assign(targets=[ast.Attribute(), *_]):
+            yield "pass"  # instead of a name that is set: it would be missing later, not a fault that could ship
 
-    def visit_Assert(self, node: ast.Assert) -> None: ...
 
-    def visit_Raise(self, node: ast.Raise) -> None: ...
-
-    def visit_JoinedStr(self, node: ast.JoinedStr) -> None: ...
-
-    def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
-        if node.value is not None:
-            self.visit(node.value)
-
-    def visit_Compare(self, node: ast.Compare) -> None:
-        for left, operator, right in zip([node.left, *node.comparators], node.ops, node.comparators, strict=False):
-            self._swap(left, operator, right)
-        self.generic_visit(node)
-
-    def visit_BinOp(self, node: ast.BinOp) -> None:
-        self._swap(node.left, node.op, node.right)
-        self.generic_visit(node)
-
-    def visit_BoolOp(self, node: ast.BoolOp) -> None:
-        for left, right in zip(node.values, node.values[1:], strict=False):
-            self._swap(left, node.op, right)
-        self.generic_visit(node)
-
-    def visit_UnaryOp(self, node: ast.UnaryOp) -> None:
-        if isinstance(node.op, ast.Not | ast.USub):
-            self._replace(self._at(node), self._at(node.operand), "")
-        self.generic_visit(node)
-
-    def visit_Call(self, node: ast.Call) -> None:
-        if isinstance(node.func, ast.Name) and node.func.id in CALLS:
-            self._replace(self._at(node.func), self._end(node.func), CALLS[node.func.id])
-        self.generic_visit(node)
-
-    def visit_If(self, node: ast.If) -> None:
-        self._replace(self._at(node.test), self._end(node.test), f"not ({self._source(node.test)})")
-        self.generic_visit(node)
-
-    def visit_Constant(self, node: ast.Constant) -> None:
-        if type(node.value) in (int, float):
-            new = node.value + 1 if isinstance(node.value, int) else node.value * 2.0 or 1.0
-            self._replace(self._at(node), self._end(node), repr(new))
-
-    def visit_Expr(self, node: ast.Expr) -> None:
-        if isinstance(node.value, ast.Call):
-            self._replace(self._at(node), self._end(node), "pass")
-        self.generic_visit(node)
-
-    def visit_AugAssign(self, node: ast.AugAssign) -> None:
-        self._replace(self._at(node), self._end(node), "pass")
-        self.generic_visit(node)
-
-    def visit_Assign(self, node: ast.Assign) -> None:
-        if isinstance(node.targets[0], ast.Attribute):  # a name would be missing later: not a fault that could ship
-            self._replace(self._at(node), self._end(node), "pass")
-        self.generic_visit(node)
-
-    def _swap(self, left: ast.AST, operator: ast.AST, right: ast.AST) -> None:
-        old, new = SWAPS.get(type(operator), ("", ""))
-        between = self._text[self._end(left) : self._at(right)]
-        if old and old in between:
-            begin = self._end(left) + between.index(old)
-            self._replace(begin, begin + len(old), new)
-
-    def _replace(self, begin: int, end: int, new: str) -> None:
-        if self._depth:
-            self.found.append((begin, end, new))
-
-    def _source(self, node: ast.AST) -> str:
-        return self._text[self._at(node) : self._end(node)]
-
-    def _at(self, node: ast.AST) -> int:
-        return self._place(node.lineno, node.col_offset)  # type: ignore[attr-defined]
-
-    def _end(self, node: ast.AST) -> int:
-        return self._place(node.end_lineno, node.end_col_offset)  # type: ignore[attr-defined]
-
-    def _place(self, line: int, column: int) -> int:
-        """Index of a character; columns count bytes."""
-        start = self._starts[line - 1]
-        return start + len(self._text[start:].encode()[:column].decode())
+def place(text: str, line: int, column: int) -> int:
+    """Index of a character; columns count bytes."""
+    start = sum(len(each) for each in text.splitlines(keepends=True)[: line - 1])
+    return start + len(text[start:].encode()[:column].decode())
 
 
 def drawn(count: int, seed: int) -> list[Mutant]:
@@ -171,9 +116,10 @@ def drawn(count: int, seed: int) -> list[Mutant]:
         ]
         candidates = []
         for path in paths:
-            mutations = Mutations(text := path.read_text())
-            mutations.visit(ast.parse(text))
-            for begin, end, new in mutations.found:
+            text = path.read_text()
+            for node, new in mutations(ast.parse(text)):
+                begin = place(text, node.lineno, node.col_offset)  # type: ignore[attr-defined]
+                end = place(text, node.end_lineno, node.end_col_offset)  # type: ignore[attr-defined]
                 line = text.count("\n", 0, begin)
                 was, becomes = (each.splitlines()[line].strip() for each in (text, text[:begin] + new + text[end:]))
                 where = str(path.relative_to(ROOT))

@@ -141,7 +141,7 @@ def test_a_button_is_there_and_has_one_use(engage: int, clutch: int | None, is_r
         ("", "", "empty"),
         ("axes: x", "", "link"),
         ("- 1", "", "mapping"),
-        ("link: {}\nlink: {}", "", "link"),
+        (MINIMAL + "rate_hz: 500\nrate_hz: 600\n", ":3:1: ", "rate_hz"),
         ("? [a, b]\n: 1", "", "key"),
         ("codec: 5\n" + MINIMAL, "", "codec"),
         ("link: {security: none}", "", "loopback"),

@@ -97,8 +97,9 @@ def test_delay_explains_the_ticks_with_an_update_on_its_way_whatever_it_was_befo
 
 def test_violations_and_errors_in_units_of_the_bound() -> None:
     master, slave = records(1000, phase=0.2e-3), records(1000)
-    slave["bound"] = 0.2
+    slave["bound"] = 0.25
     slave["raw"][:, 2] = 0.1
+    slave["raw"][500, 2] = 0.25  # on the bound, not outside
     slave["raw"][300:420, 2] = 0.5
     slave["raw"][700, 2] = 0.7
     slave["raw"][900:, 2] = 9.0
@@ -106,8 +107,8 @@ def test_violations_and_errors_in_units_of_the_bound() -> None:
     force = score(master, slave, pieces=10)["force"]
     assert force["violation_longest_s"] == pytest.approx(0.12)
     assert force["violation_s"] == pytest.approx(0.121)
-    assert force["error_max_deadbands"] == pytest.approx(3.5)
-    assert force["error_p99_deadbands"] == pytest.approx(2.5, rel=0.01)
+    assert force["error_max_deadbands"] == pytest.approx(2.8)
+    assert force["error_p99_deadbands"] == pytest.approx(2.0, rel=0.01)
 
 
 def test_the_master_alone_has_no_felt_error() -> None:

@@ -210,7 +210,7 @@ def test_stale_force_is_not_written(wire: Wire) -> None:
     with pytest.raises(BadReply, match=r"held up for \d+ ms"):
         wire.port.write(FORCE)
     wire.port.write(ZERO)
-    assert wire.heard(PATIENCE) == ZERO
+    assert set(wire.heard(PATIENCE).splitlines(keepends=True)) == {ZERO}, "the guardian may have written its own"
 
 
 @pytest.mark.parametrize(
@@ -448,8 +448,10 @@ def test_last_message_is_written_when_the_cycles_end(arm: Wire) -> None:
     for number in range(50):
         arm.guardian.hold(b"here %d\n" % number)
         arm.port.write(b"there\n")
-    expected = b"there\n" * 50 + b"here 49\n"
-    assert arm.heard(PATIENCE, size=len(expected)).startswith(expected)
+    came = bytearray()
+    until(lambda: came.extend(arm.heard()) or b"here 49\n" in came, "the last message")
+    # Where a cycle came late, an earlier one was written before it.
+    assert came.count(b"there\n") == 50 and came.rindex(b"there\n") < came.index(b"here 49\n")
 
 
 def test_arm_that_is_safe_is_left_alone_and_one_within_a_cycle_is_made_safe(arm: Wire) -> None:

@@ -1,7 +1,6 @@
 """What leaves for the operator's hand: in every state of a session, within every limit."""
 
 from collections.abc import Callable
-from itertools import pairwise
 from math import dist, hypot, inf, isfinite, nan
 from typing import Any, NamedTuple
 
@@ -58,6 +57,7 @@ PUSH, PULL = (1.0, -1.0, 1.0, 1.0), (-1.0, 1.0, -1.0, 1.0)
 @example("slow force", [Part("engaged", PUSH, 110), Part("idle", PUSH, 3), Part("engaged", PULL, 110)])
 @example("force", [Part("engaged", PUSH, 60), Part("silent", PUSH, 85), Part("engaged", PULL, 60)])
 @example("torque", [Part("engaged", PUSH, 60), Part("closed", PULL, 1), Part("engaged", PULL, 30)])
+@example("force", [Part("engaged", PUSH, 49), Part("engaged", PULL, 30)])  # another one as the gate has opened
 def test_what_leaves_obeys_every_limit_in_every_state(kind: str, course: list[Part]) -> None:
     gate, (most, slew, width) = made(kind), KINDS[kind]
     last, gain, silent, idle, follows = gate.bounds[0].approach.held, 0.0, 0.0, 1.0, False
@@ -115,24 +115,6 @@ def test_a_peer_that_starts_and_stops_gets_nothing_past_the_slew_limit(kind: str
         last, largest = out, max(largest, out)
     assert max(rises) <= min(slew[0] * TICK, most[0] * TICK / RAMP) * ROUNDING
     assert largest >= min(0.99 * most[0], slew[0] * 0.059), "and no more is taken than that"
-
-
-@pytest.mark.parametrize("silent_ms", [82, 90, 99, 100, 150])
-def test_after_a_silence_whatever_comes_fades_in(silent_ms: int) -> None:
-    gate = made("force")
-    for _ in range(60):
-        gate.fade(engaged=True, age=0.0, step=TICK)
-        out = gate.passed(0, (1.0, 0.0, 0.0), (1.0, 0.0, 0.0), TICK)
-    assert out == (1.0, 0.0, 0.0)
-    for tick in range(silent_ms):
-        gate.fade(engaged=True, age=tick * TICK, step=TICK)
-        out = gate.passed(0, (1.0, 0.0, 0.0), (1.0, 0.0, 0.0), TICK)
-    back = [hypot(*out)]
-    for _ in range(100):
-        gate.fade(engaged=True, age=0.0, step=TICK)
-        back.append(hypot(*gate.passed(0, (0.0, 9.0, 0.0), (0.0, 9.0, 0.0), TICK)))
-    assert max(after - before for before, after in pairwise(back)) <= 10.0 * TICK / RAMP * ROUNDING
-    assert back[-1] == 9.0
 
 
 def test_the_fade_begins_late_in_the_silence_and_ramps_tell_of_a_session_alone() -> None:

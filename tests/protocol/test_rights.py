@@ -4,8 +4,8 @@ from random import Random
 
 import pytest
 
-from tests.protocol.harness import ENGAGED, MASTER, SLAVE, Pair, Side, kind_of, make_endpoint, sent, states
-from weberlink.protocol import Connected, Endpoint, PeerClosed, Refused, Right, Role, State, StopAsked, Told
+from tests.protocol.harness import ENGAGED, MASTER, Pair, Side, kind_of, make_endpoint, sent, states
+from weberlink.protocol import Connected, DropReason, Endpoint, PeerClosed, Refused, Right, Role, State, StopAsked, Told
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.endpoint import WITHDRAWN
 from weberlink.protocol.keys import HeldKey
@@ -152,13 +152,25 @@ def test_other_keys_that_change_do_not_disturb_a_session() -> None:
     assert states(pair) == ENGAGED and slave.sessions == 1 and not pair.master.of(Refused | PeerClosed)  # type: ignore[arg-type]
 
 
-def test_a_key_without_a_name_serves_every_name_that_has_no_key_of_its_own() -> None:
-    ring = Keyring([*HELD[1:], HeldKey(KEYS[Right.DRIVE])])
-    for name, key, is_served in (
-        ("zoe@desk", KEYS[Right.DRIVE], True),
-        ("pedal", KEYS[Right.DRIVE], False),
-        ("zoe@desk", KEYS[Right.STOP], False),
-    ):
-        master = {"name": name, "security": PresharedKey(key)}
-        pair = Pair(master=master, slave={"security": ring}, seed=3).connect().run(0.3)
-        assert bool(pair.slave.of(Connected)) is is_served and pair.master.endpoint.peer == SLAVE
+BOB = HeldKey(Random("bob@desk").randbytes(32), name="bob@desk")
+OWN, OF_ANY = [HELD[0], BOB], [*HELD[1:], HeldKey(KEYS[Right.DRIVE])]
+
+
+@pytest.mark.parametrize(
+    ("held", "name", "key", "is_served"),
+    [
+        (OWN, "ann@desk", KEYS[Right.DRIVE], True), (OWN, "bob@desk", BOB.key, True),
+        (OWN, "bob@desk", KEYS[Right.DRIVE], False), (OWN, "ann@desk", bytes(32), False),
+        (OWN, "eve@desk", bytes(32), False), (OWN, "eve@desk", KEYS[Right.DRIVE], False),
+        (OF_ANY, "zoe@desk", KEYS[Right.DRIVE], True), (OF_ANY, "pedal", KEYS[Right.DRIVE], False),
+        (OF_ANY, "zoe@desk", KEYS[Right.STOP], False),
+    ],
+)  # fmt: skip
+def test_a_key_serves_its_name_alone_and_one_without_a_name_all_that_have_none(
+    held: list[HeldKey], name: str, key: bytes, is_served: bool
+) -> None:
+    ends = {"name": name, "security": PresharedKey(key)}
+    pair = Pair(master=ends, slave={"name": "robot", "security": Keyring(held)}).connect().run(0.5)
+    assert bool(pair.slave.of(Connected)) is bool(pair.master.of(Connected)) is is_served
+    assert not is_served or pair.slave.endpoint.peer_name == name
+    assert is_served or (set(pair.slave.faults()) == {DropReason.UNPROVEN} and not pair.master.of(Refused))

@@ -3,24 +3,18 @@
 import os
 import subprocess
 import sys
-from random import Random
 
 import pytest
 
-from tests.protocol.harness import KEY, Pair, exchanged, suites
-from weberlink.protocol import Connected, DropReason, Refused, State
+from tests.protocol.harness import KEY, exchanged, suites
 from weberlink.protocol.checksum import Checksum
-from weberlink.protocol.keys import HeldKey
-from weberlink.protocol.psk import Keyring, PresharedKey
+from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Security
 from weberlink.protocol.wire import CLEAR_BYTES, PHASE, Kind, pack, sequence_of
 
 CLEAR = b"\x03\x01\x00\x00"[:CLEAR_BYTES]
 DATAGRAM = CLEAR + b"what follows is hidden"
 SAID = DATAGRAM[:1] + DATAGRAM[CLEAR_BYTES:]
-KEYS = {name: Random(name).randbytes(32) for name in ("ann@desk", "bob@desk")}
-HELD = [HeldKey(key, name=name) for name, key in KEYS.items()]
-STRANGER = Random("eve@desk").randbytes(32)
 by_suite = pytest.mark.parametrize("security", suites())
 
 
@@ -136,28 +130,6 @@ def test_another_key_or_another_ephemeral_one_opens_nothing_and_reads_nothing() 
     for size in (0, 16, 31, 33):
         with pytest.raises(ValueError, match="32 bytes"):
             PresharedKey(bytes(size))
-
-
-@pytest.mark.parametrize(
-    ("name", "key", "is_served"),
-    [
-        *((name, key, True) for name, key in KEYS.items()),
-        ("bob@desk", KEYS["ann@desk"], False),
-        ("ann@desk", STRANGER, False),
-        ("eve@desk", STRANGER, False),
-        ("eve@desk", KEYS["ann@desk"], False),
-    ],
-)
-def test_a_slave_with_a_key_for_each_master_serves_each_under_its_own_name_alone(
-    name: str, key: bytes, is_served: bool
-) -> None:
-    ends = {"name": name, "security": PresharedKey(key)}
-    pair = Pair(master=ends, slave={"name": "robot", "security": Keyring(HELD)}).connect().run(0.5)
-    if is_served:
-        assert pair.slave.endpoint.state is State.ENGAGED and pair.slave.endpoint.peer_name == name
-    else:
-        assert not (pair.slave.of(Connected) or pair.master.of(Connected) or pair.master.of(Refused))
-        assert set(pair.slave.faults()) == {DropReason.UNPROVEN}
 
 
 def test_no_crypto_library_is_loaded_without_a_key() -> None:

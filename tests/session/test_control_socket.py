@@ -1,6 +1,5 @@
 """The control socket of a daemon, and the description beside its ring: what is asked, by whom, and what is believed."""
 
-import asyncio
 import json
 import socket
 from collections.abc import Callable, Iterator, Mapping
@@ -8,7 +7,6 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from threading import Thread
 from typing import Any, cast
 
 import pytest
@@ -16,6 +14,7 @@ import pytest
 from tests.session.systems import configuration
 from tests.strangers import as_stranger, ask_socket, needs_root, squat_fifo, squat_file, squat_large
 from tests.wait import PATIENCE
+from tests.watching.sources import loop_in_a_thread
 from weberlink.config import MASTER, SLAVE
 from weberlink.config.model import DirectionFaults
 from weberlink.control.tuning import LiveSettings, Tuning
@@ -50,18 +49,14 @@ class Unchanging:
 @contextmanager
 def daemon(ring: Path, link: LiveLink | None = None, listener: socket.socket | None = None) -> Iterator[Unchanging]:
     """A control socket in a thread, as that of a daemon."""
-    loop, side = asyncio.new_event_loop(), Unchanging()
+    side = Unchanging()
     control = ControlSocket(listener or listening_socket(path_beside(ring)), cast(Any, side), link, ORDERED_AT)
-    control.open(loop)
-    thread = Thread(target=loop.run_forever)
-    thread.start()
     try:
-        yield side
+        with loop_in_a_thread() as loop:
+            loop.call_soon_threadsafe(control.open, loop)
+            yield side
     finally:
-        loop.call_soon_threadsafe(loop.stop)
-        thread.join()
         control.close()
-        loop.close()
 
 
 @pytest.mark.parametrize("question", [b"[" * 1024, b"[" * 5000, b"{" * 1024, b'{"weber": NaN}', b"\xff" * 9, b""])

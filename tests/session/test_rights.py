@@ -9,8 +9,12 @@ import pytest
 
 from tests.program import ENGAGED, PATIENT, Program, document, free_port, weberlink
 from tests.wait import until
+from weberlink.cli.output import CommandError
+from weberlink.cli.remote import ask
+from weberlink.config import load
 from weberlink.protocol.endpoint import WITHDRAWN
-from weberlink.protocol.keys import HeldKey, Right, generate, load
+from weberlink.protocol.keys import HeldKey, Right, generate
+from weberlink.protocol.keys import load as load_keys
 from weberlink.session.key_watch import LOOK_S, KeyWatch
 
 SYSTEM = """
@@ -73,8 +77,9 @@ def test_a_watcher_cannot_drive_a_stopper_cannot_watch_and_a_removed_key_ends_it
 
 
 def test_who_is_not_answered_is_told_to_stop_the_robot_by_hand(system: Path) -> None:
-    status, _, errors = weberlink("remote", "--stop", *with_key(system, "stop"))
-    assert status == 1 and "did not answer in 5 s; it may not have stopped: stop it by hand" in errors
+    loaded = load(system, [f"link.key_file={system.parent / 'stop'}"])
+    with pytest.raises(CommandError, match=r"did not answer in 0\.2 s; it may not have stopped: stop it by hand"):
+        ask(loaded, Right.STOP, 0.2)
 
 
 def test_the_file_of_a_caller_holds_one_key(system: Path) -> None:
@@ -135,7 +140,7 @@ class Watched:
 def test_keys_are_read_when_their_file_changes_and_gone_when_it_cannot_be_read_twice(system: Path) -> None:
     assert 3 * LOOK_S < 1.0
     book, seen, loop = system.parent / "book", Watched(), Loop()
-    watch = KeyWatch(book, lambda: load(book), seen, seen)  # type: ignore[arg-type]
+    watch = KeyWatch(book, lambda: load_keys(book), seen, seen)  # type: ignore[arg-type]
     watch.open(loop)  # type: ignore[arg-type]
     assert len(seen.held) == 3 and seen.checks == 1
     loop.look()

@@ -6,6 +6,7 @@ import stat
 import struct
 import tempfile
 import time
+from contextlib import closing
 from itertools import product
 from pathlib import Path
 
@@ -103,7 +104,7 @@ def test_without_room_there_is_an_error_at_the_start_and_nothing_is_left(path):
 
 
 def test_a_record_that_does_not_fit_is_not_published(path):
-    with create(path) as writer, RingReader(path) as reader:
+    with create(path) as writer, closing(RingReader(path)) as reader:
         writer.write(record(1))
         with pytest.raises(struct.error):
             writer.write((1.0,))
@@ -147,7 +148,7 @@ def test_a_reader_gets_the_newest_records_without_a_gap_and_counts_the_rest(capa
     with tempfile.TemporaryDirectory() as directory, create(Path(directory) / "ring", capacity=capacity) as writer:
         for i in range(before):
             writer.write(record(i))
-        with RingReader(writer.path) as reader:
+        with closing(RingReader(writer.path)) as reader:
             total, first, read = before, max(0, before - capacity + 1), 0
             for step in [0, *steps]:
                 for i in range(total, total + step):
@@ -168,7 +169,7 @@ def test_fields_of_parts_that_a_session_lacks_read_as_zero(path):
     kept = layout(1)
     with RingWriter.create(path, side="slave", rate_hz=4000.0, capacity=8, records=kept) as writer:
         writer.write(row.values(kept))
-        with RingReader(path) as reader:
+        with closing(RingReader(path)) as reader:
             (record,) = reader.read()
     for field in FIELDS:
         assert np.all(record[field.name] == (field.part in ("", HAND)))
@@ -177,7 +178,7 @@ def test_fields_of_parts_that_a_session_lacks_read_as_zero(path):
 def test_another_process_is_followed_while_it_writes_without_a_torn_record(path, start):
     # So small a ring is lapped in microseconds: most copies are overwritten while they are made.
     start("writer_process.py", path, "master", 0, 4, 0)
-    with RingReader(path) as reader:
+    with closing(RingReader(path)) as reader:
         first, last, got = None, -1, 0
         for _ in range(20_000):
             records = reader.read()
@@ -205,7 +206,7 @@ def test_a_record_is_read_when_all_of_it_is_visible_and_not_when_its_counter_is(
         for i in range(written - 1):
             writer.write(record(i))
         before = writer.path.read_bytes()
-        with RingReader(writer.path) as reader, writer.path.open("r+b") as file:
+        with closing(RingReader(writer.path)) as reader, writer.path.open("r+b") as file:
             got = reader.read()["tick"].tolist()
             writer.write(record(written - 1))
             after = writer.path.read_bytes()
@@ -232,7 +233,7 @@ def test_a_record_is_read_when_all_of_it_is_visible_and_not_when_its_counter_is(
 
 def test_a_killed_writer_leaves_all_that_it_published(path, start):
     process = start("writer_process.py", path, "master", 0, 50, 0)
-    with RingReader(path) as reader:
+    with closing(RingReader(path)) as reader:
         while reader.written < 1000:
             pass
         assert reader.alive
@@ -240,7 +241,7 @@ def test_a_killed_writer_leaves_all_that_it_published(path, start):
         process.wait()
         assert not reader.alive
         reader.read()
-    with RingReader(path) as late:
+    with closing(RingReader(path)) as late:
         records = late.read()
         assert len(records) == 49
         assert records["tick"].tolist() == list(range(late.written - 49, late.written))

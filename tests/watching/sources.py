@@ -120,7 +120,7 @@ class Daemon:
         self.proposed: list[object] = []
         self.halted_at: float | None = None
         self.control = ControlSocket(listening_socket(path_beside(path)), self)
-        self.control.open(loop)
+        loop.call_soon_threadsafe(self.control.open, loop)
 
     def tick(self, count: int) -> None:
         write(self.ring, records(count, first=self.ticks, seed=self.ticks))
@@ -142,10 +142,23 @@ class Daemon:
 
 
 @contextmanager
+def loop_in_a_thread() -> Iterator[asyncio.AbstractEventLoop]:
+    """As that of a daemon, beside the test; at the end what it serves is closed in this thread."""
+    loop = asyncio.new_event_loop()
+    thread = Thread(target=loop.run_forever)
+    thread.start()
+    try:
+        yield loop
+    finally:
+        loop.call_soon_threadsafe(loop.stop)
+        thread.join()
+        loop.close()
+
+
+@contextmanager
 def daemons(folder: Path, session: str = "7") -> Iterator[list[Daemon]]:
     """Both sides of a session, in a thread, that write a record each millisecond."""
-    loop = asyncio.new_event_loop()
-    sides = [Daemon(folder, session, side, loop) for side in ("master", "slave")]
+    over: list[bool] = []
 
     async def tick() -> None:
         while not over:
@@ -153,17 +166,13 @@ def daemons(folder: Path, session: str = "7") -> Iterator[list[Daemon]]:
                 side.tick(20)
             await asyncio.sleep(0.02)
 
-    over: list[bool] = []
-    thread = Thread(target=loop.run_forever)
-    thread.start()
-    ticking = asyncio.run_coroutine_threadsafe(tick(), loop)
-    try:
-        yield sides
-    finally:
-        over.append(True)
-        ticking.result()
-        loop.call_soon_threadsafe(loop.stop)
-        thread.join()
-        for side in sides:
-            side.close()
-        loop.close()
+    with loop_in_a_thread() as loop:
+        sides = [Daemon(folder, session, side, loop) for side in ("master", "slave")]
+        ticking = asyncio.run_coroutine_threadsafe(tick(), loop)
+        try:
+            yield sides
+        finally:
+            over.append(True)
+            ticking.result()
+    for side in sides:
+        side.close()

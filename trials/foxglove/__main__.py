@@ -1,4 +1,5 @@
-"""`python -m trials.foxglove`: Foxglove's own packages read the live view of running sessions, and set parameters.
+"""`python -m trials.foxglove`: Foxglove's own packages read the live view of running sessions, set parameters, and read
+the pictures of a recording.
 
 The client (judge.cjs) is made of packages by Foxglove, installed by `make foxglove`. Prints what it found, and exits
 with status 1 if a law was violated.
@@ -12,11 +13,15 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterable
+from hashlib import sha256
+from io import BytesIO
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any, Self
 
+import numpy as np
 from _pytest.outcomes import Failed
+from PIL import Image
 
 from tests.laws import Laws, write
 from tests.program import PATIENT, Program
@@ -24,7 +29,9 @@ from tests.wait import until
 from trials.rig import Command, Loopback
 from weberlink.session.control_socket import ask
 from weberlink.telemetry.ring import default_path
+from weberlink_recording.reader import read_recording
 from weberlink_ros2.markers import DELETE_ALL
+from weberlink_video.pattern import time_in
 
 HERE = Path(__file__).parent
 PACKAGES = Path(".venv/foxglove/node_modules")
@@ -205,6 +212,26 @@ def arms(laws: Laws, folder: Path) -> None:
             laws.check("the client met no error", not errors, errors[:1])
 
 
+def recorded(laws: Laws, folder: Path) -> None:
+    """The pictures of a recording: Foxglove's reader of MCAP has the very ones of ours, each stamped as it shows."""
+    path, judge = folder / "recording.mcap", ["node", str(HERE / "recording.cjs")]
+    with Program(
+        "loopback", "plugins/video/configs/video.yaml", "--duration", 5, "--record", path, *PATIENT
+    ) as program:
+        program.finish()
+    env = {**os.environ, "NODE_PATH": str(PACKAGES.resolve())}
+    said = subprocess.run([*judge, str(path)], capture_output=True, text=True, check=True, env=env).stdout
+    theirs = [json.loads(line) for line in said.splitlines()]
+    ours = read_recording(path, with_pictures=True).pictures
+    whole = [(each["stamp"], each["logged"], each["format"], each["digest"]) for each in theirs]
+    own = [(str(each.wall_ns), str(each.wall_ns), "jpeg", sha256(each.jpeg).hexdigest()) for each in ours]
+    laws.check("Foxglove's reader has the pictures of a recording", len(own) > 50 and whole == own, len(whole))
+    greys = (np.asarray(Image.open(BytesIO(each.jpeg)).convert("L")) for each in ours)
+    offsets = [1e-6 * each.wall_ns - 1e3 * (time_in(grey) or 0.0) for each, grey in zip(ours, greys, strict=True)]
+    apart_ms = max(offsets) - min(offsets)
+    laws.check("each is stamped with the time that it shows", apart_ms < 2.0, f"{apart_ms:.2f} ms apart at most")
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.parse_args()
@@ -212,6 +239,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         cartesian(laws, Path(folder))
         arms(laws, Path(folder))
+        recorded(laws, Path(folder))
     for law in laws.broken:
         write(f"BROKEN {law}")
     return 1 if laws.broken else 0

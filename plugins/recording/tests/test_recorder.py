@@ -6,7 +6,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import numpy as np
@@ -161,7 +161,7 @@ def test_a_killed_daemon_costs_none_of_its_records(session, is_listening):
     recorder = session.recorder()
     if not is_listening:
         recorder.stdout.close()
-    with RingReader(session.ring("slave")) as ring:
+    with closing(RingReader(session.ring("slave"))) as ring:
         until(lambda: has_written(session.out), "the recording to grow")
         daemon.kill()
         daemon.wait()
@@ -191,7 +191,7 @@ def test_it_outlives_whoever_started_it(session):
         parent.kill()
     before = session.out.stat().st_size
     until(lambda: has_written(session.out, before), "the recording to grow further")
-    with RingReader(session.ring("slave")) as ring:
+    with closing(RingReader(session.ring("slave"))) as ring:
         daemon.kill()
         daemon.wait()
         until(lambda: ended(pid), "the recorder to end")
@@ -211,7 +211,7 @@ def test_told_to_stop_it_takes_what_is_there_and_finishes(session):
     session.daemon("slave", 0)
     recorder = session.recorder(["slave"])
     until(lambda: has_written(session.out), "the recording to grow")
-    with RingReader(session.ring("slave")) as ring:
+    with closing(RingReader(session.ring("slave"))) as ring:
         written = ring.written
     recorder.send_signal(signal.SIGHUP)  # of a terminal that closes: ignored
     recorder.send_signal(signal.SIGTERM)

@@ -26,7 +26,7 @@ def router() -> str:
 
 
 def test_poses_lead_and_what_is_wrong_is_told(router: str) -> None:
-    with listening(router, turns=True) as process:
+    with listening(router, turns=True, silence=1.0) as process:
         await_trouble(process, "/weberlink/target: nobody publishes it")
         with publishing(router) as publisher:
             await_trouble(process, "no pose comes")

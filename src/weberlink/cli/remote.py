@@ -20,7 +20,7 @@ PATIENCE_S, PATH_S = 5.0, 40.0
 LOOK_S = 0.002
 
 
-def ask(configuration: Configuration, asks: Right) -> Mapping[str, object]:
+def ask(configuration: Configuration, asks: Right, patience_s: float = PATIENCE_S) -> Mapping[str, object]:
     """What the robot's end answers; to a stop, when it has stopped. Raises CommandError if it refuses or does not
     answer; ConfigurationError if the key cannot be read, or the peer is not known.
     """
@@ -40,7 +40,7 @@ def ask(configuration: Configuration, asks: Right) -> Mapping[str, object]:
             paths=paths,
             on_no_path=failures.append,
         )
-        limit = PATH_S if configuration.finds_path else PATIENCE_S
+        limit = PATH_S if configuration.finds_path else patience_s
         with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
             answer = runner.run(_answer(endpoint, shell, limit, failures))
     match answer:

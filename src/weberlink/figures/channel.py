@@ -294,11 +294,6 @@ def angles_between(a: NDArray[Any], b: NDArray[Any]) -> Series:
     return np.asarray(np.linalg.norm(turns_between(a, b), axis=1), dtype=np.float64)
 
 
-def turns(rotations: NDArray[Any]) -> Series:
-    """Rotation vectors [rad] from each row to the next, in the fixed frame; shape (n - 1, 3)."""
-    return turns_between(rotations[:-1], rotations[1:])
-
-
 def turns_between(a: NDArray[Any], b: NDArray[Any]) -> Series:
     """Rotation vectors [rad] of b after the inverse of a, at most half a turn, row by row; shape (n, 3) each."""
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from weberlink.config.model import ControlSettings, MappingSettings
 from weberlink.control.contract import AccountParameters
-from weberlink.figures.channel import Records, Series, turns
+from weberlink.figures.channel import Records, Series, turns_between
 from weberlink.protocol.states import State
 from weberlink.session.composition.channels import account
 
@@ -142,7 +142,7 @@ class PortWork:
         forces, ways = [joined[f"{self._prefix}output"]], [np.diff(joined[f"{self._prefix}position"], axis=0)]
         if self._rotates:
             forces.append(joined["rotation_output"])
-            ways.append(turns(joined["rotation_raw"]))
+            ways.append(turns_between(joined["rotation_raw"][:-1], joined["rotation_raw"][1:]))
         missed = np.diff(joined["ticks_missed"].astype(np.int64))
         lost = np.diff(joined["tick"].astype(np.int64)) != 1 + missed
         works = np.array([-(force[:-1] * way).sum(axis=1) for force, way in zip(forces, ways, strict=True)], np.float64)

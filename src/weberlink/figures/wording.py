@@ -86,8 +86,8 @@ def _peer(side: str, fields: Fields) -> Words:
     return Words(INFO, f"{name}{key}{left}")
 
 
-def _counted(level: str, one: str, many: str) -> Callable[[str, Fields], Words]:
-    return lambda _, fields: Words(level, f"{fields['ticks']} {one if fields['ticks'] == 1 else many}")
+def _counted(level: str, what: str) -> Callable[[str, Fields], Words]:
+    return lambda _, fields: Words(level, f"{fields['ticks']} tick{'s' * (fields['ticks'] != 1)} {what}")
 
 
 EVENTS: dict[str, Callable[[str, Fields], Words]] = {
@@ -103,16 +103,10 @@ EVENTS: dict[str, Callable[[str, Fields], Words]] = {
     "path": lambda _, fields: Words(WARN if fields["changes"] else INFO, path_in(fields).words()),
     "held": lambda *_: Words(INFO, "button held: the robot follows"),
     "released": lambda *_: Words(WARN, "button released: the robot holds and the force is zero"),
-    "missed": _counted(WARN, "tick missed its deadline", "ticks missed their deadlines"),
-    "clipped": _counted(WARN, "tick had its output limited", "ticks had their output limited"),
-    "slewed": _counted(
-        INFO, "tick had its force held back by the slew limit", "ticks had their force held back by the slew limit"
-    ),
-    "pressed": _counted(
-        WARN,
-        "tick had the robot held back by the limit of the contact force",
-        "ticks had the robot held back by the limit of the contact force",
-    ),
+    "missed": _counted(WARN, "missed"),
+    "clipped": _counted(WARN, "with a limited output"),
+    "slewed": _counted(INFO, "in which the slew limit held the force back"),
+    "pressed": _counted(WARN, "in which the limit of the contact force held the robot back"),
     "trace": lambda _, fields: Words(ALARM, ": ".join(line.strip() for line in fields["entry"].splitlines()[:2])),
     "summary": lambda _, fields: Words(INFO, f"figures of the last {fields['interval_s']:g} s"),
     "ended": _ended,

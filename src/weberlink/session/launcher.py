@@ -67,7 +67,7 @@ class Daemon:
     def __init__(self, order: DaemonOrder) -> None:
         self.side = order.side
         self._reader: RingReader | None = None
-        self._ring = Path(order.ring)
+        self.ring = Path(order.ring)
         with control_socket.reserved(order.ring) as (listener, self._held):
             told = replace(order, control=listener.fileno()).to_json()
             command = python("-m", "weberlink.session.daemon", told)
@@ -81,7 +81,7 @@ class Daemon:
     @property
     def begun(self) -> bool:
         """Whether it has created its ring; it has read the file and the key by then."""
-        return self._reader is not None or self._ring.exists()
+        return self._reader is not None or self.ring.exists()
 
     @property
     def wall_offset_s(self) -> float:
@@ -97,15 +97,10 @@ class Daemon:
 
         if self._reader is None:
             try:
-                self._reader = RingReader(self._ring)
+                self._reader = RingReader(self.ring)
             except FileNotFoundError:
                 return np.empty(0, DTYPE)
         return self._reader.read()
-
-    @property
-    def described(self) -> dict[str, Any]:
-        """What the side says of itself now, among it of its peer and of its paths."""
-        return description.read(self._ring) or {}
 
     def stop(self, number: Signals) -> None:
         if self.running:
@@ -126,10 +121,10 @@ class Daemon:
         if self._reader is not None:
             self._reader.close()
         for left in (
-            self._ring,
-            description.path_beside(self._ring),
-            pictures.path_beside(self._ring),
-            control_socket.path_beside(self._ring),
+            self.ring,
+            description.path_beside(self.ring),
+            pictures.path_beside(self.ring),
+            control_socket.path_beside(self.ring),
             *(target_link.link_path(self.pid, kind) for kind in target_link.KINDS),
         ):
             left.unlink(missing_ok=True)
@@ -311,7 +306,7 @@ class LiveRun:
                 self.journal.add(side, records[side], daemon.wall_offset_s)
         if monotonic() >= self._tell_at:
             self._tell_at = monotonic() + TELL_S
-            described = {side: daemon.described for side, daemon in sorted(self.daemons.items())}
+            described = {side: description.read(each.ring) or {} for side, each in sorted(self.daemons.items())}
             self._peers = {side: each.get("peer") for side, each in described.items()}
             for side, each in described.items():
                 self._add_paths(side, paths_of(each))

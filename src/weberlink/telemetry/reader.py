@@ -4,8 +4,6 @@ import os
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from struct import Struct
-from types import TracebackType
-from typing import Self
 from zlib import crc32
 
 import numpy as np
@@ -125,14 +123,6 @@ class RingReader:
         self._counter.release()
         self._data.release()
         self._map.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _oldest(self, complete: int) -> int:
         """The oldest record that the writer cannot be touching when so many are complete."""

@@ -1,7 +1,6 @@
 """A running session: the figures of the launcher's report so far, new records, and its events."""
 
 from collections import deque
-from collections.abc import Iterator
 from dataclasses import replace
 from datetime import datetime
 from math import inf
@@ -246,13 +245,10 @@ class WatchedSession:
 
     def alarms(self) -> list[Cause]:
         """The faults that are active now, and what the report would say."""
-        figures = replace(self.score.figures(), paths=self.paths, faults=self.faults)
-        return [*self._present_faults(), *verdict(figures).causes]
-
-    def _present_faults(self) -> Iterator[Cause]:
-        """The faults that are active now, as alarms."""
+        present = []
         for name, side in self._sides.items():
             if side.fault is not None and not side.source.drained:
                 told = fault_words(name, side.fault)
                 level = FAILURE if told.level == ALARM else DEGRADED
-                yield Cause(level, f"{name}_{side.fault}", f"{name}: {told.text}")
+                present.append(Cause(level, f"{name}_{side.fault}", f"{name}: {told.text}"))
+        return [*present, *verdict(replace(self.score.figures(), paths=self.paths, faults=self.faults)).causes]

@@ -68,7 +68,9 @@ def test_command_reports_of_this_machine_and_fails_on_problems(monkeypatch: pyte
     problems = {each["check"]: each["fix"] for each in told["findings"] if each["grade"] == "problem"}
     assert {"slave address", "key file"} <= set(problems)  # the file is an example
     assert (all(problems.values()), ended.status, told["counts"]["problem"]) == (True, 1, len(problems))
-    assert (told["needs"]["sides"], told["needs"]["drivers"]) == (["master"], {"master": "operator"})
+    assert (told["needs"]["sides"], told["needs"]["drivers"], told["needs"]["encrypted"]) == (
+        ["master"], {"master": "operator"}, True
+    )  # fmt: skip
     assert f"\n{len(problems)} problem" in ended.output
     alone = weberlink("doctor", "--json", "-")
     told = json.loads(alone.output)

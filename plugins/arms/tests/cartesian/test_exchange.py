@@ -12,7 +12,7 @@ from weberlink.testing.stepping import KilledError
 from weberlink_arms.cartesian.arm import LEAST_ROTOR_INERTIA_KG_M2, Joints, Mechanics
 from weberlink_arms.cartesian.external_force import force_error
 from weberlink_arms.cartesian.impedance import fastest_damping, stiffest
-from weberlink_arms.cartesian.options import DynamixelOptions, worst_force_error
+from weberlink_arms.cartesian.options import DynamixelOptions, poses, worst_force_error
 from weberlink_arms.dynamixel import registers
 from weberlink_arms.emulators.open_manipulator import DynamixelEmulatorOptions as EmulatedOptions
 
@@ -52,6 +52,10 @@ FITTED: Joints = (0.0168, 0.0089, 0.0094, 0.0377)
 """Dry friction of the same arm by two methods of the same project [N m]."""
 NOISE_N = 0.3
 """Of the estimate: of the measured currents, and of an arm that is not quite at rest."""
+
+
+def test_without_a_pitch_that_is_wanted_the_gripper_is_level_where_it_can_be() -> None:
+    assert any(pose.pitch == pytest.approx(0.0, abs=1e-9) for pose in poses(DynamixelOptions()))
 
 
 @pytest.mark.parametrize(

@@ -1,22 +1,9 @@
 """The command `watch`: the pictures of a robot that another host drives."""
 
-import asyncio
-import os
-from signal import SIGINT, SIGTERM
-from typing import TYPE_CHECKING
-
 from weberlink.cli.arguments import Duration, File, Set
-from weberlink.cli.output import CommandError, tell
+from weberlink.cli.output import CommandError
 from weberlink.cli.sessions import PeerLabel, acquainted
 from weberlink.order import MASTER
-
-if TYPE_CHECKING:
-    from weberlink.config import Configuration
-    from weberlink_video.hub import Hub
-
-TAKE_OVER = "; to take it over, use --take-over"
-"""Last words of the refusal of an end that serves somebody else."""
-LOOK_S = 0.1
 
 
 def watch(file: File, duration: Duration = None, peer: PeerLabel = None, set_: Set = None) -> None:
@@ -25,60 +12,14 @@ def watch(file: File, duration: Duration = None, peer: PeerLabel = None, set_: S
     Until Ctrl-C; weberlink monitor on this host shows the pictures. The key of this host must be good for it (weberlink
     keygen --right watch). FILE is the operator's; no device is opened.
     """
-    from weberlink.config import ConfigurationError, load  # noqa: PLC0415 - not for the help
+    import asyncio  # noqa: PLC0415 - not for the help
+
+    from weberlink.config import ConfigurationError, load  # noqa: PLC0415
+    from weberlink_video.watch import watch_pictures  # noqa: PLC0415
 
     overrides = [*(set_ or ()), *acquainted(file, set_ or (), MASTER, peer, pairs=False)]
     configuration = load(file, overrides, sides=())
     if configuration.cameras is None:
         raise ConfigurationError(f"{file}: slave.cameras: there are none to watch; name the robot's")
-    if (why := asyncio.run(_watch(configuration, duration))) is not None:
+    if (why := asyncio.run(watch_pictures(configuration, duration))) is not None:
         raise CommandError(why)
-
-
-async def _watch(configuration: "Configuration", duration: float | None) -> str | None:
-    """Take the first free place, until it is over; why there is none, or None at the end.
-
-    What this host has of the session is its description, so that a page finds it, and the pictures: no record.
-    """
-    from weberlink.session.description import Description, describe  # noqa: PLC0415 - not for the help
-    from weberlink.telemetry.pictures import path_beside  # noqa: PLC0415
-    from weberlink.telemetry.ring import RingWriter, default_path  # noqa: PLC0415
-    from weberlink_video.carrier import Carrier  # noqa: PLC0415
-    from weberlink_video.hub import Hub  # noqa: PLC0415
-
-    assert configuration.cameras is not None
-    ring, loop, over = default_path(f"{os.getpid()}-{MASTER}"), asyncio.get_running_loop(), asyncio.Event()
-    for number in (SIGINT, SIGTERM):
-        loop.add_signal_handler(number, over.set)
-    if duration is not None:
-        loop.call_later(duration, over.set)
-    described = describe(configuration, MASTER) | {"changes": []}
-    described["system"]["master"].pop("device")  # nothing of this host drives
-    description, hub = Description(ring, described), Hub(path_beside(ring))
-    description.publish()
-    why, place = "slave.cameras.watchers is 0 in this file: nobody may watch", 0
-    telling = loop.create_task(_tell_of_the_first(hub))
-    try:
-        with RingWriter.create(ring, side=MASTER, rate_hz=described["rate_hz"], capacity=2):
-            await hub.open()
-            ending = loop.create_task(over.wait())
-            for place in range(1, 1 + configuration.cameras.options.watchers):  # type: ignore[attr-defined]
-                carrier = Carrier(configuration, MASTER, hub, place)
-                carrying = loop.create_task(carrier.run())
-                await asyncio.wait([carrying, ending], return_when=asyncio.FIRST_COMPLETED)
-                carrier.end()
-                why = await carrying
-                if over.is_set():
-                    return None
-        refused = why.removesuffix(TAKE_OVER)  # which would not be for this
-        return why if refused == why else f"{refused}; slave.cameras.watchers: {place} of both files allows no more"
-    finally:
-        telling.cancel()
-        hub.close()
-        description.remove()
-
-
-async def _tell_of_the_first(hub: "Hub") -> None:
-    while not hub.newest:
-        await asyncio.sleep(LOOK_S)
-    tell("weberlink monitor shows the pictures (Ctrl-C ends it)")
