@@ -80,8 +80,8 @@ class Session:
             (`Liveness.is_fresh`), and whether none that was sent after it was accepted before it.
         is_confirmed: whether the peer was heard under the keys of this session.
         said_encoding: whether our newest datagram said that our encoder runs.
-        is_proven: whether an update of each of our streams is known to have arrived, or need not be; needed after an
-            interruption, so that nobody gets a new limit's worth of motion by each.
+        is_proven: whether an update of each stream of either end is known to have arrived at the other, or need not be;
+            needed after an interruption, so that nobody gets a new limit's worth of motion by each.
     """
 
     def __init__(
@@ -125,6 +125,8 @@ class Session:
         """By stream, number of the newest update received; 0 for none."""
         self._acks_from = [-inf] * streams
         """The `confirmed_at` that shows that the peer has heard of it."""
+        self._told_from = -inf
+        """The same for the first updates of all streams since an interruption; inf until there are any."""
         # What this end sends.
         self._allowance = Allowance()
         self._streams = tuple(OutgoingStream(layout, self._allowance, end.silence) for layout in end.outgoing.updates)
@@ -185,12 +187,12 @@ class Session:
                 arrived = clock.arrival_bound(stream.sent_at)
                 if arrived is not None and departure > arrived + SLACK:
                     stream.is_missed = True
-        self._watch_streams()
         if content.kind == wire.BYE:
             return PeerClosed(content.data.decode(errors="replace"))
         if content.report is not None and not self._learn(content.report, now):
             return DropReason.IMPLAUSIBLE
         outcome = self._deliver(content, departure, now)
+        self._watch_streams()
         # A late credit is still true, because the count only grows.
         if content.credit is not None and outcome is not DropReason.IMPLAUSIBLE:
             bits = wire.UPDATE_CREDIT_BITS if content.update is not None else wire.HEARTBEAT_CREDIT_BITS
@@ -295,6 +297,9 @@ class Session:
         """Acknowledge an update of the peer from now on; with 0, that this end holds none."""
         self._acks[stream], self._held_ticks[stream] = number, tick
         self._acks_from[stream] = self.liveness.confirmed_after(self._departed)
+        if self._told_from == inf and all(self._acks):
+            self._told_from = max(self._acks_from)
+            self.heartbeats.ask()
 
     def request_full_state(self) -> None:
         """Acknowledge no update any more, so that the peer sends its full state."""
@@ -333,6 +338,7 @@ class Session:
         ticks = 0
         if len(self._streams) > 1:
             ticks = self._newest_ticks(stream) + update.tick & _TICK_MASK
+        self.heartbeats.sent(now, self.liveness.heard_at)
         clear = stream.layout.pack(envelope, lag, update, self.credit.granted, ticks)
         return sequence, self._protection.seal(sequence, clear, now)
 
@@ -341,8 +347,9 @@ class Session:
         return sum(stream.update.tick for stream in self._streams if stream.update and stream is not besides)
 
     def prove(self) -> None:
-        """Nothing counts that the peer held before an interruption."""
+        """Nothing counts that either end held before an interruption."""
         self.is_proven = False
+        self._told_from = max(self._acks_from) if all(self._acks) else inf  # one may have ended the silence
         for stream in self._streams:
             stream.forget()
         self._watch_streams()
@@ -352,7 +359,7 @@ class Session:
         for stream in self._streams:
             since = min(since, stream.unheld_since)
             are_held = are_held and stream.is_held
-        self.is_proven = self.is_proven or are_held
+        self.is_proven = self.is_proven or (are_held and self.liveness.confirmed_at >= self._told_from)
         self.liveness.hold(since, is_proven=self.is_proven)
 
     def send_heartbeat(self, now: float, *, is_encoding: bool = False) -> bytes:
@@ -360,6 +367,7 @@ class Session:
         asks = self.heartbeats.asks(now)
         report = self._report(must=self.heartbeats.reports(now))
         envelope, sequence = self._envelope(now)
+        self.heartbeats.sent(now, self.liveness.heard_at)
         self.heartbeats.sent_heartbeat(now, has_reported=report is not None, is_confirmed=self.is_confirmed)
         self._statistics.heartbeats += 1
         self.said_encoding = is_encoding
@@ -422,7 +430,6 @@ class Session:
         for stream, number in enumerate(self._acks):  # told until the peer is known to have heard it
             acks.append(None if confirmed_at >= froms[stream] else number & ACKNOWLEDGEMENT_MASK)
         stamp, self._departed = self.clock.stamp(now)
-        self.heartbeats.sent(now, liveness.heard_at)
         return (sequence & wire.SEQUENCE_MASK, liveness.generation, stamp, liveness.echo(now), tuple(acks)), sequence
 
     # --- time

@@ -35,9 +35,10 @@ class Follower(Approach):
     """Follows commands without a jump, and says how much of what is felt there may be shown.
 
     After an engagement it approaches the command at a limited speed, and follows it without delay once it is there.
-    Until then the measured force does not belong to what the operator does, so none of it is shown; afterwards its
-    `share` fades in, in `ramp` [s]. When it is released it holds, and the force fades out. Speeds are those of a part
-    [m/s, or rad/s], > 0. `clipped`: the last command was bounded while following.
+    Until then the measured force does not belong to what the operator does, so none of it is shown, but that of a
+    contact (`touches`): nobody may press on unfelt. So its `share` fades in there or in a contact, in `ramp` [s]. When
+    it is released it holds, and the force fades out. Speeds are those of a part [m/s, or rad/s], > 0. `clipped`: the
+    last command was bounded while following.
     """
 
     def __init__(
@@ -54,7 +55,7 @@ class Follower(Approach):
         super().__init__(start, widths, (speed,) * count, (approach_speed,) * count, step_toward=step_toward)
         self._ramp = ramp
         self.share = 0.0
-        self.clipped = False
+        self.clipped = self.touches = False
 
     @property
     def ramping(self) -> bool:
@@ -72,7 +73,7 @@ class Follower(Approach):
 
     def hold(self, step: float) -> Joints:
         """The command of a tick in which nobody leads: the last one."""
-        self.arrived = self.clipped = False
+        self.arrived = self.clipped = self.touches = False
         self.share = max(0.0, self.share - step / self._ramp)
         return self.held
 
@@ -80,7 +81,8 @@ class Follower(Approach):
         """The command of a tick in session: the one given, bounded by the speed."""
         held = self.advance(commanded, step)
         share = step / self._ramp
-        self.share = min(1.0, self.share + share) if self.arrived else max(0.0, self.share - share)
+        is_shown = self.arrived or self.touches
+        self.share = min(1.0, self.share + share) if is_shown else max(0.0, self.share - share)
         self.clipped = self.arrived and held != commanded
         return held
 
@@ -178,6 +180,7 @@ class PressLimit:
         self.reach = inf if stiffness == inf else most / stiffness
         self._step = PressStep(self.reach, damping / stiffness)
         self._contact, self._retreats_from = contact if most > 0.0 else inf, retreats_from
+        self.touches = False
         self._out: Joints = ()
         self._left = 0.0
         self._where: Joints = ()
@@ -196,7 +199,7 @@ class PressLimit:
         former, left = (self._held, self._where) if self._where else (held, where)
         self._held, self._where = held, where
         length = hypot(*force)
-        touches = length >= self._contact
+        self.touches = touches = length >= self._contact
         if touches:
             x, y, z = force if len(force) == PART else (force[0], 0.0, 0.0)
             self._out, self._left = (x / length, y / length, z / length)[: len(force)], REBOUND
@@ -372,11 +375,14 @@ class Guard(Follower):
         held, presses = self.held, self._presses
         if len(presses) == 1:
             bounded = presses[0].bounded(commanded, held, where, force, step)
+            self.touches = presses[0].touches
         else:
+            self.touches = False
             for (first, last), press in zip(self._spans, presses):  # noqa: B905 - strict costs as much as the loop
                 bounded += press.bounded(
                     commanded[first:last], held[first:last], where[first:last], force[first:last], step
                 )
+                self.touches = self.touches or press.touches
         self.contact_ticks += bounded != commanded
         goal = self._inside(bounded)
         if self._way_out is not None:

@@ -132,6 +132,7 @@ class TeleoperatorPort(Port):
             self.tripped = self.guard.tripped
         self._command(self.applied, now)
         if self.tool is not None:
+            self.tool.touches = self.guard.touches
             self._point(self.tool.move(values[1] if engaged and self.follows else None, step), now)
 
     def report(self, row: Row, *, is_led: bool) -> None:

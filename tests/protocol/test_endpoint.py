@@ -333,3 +333,35 @@ def test_a_session_begins_with_an_empty_queue() -> None:
     pair.master.endpoint.connect(pair.now)
     pair.run(0.2)
     assert isinstance(pair.slave.endpoint.next_event(), Connected)
+
+
+# --- what both ends must know before anything is followed
+
+
+class Encoding:
+    """Owners whose encoders run, and send a new state where one is needed."""
+
+    def __init__(self) -> None:
+        self.pair = Pair(**both(outgoing=(forms(3),), incoming=(forms(3),)), on_tick=self.tick)
+        self.renewals = [0, 0]
+        self.is_watched = False
+        """Whether both ends must follow in every tick."""
+
+    def tick(self, pair: Pair, now: float, tick: int) -> None:
+        for index, side in enumerate(pair.sides):
+            side.endpoint.report_encoding(now, is_encoding=True)
+            if side.renewals > self.renewals[index]:
+                self.renewals[index] = side.renewals
+                side.send(now, tick)
+            assert not self.is_watched or side.endpoint.may_follow(now)
+
+
+def test_a_change_that_is_repeated_does_not_stand_for_heartbeats() -> None:
+    """It says nothing of an encoder: both ends would stop following on a link that loses nothing."""
+    owners = Encoding()
+    pair = owners.pair.engage()
+    owners.is_watched = True
+    pair.swallow = lambda side, data: side is pair.slave and kind_of(data) == Kind.CHANGE
+    assert pair.master.endpoint.propose_change(pair.now, pair.ticks + 1000, b"change")
+    pair.run(1.0)
+    assert len(sent(pair, Kind.CHANGE, pair.master)) > 100

@@ -192,14 +192,15 @@ def test_a_link_that_was_short_enough_once_is_called_again_for_ever() -> None:
 
 def test_it_rises_with_the_link_and_falls_slowly_without_an_interruption() -> None:
     pair = over(0.01).engage().run(2.0)
-    forward, backward = pair.forward, pair.backward
     for delay in [0.001 * milliseconds for milliseconds in range(13, 61, 3)]:
-        pair.forward = pair.backward = pair.link(Emulation(delay_s=delay))
+        for link in (pair.forward, pair.backward):
+            link.change(Emulation(delay_s=delay))  # and loses nothing that is under way
         pair.run(3.0)
         assert agreed(pair)[0] == agreed(pair)[1]
         assert 2.0 * delay <= agreed(pair)[0] <= 2.0 * delay + 0.03
     risen = agreed(pair)[0]
-    pair.forward, pair.backward = forward, backward
+    for link in (pair.forward, pair.backward):
+        link.change(Emulation(delay_s=0.01))
     pair.run(FALL_AFTER - 1.5)  # a report comes once a second
     assert agreed(pair) == [risen] * 2
     pair.run(FALL_AFTER)

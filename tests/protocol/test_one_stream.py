@@ -11,10 +11,10 @@ from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Security
 
 RECORDED = {
-    ("checksum", False): "2338e21e094b0724b923ceb652060d266e294ff05c1d16766ee6b608743e1a25",
-    ("checksum", True): "a2e07ad6cbc0c41527d8721d9355210ca573cf31628fd95bbabb03757bff7809",
-    ("psk", False): "708c298cb7386629979b93f0077a45bc3d7fbda8aeb8bbdbe7a906a70d924871",
-    ("psk", True): "9ea2728917b156d6600ee722ae736a72ec10bef2cf1f81654fdc975285d97655",
+    ("checksum", False): "8aa19cc7e41b3abfffa6b57a3f1d8c576c3235dbd08f5ecda6605b156d4e5b08",
+    ("checksum", True): "c26fa07bceedc3c53ce74b41c615844adf884cc6d8273e074bba836ea37dfe5b",
+    ("psk", False): "a0be27f0c5e764327a234048faebc6aff895f6e2459dbd708faa80ad673d3bab",
+    ("psk", True): "b6ebf2ccc740d78c26045ab3a3b53dc984caf03702f2ae6ef10428df5bdbac6b",
 }
 """SHA-256 over all datagrams of the session below, in the order in which they left."""
 

@@ -32,6 +32,17 @@ def test_sessions_that_begin_again_give_no_more_motion() -> None:
     assert found.faults[0] == ("silence",) and found.is_back
 
 
+@pytest.mark.parametrize(
+    ("name", "lost"),
+    [("hand, bounded", ((SLAVE, HEARTBEAT),)), ("hand with torque", ((MASTER, SECOND), (SLAVE, HEARTBEAT)))],
+)
+def test_a_robot_that_comes_back_into_a_contact_is_felt(name: str, lost: Lost) -> None:
+    """Without its heartbeats a robot at rest is unheard again and again, and approaches anew."""
+    found = run(name, lost)
+    assert found.alone_ms <= 12 and found.is_back
+    assert "silence" in found.faults[0] and "unheard" in found.faults[1]
+
+
 def test_heartbeats_of_one_end_are_not_needed_where_its_updates_pass() -> None:
     found = run("hand, none", ((MASTER, HEARTBEAT),))
     assert (found.stopped_ms, found.is_back) == (float("inf"), True)

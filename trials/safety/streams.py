@@ -191,7 +191,7 @@ def main() -> int:
                 f"| {name} | {what} | {found.unfelt_ms} | {found.alone_ms} | {found.limit_ms:.0f} "
                 f"| {found.stopped_ms:.0f} | {faults} | {found.is_back} |\n"
             )
-            broken |= found.unfelt_ms > found.limit_ms or not found.is_back
+            broken |= found.alone_ms > found.limit_ms or not found.is_back
     return int(broken)
 
 

@@ -53,12 +53,6 @@ class Transport(Protocol):
         """Release what `open` claimed, also if that did not finish."""
 
 
-class Companion(Protocol):
-    """What works in the loop of a daemon beside its ticks: the control socket, the watch over the keys."""
-
-    def open(self, loop: asyncio.AbstractEventLoop) -> None: ...
-
-
 class Run(NamedTuple):
     """How the run ended, and whether without `Ticking.fail`."""
 
@@ -79,6 +73,7 @@ class TickLoop:
         duration_s: from the first tick to the stop [s]; None for no end.
         start_at: the first deadline [s, `time.monotonic`]; None for one period after opening.
         stop_limit_s: hard bound on an orderly stop [s].
+        on_open: begins what works in the loop beside its ticks, before the transport opens.
         garbage: schedule for the collector, which is then frozen during the run; None leaves the collector alone.
         busy_poll: poll sockets and clock instead of sleeping between ticks (`Ticker`); takes a processor.
     """
@@ -92,7 +87,7 @@ class TickLoop:
         duration_s: float | None = None,
         start_at: float | None = None,
         stop_limit_s: float = 1.0,
-        companions: Sequence[Companion] = (),
+        on_open: Sequence[Callable[[asyncio.AbstractEventLoop], None]] = (),
         after_tick: AfterTick | None = None,
         garbage: GarbageSchedule | None = None,
         busy_poll: bool = False,
@@ -105,7 +100,7 @@ class TickLoop:
         self._stop_at_index: float | None = None
         self._stop_limit = stop_limit_s
         self._stop_by = inf
-        self._companions, self._after_tick = companions, after_tick
+        self._on_open, self._after_tick = on_open, after_tick
         self._garbage = garbage
         self._reason: str | None = None
         self._error: BaseException | None = None
@@ -140,8 +135,8 @@ class TickLoop:
         # A parent may have blocked them until there is a handler.
         pthread_sigmask(SIG_UNBLOCK, stop_signals)
         try:
-            for companion in self._companions:
-                companion.open(loop)
+            for begin in self._on_open:
+                begin(loop)
             opening = self._transport.open(loop)
             if opening is not None:
                 await self._unless_stopped(opening)

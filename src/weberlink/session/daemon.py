@@ -26,7 +26,7 @@ from weberlink.protocol.aio.udp import UdpShell
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.protocol.events import Address
 from weberlink.realtime.garbage import GarbageSchedule
-from weberlink.realtime.loop import REASONS, AfterTick, Companion, TickLoop
+from weberlink.realtime.loop import REASONS, AfterTick, TickLoop
 from weberlink.realtime.process import die_with_parent, prepare
 from weberlink.registry import fault_of, in_words
 from weberlink.session import description
@@ -144,9 +144,9 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
             return failure(str(stopped)) | {"failed": str(stopped) == EMERGENCY, "realtime": grants.as_dict()}
         stack.callback(side.close)
         stack.callback(control.close)
-        companions: list[Companion] = [control]
+        on_open = [control.open]
         if order.side == SLAVE and (watch := key_watch(configuration, finder, context.security, side.endpoint)):
-            companions.append(watch)
+            on_open.append(watch.open)
             stack.callback(watch.close)
         ran = TickLoop(
             side,
@@ -155,7 +155,7 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
             duration_s=order.duration_s,
             start_at=epoch,
             stop_limit_s=stop_limit_s(system, order.side),
-            companions=companions,
+            on_open=on_open,
             after_tick=_after_tick(side, udp, ring, described),
             garbage=GarbageSchedule(max(1, int(GARBAGE_EVERY_S * system.rate_hz))),
             busy_poll=system.realtime.busy_poll,
