@@ -15,6 +15,7 @@ from weberlink.control.sent import SentCommands
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import Vector
 from weberlink.protocol.endpoint import Endpoint
+from weberlink.protocol.retransmission import copies_needed
 
 PATIENCE = 0.045
 """Time beyond the round trip for which the robot's end may leave a force without a contact [s]: for a robot that lags
@@ -33,6 +34,8 @@ for so much longer than the round trip and its jitter [s]."""
 ASK_S = 0.015
 """A contact lasts for so long until the robot's end is asked whether it has corrected the model: the answer comes
 before the bound falls [s]."""
+MOST_COPIES = 2
+"""How often it is asked again on a lossy link, `LOOK_S` apart: later answers would come too late."""
 ROUNDING = 1.0 + 1e-9
 
 
@@ -154,8 +157,8 @@ class HandContact(ContactWatch):
         self._decoder, self._least_force, self._sent, self._playout = decoder, least, sent, playout
         self._tick = self._now = self._claimed = 0.0
         self._newest_sample: Sample | None = None
-        self._is_stated = self._has_asked = False
-        self._since = -inf
+        self._is_stated = False
+        self._since, self._asked = -inf, 0
 
     def reset(self) -> None:
         super().reset()
@@ -174,7 +177,7 @@ class HandContact(ContactWatch):
         if self._is_stated:
             self._since = -inf  # of this contact all is heard
         elif asked <= self._least_force:
-            self._since, self._has_asked = now, False
+            self._since, self._asked = now, 0
 
     def _heard(self, decoded: Joints, elapsed: float, round_trip: float | None) -> tuple[float, float]:  # noqa: ARG002
         if self._is_stated:
@@ -185,9 +188,11 @@ class HandContact(ContactWatch):
         endpoint = self._endpoint
         trip = round_trip or 0.0
         is_silent = endpoint.liveness.encoder_heard_at < self._since + trip
-        if is_silent and self._now - self._since >= ASK_S + self._delay and not self._has_asked:
-            self._has_asked = True
-            endpoint.request_answer()
+        if is_silent and self._now - self._since >= ASK_S + self._delay + self._asked * LOOK_S:
+            statistics = endpoint.statistics
+            if self._asked <= min(MOST_COPIES, copies_needed(statistics.outgoing_loss, statistics.outgoing_burst)):
+                self._asked += 1
+                endpoint.request_answer()
         waited = trip + endpoint.clock.jitter + LOOK_S if trip else 0.0
         x, y, z = self._decoder.stated(self._tick - self._playout, self._sent.ago(waited))
         self._claimed = self._claimed + elapsed if hypot(x, y, z) > self._least_force else 0.0

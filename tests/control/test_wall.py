@@ -5,7 +5,7 @@ from math import inf, sin, sqrt
 
 import pytest
 
-from tests.control.teleoperation import ACCOUNT, SETTINGS, TICK, Wall
+from tests.control.teleoperation import ACCOUNT, SETTINGS, TICK, Hand, Link, Wall, operate
 from weberlink.control.account import passivity_limit
 from weberlink.control.bounded import (
     BACK,
@@ -134,6 +134,25 @@ def test_a_robot_that_was_led_out_while_it_waits_still_goes_in_slowly_and_once_t
         before, here = here, follow(-0.0006, here)
         assert before - here <= LEAVE * TICK * (1.0 + 1e-9)
     assert [follow(-0.0006, 0.0), follow(-0.02, 0.0)] == [-0.0006, -0.02]
+
+
+@pytest.mark.parametrize("delay", [0.01, 0.02, 0.05])
+def test_a_light_hand_does_not_bounce_off_a_hard_wall_that_it_feels_late(delay: float) -> None:
+    """Two presses and six taps, each of which begins and ends once: without damping of the contact up to 40 more."""
+    master, slave, hand = BoundedMaster(SETTINGS), BoundedSlave(SETTINGS), Hand(mass=0.1, stiffness=100.0, damping=3.0)
+    course = operate(master, slave, wall=Wall(2500.0), link=Link(delay), hand=hand, seconds=4.5)
+    touches = [force > LEAST_CONTACT for force in course.wall_forces]
+    assert sum(before != after for before, after in pairwise(touches)) <= 20
+
+
+@pytest.mark.parametrize(
+    ("force", "speed", "felt"),
+    [
+        (2.0, 0.1, 1.96), (2.0, -0.1, 2.04), (2.0, 6.0, 0.0), (2.0, -6.0, 4.0), (0.0, -0.1, 0.0), (-1.0, 0.1, -1.0),
+    ],
+)  # fmt: skip
+def test_the_damping_of_a_contact_neither_pulls_nor_more_than_doubles(force: float, speed: float, felt: float) -> None:
+    assert pressed().damped(at(force), (0.3, 0.0, speed), 0.004) == pytest.approx(at(felt), abs=1e-9)
 
 
 # What is known of a contact: 500 N/m at height 0, the newest sample 2 N at 4 mm.

@@ -11,7 +11,7 @@ from weberlink.codec import Decoder, Encoder, force_channel
 from weberlink.control.contract import UNREACHED_S
 from weberlink.control.sent import SentCommands
 from weberlink.geometry.vector import ZERO, Vector, norm
-from weberlink.master.gate import ASK_S, GRACE, LOOK_S, PATIENCE, ContactLimiter, HandContact
+from weberlink.master.gate import GRACE, LOOK_S, PATIENCE, ContactLimiter, HandContact
 
 pytestmark = replaces_methods  # a stand-in for an endpoint, a compiled class
 TICK, STIFFNESS = 1e-3, 500.0
@@ -40,9 +40,12 @@ class Watched:
             self.receive(depth)
         self.asked: list[float] = []
         self.liveness = SimpleNamespace(encoder_heard_at=0.0)
-        clock = SimpleNamespace(rtt=RTT, jitter=jitter)
+        self.statistics = SimpleNamespace(outgoing_loss=0.0, outgoing_burst=0.0)
         link: Any = SimpleNamespace(
-            clock=clock, liveness=self.liveness, request_answer=lambda: self.asked.append(self.now)
+            clock=SimpleNamespace(rtt=RTT, jitter=jitter),
+            liveness=self.liveness,
+            statistics=self.statistics,
+            request_answer=lambda: self.asked.append(self.now),
         )
         self.watch = HandContact(
             ContactLimiter(10.0, 1.0, 1.0),
@@ -166,13 +169,15 @@ def test_a_claim_of_the_model_grows_into_a_contact_once_an_answer_could_have_com
     assert told[-1] == (inf, 0)
 
 
-def test_silence_that_may_be_a_loss_states_no_contact_and_is_asked_about_once() -> None:
-    """The robot's end is heard no more: it may have corrected the model."""
+@pytest.mark.parametrize(("loss", "asked"), [(0.0, [15]), (0.05, [15, 20]), (0.3, [15, 20, 25])])
+def test_silence_that_may_be_a_loss_states_no_contact_and_is_asked_about(loss: float, asked: list[int]) -> None:
+    """The robot's end is heard no more: it may have corrected the model. On a lossy link it is asked again."""
     watched = Watched()
+    watched.statistics.outgoing_loss = loss
     watched.go(OUTSIDE, ZERO, 500)
     began = watched.now
     shown = watched.go(INSIDE, PRESSED, 500, heard=False)
-    assert [round((asked - began) / TICK) for asked in watched.asked] == [round(ASK_S / TICK)]
+    assert [round((at - began) / TICK) for at in watched.asked] == asked
     assert max(shown[PATIENT:]) <= 1.0
 
 

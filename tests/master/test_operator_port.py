@@ -88,6 +88,7 @@ class Desk:
             clock=SimpleNamespace(rtt=RTT, jitter=0.0),
             credit=SimpleNamespace(known=5),
             request_full_state=self._request,
+            statistics=SimpleNamespace(outgoing_loss=0.0, outgoing_burst=0.0),
             request_answer=lambda: None,
         )
         self.hand = HandPosition(self.scheme, lambda force: max(0.1 * force, 0.02))

@@ -66,20 +66,6 @@ def test_no_bytes_raise_or_disturb_a_session(security: Security, datagrams: list
         assert receiver.statistics.updates_received[0] == 1
 
 
-@pytest.mark.parametrize("security", suites())
-def test_every_truncation_and_extension_of_a_datagram_is_dropped(security: Security) -> None:
-    master, slave = engaged(security)
-    master.send_update(0.21, sample_update(210))
-    (data, _) = master.datagrams_to_send()[0]
-    for size in range(len(data)):
-        slave.receive_datagram(data[:size], MASTER, 0.21)
-        slave.receive_datagram(data + bytes(size + 1), MASTER, 0.21)
-    assert slave.statistics.dropped.total() == 2 * len(data)
-    assert slave.statistics.updates_received[0] == 0
-    slave.receive_datagram(data, MASTER, 0.21)
-    assert slave.statistics.updates_received[0] == 1
-
-
 @pytest.mark.parametrize("role", Role)
 @given(data=DATAGRAMS)
 def test_no_bytes_raise_before_a_session(role: Role, data: bytes) -> None:

@@ -27,6 +27,9 @@ SAME = 2.0
 WRONG = 1e-3
 """Distance by which the place of a sample may differ from that of the command, and a wall from what the robot found
 [m]."""
+CALM = 0.006
+"""Damping over stiffness of a stiff contact that is felt late [s]: without it a light hand bounces off, and the robot,
+which repeats that later, presses while nothing is felt. Round trips of less than this are not late."""
 
 LATE = 0.01
 """Time beyond one and a half round trips in which the operator has answered a contact [s]."""
@@ -147,6 +150,20 @@ class FeltContact:
         push -= share * along
         return (share * force[0] + push * a, share * force[1] + push * b, share * force[2] + push * c)
 
+    def damped(self, force: Vector, speed: Vector, time: float) -> Vector:
+        """The force of the contact [N] at a hand of this speed [m/s], with damping: of one as stiff as the robot's
+        coupling its stiffness times `time` [s], of a softer one less by the square, since no hand bounces off that.
+
+        It neither pulls nor more than doubles, so it begins and ends with the contact; friction changes with it.
+        """
+        n = self.normal
+        along = 0.0 if n is None else dot(n, force)
+        if n is None or along <= 0.0:
+            return force
+        damping = time * self.stiffness * self.stiffness / self._coupling
+        share = 1.0 - damping * dot(n, speed) / along
+        return scale(force, max(0.0, min(2.0, share)))
+
 
 class BoundedMaster(MasterControl):
     """The operator's end.
@@ -178,6 +195,7 @@ class BoundedMaster(MasterControl):
     def _forget(self) -> None:
         self._sent.reset()
         self._position: Vector | None = None
+        self._speed: Vector = ZERO
         self._held: Vector = ZERO
         self._stated: Vector = ZERO
         self._back: Vector = ZERO
@@ -207,6 +225,7 @@ class BoundedMaster(MasterControl):
             self._credit = peer_credit
         self._account.book(held[0] * x + held[1] * y + held[2] * z, x * x + y * y + z * z, elapsed, supplied)
         self._position, self._elapsed, self._tick = position, elapsed, tick
+        self._speed = (x / elapsed, y / elapsed, z / elapsed) if elapsed > 0.0 else ZERO
         if rtt is not None:
             self._rtt = rtt + self._delay
 
@@ -230,6 +249,7 @@ class BoundedMaster(MasterControl):
     def render(self, force: Vector) -> Vector:
         if self._position is not None and self._sent.known:
             force = self._contact.at(self._position, force, self._sent.ago(self._rtt), self._tick)
+            force = self._contact.damped(force, self._speed, max(0.0, min(CALM, self._rtt - CALM)))
         self._stated = force
         size, contact = hypot(force[0], force[1], force[2]), self._contact
         share = self._account.share(size, contact.stiffness, self._elapsed, contact.softest)
