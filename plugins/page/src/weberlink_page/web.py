@@ -84,7 +84,8 @@ class Site:
         return response
 
     async def _index(self, _request: web.Request) -> web.StreamResponse:
-        return web.FileResponse(self._page / "index.html")
+        # Read as a whole: a file response that is cancelled before it begins leaves its file open.
+        return web.Response(text=(self._page / "index.html").read_text("utf-8"), content_type="text/html")
 
     async def _sessions(self, _request: web.Request) -> web.StreamResponse:
         return web.Response(text=to_json({"sessions": self._watch.overview()}), content_type="application/json")
