@@ -1,5 +1,6 @@
 """Two endpoints in a session: what counts as heard, how soon and how much is sent, and the clocks."""
 
+from collections import Counter
 from itertools import pairwise
 from random import Random
 
@@ -16,6 +17,7 @@ from tests.protocol.harness import (
     SILENCE,
     SLAVE,
     STRANGER,
+    TICK,
     Pair,
     Side,
     both,
@@ -365,3 +367,25 @@ def test_a_change_that_is_repeated_does_not_stand_for_heartbeats() -> None:
     assert pair.master.endpoint.propose_change(pair.now, pair.ticks + 1000, b"change")
     pair.run(1.0)
     assert len(sent(pair, Kind.CHANGE, pair.master)) > 100
+
+
+@pytest.mark.parametrize("lasts", [0.12, 0.3])
+def test_what_ends_a_silence_counts_so_that_the_robot_is_led_again_within_two_round_trips(lasts: float) -> None:
+    renewed: Counter[str] = Counter()
+
+    def renew(pair: Pair, now: float, _tick: int) -> None:
+        for side in pair.sides:
+            if side.endpoint.state is State.ENGAGED and side.renewals > renewed[side.address[0]]:
+                renewed[side.address[0]] = side.renewals
+                side.send(now, round(now / TICK) + 1)
+
+    late = Emulation(delay_s=0.02)
+    to_master, by_slave = {"incoming": (forms(3),)}, {"outgoing": (forms(3),)}
+    pair = Pair(forward=late, backward=late, on_tick=renew, master=to_master, slave=by_slave).connect().run(0.6)
+    pair.swallow = lambda side, data: side is pair.master
+    pair.run(lasts)
+    assert not pair.slave.endpoint.may_follow(pair.now)
+    pair.swallow = lambda side, data: False
+    pair.master.send(pair.now, round(pair.now / TICK) + 1)
+    pair.run(0.08)
+    assert pair.slave.endpoint.may_follow(pair.now)
