@@ -3,8 +3,8 @@
     python -m trials.learned --hours 24
 
 The sums of one horizon take a sample in every step of 4 ms, as in a daemon. At every full hour what they expect is
-compared with what sums expect that began thirty time constants before: of what is older, forgetting leaves a part in
-1e13, so that a larger difference is what rounding has gathered. Minutes with the compiled build.
+compared with what sums expect that began sixty time constants before: of what is older, forgetting leaves a part in
+1e26, so that a difference is what rounding has gathered. Minutes with the compiled build.
 """
 
 import argparse
@@ -17,7 +17,7 @@ from weberlink.codec.predictors.path import STEP_S
 from weberlink.geometry.vector import ZERO, Vector, norm
 
 SIZE = 8
-FRESH = 30
+FRESH = 60
 """Time constants that the younger sums have seen."""
 MOST = 1e-9
 """Largest difference, as a share of the changes that are expected."""

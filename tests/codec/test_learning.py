@@ -185,8 +185,8 @@ def test_it_recovers_from_harm(harm: str) -> None:
 
 
 def test_the_sums_of_a_long_run_are_those_of_a_fresh_start() -> None:
-    """Of what is older than thirty time constants nothing is left, rounding errors included; a day is a trial."""
-    assert worst_difference(3, 2000, 50.0) <= MOST
+    """Of what is older than sixty time constants nothing is left, rounding errors included; a day is a trial."""
+    assert worst_difference(3, 4000, 50.0) <= MOST
 
 
 def test_a_solution_is_the_least_squares_one() -> None:
