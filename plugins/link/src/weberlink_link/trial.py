@@ -19,7 +19,7 @@ from weberlink.cli.doctor.trial import run_child
 from weberlink.config import MASTER, Configuration, ConfigurationError, load
 from weberlink.config.finders import PathFinder, finder_of, finding
 from weberlink.protocol import PeerClosed, PeerSilent, Refused, State
-from weberlink.protocol.aio.udp import UdpShell
+from weberlink.protocol.aio.udp import TIMER_STEP_S, UdpShell
 from weberlink.protocol.probing import Heard, ProbingEndpoint
 from weberlink.realtime.process import prepare
 from weberlink.session.composition.link import build_endpoint, live_context
@@ -27,8 +27,6 @@ from weberlink.session.daemon import emulated_link
 
 PERIOD_S = 0.005
 """Between two questions: as dense as the updates of a busy session."""
-LEAST_PAUSE_S = 0.001
-"""Resolution of the timers of uvloop."""
 WARM_UP_S = 1.0
 """From the session's beginning to the first question, in which the ends map their clocks."""
 ANSWER_S = 5.0
@@ -92,7 +90,7 @@ class Measurement:
                 self._jitters.append(clock.jitter)
             # What this process was too late for is left out: questions in a heap would measure its own stall.
             self._due = max(self._due + PERIOD_S, now)
-        return max(self._due, now + LEAST_PAUSE_S)
+        return max(self._due, now + TIMER_STEP_S)
 
     def _wait_for_session(self, now: float) -> None:
         if self._endpoint.state is State.ENGAGED and self._endpoint.clock.peer_time(now) is not None:
