@@ -28,6 +28,7 @@ COMPILED = (
     "realtime/ticker.py",
     "session/channels.py",
     "session/side.py",
+    "session/tuning.py",
     "master/operator_port.py",
     "master/leader_port.py",
     "master/rotation.py",

@@ -15,7 +15,6 @@ from tests.figures.test_session import RATE, records, score
 from tests.records import ticks
 from tests.session.kinds import HAND, run
 from tests.session.systems import configuration
-from weberlink.control.tuning import LiveSettings
 from weberlink.figures.channel import in_session
 from weberlink.figures.distribution import RESOLUTION, Distribution
 from weberlink.figures.felt import MARGIN_S, AlignedError, JumpsOfRecords, QualityStatistics, Threshold
@@ -23,6 +22,7 @@ from weberlink.figures.session import score_of
 from weberlink.figures.tree import Median, Spread
 from weberlink.protocol.states import State
 from weberlink.session.composition.channels import force_deadband, measures_in
+from weberlink.session.tuning import LiveSettings
 from weberlink.telemetry.record import RELEASED
 
 WEBERS = (0.25, 0.05)

@@ -11,9 +11,9 @@ import pytest
 
 from tests.program import ENGAGED
 from tests.session.kinds import HAND, TICK, Run, run
-from weberlink.control.tuning import MARGIN_TICKS
 from weberlink.protocol.negotiation import PACE, PACE_SHARE
 from weberlink.session.simulation import Simulation
+from weberlink.session.tuning import MARGIN_TICKS
 
 LOSTS = 20
 """Exchanges that may be lost in a row: with a loss of 30 % each way, more are lost once in a million changes."""

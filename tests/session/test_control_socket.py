@@ -17,12 +17,12 @@ from tests.wait import PATIENCE
 from tests.watching.sources import loop_in_a_thread
 from weberlink.config import MASTER, SLAVE
 from weberlink.config.model import DirectionFaults
-from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.session import description
 from weberlink.session.control_socket import IS_STOPPED, ControlSocket, ask, path_beside
 from weberlink.session.daemon import STOP_SLACK_S, LiveLink, stop_limit_s
 from weberlink.session.launcher import STOP_LIMIT_S
+from weberlink.session.tuning import LiveSettings, Tuning
 from weberlink.telemetry.runtime_directory import listening_socket
 
 ORDERED_AT = 1000.0

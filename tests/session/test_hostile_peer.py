@@ -14,9 +14,9 @@ from tests.session.hostile import Content, Duel
 from tests.session.systems import ARMS, HAS_ARMS, configuration
 from weberlink.codec.parameters import pack
 from weberlink.config import Configuration
-from weberlink.control.tuning import Tuning
 from weberlink.protocol.endpoint import QUEUED_EVENTS
 from weberlink.protocol.wire import LONGEST_CHANGE, Kind
+from weberlink.session.tuning import Tuning
 from weberlink.update import MAX_GAP, MOST_PARAMETER_BYTES, ModelParameters, PreviousSample
 
 SMOOTH = ("codec.force.smooth_ms=10", "link.playout_ms=5")

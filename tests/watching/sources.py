@@ -13,11 +13,11 @@ import numpy as np
 from tests.records import ticks as made_ticks
 from tests.session.systems import CONFIGS
 from weberlink.config import load
-from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.figures.session import Records, joined
 from weberlink.protocol.states import State
 from weberlink.session.composition.channels import banks
 from weberlink.session.control_socket import ControlSocket, path_beside
+from weberlink.session.tuning import LiveSettings, Tuning
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.ring import RingWriter
 from weberlink.telemetry.runtime_directory import listening_socket

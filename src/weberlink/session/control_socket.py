@@ -26,9 +26,9 @@ from weberlink.telemetry.runtime_directory import ForeignFileError, check, liste
 if TYPE_CHECKING:  # who only asks needs no event loop
     import asyncio
 
-    from weberlink.control.tuning import Tuning
     from weberlink.session.daemon import LiveLink
     from weberlink.session.side import Side
+    from weberlink.session.tuning import Tuning
 
 LONGEST_QUESTION = 1024
 LONGEST_ANSWER = 4096

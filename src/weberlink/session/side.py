@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 from weberlink.control.contract import CREDIT_STEP
 from weberlink.control.port import Port
-from weberlink.control.tuning import MARGIN_TICKS, LiveSettings, Tuning, change_margin
 from weberlink.geometry.vector import ZERO, norm
 from weberlink.order import EMERGENCY
 from weberlink.protocol.endpoint import Endpoint
@@ -29,6 +28,7 @@ from weberlink.protocol.events import (
 from weberlink.protocol.states import State
 from weberlink.realtime.stall import StallDetector, Watchdog
 from weberlink.session.channels import IncomingChannel, OutgoingChannel, Rows
+from weberlink.session.tuning import MARGIN_TICKS, LiveSettings, Tuning, change_margin
 from weberlink.telemetry.fault import Fault, FaultLedger
 from weberlink.telemetry.record import ALL
 from weberlink.telemetry.row import Row

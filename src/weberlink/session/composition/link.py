@@ -18,7 +18,6 @@ from weberlink.config.model import split_address
 from weberlink.control.contract import FREE_FORCE, SchemeParameters
 from weberlink.control.port import Port
 from weberlink.control.table import SCHEMES
-from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.protocol import Role
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
@@ -27,6 +26,7 @@ from weberlink.protocol.security import Security
 from weberlink.registry import check_contract, fault_of
 from weberlink.session.channels import IncomingChannel, OutgoingChannel
 from weberlink.session.composition.channels import account, felt_deadbands, longest_round_trip, signal_delay, streams
+from weberlink.session.tuning import LiveSettings, Tuning
 
 Entropy = Callable[[int], bytes]
 Stopwatch = Callable[[], float]

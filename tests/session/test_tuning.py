@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.control.tuning import BUSY, LATE, ChangeResult, LiveSettings, Tuning, change_margin
 from weberlink.protocol.negotiation import PACE, PACE_SHARE
+from weberlink.session.tuning import BUSY, LATE, ChangeResult, LiveSettings, Tuning, change_margin
 
 FILE = LiveSettings(0.1, "hybrid")
 PERMITTED = {"weber": (), "predictor": ("zoh", "plane", "hybrid")}
