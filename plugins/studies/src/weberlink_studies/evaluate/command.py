@@ -63,7 +63,7 @@ STUDY: Study[EvaluationOptions, EvaluationCase] = Study(
     rows_of,
     lambda options, rows, run_time_s, caption: tables_of(rows, options.study.jnd, run_time_s, caption),
     _plots,
-    lambda case: SAMPLE_S * len(case.trace.trace.time_s),
+    lambda case: SAMPLE_S * len(case.trace.trace.time_s) * len(case.webers),
     _summary,
 )
 

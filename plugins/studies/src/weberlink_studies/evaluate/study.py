@@ -21,6 +21,7 @@ from weberlink_studies.paper.claims import PREDICTORS
 
 DEFAULT_PERIOD_S = 1e-3
 SAMPLE_S = 1e-5  # rough run time of a coded sample
+WEBERS_OF_A_CASE = 6  # few, because a case is what is lost when Ctrl-C comes
 
 
 @dataclass(frozen=True)
@@ -77,11 +78,13 @@ class EvaluationStudy:
         """All cases: traces outermost, then force (deadbands) and position, then predictors, then Weber factors."""
         ways = [(deadband, "force", predictor) for deadband in self.deadbands for predictor in self.predictors]
         ways += [(ISOTROPIC, "position", predictor) for predictor in self.position_predictors]
+        starts = range(0, len(self.webers), WEBERS_OF_A_CASE)
+        parts = [self.webers[start : start + WEBERS_OF_A_CASE] for start in starts]
         return [
-            EvaluationCase(trace, self, predictor, weber, deadband, channel)
+            EvaluationCase(trace, self, predictor, webers, deadband, channel)
             for trace in traces
             for deadband, channel, predictor in ways
-            for weber in self.webers
+            for webers in parts
         ]
 
     def rows(self, trace: NamedTrace) -> list[Row]:
@@ -90,28 +93,32 @@ class EvaluationStudy:
 
 
 class EvaluationCase(NamedTuple):
-    """One row to compute."""
+    """Rows of one trace, coded in one way: one for each of some Weber factors."""
 
     trace: NamedTrace
     study: EvaluationStudy
     predictor: str
-    weber: float
+    webers: Sequence[float]
     deadband: str
     channel: str = "force"
 
 
 def rows_of(case: EvaluationCase) -> list[Row]:
-    """The row of a case."""
-    (name, trace, source), study, predictor, weber, deadband, kind = case
-    signal = signal_of(trace)
-    told: dict[str, Any] = {"predictor": predictor, "weber": weber, "source": source}
+    """The rows of a case."""
+    (name, trace, source), study, predictor, webers, deadband, kind = case
+    signal, period_s = signal_of(trace), trace.period_s
+    threshold: Threshold | None = None
+    told: dict[str, Any] = {"predictor": predictor, "source": source}
     if kind == "position":
         # About the middle of the range, as in the workspace of a device.
         middle = 0.5 * (signal.position_m.min(axis=0) + signal.position_m.max(axis=0))
-        centered = Signal(signal.position_m - middle, signal.position_m, signal.period_s)
-        return [evaluate(name, centered, study.position_channel(predictor, weber, signal.period_s), None, **told)]
-    channel = study.channel(predictor, weber, deadband, signal.period_s)
-    return [evaluate(name, signal, channel, Threshold(study.jnd), deadband=deadband, **told)]
+        signal = Signal(signal.position_m - middle, signal.position_m, period_s)
+        channels = [study.position_channel(predictor, weber, period_s) for weber in webers]
+    else:
+        threshold, told["deadband"] = Threshold(study.jnd), deadband
+        channels = [study.channel(predictor, weber, deadband, period_s) for weber in webers]
+    made = zip(webers, channels, strict=True)
+    return [evaluate(name, signal, channel, threshold, weber=weber, **told) for weber, channel in made]
 
 
 def evaluate(
