@@ -13,7 +13,7 @@ from weberlink.control.contract import UNREACHED_S
 from weberlink.control.gate import Approach
 from weberlink.control.sent import SentCommands
 from weberlink.geometry.joints import Joints
-from weberlink.geometry.vector import Vector
+from weberlink.master.position import HandPosition
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.retransmission import copies_needed
 
@@ -114,6 +114,13 @@ class ContactWatch:
     def reset(self) -> None:
         self.limiter.reset()
 
+    def begin(self, tick: float, now: float) -> None:
+        """Begin a tick at `now` [s], and `tick` of the other side."""
+
+    def end(self) -> bool:
+        """End a tick; whether a force is displayed or asked for that is at fault."""
+        return self.limiter.unfounded
+
     def bound(self, asked: float, decoded: Joints, elapsed: float) -> float:
         """The largest force or torque that may leave now; inf for no bound. `asked`: the largest before fade and slew
         limit.
@@ -147,6 +154,7 @@ class HandContact(ContactWatch):
         limiter: ContactLimiter,
         decoder: Decoder,
         endpoint: Endpoint,
+        hand: HandPosition,
         *,
         least: float,
         sent: SentCommands,
@@ -155,6 +163,8 @@ class HandContact(ContactWatch):
     ) -> None:
         super().__init__(limiter, endpoint, (least,), delay)
         self._decoder, self._least_force, self._sent, self._playout = decoder, least, sent, playout
+        self._hand = hand
+        self._was_doubtful = False
         self._tick = self._now = self._claimed = 0.0
         self._newest_sample: Sample | None = None
         self._is_stated = False
@@ -164,10 +174,10 @@ class HandContact(ContactWatch):
         super().reset()
         self._sent.reset()
         self._claimed = 0.0
+        self._was_doubtful = False
 
-    def note_command(self, command: Vector, tick: float, asked: float, now: float) -> None:
-        """Take in the command of this tick [m], the present tick of the other side, and what was asked for last [N]."""
-        self._sent.add(command)
+    def begin(self, tick: float, now: float) -> None:
+        self._sent.add(self._hand.command)
         self._tick, self._now = tick, now
         newest = self._decoder.newest
         self._is_stated = (
@@ -176,8 +186,18 @@ class HandContact(ContactWatch):
         self._newest_sample = newest
         if self._is_stated:
             self._since = -inf  # of this contact all is heard
-        elif asked <= self._least_force:
+        elif self._hand.asked <= self._least_force:
             self._since, self._asked = now, 0
+
+    def end(self) -> bool:
+        # The scheme lets go of a model whose force lasts without a contact. The robot's end is silent while the model
+        # of its newest update is right, which is lost by this: so it is asked for a complete one.
+        doubtful = self.limiter.doubtful
+        if doubtful and not self._was_doubtful:
+            self._hand.control.refute()
+            self._endpoint.request_full_state()
+        self._was_doubtful = doubtful
+        return super().end()
 
     def _heard(self, decoded: Joints, elapsed: float, round_trip: float | None) -> tuple[float, float]:  # noqa: ARG002
         if self._is_stated:

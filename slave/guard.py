@@ -16,8 +16,6 @@ Workspace = tuple[Vector, Vector]
 
 TRIP_PAUSE = 0.5
 """The robot follows no sooner than this after a trip [s]."""
-
-
 REBOUND = 0.1
 """Time for which a robot that has lost contact may be bouncing [s]."""
 NOISE_SHARE = 1.0 / 32.0
@@ -85,6 +83,17 @@ class Follower(Approach):
         self.share = min(1.0, self.share + share) if is_shown else max(0.0, self.share - share)
         self.clipped = self.arrived and held != commanded
         return held
+
+
+TRIP_RETREAT = 0.05
+"""How far an axis that trips backs off [rad]: 1 cm at the end of 20 cm. Chosen."""
+CONTACT_SHARE = 0.1
+"""An axis is in contact from this share of its largest press on; less is friction of gears and noise. Chosen."""
+DAMPING_MOST = 4.0
+"""Largest damping of what an axis touches that the press limit provides for [N m s/rad]: 100 N s/m at the end of 20 cm.
+Chosen."""
+FULL_SHARE = 0.95
+"""Share of the largest press that counts as all of it: filtered, a measurement that saturates stays below. Chosen."""
 
 
 class PressStep:
@@ -245,6 +254,16 @@ def _along(start: Joints, end: Joints, direction: Joints) -> float:
         return (end[0] - start[0]) * direction[0]
     a, b, c = direction
     return (end[0] - start[0]) * a + (end[1] - start[1]) * b + (end[2] - start[2]) * c
+
+
+def axis_press_limit(most: float, stiffness: float, noise: float) -> PressLimit:
+    """The press limit of an axis.
+
+    `most` is the largest torque on the environment [N m], 0 for an axis that measures none; `stiffness` that of its
+    position control [N m/rad]; a contact below the `noise` of a measured torque [N m] is none.
+    """
+    contact = min(most, max(CONTACT_SHARE * most, noise))
+    return PressLimit(most, stiffness, damping=DAMPING_MOST, contact=contact, retreats_from=FULL_SHARE * most)
 
 
 class Guard(Follower):

@@ -3,16 +3,15 @@
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from math import inf
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
-from weberlink.compiled import mypyc_attr
 from weberlink.control.ends import Control, SlaveControl
 from weberlink.control.port import Port
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.slave.guard import Guard
-from weberlink.slave.robots.contract import OrientedRobot, Robot, RobotFault, RobotReading
+from weberlink.slave.robots.contract import RobotFault, RobotReading
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
 
@@ -20,17 +19,52 @@ if TYPE_CHECKING:
     from weberlink.slave.rotation import ToolOrientation
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)
-class TeleoperatorPort(Port):
-    """The robot's end; a subclass says what is wanted, sensed and recorded.
+class ContactForce:
+    """The force of the environment on the robot [N], as far as it may be `shown`, and the command that belongs to it.
 
-    `command` and `point` take a command, or an orientation of the `tool`, and the time [s]; the tool turns with the
-    hand, as the second incoming channel says, None without six degrees of freedom. `by_button`: the operator leads only
-    while holding a button. `applied` is the last command; `where` the robot is and what is `felt` of the environment
-    are as measured, `is_overloaded` whether that is above its limit.
+    A robot of stiffness k that rests at x under a force F is commanded to x - F / k. A moving one lags behind its
+    command, but this point lies on the same static line at any speed. So predictors fit one line to all samples.
     """
 
-    fault: ClassVar[type[Exception]] = RobotFault
+    def __init__(self, stiffness: float) -> None:
+        self.value: Vector = ZERO
+        self.rest: Vector = ZERO
+        """The command at which the robot would rest with this force where it is [m]."""
+        self.shown: Callable[[Joints], Joints] | None = None
+        self._compliance = 1.0 / stiffness
+
+    def complaint(self, reading: RobotReading) -> str | None:
+        (x, y, z), (u, v, w) = reading.position, reading.force
+        if not x - x == y - y == z - z == 0.0:
+            return f"reports the position {reading.position}"
+        return None if u - u == v - v == w - w == 0.0 else f"reports the force {reading.force}"
+
+    def take(self, reading: RobotReading) -> None:
+        self.value = reading.force
+        (x, y, z), (u, v, w), compliance = reading.position, reading.force, self._compliance
+        self.rest = (x - compliance * u, y - compliance * v, z - compliance * w)
+
+    def sample(self) -> tuple[Joints, Vector, float]:
+        return self.value if self.shown is None else self.shown(self.value), self.rest, inf
+
+    def place(self, reading: RobotReading) -> tuple[Joints, Joints]:
+        return reading.position, reading.force
+
+    def held(self, reading: RobotReading, guard: Guard) -> Joints:  # noqa: ARG002
+        self.take(reading)
+        return self.rest
+
+
+class RobotPort(Port):
+    """The robot's end: the tip of a robot that a hand leads, or the axes of an arm that another arm leads.
+
+    `sensors` are those of what is felt, part by part; the first also knows which readings cannot be used, gives where
+    the robot is and what it feels (`place`), and the command that holds it there (`held`). `command` and `point` take
+    a command, or an orientation of the `tool`, and the time [s]; the tool turns with the hand, as the second incoming
+    channel says, None without six degrees of freedom. `control`: of the scheme; None where an arm is led.
+    `by_button`: the operator leads only while holding a button. `applied` is the last command, `commanded` the decoded
+    one that was last followed; `where` the robot is and what is `felt` of the environment are as measured.
+    """
 
     def __init__(
         self,
@@ -38,19 +72,24 @@ class TeleoperatorPort(Port):
         *,
         guard: Guard,
         command: Callable[[Any, float], None],
-        controls: Sequence[Control],
-        by_button: bool = False,
+        sensors: Sequence[Any],
+        endpoint: Endpoint,
+        control: SlaveControl | None = None,
         tool: "ToolOrientation | None" = None,
-        point: Any = None,
+        by_button: bool = False,
+        fault: type[Exception] = RobotFault,
     ) -> None:
-        super().__init__(robot, controls)
+        super().__init__(robot, (control or Control(),), fault)
         self.guard, self._command, self._by_button = guard, command, by_button
-        self.applied = self.where = self.felt = guard.held
+        self.applied = self.where = self.felt = self.commanded = guard.held
         self.is_overloaded = False
-        self.tool, self._point = tool, point
+        self.tool = tool
+        self._point: Any = None if tool is None else robot.point
+        self._control, self._endpoint = control, endpoint
         self._led: Sequence[Any] = ()
-        self._sensor: Any = None
-        """Of the first channel: it knows which readings cannot be used."""
+        self._sensor = sensors[0]
+        for sensor in sensors:
+            sensor.shown = self.shown
 
     @property
     def follows(self) -> bool:
@@ -64,16 +103,12 @@ class TeleoperatorPort(Port):
         if problem is not None:
             self.close()
             raise self.fault(f"{self.name} {problem}")
-        self._take(reading)
+        self.where, self.felt = self._sensor.place(reading)
         self.applied = self.where
         self.guard.place(self.where)
 
-    def _take(self, reading: Any) -> None:
-        """Take in where the robot is and what it feels."""
-        raise NotImplementedError
-
     def accept(self, reading: Any) -> bool:
-        self._take(reading)
+        self.where, self.felt = self._sensor.place(reading)
         self.is_overloaded = self.guard.is_overloaded(self.felt)
         if not self.is_overloaded or self.guard.tripped:
             return False
@@ -88,14 +123,10 @@ class TeleoperatorPort(Port):
         with suppress(self.fault):  # the side meets it in this very tick, as it does a reading that is not finite
             reading = self.latest(now)
             if self._sensor.complaint(reading) is None:
-                self._take(reading)
-                self.guard.place(self._settled(reading))
+                self.where, self.felt = self._sensor.place(reading)
+                self.guard.place(self._sensor.held(reading, self.guard))
         if self.tool is not None:
             self.tool.reset()
-
-    def _settled(self, reading: Any) -> Joints:
-        """The command that holds the robot where it is."""
-        raise NotImplementedError
 
     def reset(self) -> None:
         self.guard.reset()
@@ -115,12 +146,37 @@ class TeleoperatorPort(Port):
         share = self.guard.share if self.tool is None else self.guard.share * self.tool.share
         return felt if share == 1.0 else tuple([value * share for value in felt])
 
-    def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002 - of schemes that keep one
-        return self.controls[0].credit
+    def led(self, channel: int) -> Vector | None:
+        """Where the operator leads a hand's robot in a channel, whether it follows or not; None for nowhere."""
+        led: Vector | None = self._led[channel] if self._led else None
+        return led
+
+    def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002
+        control = self._control
+        if control is None:
+            return 0
+        if encodes:
+            applied: Any = self.applied
+            control.observe(applied, self._sensor.value)
+        return control.credit
 
     def _wanted(self, values: Sequence[Any], elapsed: float) -> Joints | None:
-        """What the operator commands; None for nothing."""
-        raise NotImplementedError
+        """What the operator commands; None for nothing, of any part."""
+        commanded: Joints | None = values[0]
+        if commanded is None:
+            return None
+        control = self._control
+        if control is not None:
+            self.commanded = commanded
+            endpoint = self._endpoint
+            goal: Any = commanded
+            applied: Any = self.applied
+            return control.follow(goal, applied, elapsed, endpoint.credit.known, endpoint.clock.rtt)
+        for value in values[1:]:
+            if value is None:
+                return None
+            commanded += value
+        return commanded + self.applied[len(commanded) :]  # a gripper that the session does not lead
 
     def actuate(self, values: Sequence[Any], now: float, elapsed: float, step: float, *, engaged: bool) -> None:
         self._led = values if engaged else ()
@@ -136,99 +192,13 @@ class TeleoperatorPort(Port):
             self._point(self.tool.move(values[1] if engaged and self.follows else None, step), now)
 
     def report(self, row: Row, *, is_led: bool) -> None:
-        guard = self.guard
+        guard, tool = self.guard, self.tool
         row.contact_ticks, row.clipped = guard.contact_ticks, guard.clipped
         row.ramping = guard.share < 1.0 if is_led or not self._by_button else RELEASED
+        if tool is not None:
+            row.clipped, row.ramping = row.clipped or tool.clipped, row.ramping or tool.ramping
 
     def halt(self, now: float) -> None:
         self._command(self.applied, now)
         if self.tool is not None:
             self._point(self.tool.hold(0.0), now)
-
-
-class ContactForce:
-    """The force of the environment on the robot [N], as far as it may be shown, and the command that belongs to it.
-
-    A robot of stiffness k that rests at x under a force F is commanded to x - F / k. A moving one lags behind its
-    command, but this point lies on the same static line at any speed. So predictors fit one line to all samples.
-    """
-
-    def __init__(self, port: "RobotPort", stiffness: float) -> None:
-        self.value: Vector = ZERO
-        self.rest: Vector = ZERO
-        """The command at which the robot would rest with this force where it is [m]."""
-        self._port = port
-        self._compliance = 1.0 / stiffness
-
-    def complaint(self, reading: RobotReading) -> str | None:
-        (x, y, z), (u, v, w) = reading.position, reading.force
-        if not x - x == y - y == z - z == 0.0:
-            return f"reports the position {reading.position}"
-        return None if u - u == v - v == w - w == 0.0 else f"reports the force {reading.force}"
-
-    def take(self, reading: RobotReading) -> None:
-        self.value = reading.force
-        (x, y, z), (u, v, w), compliance = reading.position, reading.force, self._compliance
-        self.rest = (x - compliance * u, y - compliance * v, z - compliance * w)
-
-    def sample(self) -> tuple[Joints, Vector, float]:
-        return self._port.shown(self.value), self.rest, inf
-
-
-class RobotPort(TeleoperatorPort):
-    """A robot that a hand leads."""
-
-    def __init__(
-        self,
-        robot: Robot,
-        *,
-        guard: Guard,
-        control: SlaveControl,
-        endpoint: Endpoint,
-        tool: "ToolOrientation | None" = None,
-        by_button: bool = False,
-    ) -> None:
-        point = robot.point if isinstance(robot, OrientedRobot) else None
-        super().__init__(
-            robot, guard=guard, command=robot.command, controls=(control,), by_button=by_button, tool=tool, point=point
-        )
-        self._control, self._endpoint = control, endpoint
-        self.force = self._sensor = ContactForce(self, robot.spec.stiffness_n_m)
-        self.commanded: Any = ZERO
-        """The decoded position that was last followed [m]."""
-
-    def led(self, channel: int) -> Vector | None:
-        """Where the operator leads the robot in an incoming channel, whether it follows or not; None for nowhere."""
-        led: Vector | None = self._led[channel] if self._led else None
-        return led
-
-    def _take(self, reading: RobotReading) -> None:
-        self.where, self.felt = reading.position, reading.force
-
-    def _settled(self, reading: RobotReading) -> Joints:
-        self.force.take(reading)
-        return self.force.rest
-
-    def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002
-        if encodes:
-            applied: Any = self.applied
-            self._control.observe(applied, self.force.value)
-        return self._control.credit
-
-    def _wanted(self, values: Sequence[Any], elapsed: float) -> Joints | None:
-        commanded = values[0]
-        if commanded is None:
-            return None
-        self.commanded = commanded
-        endpoint = self._endpoint
-        applied: Any = self.applied
-        return self._control.follow(commanded, applied, elapsed, endpoint.credit.known, endpoint.clock.rtt)
-
-    def report(self, row: Row, *, is_led: bool) -> None:
-        super().report(row, is_led=is_led)
-        applied: Any = self.applied
-        row.position, row.output = self.commanded, applied
-        tool = self.tool
-        if tool is not None:
-            row.rotation_output = tool.applied
-            row.clipped, row.ramping = row.clipped or tool.clipped, row.ramping or tool.ramping

@@ -47,10 +47,12 @@ class Watched:
             statistics=self.statistics,
             request_answer=lambda: self.asked.append(self.now),
         )
+        self.hand: Any = SimpleNamespace(command=ZERO, asked=0.0)
         self.watch = HandContact(
             ContactLimiter(10.0, 1.0, 1.0),
             self.decoder,
             link,
+            self.hand,
             least=0.05,
             sent=SentCommands(TICK, 1.0),
             delay=delay,
@@ -72,7 +74,8 @@ class Watched:
 
     def command(self, command: Vector, force: Vector) -> None:
         self.tick += 1
-        self.watch.note_command(command, float(self.tick), norm(force), self.now)
+        self.hand.command, self.hand.asked = command, norm(force)
+        self.watch.begin(float(self.tick), self.now)
 
     def go(self, command: Vector, force: Vector, ticks: int, *, heard: bool = True) -> list[float]:
         """Command this, and ask for this force; returns what is displayed in each tick [N]."""

@@ -11,7 +11,7 @@ from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, AccountParamet
 from weberlink.control.ends import MasterControl
 from weberlink.geometry.vector import ZERO, norm
 from weberlink.master.devices.contract import DeviceReading
-from weberlink.master.operator_port import HandPosition
+from weberlink.master.position import HandPosition
 
 COUPLING = 2500.0
 SETTINGS = SchemeParameters(1e-3, COUPLING, AccountParameters(0.02, 0.01, 1.0, 0.1))

@@ -2,15 +2,17 @@
 
 from collections.abc import Sequence
 from math import inf, nan
+from typing import Any
 
 import pytest
 
 from tests.arms.ends import TICK, Hand, Transparent, link, spec
 from tests.compiled import replaces_methods
-from weberlink.arms.sensor import sensors_of
+from weberlink.arms.contract import ArmFault
+from weberlink.arms.sensor import PressedAxes, sensors_of
 from weberlink.geometry.joints import Joints
 from weberlink.master.gate import PATIENCE, Bound, ContactLimiter, ContactWatch, OutputGate
-from weberlink.master.leader_port import LeaderPort, PressedAxes
+from weberlink.master.operator_port import Display, OperatorPort
 from weberlink.telemetry.row import Row
 
 pytestmark = replaces_methods  # `link` stands in for an endpoint, a compiled class
@@ -40,15 +42,14 @@ class Leading:
             limits, slew, least = sensor.part(most), sensor.part(SLEW), sensor.part((0.02, 0.02, 0.02))
             watch = ContactWatch(contacts[index], self.link, least, delay) if contacts else None
             bounds.append(Bound(limits, slew, RAMP, width=1, contact=watch))
-        self.port = LeaderPort(
-            self.hand,
-            control=self.control,
-            endpoint=self.link,
-            gate=OutputGate(bounds, ramp=RAMP, silence=SILENCE, fade_share=0.8),
-            sensors=self.sensors,
-            button=button,
-            pressed=pressed,
-            displays_torque=any(most),
+        for sensor, axes in zip(self.sensors, pressed, strict=False):
+            sensor.pressed = axes
+        control: Any = self.control
+        channels, write = [len(sensor.value) for sensor in self.sensors], self.hand.display if any(most) else None
+        display = Display(control, channels, write, lambda: self.hand.angles, sensors=self.sensors)
+        gate = OutputGate(bounds, ramp=RAMP, silence=SILENCE, fade_share=0.8)
+        self.port = OperatorPort(
+            self.hand, displays=[display], endpoint=self.link, gate=gate, button=button, fault=ArmFault
         )
         self.now = 0.0
         self.port.open(0.0)
@@ -83,8 +84,6 @@ class Leading:
 
 def test_command_of_control_is_sent_by_channel() -> None:
     leading = Leading()
-    assert leading.port.angles == (0.0, 0.0, 0.0), "until there is a reading"
-    assert leading.port.angle_range == ((-2.0, -1.5, 0.0), (2.0, 1.5, 1.0))
     leading.hand.angles = (0.1, -0.2, 0.3)
     leading.sense()
     assert leading.sensors[0].sample() == ((0.1, -0.2), (0.0, 0.0, 0.0), inf)
@@ -173,15 +172,13 @@ def test_torque_without_a_contact_ends_on_the_channel_that_has_none(delay: float
     assert not leading.port.unfounded
 
 
-def test_record_has_the_gripper_in_the_last_place() -> None:
+def test_record_has_what_the_axes_felt() -> None:
     leading = Leading()
     leading.hand.angles, leading.hand.buttons = (0.1, -0.2, 0.3), 0x1FF
     leading.opened((5.0, 0.1), (0.2,))
     row = Row()
     leading.port.report(row, is_led=True)
-    assert row.joint_position == row.joint_raw == (0.1, -0.2, 0, 0, 0, 0, 0, 0, 0.3)
-    assert row.joint_decoded == (5.0, 0.1, 0, 0, 0, 0, 0, 0, 0.2)
-    assert row.joint_output == (1.0, 0.1, 0, 0, 0, 0, 0, 0, 0.2)
+    assert (leading.port.displays[0].decoded, leading.output) == ((5.0, 0.1, 0.2), (1.0, 0.1, 0.2))
     assert (row.buttons, row.clipped, row.slew_ticks, row.ramping) == (0xFF, True, 0, False)
     leading.tick((-1.0, 0.1), (0.2,))
     assert leading.port.slew_ticks == 1

@@ -13,7 +13,8 @@ from weberlink.control.sent import SentCommands
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
 from weberlink.master.gate import FADE, GRACE, PATIENCE, Bound, ContactLimiter, HandContact, OutputGate
-from weberlink.master.operator_port import Display, HandPort, HandPosition
+from weberlink.master.operator_port import Display, OperatorPort
+from weberlink.master.position import HandPosition
 from weberlink.telemetry.record import RELEASED
 
 pytestmark = replaces_methods  # a stand-in for an endpoint, a compiled class
@@ -94,7 +95,7 @@ class Desk:
         self.hand = HandPosition(self.scheme, lambda force: max(0.1 * force, 0.02))
         self.encoder, self.decoder = Encoder(force_channel(predictor="zoh")), Decoder(force_channel(predictor="zoh"))
         watch = HandContact(
-            ContactLimiter(MOST, FREE_FORCE, 0.5), self.decoder, self.endpoint,
+            ContactLimiter(MOST, FREE_FORCE, 0.5), self.decoder, self.endpoint, self.hand,
             least=0.05, sent=SentCommands(TICK, 1.0), delay=0.0, playout=0,
         )  # fmt: skip
         self.turning = SimpleNamespace(render=lambda torque: torque, displayed=lambda torque: None, told=[])
@@ -104,15 +105,14 @@ class Desk:
             Bound((MOST,), (SLEW,), RAMP, contact=watch if contact else None),
             Bound((MOST_TORQUE,), (TORQUE_SLEW,), RAMP),
         ]
-        self.port = HandPort(
+        force = Display(self.scheme, [3], self.handle.command, lambda: self.hand.value, sensors=[self.hand])
+        torque = Display(turning, [3], self.handle.turn, lambda: (0.1, 0.0, 0.0), first=1)
+        self.port = OperatorPort(
             self.handle,
-            displays=[Display(self.scheme, [3], self.handle.command), Display(turning, [3], self.handle.turn, first=1)],
-            control=self.scheme,
+            displays=[force, torque],
             endpoint=self.endpoint,
-            hand=self.hand,
             gate=OutputGate(bounds, ramp=RAMP, silence=SILENCE, fade_share=FADE_SHARE),
             button=button,
-            turning=(turning, lambda: (0.1, 0.0, 0.0)),
         )
 
     def _request(self) -> None:
@@ -167,7 +167,7 @@ def test_a_jump_counts_as_a_tick_at_the_slew_limit_and_halt_is_zero_at_once() ->
 
 def test_what_the_device_cannot_display_is_computed_and_not_felt() -> None:
     gate, scheme = OutputGate([Bound((1.0,), (SLEW,), RAMP)], ramp=TICK, silence=1.0, fade_share=0.5), Scheme()
-    torque = Display(scheme, [3], None)
+    torque = Display(scheme, [3], None, lambda: ZERO)
     gate.fade(engaged=True, age=0.0, step=TICK)
     for _ in range(round(RAMP / TICK)):
         torque.show([(0.0, 0.0, 9.0)], gate, 0.0, TICK)
@@ -228,7 +228,7 @@ def test_the_command_of_the_scheme_goes_to_the_link_in_every_state() -> None:
     assert desk.hand.sample()[0] == command
     assert desk.port.account(0.002, 17.0, encodes=False) == 7
     assert desk.scheme.told == [("observe", PLACE, 0.002, 17.0, 5, RTT)]
-    assert desk.turning.told == [((0.1, 0.0, 0.0), 0.002)]
+    assert desk.turning.told == [((0.1, 0.0, 0.0), 0.002, 17.0, 5, RTT)]
     assert list(desk.port.controls) == [desk.scheme, desk.turning]
 
 
@@ -255,16 +255,10 @@ def test_the_record_has_what_the_hand_felt() -> None:
     desk.port.buttons = 0x1FF
     desk.port.report(row, is_led=True)
     assert row.__dict__ == {
-        "position": PLACE,
-        "raw": desk.hand.command,
-        "decoded": (0.0, 0.0, 20.0),
-        "output": desk.handle.forces[-1],
         "slew_ticks": 0,
         "clipped": True,
         "ramping": RELEASED,
         "buttons": 0xFF,
-        "rotation_decoded": (0.0, 0.0, 1.0),
-        "rotation_output": desk.handle.torques[-1],
     }
     desk.port.enabled = True
     desk.port.report(row, is_led=True)

@@ -101,8 +101,6 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
         "weberlink.protocol.checksum": not secured,
         "weberlink.control.bounded": scheme == "bounded" and not arms,
         "weberlink_mujoco": arms,
-        "weberlink.master.leader_port": arms and master,
-        "weberlink.slave.follower_port": arms and slave,
         "weberlink.geometry.rotation": turns or mapped,
         "weberlink.master.mapping": mapped,
         "weberlink.master.rotation": turns and master,

@@ -5,13 +5,13 @@ from math import inf, nan
 
 import pytest
 
-from tests.arms.ends import TICK, Servos
+from tests.arms.ends import TICK, Servos, link
 from tests.compiled import replaces_methods
 from weberlink.arms.contract import ArmFault
 from weberlink.arms.sensor import sensors_of
 from weberlink.geometry.joints import Joints
-from weberlink.slave.follower_port import TRIP_RETREAT, FollowerPort, axis_press_limit
-from weberlink.slave.guard import Guard
+from weberlink.slave.guard import TRIP_RETREAT, Guard, axis_press_limit
+from weberlink.slave.robot_port import RobotPort
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
 
@@ -35,7 +35,10 @@ class Following:
             ramp=RAMP, trip_retract=TRIP_RETREAT,
         )  # fmt: skip
         self.joints, self.gripper = self.sensors = sensors_of(self.arm.spec, "torques")
-        self.port = FollowerPort(self.arm, guard=guard, sensors=self.sensors, by_button=True)
+        self.port = RobotPort(
+            self.arm, guard=guard, command=self.arm.follow, sensors=self.sensors, endpoint=link(), by_button=True,
+            fault=ArmFault,
+        )  # fmt: skip
         self.now = 0.0
         self.trips = 0
         self.port.open(0.0)
@@ -130,11 +133,11 @@ def test_after_a_stall_it_holds_without_pressing_more() -> None:
     assert following.tick(None, None, engaged=False) == pytest.approx((0.08, 0.0, 0.5))
 
 
-def test_record_has_the_gripper_in_the_last_place() -> None:
+def test_record_has_where_it_is_and_what_it_feels() -> None:
     following = Following(Servos(walls=(-0.02, -inf, -inf))).there((-0.05, 0.1), (0.2,))
+    port = following.port
+    assert (port.applied, port.where) == ((-0.05, 0.1, 0.2), (-0.02, 0.1, 0.2))
+    assert port.shown(port.felt) == pytest.approx((0.3, 0.0, 0.0))
     row = following.row()
-    assert row.joint_output == (-0.05, 0.1, 0, 0, 0, 0, 0, 0, 0.2)
-    assert row.joint_position == (-0.02, 0.1, 0, 0, 0, 0, 0, 0, 0.2)
-    assert row.joint_raw == pytest.approx((0.3, 0, 0, 0, 0, 0, 0, 0, 0))
-    following.port.report(row, is_led=False)
+    port.report(row, is_led=False)
     assert row.ramping == RELEASED

@@ -11,8 +11,16 @@ from hypothesis import strategies as st
 from tests.examples import examples
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.geometry.joints import Joints
-from weberlink.slave.follower_port import axis_press_limit
-from weberlink.slave.guard import LEAST_STEP, REBOUND, SPRING, TRIP_PAUSE, Guard, PressLimit, PressStep
+from weberlink.slave.guard import (
+    LEAST_STEP,
+    REBOUND,
+    SPRING,
+    TRIP_PAUSE,
+    Guard,
+    PressLimit,
+    PressStep,
+    axis_press_limit,
+)
 
 TICK = 1e-3
 MOST, COUPLING = 6.0, 2500.0

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from tests.examples import examples
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.geometry.vector import ZERO
-from weberlink.slave.follower_port import axis_press_limit
-from weberlink.slave.guard import Guard, PressLimit, PressStep
+from weberlink.slave.guard import Guard, PressLimit, PressStep, axis_press_limit
 from weberlink.slave.robots.contract import Robot, RobotReading
 from weberlink.slave.robots.point import PointOptions, PointRobot
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot

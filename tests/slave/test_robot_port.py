@@ -17,7 +17,7 @@ from weberlink.control.port import Port
 from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, quaternion
 from weberlink.geometry.vector import ZERO, Vector, norm, scale
 from weberlink.slave.guard import TRIP_PAUSE, Guard, PressLimit
-from weberlink.slave.robot_port import RobotPort
+from weberlink.slave.robot_port import ContactForce, RobotPort
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
 from weberlink.slave.rotation import ToolOrientation, ToolTorque
@@ -79,9 +79,11 @@ class Following:
         )  # fmt: skip
         self.tool = ToolOrientation(speed=TURN, approach_speed=TURN_APPROACH, ramp=RAMP)
         link: Any = SimpleNamespace(credit=SimpleNamespace(known=0), clock=SimpleNamespace(rtt=None))
+        self.force = ContactForce(COUPLING)
         self.port = RobotPort(
-            self.robot, guard=self.guard, control=SlaveControl(), endpoint=link, tool=self.tool, by_button=True
-        )
+            self.robot, guard=self.guard, command=self.robot.command, sensors=[self.force], endpoint=link,
+            control=SlaveControl(), tool=self.tool, by_button=True,
+        )  # fmt: skip
         self.torque = ToolTorque(self.port.shown, self.tool)
         self.now, self.trips = 0.0, 0
         self.port.open(0.0)
@@ -90,7 +92,7 @@ class Following:
         """Sense, then actuate; returns what the robot was commanded."""
         self.now += TICK
         reading = self.port.latest(self.now)
-        self.port.force.take(reading)
+        self.force.take(reading)
         self.torque.take(reading)
         self.trips += self.port.accept(reading)
         self.port.actuate([place, turn], self.now, TICK, TICK, engaged=engaged)
@@ -144,7 +146,7 @@ def test_the_control_is_told_what_is_encoded_and_gives_its_credit() -> None:
     assert port.account(TICK, TICK, encodes=False) == 3
     assert told == []
     port.account(TICK, TICK, encodes=True)
-    assert told == [(port.applied, port.force.value)]
+    assert told == [(port.applied, following.force.value)]
 
 
 @pytest.mark.parametrize(("newtons", "hidden"), [(0.99 * LEAST_CONTACT, round(0.2 / TURN_APPROACH / TICK)), (2.0, 1)])
@@ -159,7 +161,7 @@ def test_force_and_torque_fade_in_once_the_robot_is_there_in_every_channel_or_in
     turn = (0.0, 0.0, 0.2)
     for _ in range(400):
         following.tick((0.005, 0.0, 0.0), turn)
-        felt = following.port.force.sample()[0]
+        felt = following.force.sample()[0]
         assert felt == pytest.approx(scale(force, felt[2] / force[2])), "of one direction"
         shown.append((felt[2], following.torque.sample()[0][1]))
     assert set(shown[: hidden - 1]) <= {(0.0, 0.0)} and shown[hidden + 1] > (0.0, 0.0)
@@ -247,8 +249,8 @@ def test_after_a_stall_it_holds_with_the_force_that_it_presses_with() -> None:
 def test_a_reading_of_no_use_is_named_and_ends_the_opening(at: Vector, force: Vector) -> None:
     following = Following()
     port = following.port
-    assert port.force.complaint(RobotReading(0.0, ZERO, ZERO)) is None
-    assert "reports" in (port.force.complaint(RobotReading(0.0, at, force)) or "")
+    assert following.force.complaint(RobotReading(0.0, ZERO, ZERO)) is None
+    assert "reports" in (following.force.complaint(RobotReading(0.0, at, force)) or "")
     following.robot.at, following.robot.force = at, force
     with pytest.raises(RobotFault, match="tip reports"):
         port.open(0.0)
@@ -262,9 +264,9 @@ def test_it_is_a_port_and_its_record_says_what_it_did() -> None:
     following.there((0.01, 0.0, 0.0), (0.0, 0.0, 0.3))
     following.tick((9.0, 0.0, 0.0), (0.0, 0.0, 0.3))
     row = following.row()
-    assert (row.position, row.output) == ((9.0, 0.0, 0.0), following.port.applied)
+    assert following.port.commanded == (9.0, 0.0, 0.0)
     assert row.clipped
-    assert row.rotation_output == pytest.approx((0.0, 0.0, 0.3))
+    assert following.tool.applied == pytest.approx((0.0, 0.0, 0.3))
     assert following.row().ramping is False
     assert following.row(is_led=False).ramping == RELEASED
     following.tick(following.port.applied, (0.0, 0.0, 2.0))
@@ -306,8 +308,7 @@ def test_samples_of_a_moving_robot_lie_on_the_static_line_of_the_wall(
     """At any speed, they are the force of two springs in series, at a command that no lag has touched."""
     surface = Scene([SceneObject(PlaneShape(ZERO, UP), wall)])
     robot = SimulatedRobot(SimulatedOptions(mass_kg=mass, stiffness_n_m=coupling, force_n=1e4), surface, TICK)
-    felt, series = Following().there(ZERO).port.force, wall * coupling / (wall + coupling)
-    felt._compliance = 1.0 / coupling
+    felt, series = ContactForce(coupling), wall * coupling / (wall + coupling)
     robot.open(0.0)
     touched, lag = 0, 0.0
     for tick in range(1, 1001):

@@ -2,18 +2,41 @@
 
 from collections.abc import Callable
 from math import inf
-from typing import Literal
+from typing import Any, Literal
 
 from weberlink.arms.contract import ArmReading, ArmSpec
 from weberlink.geometry.joints import Joints, is_finite
 from weberlink.geometry.vector import ZERO, Vector
 
 
+class PressedAxes:
+    """How much of the deadbands `bounds` [rad] of some angles may stay unsent while the follower presses on something.
+
+    There, an error e of an angle changes the torque by up to K e, with the stiffness K of the follower [N m/rad]. So an
+    error stays unsent only if K e is within the deadband of the displayed torque, `torque_bound` of axis and torque [N
+    m].
+    """
+
+    def __init__(self, bounds: Joints, coupling: Joints, torque_bound: Callable[[int, float], float]) -> None:
+        self._scales = [1.0 / (bound * stiffness) for bound, stiffness in zip(bounds, coupling, strict=True)]
+        self._torque_bound = torque_bound
+
+    def share(self, torques: Joints) -> float:
+        """The largest share of all deadbands, for these torques as displayed [N m]; inf where nothing is pressed."""
+        most = inf
+        for index, scale in enumerate(self._scales):
+            torque = abs(torques[index])
+            bound = self._torque_bound(index, torque)
+            if torque > bound:
+                most = min(most, bound * scale)
+        return most
+
+
 class AxesSensor:
     """The angles or torques of the axes `first` to before `last` of an arm with `axes`, gripper included, as a channel.
 
-    `value` is the newest usable measurement [rad | N m], of which `shown` gives what may be sent, None for all. Its
-    port sets `most`, the largest share of each deadband that may stay unsent.
+    `value` is the newest usable measurement [rad | N m], of which `shown` gives what may be sent, None for all.
+    `pressed`: of a leader, for a follower whose stiffness is known.
     """
 
     def __init__(self, quantity: Literal["angles", "torques"], first: int, last: int, axes: int) -> None:
@@ -21,7 +44,8 @@ class AxesSensor:
         self._first, self._last, self._axes = first, last, axes
         self.value: Joints = (0.0,) * (last - first)
         self.shown: Callable[[Joints], Joints] | None = None
-        self.most = inf
+        self.pressed: PressedAxes | None = None
+        self._most = inf
 
     def complaint(self, reading: ArmReading) -> str | None:
         """Why a reading cannot be used: of all axes, since neither end acts on some without the others."""
@@ -39,8 +63,19 @@ class AxesSensor:
         """The entries of its axes, of a vector of all axes."""
         return values[self._first : self._last]
 
+    def felt(self, decoded: Joints, output: Joints, asked: float) -> None:  # noqa: ARG002 - as of a hand
+        if self.pressed is not None:
+            self._most = self.pressed.share(self.part(decoded))
+
+    def place(self, reading: ArmReading) -> tuple[Joints, Joints]:
+        return reading.angles, reading.torques
+
+    def held(self, reading: ArmReading, guard: Any) -> Joints:
+        held: Joints = guard.near(reading.angles)
+        return held
+
     def sample(self) -> tuple[Joints, Vector, float]:
-        return self.value if self.shown is None else self.shown(self.value), ZERO, self.most
+        return self.value if self.shown is None else self.shown(self.value), ZERO, self._most
 
 
 def sensors_of(spec: ArmSpec, quantity: Literal["angles", "torques"]) -> list[AxesSensor]:

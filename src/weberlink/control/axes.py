@@ -50,7 +50,7 @@ class BoundedAxes(AxesMaster):
     def energy(self) -> float:
         return self._account.energy
 
-    def observe(self, position: Joints, elapsed: float) -> None:
+    def observe(self, position: Joints, elapsed: float, tick: float, peer_credit: int, rtt: float | None) -> None:  # noqa: ARG002
         before, self._position, self._elapsed = self._position, position, elapsed
         if before is None or not self._held:
             return

@@ -141,13 +141,9 @@ class AxesMaster(Control):
 
     __slots__ = ()
 
-    def observe(self, position: Joints, elapsed: float) -> None:
-        """Book the work of the last tick.
-
-        Args:
-            position: angles of all axes [rad]; only their changes count.
-            elapsed: time since the last call [s].
-        """
+    def observe(self, position: Joints, elapsed: float, tick: float, peer_credit: int, rtt: float | None) -> None:
+        """Book the work of the last tick; as of `MasterControl`, but for the angles of all axes [rad]: only their
+        changes count."""
 
     def render(self, torque: Joints) -> Joints:
         """The torques to display [N m], given the decoded ones [N m]."""

@@ -5,6 +5,7 @@ from typing import Any, ClassVar, Protocol
 
 from weberlink.compiled import mypyc_attr
 from weberlink.control.ends import Control
+from weberlink.geometry.joints import Joints
 
 
 class Sensor(Protocol):
@@ -35,26 +36,27 @@ class Port:
     Args:
         source: the device, robot or arm, not yet open.
         controls: this end of the control scheme: of the force and, with six degrees of freedom, of the torque.
+        fault: what `open` and `latest` raise if the device or robot cannot continue.
 
     Attributes:
         kind: "device" or "robot", for messages.
         leads: whether this is the operator's end.
-        fault: what `open` and `latest` raise if the device or robot cannot continue.
         enabled: whether the operator enables motion with the button of `master.engage`.
         ended: whether a script or a recording is over.
         tripped: whether a contact force above its limit stops the robot from following.
+        angle_range: least and largest angles of an arm [rad]; None of a hand or its robot.
         unfounded: whether a force is asked for that the other end has stated no contact for: it is faded out.
     """
 
     kind: ClassVar[str] = "robot"
     leads: ClassVar[bool] = False
-    fault: ClassVar[type[Exception]] = RuntimeError
 
-    def __init__(self, source: Any, controls: Sequence[Control]) -> None:
-        self._source = source
+    def __init__(self, source: Any, controls: Sequence[Control], fault: type[Exception]) -> None:
+        self._source, self.fault = source, fault
         self.name: str = source.spec.name
         self.controls = controls
         self.enabled = True
+        self.angle_range: tuple[Joints, Joints] | None = None
         self.ended = self.tripped = self.unfounded = False
 
     @property

@@ -8,7 +8,7 @@ from weberlink.codec import Decoder, Encoder
 from weberlink.codec.predictors.model import Hold
 from weberlink.control.contract import UNREACHED_S
 from weberlink.control.ends import MasterControl
-from weberlink.control.port import Sensor
+from weberlink.control.port import Port, Sensor
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.protocol.events import Statistics
@@ -110,16 +110,15 @@ class IncomingChannel:
 class Rows:
     """Fills in what a record holds of the streams: those of a hand and its rotation, or of an arm and its gripper."""
 
-    def __init__(
-        self, outgoing: Sequence[OutgoingChannel], incoming: Sequence[IncomingChannel], *, leads: bool
-    ) -> None:
-        self._outgoing, self._incoming, self._leads = outgoing, incoming, leads
+    def __init__(self, outgoing: Sequence[OutgoingChannel], incoming: Sequence[IncomingChannel], port: Port) -> None:
+        self._outgoing, self._incoming, self._leads = outgoing, incoming, port.leads
+        self._port: Any = port
         self._is_arm, self._has_second = incoming[0].decoder.is_arm, len(outgoing) > 1
         parts = [ARM] if self._is_arm else [HAND, ROTATION] if self._has_second else [HAND]
         self.layout = Layout(parts)
 
     def fill(self, row: Row, statistics: Statistics) -> None:
-        outgoing = self._outgoing[0]
+        outgoing: Any = self._outgoing[0]
         encoder = outgoing.encoder
         row.bound = encoder.bound
         row.sent = outgoing.update is not None
@@ -135,12 +134,17 @@ class Rows:
         coded: Any = encoder.coded
         row.raw, row.coded, row.predicted = outgoing.sensor.value, coded, predicted or UNKNOWN
         sends, receives = encoder.mirror, self._incoming[0].decoder
+        port = self._port
         if self._leads:
             force, row.position_selected = receives, sends.selected
+            display = port.displays[0]
+            row.position, row.raw = outgoing.sensor.value, outgoing.sensor.command
+            row.decoded, row.output = display.decoded, display.output
         else:
             force, row.position_selected = sends, receives.selected
             held: Any = encoder.held
             row.decoded = held or ZERO
+            row.position, row.output = port.commanded, port.applied
         row.selected = force.selected
         row.model, row.surface, row.surface_size, row.surface_stiffness = force.record
         if self._has_second:
@@ -149,11 +153,12 @@ class Rows:
     def _fill_rotation(self, row: Row, statistics: Statistics) -> None:
         rotation, encoder = self._outgoing[1], self._outgoing[1].encoder
         if self._leads:
-            row.rotation_selected = self._incoming[1].decoder.selected
+            row.rotation_selected, display = self._incoming[1].decoder.selected, self._port.displays[1]
+            row.rotation_decoded, row.rotation_output = display.decoded, display.output
         else:
             row.rotation_selected = encoder.mirror.selected
             held: Any = encoder.held
-            row.rotation_decoded = held or ZERO
+            row.rotation_decoded, row.rotation_output = held or ZERO, self._port.tool.applied
         row.rotation_updates_sent = statistics.updates_sent[1]
         row.rotation_updates_received = statistics.updates_received[1]
         row.rotation_raw = rotation.sensor.value
@@ -164,14 +169,20 @@ class Rows:
     def _fill_arm(self, row: Row, statistics: Statistics) -> None:
         predicted: Joints = ()
         held: Joints = ()
+        values: Joints = ()
         for stream in self._outgoing:
             count = len(stream.sensor.value)
             predicted += stream.encoder.predicted or (nan,) * count
             held += stream.encoder.held or (0.0,) * count
-        joints = len(self._outgoing[0].sensor.value)
-        row.joint_predicted = placed(predicted, joints)
-        if not self._leads:
-            row.joint_decoded = placed(held, joints)
+            values += stream.sensor.value
+        joints, port = len(self._outgoing[0].sensor.value), self._port
+        if self._leads:
+            where, sent, decoded, output = values, values, port.displays[0].decoded, port.displays[0].output
+        else:
+            where, sent, decoded, output = port.where, port.shown(values), held, port.applied
+        row.joint_predicted, row.joint_position = placed(predicted, joints), placed(where, joints)
+        row.joint_raw, row.joint_decoded = placed(sent, joints), placed(decoded, joints)
+        row.joint_output = placed(output, joints)
         if self._has_second:
             row.gripper_updates_sent = statistics.updates_sent[1]
             row.gripper_updates_received = statistics.updates_received[1]

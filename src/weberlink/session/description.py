@@ -65,7 +65,7 @@ def describe(configuration: Configuration, side: str, name: str = "", port: Port
     force, torque = banks(system)
     options = {} if system.link.finder is None else system.link.finder.options
     secret: dict[str, Any] = {"key_file": True, "finder": {name: True for name in options if name != "peer"}}
-    angles = getattr(port, "angle_range", None)
+    angles = None if port is None else port.angle_range
     return {
         "side": side,
         "name": name or getattr(system.link.names, side) or default_name(side, system.link.listen),

@@ -119,7 +119,7 @@ class Side:
         self._waiting: deque[tuple[float, UpdateReceived]] = deque()
         """Updates that are not to be used yet."""
         self._row = Row()
-        self._rows = Rows(outgoing, incoming, leads=port.leads)
+        self._rows = Rows(outgoing, incoming, port)
         self.layout = self._rows.layout
         """Of the records of this side."""
         self._datagrams = -1

@@ -1,10 +1,9 @@
 """Builds both ends of a session of arms, from a configuration."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
-from weberlink.arms.contract import ArmSpec, FollowerArm, LeaderArm
-from weberlink.arms.sensor import AxesSensor, sensors_of
+from weberlink.arms.contract import ArmFault, ArmSpec, FollowerArm, LeaderArm
+from weberlink.arms.sensor import AxesSensor, PressedAxes, sensors_of
 from weberlink.codec import Decoder, Encoder
 from weberlink.codec.sample import INT16_MAX
 from weberlink.config import Configuration, ConfigurationError, System
@@ -16,9 +15,6 @@ from weberlink.session.channels import IncomingChannel, OutgoingChannel
 from weberlink.session.composition.channels import account, longest_round_trip, signal_delay, streams
 from weberlink.session.composition.link import Parts, build_driver, build_tuning, with_file_name
 
-if TYPE_CHECKING:
-    from weberlink.master.leader_port import PressedAxes
-
 SLEW_S = 0.05
 """Time in which the torque of a leader may rise to its largest, where the file does not say otherwise [s]."""
 
@@ -27,7 +23,7 @@ def build_leading(configuration: Configuration, endpoint: Endpoint) -> Parts:
     """The port of a leader arm, its channels out and in, and the settings that may change."""
     from weberlink.control.axes import LEVER, build_axes  # noqa: PLC0415 - for this end alone
     from weberlink.master.gate import Bound, ContactLimiter, ContactWatch  # noqa: PLC0415 - likewise
-    from weberlink.master.leader_port import LeaderPort  # noqa: PLC0415 - likewise
+    from weberlink.master.operator_port import Display, OperatorPort  # noqa: PLC0415 - likewise
     from weberlink.session.composition.master import build_gate  # noqa: PLC0415 - likewise
 
     system, leader = configuration.system, build_leader(configuration)
@@ -50,31 +46,38 @@ def build_leading(configuration: Configuration, endpoint: Endpoint) -> Parts:
     def torque_bound(axis: int, torque: float) -> float:
         return max(tuning.settings.weber * torque, floors[axis])
 
-    pressed = [_pressed(joints.angle, len(joints.names), torque_bound)]
+    groups: list[tuple[AngleCodecSettings, Callable[[int, float], float]]] = [(joints.angle, torque_bound)]
     if gripper is not None:
         weber = gripper.torque.weber
-        pressed.append(_pressed(gripper.angle, 1, lambda _, torque: max(weber * torque, floors[-1])))
-    port = LeaderPort(
+        groups.append((gripper.angle, lambda _, torque: max(weber * torque, floors[-1])))
+    for sensor, (angle, bound) in zip(sensors, groups, strict=True):
+        if angle.coupling_nm_rad is not None:
+            count = len(sensor.value)
+            coupling = per_axis(angle.coupling_nm_rad, count)
+            sensor.pressed = PressedAxes(per_axis(angle.bound_rad, count), coupling, bound)
+    display = Display(
+        build_axes(system.control.scheme, LEVER, account(system.control, system.master.mapping)),
+        [len(sensor.value) for sensor in sensors],
+        leader.display if any(most) else None,
+        lambda: sensors[0].value if gripper is None else sensors[0].value + sensors[1].value,
+        sensors=sensors,
+    )
+    port = OperatorPort(
         leader,
-        control=build_axes(system.control.scheme, LEVER, account(system.control, system.master.mapping)),
+        displays=[display],
         endpoint=endpoint,
         gate=build_gate(system, bounds),
-        sensors=sensors,
         button=None if engage is None else engage.button,
-        pressed=pressed,
-        displays_torque=any(most),
+        fault=ArmFault,
     )
+    port.angle_range = leader.spec.lower, leader.spec.upper
     return port, outgoing, incoming, tuning
 
 
-def build_following(configuration: Configuration) -> Parts:
+def build_following(configuration: Configuration, endpoint: Endpoint) -> Parts:
     """The port of a follower arm, its channels out and in, and the settings that may change."""
-    from weberlink.slave.follower_port import (  # noqa: PLC0415 - for this end alone
-        TRIP_RETREAT,
-        FollowerPort,
-        axis_press_limit,
-    )
-    from weberlink.slave.guard import Guard  # noqa: PLC0415 - likewise
+    from weberlink.slave.guard import TRIP_RETREAT, Guard, axis_press_limit  # noqa: PLC0415 - for this end alone
+    from weberlink.slave.robot_port import RobotPort  # noqa: PLC0415 - likewise
 
     system, follower = configuration.system, build_follower(configuration)
     spec, limits = follower.spec, system.slave.limits
@@ -96,7 +99,17 @@ def build_following(configuration: Configuration) -> Parts:
         ramp=limits.ramp_ms * 1e-3,
         trip_retract=TRIP_RETREAT,
     )
-    port = FollowerPort(follower, guard=guard, sensors=sensors, by_button=system.master.engage is not None)
+    by_button = system.master.engage is not None
+    port = RobotPort(
+        follower,
+        guard=guard,
+        command=follower.follow,
+        sensors=sensors,
+        endpoint=endpoint,
+        by_button=by_button,
+        fault=ArmFault,
+    )
+    port.angle_range = lower, upper
     outgoing, incoming = _channels(system, sensors, leads=False)
     return port, outgoing, incoming, build_tuning(system, outgoing[0].encoder)
 
@@ -108,17 +121,6 @@ def _channels(
     sent, received = streams(system) if leads else streams(system)[::-1]
     outgoing = [OutgoingChannel(Encoder(channel), sensor) for channel, sensor in zip(sent, sensors, strict=True)]
     return outgoing, [IncomingChannel(Decoder(channel)) for channel in received]
-
-
-def _pressed(
-    angle: AngleCodecSettings, count: int, torque_bound: Callable[[int, float], float]
-) -> "PressedAxes | None":
-    """What may stay unsent of pressed axes; None where the file states no stiffness."""
-    from weberlink.master.leader_port import PressedAxes  # noqa: PLC0415 - for the leader alone
-
-    if angle.coupling_nm_rad is None:
-        return None
-    return PressedAxes(per_axis(angle.bound_rad, count), per_axis(angle.coupling_nm_rad, count), torque_bound)
 
 
 @with_file_name

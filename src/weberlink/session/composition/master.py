@@ -12,7 +12,8 @@ from weberlink.control.table import build_master_control
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.contract import Device, DeviceSpec, TorqueDevice
 from weberlink.master.gate import Bound, ContactLimiter, HandContact, OutputGate
-from weberlink.master.operator_port import Display, HandPort, HandPosition
+from weberlink.master.operator_port import Display, OperatorPort
+from weberlink.master.position import HandPosition
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.liveness import FADE_SHARE
 from weberlink.session.channels import IncomingChannel, OutgoingChannel
@@ -66,10 +67,12 @@ def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
         return relative if relative > floor else floor
 
     free, longest = free_force(system), longest_round_trip(system) + signal_delay(system)
+    hand = HandPosition(control, force_bound, free)
     contact = HandContact(
         ContactLimiter(force_limit, free, longest),
         force_decoder,
         endpoint,
+        hand,
         least=least_contact(system),
         sent=SentCommands(system.tick_period, longest),
         delay=signal_delay(system),
@@ -78,11 +81,9 @@ def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
     limits, engage = system.master.limits, system.master.engage
     ramp = limits.ramp_ms * 1e-3
     bounds = [Bound((force_limit,), (_force_slew(system, device),), ramp, contact=contact)]
-    displays = [Display(control, [3], device.command)]
-    hand = HandPosition(control, force_bound, free)
+    displays = [Display(control, [3], device.command, lambda: hand.value, sensors=[hand])]
     outgoing = [OutgoingChannel(Encoder(forward[0]), hand)]
     incoming = [IncomingChannel(force_decoder, hand, control)]
-    turning = None
     if system.codec.rotation is not None:
         from weberlink.control.axes import HANDLE, build_axes  # noqa: PLC0415 - for six degrees of freedom alone
         from weberlink.master.rotation import HandOrientation  # noqa: PLC0415 - likewise
@@ -97,18 +98,9 @@ def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
         most = min(most, displayed) if displayed > 0.0 else most
         bounds.append(Bound((most,), (_torque_slew(system, device),), ramp))
         turn = device.turn if isinstance(device, TorqueDevice) and displayed > 0.0 else None
-        displays.append(Display(torques, [3], turn, first=1))
-        turning = torques, lambda: orientation.turned
-    port = HandPort(
-        device,
-        displays=displays,
-        control=control,
-        endpoint=endpoint,
-        hand=hand,
-        gate=build_gate(system, bounds),
-        button=None if engage is None else engage.button,
-        turning=turning,
-    )
+        displays.append(Display(torques, [3], turn, lambda: orientation.turned, first=1))
+    button = None if engage is None else engage.button
+    port = OperatorPort(device, displays=displays, endpoint=endpoint, gate=build_gate(system, bounds), button=button)
     return port, outgoing, incoming, tuning
 
 

@@ -19,7 +19,7 @@ def build_side(configuration: Configuration, side: str, context: Context) -> Sid
     if system.codec.joints is not None:
         from weberlink.session.composition import arms  # noqa: PLC0415
 
-        parts = arms.build_leading(configuration, endpoint) if side == MASTER else arms.build_following(configuration)
+        parts = (arms.build_leading if side == MASTER else arms.build_following)(configuration, endpoint)
     elif side == MASTER:
         from weberlink.session.composition.master import build_hand  # noqa: PLC0415
 

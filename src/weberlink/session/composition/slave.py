@@ -21,7 +21,7 @@ from weberlink.session.composition.link import (
     with_file_name,
 )
 from weberlink.slave.guard import Guard, PressLimit, Workspace
-from weberlink.slave.robot_port import RobotPort
+from weberlink.slave.robot_port import ContactForce, RobotPort
 from weberlink.slave.robots.contract import OrientedRobot, Robot
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.settings import build
@@ -51,6 +51,7 @@ def build_led(configuration: Configuration, endpoint: Endpoint, live: Stopwatch 
 
         tool = ToolOrientation(speed=limits.turn_rad_s, approach_speed=limits.approach_turn_rad_s, ramp=ramp)
     lower, upper = workspace_of(configuration, robot)
+    force = ContactForce(spec.stiffness_n_m)
     press = PressLimit(press_limit(system, robot), spec.stiffness_n_m, damping=DAMPING_MOST, contact=LEAST_CONTACT)
     port = RobotPort(
         robot,
@@ -66,8 +67,10 @@ def build_led(configuration: Configuration, endpoint: Endpoint, live: Stopwatch 
             trip_retract=limits.retract_m,
             retract=limits.retract_m if limits.on_silence == "retract" else 0.0,
         ),
-        control=build_control(configuration, build_slave_control, spec.stiffness_n_m),
+        command=robot.command,
+        sensors=[force],
         endpoint=endpoint,
+        control=build_control(configuration, build_slave_control, spec.stiffness_n_m),
         tool=tool,
         by_button=system.master.engage is not None,
     )
@@ -76,7 +79,7 @@ def build_led(configuration: Configuration, endpoint: Endpoint, live: Stopwatch 
         return port.follows
 
     unreached = Unreached(force_encoder.mirror, lambda: port.led(0), follows, least_contact(system), system.tick_period)
-    outgoing = [OutgoingChannel(force_encoder, port.force, unreached)]
+    outgoing = [OutgoingChannel(force_encoder, force, unreached)]
     incoming = [IncomingChannel(Decoder(forward[0]))]
     if rotation is not None:
         torque_encoder, least = Encoder(backward[1]), rotation.torque.floor_nm
