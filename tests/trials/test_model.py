@@ -11,8 +11,8 @@ QUICK = {
     "link: R changes, datagrams held until stamps and echoes wrap": True,
     "link 4: no replay window": False,
     "link 19: next proposal at once": False,
-    "streams: lost apart, interruptions": True,
-    "streams: who follows is not held": False,
+    "streams: one of each end": True,
+    "streams: who returns does not know that it is shown": False,
     "streams 2: a new update starts the time anew": False,
 }
 

@@ -81,7 +81,9 @@ PASSING = (
     ),
     Run("authority: two masters, two slaves, all recorded", "authority"),
     Run("streams: lost apart, interruptions", "streams"),
+    Run("streams: one of each end", "streams", ("WAYS=2",)),
     Run("streams: limit of 3", "streams", ("LIMIT=3",)),
+    Run("streams: one of each end, limit of 3", "streams", ("WAYS=2", "LIMIT=3")),
 )
 
 FORMER = (
@@ -95,6 +97,7 @@ FORMER = (
     Run("authority: an old HELLO is answered", "authority", ("PROTOCOL=0", "CHECK=3")),
     Run("streams: who follows is not held", "streams", ("PROTOCOL=0", "CHECK=1")),
     Run("streams: one stream stands for both", "streams", ("PROTOCOL=0", "CHECK=2")),
+    Run("streams: who returns does not know that it is shown", "streams", ("PROTOCOL=1", "WAYS=2", "CHECK=4")),
 )
 
 MUTANTS = (
@@ -150,6 +153,7 @@ MUTANTS = (
     Run("streams 3: an end follows at once after an interruption", "streams", ("MUTANT=3",)),
     Run("streams 4: an update of one stream stands for both", "streams", ("MUTANT=4",)),
     Run("streams 5: heartbeats stand for updates", "streams", ("MUTANT=5",)),
+    Run("streams 6: what was heard before the interruption counts", "streams", ("WAYS=2", "MUTANT=6")),
 )
 
 
