@@ -1,9 +1,8 @@
 """How the suite runs, alone or shared among workers (`pytest -n`).
 
-A test marked `realtime` runs live sessions, in which a slow machine looks like a fault. Such tests come last. They run
-alone, unless this user may use SCHED_FIFO: daemons then go before all other work, and only those marked
-`realtime(alone=True)`, which measure time, run alone. No test is run again: one that fails once is wrong, or has found
-something. Tests marked `hunt` explore; they run with `--hunt` only.
+A test marked `realtime` runs live sessions, in which a slow machine looks like a fault. Such tests come last, and each
+alone unless this user may use SCHED_FIFO: daemons then go before all other work. No test is run again: one that fails
+once is wrong, or has found something. Tests marked `hunt` explore; they run with `--hunt` only.
 """
 
 import fcntl
@@ -48,7 +47,7 @@ def is_realtime(item: pytest.Item) -> bool:
 
 
 def is_alone(item: pytest.Item) -> bool:
-    return any(mark.kwargs.get("alone", not may_use_fifo()) for mark in item.iter_markers("realtime"))
+    return is_realtime(item) and not may_use_fifo()
 
 
 @cache
@@ -69,9 +68,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         items[:] = [item for item in items if item not in explores]
     before = took_before(config)
 
-    def place(item: pytest.Item) -> tuple[bool, bool, float, str]:
+    def place(item: pytest.Item) -> tuple[bool, float, str]:
         path = item.location[0]
-        return is_alone(item), is_realtime(item), -before.get(path, inf), path
+        return is_realtime(item), -before.get(path, inf), path
 
     items.sort(key=place)
 

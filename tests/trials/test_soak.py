@@ -13,7 +13,7 @@ from tests.program import ROOT
 from tests.wait import PATIENCE
 from weberlink.telemetry.runtime_directory import Places
 
-pytestmark = pytest.mark.realtime(alone=True)
+pytestmark = pytest.mark.realtime
 
 
 @pytest.mark.parametrize(

@@ -19,9 +19,10 @@ from tests.program import ROOT
 from tests.wait import PATIENCE, until
 from weberlink.hardware.emulator import EMULATORS
 from weberlink.testing.serving import PtyDevice
+from weberlink.testing.time import ahead_of_other_work
 from weberlink_arms.feetech.arm import SO101
 
-pytestmark = pytest.mark.realtime(alone=True)
+pytestmark = pytest.mark.realtime
 
 WALL_RAD, GOAL_RAD, STIFFNESS_NM_RAD = 0.15, 0.55, 100.0
 SETTLES_S, AFTER_S = 0.3, 0.6
@@ -67,7 +68,7 @@ def arm_that_is_led(family: Family, folder: Path) -> Iterator[tuple[list[str], A
 @contextmanager
 def pushing(family: Family, folder: Path) -> Iterator[tuple[subprocess.Popen[str], Any]]:
     """The process and the emulated arm, once it has pushed for `SETTLES_S`."""
-    with arm_that_is_led(family, folder) as (command, emulator):
+    with ahead_of_other_work(), arm_that_is_led(family, folder) as (command, emulator):
         process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
         try:
             pushes = lasting(lambda: push(emulator, family) > family.push, SETTLES_S)

@@ -68,7 +68,7 @@ class TestForceDimension(ForceDimension, ForceDeviceContract):
     TAKEN = ({"force_n": 12.0, "watchdog_ms": 5.0}, {"watchdog_ms": 31.875}, {"watchdog_ms": 0.0})
 
 
-@pytest.mark.realtime(alone=True)
+@pytest.mark.realtime
 class TestHostOfForceDimension(ForceDimension, StoppedHostContract): ...
 
 
@@ -110,7 +110,7 @@ class TestHaply(Haply, LockStepContract):
     )
 
 
-@pytest.mark.realtime(alone=True)
+@pytest.mark.realtime
 class TestHostOfHaply(Haply, StoppedHostContract):
     PATIENT: ClassVar = {"reply_ms": 100.0}
 
@@ -132,7 +132,7 @@ class TestInverse3(Inverse3, LockStepContract):
     TAKEN = ({"port": "ws://host:1/#0A"},)
 
 
-@pytest.mark.realtime(alone=True)
+@pytest.mark.realtime
 class TestHostOfInverse3(Inverse3, StoppedHostContract):
     PATIENT: ClassVar = {"reply_ms": 100.0}
 
@@ -167,7 +167,7 @@ class TestTouch(Touch, ForceDeviceContract):
     UNHEARD = ("unplug",)
 
 
-@pytest.mark.realtime(alone=True)
+@pytest.mark.realtime
 class TestHostOfTouch(Touch, StoppedHostContract): ...
 
 

@@ -16,7 +16,7 @@ import pytest
 from pydantic import ConfigDict, Field, TypeAdapter
 
 from plugins.page.tests.monitors import Monitor
-from tests.program import ENGAGED, Telemetry, document
+from tests.program import ENGAGED, PATIENT, Telemetry, document
 from tests.wait import PATIENCE, soon
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.ring import default_path
@@ -65,8 +65,9 @@ class Page:
         await soon(lambda: "answer" in self.newest, "the answer")
         return self.newest["answer"]
 
-    async def drive(self, target: Target, condition: Callable[[], object], what: str) -> None:
-        """Hold the handle, as a page does, until a condition holds."""
+    @asynccontextmanager
+    async def holding(self, target: Target) -> AsyncIterator[None]:
+        """Hold the handle, as a page does."""
 
         async def repeat() -> None:
             while True:
@@ -74,8 +75,13 @@ class Page:
                 await asyncio.sleep(1 / 60)
 
         repeating = asyncio.create_task(repeat())
-        await soon(condition, what)
+        yield
         repeating.cancel()
+
+    async def drive(self, target: Target, condition: Callable[[], object], what: str) -> None:
+        """Hold the handle until a condition holds."""
+        async with self.holding(target):
+            await soon(condition, what)
 
     def abort(self) -> None:
         """Break the connection without a word."""
@@ -122,8 +128,9 @@ async def one_drives(driver: Page, watcher: Page) -> None:
     await ends.engage()
     for target in (ABOVE, ASIDE, ABOVE):
         await driver.drive(target, lambda target=target: ends.is_at(target), "the handle to follow the pointer")
-    await watcher.drive(PRESSED, lambda: watcher.handle == "taken", "the handle to be taken")
-    assert (driver.handle, ends.master.last["position"][2] > 0.0) == ("yours", True), "who watches does not drive"
+    async with driver.holding(ABOVE):
+        await watcher.drive(PRESSED, lambda: watcher.handle == "taken", "the handle to be taken")
+        assert (driver.handle, ends.master.last["position"][2] > 0.0) == ("yours", True), "who watches does not drive"
     await driver.drive(PRESSED, lambda: ends.force_n > 1.0, "the wall")
     assert ends.master.last["position"][2] > SURFACE_M > PRESSED[2]
     assert (await driver.answer(type="change", weber=0.05))["accepted"]
@@ -133,7 +140,7 @@ async def one_drives(driver: Page, watcher: Page) -> None:
     pressed_n = ends.force_n
     driver.abort()
     await soon(lambda: ends.master.last["ramping"] == RELEASED and ends.force_n == 0.0, "the release")
-    after = ends.master.records[-5000:]
+    after = ends.master.records
     pulled = np.linalg.norm(after["output"], axis=1) > 0.01 * pressed_n
     led_last = int(np.flatnonzero(after["ramping"] != RELEASED)[-1])
     assert 0 < np.count_nonzero(pulled[led_last + 1 :]) <= RAMP_TICKS
@@ -173,7 +180,7 @@ def test_a_visit(tmp_path: Path) -> None:
             await one_drives(driver, watcher)
             await another_scene_until_the_emergency(client, monitor, watcher)
 
-    with Monitor(tmp_path, command="try") as monitor:
+    with Monitor(tmp_path, *PATIENT, *("--set", "master.device.silence_ms=5000"), command="try") as monitor:
         asyncio.run(visit(monitor))
         monitor.send(signal.SIGINT)
         status, said = monitor.finish()

@@ -23,7 +23,7 @@ from weberlink.master.devices.contract import Device, DeviceFault, TorqueDevice
 from weberlink.master.devices.threaded_device import RAMP_S
 from weberlink.session.composition.master import check_force_ends
 from weberlink.testing import pushing_host
-from weberlink.testing.time import TICK, real_time, until
+from weberlink.testing.time import TICK, ahead_of_other_work, real_time, until
 
 PUSH: Vector = (0.0, 1.0, 0.0)
 HOST_N = 0.8
@@ -351,7 +351,7 @@ class StoppedHostContract(BenchedDevice):
     """Options with which a driver waits longest."""
 
     def test_force_ends_while_the_host_does_nothing(self, tmp_path: Path) -> None:
-        with self.make_bench(tmp_path, **self.PATIENT) as bench:
+        with ahead_of_other_work(), self.make_bench(tmp_path, **self.PATIENT) as bench:
             felt = bench.felt
             assert felt is not None
             command = python("-m", pushing_host.__name__, self.NAME, json.dumps(bench.options), str(HOST_N))

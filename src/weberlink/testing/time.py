@@ -1,6 +1,8 @@
 """Times of ticks for drivers, of a clock that only counts or of the real one, and waiting for what must come."""
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from time import monotonic, sleep
 from typing import TypeVar
 
@@ -9,7 +11,7 @@ import pytest
 T = TypeVar("T")
 
 TICK = 0.001
-PATIENCE = 60.0
+PATIENCE = 180.0
 """Until a test gives up on what must come [s]; says nothing about how fast the program has to be."""
 PAUSE = 0.01
 
@@ -31,6 +33,18 @@ def real_time() -> Callable[[], float]:
         return monotonic()
 
     return tick
+
+
+@contextmanager
+def ahead_of_other_work() -> Iterator[None]:
+    """This thread, and all that it starts meanwhile, goes before ordinary work of a busy machine, where it may."""
+    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+    with suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, policy, parameters)
 
 
 def until(condition: Callable[[], T], what: str, *, patience: float = PATIENCE, pause: float = PAUSE) -> T:

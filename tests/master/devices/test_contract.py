@@ -117,5 +117,5 @@ class TestPolhemSerial(PolhemSerial, ForceDeviceContract):
     SIGNS = ({"model": "polhem"}, {"model": "auto"})
 
 
-@pytest.mark.realtime(alone=True)
+@pytest.mark.realtime
 class TestHostOfPolhemSerial(PolhemSerial, StoppedHostContract): ...
