@@ -59,11 +59,11 @@ class RobotPort(Port):
     """The robot's end: the tip of a robot that a hand leads, or the axes of an arm that another arm leads.
 
     `sensors` are those of what is felt, part by part; the first also knows which readings cannot be used, gives where
-    the robot is and what it feels (`place`), and the command that holds it there (`held`). `command` and `point` take
-    a command, or an orientation of the `tool`, and the time [s]; the tool turns with the hand, as the second incoming
-    channel says, None without six degrees of freedom. `control`: of the scheme; None where an arm is led.
-    `by_button`: the operator leads only while holding a button. `applied` is the last command, `commanded` the decoded
-    one that was last followed; `where` the robot is and what is `felt` of the environment are as measured.
+    the robot is and what it feels (`place`), and the command that holds it there (`held`). The `tool` turns with the
+    hand, as the second incoming channel says; None without six degrees of freedom. `control`: of the scheme; None where
+    an arm is led. `by_button`: the operator leads only while holding a button. `applied` is the last command,
+    `commanded` the decoded one that was last followed; `where` the robot is and what is `felt` of the environment are
+    as measured.
     """
 
     def __init__(
@@ -71,7 +71,6 @@ class RobotPort(Port):
         robot: Any,
         *,
         guard: Guard,
-        command: Callable[[Any, float], None],
         sensors: Sequence[Any],
         endpoint: Endpoint,
         control: SlaveControl | None = None,
@@ -80,7 +79,7 @@ class RobotPort(Port):
         fault: type[Exception] = RobotFault,
     ) -> None:
         super().__init__(robot, (control or Control(),), fault)
-        self.guard, self._command, self._by_button = guard, command, by_button
+        self.guard, self._command, self._by_button = guard, robot.command, by_button
         self.applied = self.where = self.felt = self.commanded = guard.held
         self.is_overloaded = False
         self.tool = tool

@@ -4,7 +4,7 @@ from dataclasses import replace
 from math import inf
 from typing import NamedTuple
 
-from weberlink.arms.contract import ArmReading, ArmSpec, LeaderArm
+from weberlink.arms.contract import Arm, ArmReading, ArmSpec
 from weberlink.arms.mapping import GripperMappingSettings, JointMappingSettings, LeaderMappingSettings
 from weberlink.geometry.joints import Joints, is_finite
 
@@ -27,14 +27,14 @@ class Axis(NamedTuple):
 
 
 class MappedLeader:
-    """Maps the readings and the torques of another leader; a `weberlink.arms.contract.LeaderArm`.
+    """Maps the readings and the torques of another leader; a `weberlink.arms.contract.Arm`.
 
     With the map of angles q = b + S p, the torques on the leader are torque_scale * S^T tau: of equal work, but for the
     one factor. Raises ValueError if the map names a joint that there is not, drives one twice, or leaves one without a
     drive.
     """
 
-    def __init__(self, arm: LeaderArm, settings: LeaderMappingSettings, joints: tuple[str, ...], gripper: bool) -> None:
+    def __init__(self, arm: Arm, settings: LeaderMappingSettings, joints: tuple[str, ...], gripper: bool) -> None:
         own, share = arm.spec, settings.torque_scale
         self._arm = arm
         self._axes = axes(own, settings, joints, gripper=gripper)
@@ -75,14 +75,14 @@ class MappedLeader:
             )
         return self._mapped
 
-    def display(self, torques: Joints, now: float) -> None:
-        if not is_finite(torques):
-            raise ValueError(f"{self.spec.name}: commanded torques that are not finite: {torques}")
+    def command(self, values: Joints, now: float) -> None:
+        if not is_finite(values):
+            raise ValueError(f"{self.spec.name}: commanded torques that are not finite: {values}")
         felt = [0.0] * self._arm.spec.axes
-        for axis, torque in zip(self._axes, torques, strict=True):
+        for axis, torque in zip(self._axes, values, strict=True):
             if axis.source >= 0:
                 felt[axis.source] = self._torque_scale * axis.scale * torque
-        self._arm.display(tuple(felt), now)
+        self._arm.command(tuple(felt), now)
 
     def close(self) -> None:
         self._arm.close()

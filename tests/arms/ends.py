@@ -42,8 +42,8 @@ class Hand:
     def latest(self, now: float) -> ArmReading:
         return ArmReading(now, self.angles, (0.0,) * self.spec.axes, buttons=self.buttons)
 
-    def display(self, torques: Joints, now: float) -> None:
-        self.felt.append(torques)
+    def command(self, values: Joints, now: float) -> None:
+        self.felt.append(values)
 
     def close(self) -> None: ...
 
@@ -70,11 +70,11 @@ class Servos:
     def latest(self, now: float) -> ArmReading:
         return ArmReading(now, self.angles, self.torques)
 
-    def follow(self, angles: Joints, now: float) -> None:
-        self.commands.append(angles)
+    def command(self, values: Joints, now: float) -> None:
+        self.commands.append(values)
         free = [
             angle - self.sag + load / k
-            for angle, load, k in zip(angles, self.load, self.spec.stiffness_nm_rad, strict=True)
+            for angle, load, k in zip(values, self.load, self.spec.stiffness_nm_rad, strict=True)
         ]
         self.angles = tuple(max(angle, wall) for angle, wall in zip(free, self.walls, strict=True))
         self.torques = tuple(

@@ -45,7 +45,7 @@ class Leading:
         for sensor, axes in zip(self.sensors, pressed, strict=False):
             sensor.pressed = axes
         control: Any = self.control
-        channels, write = [len(sensor.value) for sensor in self.sensors], self.hand.display if any(most) else None
+        channels, write = [len(sensor.value) for sensor in self.sensors], self.hand.command if any(most) else None
         display = Display(control, channels, write, lambda: self.hand.angles, sensors=self.sensors)
         gate = OutputGate(bounds, ramp=RAMP, silence=SILENCE, fade_share=0.8)
         self.port = OperatorPort(

@@ -36,7 +36,7 @@ class Following:
         )  # fmt: skip
         self.joints, self.gripper = self.sensors = sensors_of(self.arm.spec, "torques")
         self.port = RobotPort(
-            self.arm, guard=guard, command=self.arm.follow, sensors=self.sensors, endpoint=link(), by_button=True,
+            self.arm, guard=guard, sensors=self.sensors, endpoint=link(), by_button=True,
             fault=ArmFault,
         )  # fmt: skip
         self.now = 0.0

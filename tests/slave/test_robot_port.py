@@ -81,7 +81,7 @@ class Following:
         link: Any = SimpleNamespace(credit=SimpleNamespace(known=0), clock=SimpleNamespace(rtt=None))
         self.force = ContactForce(COUPLING)
         self.port = RobotPort(
-            self.robot, guard=self.guard, command=self.robot.command, sensors=[self.force], endpoint=link,
+            self.robot, guard=self.guard, sensors=[self.force], endpoint=link,
             control=SlaveControl(), tool=self.tool, by_button=True,
         )  # fmt: skip
         self.torque = ToolTorque(self.port.shown, self.tool)

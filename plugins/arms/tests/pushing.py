@@ -21,14 +21,12 @@ TICK_S = 0.001
 def main(driver: str, options: str, values: str) -> None:
     ended: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: ended.append(number))
-    leads = driver in LEADERS
-    arm_class: Any = (LEADERS if leads else FOLLOWERS)[driver]
+    arm_class: Any = (LEADERS if driver in LEADERS else FOLLOWERS)[driver]
     arm = arm_class(arm_class.Options.model_validate_json(options), TICK_S)
-    command = arm.display if leads else arm.follow
     try:
         arm.open(monotonic())
         while not ended:
-            command(tuple(json.loads(values)), monotonic())
+            arm.command(tuple(json.loads(values)), monotonic())
             arm.latest(monotonic())
             sleep(TICK_S)
     except ArmFault as fault:

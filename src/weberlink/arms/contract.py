@@ -63,7 +63,7 @@ class ArmReading(NamedTuple):
 
 
 class Arm(Protocol):
-    """What leaders and followers share. `latest` never blocks; `open` and `close` end in bounded time.
+    """A leader or a follower. `latest` and `command` never block; `open` and `close` end in bounded time.
 
     `spec` is readable before `open`. `trouble` and `guarded` are looked for as on a device
     (`weberlink.master.devices.contract.Device`).
@@ -78,28 +78,15 @@ class Arm(Protocol):
         """The newest reading; the same one for the same `now`. ArmFault if it is not open, or cannot go on."""
         ...
 
+    def command(self, values: Joints, now: float) -> None:
+        """For all axes, the torques to display on the hand [N m], of a leader, or the angles to go to [rad], of a
+        follower; they hold until the next ones. No effect unless open.
+
+        Compensation of the leader's own gravity and friction is the driver's, in addition. Raises ValueError if a value
+        is not finite.
+        """
+        ...
+
     def close(self) -> None:
         """Leave the arm safe, a leader without torque; may be called at any time, any number of times."""
-        ...
-
-
-class LeaderArm(Arm, Protocol):
-    """An arm in the operator's hand."""
-
-    def display(self, torques: Joints, now: float) -> None:
-        """The torques of all axes to display on the operator's hand [N m]; hold until the next ones. Never blocks.
-
-        No effect unless open. Compensation of the arm's own gravity and friction is the driver's, in addition. Raises
-        ValueError if a torque is not finite.
-        """
-        ...
-
-
-class FollowerArm(Arm, Protocol):
-    """A robot under position control of its joints."""
-
-    def follow(self, angles: Joints, now: float) -> None:
-        """Go to these angles of all axes [rad]; they hold until the next ones. Never blocks; no effect unless open.
-        Raises ValueError if an angle is not finite.
-        """
         ...

@@ -33,10 +33,6 @@ class _ArmContract:
         """A bench with an arm that is not open; closes the arm at the end."""
         raise NotImplementedError
 
-    def give(self, bench: ArmBench, values: Joints) -> None:
-        """Command an arm."""
-        raise NotImplementedError
-
     def goal(self, first: ArmReading) -> Joints:
         """What makes an arm move, or lets it."""
         raise NotImplementedError
@@ -60,7 +56,7 @@ class _ArmContract:
         arm.close()
         for _ in range(2):  # a second session is like the first
             self._is_not_open(bench)
-            self.give(bench, rest)  # no effect
+            arm.command(rest, tick())  # no effect
             now = tick()
             arm.open(now)
             first = arm.latest(tick())
@@ -68,8 +64,8 @@ class _ArmContract:
             self._moves(bench, goal, first)
             for value in (nan, inf, -inf):
                 with pytest.raises(ValueError, match="finite"):
-                    self.give(bench, (*goal[:-1], value))
-            self.give(bench, goal)
+                    arm.command((*goal[:-1], value), tick())
+            arm.command(goal, bench.tick())
             arm.close()
             arm.close()
         self._is_not_open(bench)
@@ -84,7 +80,7 @@ class _ArmContract:
 
         def has_moved() -> bool:
             nonlocal before
-            self.give(bench, goal)
+            arm.command(goal, bench.tick())
             now = bench.tick()
             reading = arm.latest(now)
             assert arm.latest(now) == reading
@@ -103,18 +99,12 @@ class LeaderContract(_ArmContract):
     Mark the class `realtime` where the time of its bench is real.
     """
 
-    def give(self, bench: ArmBench, values: Joints) -> None:
-        bench.arm.display(values, bench.tick())
-
     def goal(self, first: ArmReading) -> Joints:
         return (0.01,) * len(first.angles)
 
 
 class FollowerContract(_ArmContract):
     """What every driver of a follower arm keeps; see `LeaderContract`."""
-
-    def give(self, bench: ArmBench, values: Joints) -> None:
-        bench.arm.follow(values, bench.tick())
 
     def goal(self, first: ArmReading) -> Joints:
         return (first.angles[0] + 0.25, *first.angles[1:])
@@ -146,7 +136,7 @@ class _HardwareArmContract(_ArmContract):
         bench.faults[fault]()
 
         def goes_on() -> None:
-            self.give(bench, goal)
+            arm.command(goal, bench.tick())
             arm.latest(bench.tick())
 
         with pytest.raises(ArmFault, match=f"^{arm.spec.name}: (?!{arm.spec.name}).{{10,}}") as caught:

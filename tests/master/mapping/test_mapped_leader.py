@@ -86,7 +86,7 @@ def test_power_of_leader_is_that_of_follower_times_scale(
     before = arm.latest(0.0).angles
     hand.angles = tuple(angle + step for angle, step in zip(leader, moved, strict=True))
     after = arm.latest(0.001).angles
-    arm.display(torques, 0.001)
+    arm.command(torques, 0.001)
     at_follower = sum(torque * (b - a) for torque, a, b in zip(torques, before, after, strict=True))
     at_leader = sum(torque * (b - a) for torque, a, b in zip(hand.felt[-1], leader, hand.angles, strict=True))
     assert at_leader == pytest.approx(torque_scale * at_follower, abs=1e-9 * torque_scale, rel=1e-6)
@@ -102,7 +102,7 @@ def test_spec_is_in_the_frame_of_the_follower() -> None:
     assert found.torque_nm == pytest.approx((0.8 / 0.5, 1.0 / 0.125, 0.0, 0.6 / 0.25, 0.4 / 0.75))
     assert found.stiffness_nm_rad[:2] == pytest.approx((8.0 / 1.0, 10.0 / 0.0625))
     assert min(found.stiffness_nm_rad) > 0.0
-    arm.display(found.torque_nm, 0.0)
+    arm.command(found.torque_nm, 0.0)
     assert [abs(torque) for torque in hand.felt[-1]] == pytest.approx(LEADER.torque_nm), "the largest on the leader"
 
 
@@ -124,7 +124,7 @@ def test_leader_without_gripper_leaves_it_at_rest_and_drives_none() -> None:
     hand = Hand(spec(gripper=False, lower=(-1.0, -1.0), upper=(1.0, 1.0)))
     arm = mapped(hand, ("a", "b"), gripper={"rest_rad": 0.2})
     assert arm.latest(0.0).angles == (0.0, 0.0, 0.2)
-    arm.display((0.1, 0.2, 5.0), 0.0)
+    arm.command((0.1, 0.2, 5.0), 0.0)
     assert hand.felt[-1] == (0.1, 0.2)
     with pytest.raises(ValueError, match="gripper: arm has none; give rest_rad"):
         mapped(hand, ("a", "b"))
@@ -137,7 +137,7 @@ def test_what_is_not_finite_stays_so_and_is_not_displayed(value: float, axis: in
     assert not (isnan(value) and is_finite(angles_of(leader, **MOVED)))
     hand = Hand(LEADER)
     with pytest.raises(ValueError, match="finite"):
-        mapped(hand, **MOVED).display((*leader, 0.0), 0.0)
+        mapped(hand, **MOVED).command((*leader, 0.0), 0.0)
     assert hand.felt == []
 
 

@@ -129,7 +129,7 @@ class JointMotion:
 
 
 class RemoteLeader:
-    """An arm whose angles another process writes; a `weberlink.arms.contract.LeaderArm`.
+    """An arm whose angles another process writes; a `weberlink.arms.contract.Arm`.
 
     Button 0 is pressed while a program leads: it has written, and its last target is not older than `silence_ms`. With
     `master.engage: {button: 0}` the follower is led only then. Without a program the arm keeps its angles. It displays
@@ -203,9 +203,9 @@ class RemoteLeader:
         self._reading = ArmReading(now, self._motion.angles, self._no_torque, buttons=LEADS if leads else 0)
         return self._reading
 
-    def display(self, torques: Joints, now: float) -> None:  # noqa: ARG002 - nobody holds it
-        if not is_finite(torques):
-            raise ValueError(f"torques must be finite, not {torques}")
+    def command(self, values: Joints, now: float) -> None:  # noqa: ARG002 - nobody holds it
+        if not is_finite(values):
+            raise ValueError(f"torques must be finite, not {values}")
 
     def close(self) -> None:
         self._source.close()

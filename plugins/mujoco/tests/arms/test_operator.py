@@ -26,7 +26,7 @@ def operator(**options: Any) -> ArmOperator:
 def run(made: ArmOperator, ticks: int, torques: Joints = NONE) -> ArmReading:
     for tick in range(1, ticks + 1):
         reading = made.latest(tick * TICK)
-        made.display(torques, tick * TICK)
+        made.command(torques, tick * TICK)
     return reading
 
 
@@ -67,7 +67,7 @@ def test_no_hand_and_no_torque_makes_it_diverge(stiffness: float) -> None:
         angles = made.latest(tick * TICK).angles
         assert is_finite(angles)
         way = 1.0 if tick % 7 < 3 or tick > 180 else -1.0
-        made.display((way * 1e3,) * made.spec.axes, tick * TICK)
+        made.command((way * 1e3,) * made.spec.axes, tick * TICK)
     beyond = (a - high for a, high in zip(angles, made.spec.upper, strict=True))
     assert max(beyond) < 0.3
 
@@ -76,7 +76,7 @@ def test_no_hand_and_no_torque_makes_it_diverge(stiffness: float) -> None:
 def test_torques_that_are_not_finite_and_readings_when_closed_are_refused(value: float) -> None:
     made = operator()
     with pytest.raises(ValueError, match="arm_operator: expected 6 finite torques"):
-        made.display((value, *NONE[1:]), TICK)
+        made.command((value, *NONE[1:]), TICK)
     assert is_finite(made.latest(TICK).angles)
     made.close()
     with pytest.raises(ArmFault, match="not open"):

@@ -30,7 +30,7 @@ def arm(**options: Any) -> MujocoArm:
 
 def hold(made: MujocoArm, angles: Joints, ticks: int, start: int = 0) -> Any:
     for tick in range(start + 1, start + ticks + 1):
-        made.follow(angles, tick * TICK)
+        made.command(angles, tick * TICK)
         reading = made.latest(tick * TICK)
     return reading
 
@@ -50,7 +50,7 @@ def test_it_reaches_free_angles_and_feels_nothing() -> None:
 
 def test_a_long_silence_is_skipped() -> None:
     made = arm(stiffness_nm_rad=1.0)
-    made.follow((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0)
+    made.command((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0)
     assert made.latest(3600.0).angles[0] < 0.2
 
 
@@ -70,7 +70,7 @@ def test_a_box_is_gripped_and_lifted() -> None:
     made = arm(home_rad=down(0.1, 0.6, 0.9), objects=[table, box], torque_nm=2.0)
     for tick in range(1, 3501):
         lift = 0.1 - 0.25 * min(max((tick - 1200) / 1500.0, 0.0), 1.0)
-        made.follow(down(lift, 0.6, max(0.0, 0.9 - 0.0009 * tick)), tick * TICK)
+        made.command(down(lift, 0.6, max(0.0, 0.9 - 0.0009 * tick)), tick * TICK)
         reading = made.latest(tick * TICK)
     height = float(made._simulation._data.qpos[made.spec.axes + 2])
     lever = load(MODEL).tip(reading.angles)[0] - 0.0692 + 0.01  # from the axis of the shoulder to the box
@@ -94,7 +94,7 @@ def test_no_gain_goal_or_contact_makes_it_diverge(
     axes = made.spec.axes
     for tick in range(1, 121):
         goal = tuple(goals[(tick // 10 + axis) % len(goals)] for axis in range(axes))
-        made.follow(goal, tick * TICK)
+        made.command(goal, tick * TICK)
         reading = made.latest(tick * TICK)
         assert is_finite(reading.angles)
         assert max(map(abs, reading.torques)) <= torque
@@ -109,7 +109,7 @@ def test_energy_only_falls_without_supply(stiffness: float) -> None:
     goal = (0.4, 0.9, 0.5, 0.45, 0.5, 0.5)
     energies = []
     for tick in range(1, 801):
-        made.follow(goal, tick * TICK)
+        made.command(goal, tick * TICK)
         made.latest(tick * TICK)
         energies.append(energy(made, goal, stiffness))
     assert min(made._simulation._data.contact.dist, default=1.0) < 0.01  # it did touch, and rests there

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from weberlink.arms.contract import ArmFault, ArmSpec, FollowerArm, LeaderArm
+from weberlink.arms.contract import Arm, ArmFault, ArmSpec
 from weberlink.arms.sensor import AxesSensor, PressedAxes, sensors_of
 from weberlink.codec import Decoder, Encoder
 from weberlink.codec.sample import INT16_MAX
@@ -58,7 +58,7 @@ def build_leading(configuration: Configuration, endpoint: Endpoint) -> Parts:
     display = Display(
         build_axes(system.control.scheme, LEVER, account(system.control, system.master.mapping)),
         [len(sensor.value) for sensor in sensors],
-        leader.display if any(most) else None,
+        leader.command if any(most) else None,
         lambda: sensors[0].value if gripper is None else sensors[0].value + sensors[1].value,
         sensors=sensors,
     )
@@ -103,7 +103,6 @@ def build_following(configuration: Configuration, endpoint: Endpoint) -> Parts:
     port = RobotPort(
         follower,
         guard=guard,
-        command=follower.follow,
         sensors=sensors,
         endpoint=endpoint,
         by_button=by_button,
@@ -124,7 +123,7 @@ def _channels(
 
 
 @with_file_name
-def build_leader(configuration: Configuration) -> LeaderArm:
+def build_leader(configuration: Configuration) -> Arm:
     """The leader in the frame of the follower, not yet open; raises ConfigurationError if it cannot be made of its
     options, has other joints than the file, or the wire cannot say its angles.
     """
@@ -132,7 +131,7 @@ def build_leader(configuration: Configuration) -> LeaderArm:
 
     system, part = configuration.system, configuration.device
     assert part is not None
-    leader: LeaderArm = build_driver("master.device", part.driver, part.options, system.tick_period, contract=LeaderArm)
+    leader: Arm = build_driver("master.device", part.driver, part.options, system.tick_period, contract=Arm)
     check_force_ends(leader, system.master.device.driver, system.master.accept_no_watchdog)
     mapping = system.master.joint_mapping
     if mapping is not None:
@@ -147,13 +146,11 @@ def build_leader(configuration: Configuration) -> LeaderArm:
 
 
 @with_file_name
-def build_follower(configuration: Configuration) -> FollowerArm:
+def build_follower(configuration: Configuration) -> Arm:
     """The follower, not yet open; raises ConfigurationError as `build_leader`."""
     system, part = configuration.system, configuration.robot
     assert part is not None
-    follower: FollowerArm = build_driver(
-        "slave.robot", part.driver, part.options, system.tick_period, contract=FollowerArm
-    )
+    follower: Arm = build_driver("slave.robot", part.driver, part.options, system.tick_period, contract=Arm)
     _check("slave.robot", follower.spec, system)
     angle_limits(system, follower.spec)
     largest, limit = max(follower.spec.torque_nm), streams(system)[1][0].value_quantizer.limit

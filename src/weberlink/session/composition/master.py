@@ -37,7 +37,7 @@ from weberlink.session.composition.link import (
 )
 
 if TYPE_CHECKING:
-    from weberlink.arms.contract import ArmSpec, LeaderArm
+    from weberlink.arms.contract import Arm, ArmSpec
 
 FASTEST_TOUCH = 1.0
 """Speed of a hand that meets a wall [m/s], from which the default slew limit follows."""
@@ -210,7 +210,7 @@ def _mapped(system: System, device: Device) -> Device:
     )
 
 
-def check_force_ends(device: "Device | LeaderArm", driver: str, accepted: str | None) -> None:
+def check_force_ends(device: "Device | Arm", driver: str, accepted: str | None) -> None:
     """See that the board of a device removes the force by itself, or that a guardian process does.
 
     Args:

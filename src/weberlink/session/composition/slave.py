@@ -67,7 +67,6 @@ def build_led(configuration: Configuration, endpoint: Endpoint, live: Stopwatch 
             trip_retract=limits.retract_m,
             retract=limits.retract_m if limits.on_silence == "retract" else 0.0,
         ),
-        command=robot.command,
         sensors=[force],
         endpoint=endpoint,
         control=build_control(configuration, build_slave_control, spec.stiffness_n_m),

@@ -62,9 +62,9 @@ class ServoLeader(ServoArm[Joints]):
             scale=lambda torques, share: tuple([share * each for each in torques]),
         )
 
-    def display(self, torques: Joints, now: float) -> None:
-        limits = zip(torques, self.spec.torque_nm, strict=False)
-        self._command(tuple([min(max(torque, -most), most) for torque, most in limits]), torques, now)
+    def command(self, values: Joints, now: float) -> None:
+        limits = zip(values, self.spec.torque_nm, strict=False)
+        self._command(tuple([min(max(torque, -most), most) for torque, most in limits]), values, now)
 
 
 class ServoFollower(ServoArm[Joints | None]):
@@ -84,8 +84,8 @@ class ServoFollower(ServoArm[Joints | None]):
             reconnect=options.reconnect_s,
         )
 
-    def follow(self, angles: Joints, now: float) -> None:
-        self._command(angles, angles, now)
+    def command(self, values: Joints, now: float) -> None:
+        self._command(values, values, now)
 
 
 def spec_of(options: ServoOptions, **more: Any) -> ArmSpec:

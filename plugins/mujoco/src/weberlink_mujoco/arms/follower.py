@@ -158,8 +158,8 @@ class MujocoArm(ComputedArm):
         super().open(now)
         self._goals, self._felt = self._home, self._none
 
-    def follow(self, angles: Joints, now: float) -> None:  # noqa: ARG002
-        self._goals = self._finite(angles, "angles")
+    def command(self, values: Joints, now: float) -> None:  # noqa: ARG002
+        self._goals = self._finite(values, "angles")
 
     def _advance(self, elapsed: float) -> tuple[Joints, bool]:
         self._simulation.advance(self._goals, self._none, elapsed)

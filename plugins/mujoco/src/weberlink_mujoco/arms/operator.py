@@ -178,8 +178,8 @@ class ArmOperator(ComputedArm):
         self._displayed = self._none
         self._time = 0.0
 
-    def display(self, torques: Joints, now: float) -> None:  # noqa: ARG002
-        most = zip(self._finite(torques, "torques"), self._most, strict=True)
+    def command(self, values: Joints, now: float) -> None:  # noqa: ARG002
+        most = zip(self._finite(values, "torques"), self._most, strict=True)
         self._displayed = tuple([min(max(torque, -limit), limit) for torque, limit in most])
 
     def _advance(self, elapsed: float) -> tuple[Joints, bool]:
