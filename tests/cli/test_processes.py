@@ -32,18 +32,18 @@ def python(*arguments: object, **environment: str) -> Ended:
 # --- imports: they take most of the time to the first line of a command, or to its daemons
 
 IMPORTED = """
-import contextlib, io, json, os, subprocess, sys
-def tell(line=(), **_):
+import contextlib, io, json, os, socket, sys
+def tell(*_line, **_options):
     json.dump(sorted(sys.modules), sys.__stdout__)
     sys.__stdout__.flush()
     os._exit(0)
-subprocess.Popen = tell
+socket.send_fds = tell
 from weberlink.cli import main
 with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):
     main(sys.argv[1:])
 tell()
 """
-"""Ends with the modules that are there when a command is done, or starts its first process."""
+"""Ends with the modules that are there when a command is done, or orders its first daemon, which waits since before."""
 SLOW = {"numpy", "scipy", "matplotlib", "uvloop", "asyncio", "rich", "aiohttp", "mcap"}
 PROGRAMS = tuple(f"weberlink.cli.{name}" for name in ("check", "device", "doctor", "emulate", "rules", "shipped"))
 LATE = {f"weberlink.{name}" for name in ("telemetry.reader", "figures.session", "figures.report", "session.daemon")}

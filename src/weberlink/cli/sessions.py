@@ -3,7 +3,7 @@
 import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
@@ -218,12 +218,16 @@ def _live(
     *,
     take_over: bool = False,
 ) -> None:
-    from weberlink.config import load  # noqa: PLC0415
-    from weberlink.session.advice import dry_run  # noqa: PLC0415
-    from weberlink.session.launcher import LiveRun  # noqa: PLC0415
-    from weberlink.telemetry.runtime_directory import directory  # noqa: PLC0415
+    from weberlink.session.waiting import WaitingDaemon  # noqa: PLC0415
 
-    with journals_to(log, json_out) as journal_at:
+    with ExitStack() as stack, journals_to(log, json_out) as journal_at:
+        # Their imports take as long as ours, which follow.
+        waiting = {side: stack.enter_context(WaitingDaemon(side)) for side in sides}
+        from weberlink.config import load  # noqa: PLC0415
+        from weberlink.session.advice import dry_run  # noqa: PLC0415
+        from weberlink.session.launcher import LiveRun  # noqa: PLC0415
+        from weberlink.telemetry.runtime_directory import directory  # noqa: PLC0415
+
         with errors(lambda trace: None if journal_at is None else journal_at(0.0).trace(trace)):
             overrides = [*(given or ()), *added()]
             configuration = load(path, overrides, sides)
@@ -237,7 +241,7 @@ def _live(
         journal = None if journal_at is None else journal_at(configuration.system.rate_hz)
         with LiveRun(
             configuration, overrides, sides, duration, status_display, record, journal,
-            take_over=take_over, tell=tell, on_delay=on_delay,
+            take_over=take_over, tell=tell, on_delay=on_delay, waiting=waiting,
         ) as run:  # fmt: skip
             figures = run.run()
     finish(figures, f"weberlink {name}", json_out, quiet=log == STANDARD_OUTPUT)

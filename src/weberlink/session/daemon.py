@@ -1,6 +1,6 @@
 """One daemon: one side of a configuration, in real time, in a process of its own.
 
-The launcher starts it with a `DaemonOrder` as JSON; it answers with a summary as JSON on standard output.
+The launcher starts it and sends it a `DaemonOrder`; it answers with a summary as JSON on standard output.
 """
 
 import json
@@ -36,6 +36,7 @@ from weberlink.session.control_socket import ControlSocket
 from weberlink.session.description import DaemonOrder, failure
 from weberlink.session.key_watch import key_watch
 from weberlink.session.side import Side
+from weberlink.session.waiting import received
 from weberlink.telemetry.ring import RingWriter
 
 LINK_SETTINGS = ("delay_ms", "jitter_ms", "loss")
@@ -54,16 +55,19 @@ class Stopped(Exception):  # noqa: N818 - an end like any other
     """A signal or a stop came while the device or the robot was being opened; the message is the outcome."""
 
 
-def main(text: str) -> int:
-    """Run an order; returns the exit status. Errors are one line on standard error."""
+def main(descriptor: int) -> int:
+    """Run the order that comes; returns the exit status. Errors are one line on standard error."""
     # Memory is locked: numpy, where a driver needs it, and the look-up of names would hold 100 MB for threads.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("UV_THREADPOOL_SIZE", "1")
-    order = DaemonOrder.from_json(text)
+    came = received(descriptor)
+    if came is None:
+        return COMPLETED
+    order, control = DaemonOrder.from_json(came[0]), came[1]
     die_with_parent(SIGHUP, order.parent)
     try:
         configuration = load(Path(order.file), order.overrides, sides=[order.side])
-        summary = serve(order, configuration)
+        summary = serve(order, configuration, control)
         status = FAILED if summary["failed"] else COMPLETED
     except Exception as error:
         status, fault, trace = FAILED, fault_of(error), format_exception(error)
@@ -87,8 +91,8 @@ def main(text: str) -> int:
     return status
 
 
-def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
-    """Run one side to its end.
+def serve(order: DaemonOrder, configuration: Configuration, control_socket: int) -> dict[str, Any]:
+    """Run one side to its end, answering at the control socket of this descriptor.
 
     Returns:
         Outcome, faults, drops and rights, which the telemetry does not contain.
@@ -133,7 +137,7 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
         )
         # Launcher and recorder may be slow to start: the launcher removes the file when both have read it.
         stack.callback(lambda: ring.close(unlink=os.getppid() != order.parent))
-        control = ControlSocket(socket(fileno=order.control), side, link, order.ordered_at)
+        control = ControlSocket(socket(fileno=control_socket), side, link, order.ordered_at)
         try:
             with _interruptible(), control.opening(Stopped):
                 side.open(monotonic())
@@ -256,4 +260,4 @@ def _interruptible() -> Iterator[None]:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1]))
+    sys.exit(main(int(sys.argv[2])))  # after the side, which is for whoever lists processes

@@ -40,7 +40,6 @@ class DaemonOrder(Order):
     ring: str
     duration_s: float | None = None  # length of the run; None to run until it is stopped
     take_over: bool = False  # whether a master replaces another one that the slave serves
-    control: int = -1  # descriptor of the control socket, which the daemon inherits
     # When the run was ordered, on `time.monotonic` [s]: an earlier stop does not concern it
     ordered_at: float = field(default_factory=monotonic)
 

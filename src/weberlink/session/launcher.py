@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from signal import SIG_DFL, SIG_IGN, SIGTERM, Signals, getsignal, signal
-from subprocess import PIPE
 from time import monotonic, sleep, time
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -28,6 +27,7 @@ from weberlink.protocol.keys import generate
 from weberlink.session import control_socket, description
 from weberlink.session.composition.channels import lookahead_ms
 from weberlink.session.description import DaemonOrder, failure
+from weberlink.session.waiting import WaitingDaemon
 from weberlink.telemetry import pictures
 from weberlink.telemetry.ring import default_path, process_started
 from weberlink.telemetry.runtime_directory import directories, directory
@@ -64,14 +64,12 @@ STOP_LIMIT_S = 15.0
 class Daemon:
     """One child process and its ring."""
 
-    def __init__(self, order: DaemonOrder) -> None:
+    def __init__(self, order: DaemonOrder, waiting: WaitingDaemon) -> None:
         self.side = order.side
         self._reader: RingReader | None = None
         self.ring = Path(order.ring)
         with control_socket.reserved(order.ring) as (listener, self._held):
-            told = replace(order, control=listener.fileno()).to_json()
-            command = python("-m", "weberlink.session.daemon", told)
-            self._process = Child(command, stdout=PIPE, blocked=STOP_SIGNALS, pass_fds=[listener.fileno()])
+            self._process = waiting.begin(order.to_json(), listener.fileno())
         self.pid = self._process.pid
 
     @property
@@ -148,6 +146,7 @@ class LiveRun:
     tell: Callable[[str], None] = lambda _: None
     # Gives advice on a measured round trip [s], which is told once; None for none
     on_delay: Callable[[float], str | None] = lambda _: None
+    waiting: Mapping[str, WaitingDaemon] = field(default_factory=dict)  # those that were started before, by side
     daemons: dict[str, Daemon] = field(default_factory=dict)
     _cameras: dict[Path, Child] = field(default_factory=dict)
     """Processes of pictures, by the socket that each serves once it has read its key."""
@@ -197,7 +196,8 @@ class LiveRun:
                 duration_s=self.duration_s if side == MASTER or len(self.sides) == 1 else None,
                 take_over=self.take_over,
             )
-            daemon = self.daemons[side] = Daemon(order)
+            waiting = self.waiting.get(side) or self._stack.enter_context(WaitingDaemon(side))
+            daemon = self.daemons[side] = Daemon(order, waiting)
             self._stack.callback(daemon.release)
         return self
 
