@@ -1,8 +1,9 @@
 """The way of pictures between two hosts: fragments, what is sent again, and a rate that yields to the link. No I/O.
 
 A message is cut into fragments, each a datagram of a session of its own. The receiver says which of them are missing,
-how late they come beyond the quickest one, and how many bytes came; the sender keeps its rate below what fills the
-queues of the link, so that what shares it, the force first of all, does not wait behind pictures (as LEDBAT, RFC 6817).
+how late they come beyond the quickest one and beyond those that met none of ours, and how many bytes came; the sender
+keeps its rate below what fills the queues of the link, so that what shares it, the force first of all, does not wait
+behind pictures (as LEDBAT, RFC 6817).
 """
 
 from collections import deque
@@ -18,7 +19,10 @@ from weberlink.telemetry.pictures import LARGEST, LONGEST_TEXT
 HEAD: Final = Struct("<BIHHq")
 """Camera, number of the message, place of the fragment, number of fragments, when taken on the sender's clock [us]."""
 CHUNK: Final = 1150 - HEAD.size
-"""Bytes of a message in a fragment: with all that is around it, a datagram fits the least path of IPv6."""
+"""Bytes of a message in a fragment, at most: with all that is around it, a datagram fits the least path of IPv6."""
+LEAST_CHUNK: Final = 300
+FRAGMENT_S: Final = 0.002
+"""Longest time that a fragment takes at the rate, above `LEAST_CHUNK`: what shares the link waits for it to pass."""
 MOST_FRAGMENTS: Final = (MESSAGE_HEAD.size + 2 * LONGEST_TEXT + LARGEST) // CHUNK + 1
 FORM_BYTES: Final = HEAD.size + CHUNK
 REPORT: Final = Struct("<IHI")
@@ -32,12 +36,17 @@ KEPT: Final = 8
 """Messages of which fragments can be sent again, and that are put together at a time."""
 DEADLINE_S: Final = 0.5
 """A picture that is older is given up."""
-QUEUE_S: Final = 0.01
+QUEUE_S: Final = 0.005
 """Delay in queues up to which the rate grows."""
-GROWTH, FALL = 0.08, 0.8
+GROWTH, SLOW_GROWTH, FALL = 0.08, 0.01, 0.8
+"""At a report."""
+NEAR: Final = 0.9
+"""Of the rate at which queues grew before: from there on, and as far beyond, it grows slowly."""
 LEAST_BIT_S, FIRST_BIT_S = 1e5, 2e6
 BURST_S: Final = 0.01
 """Of the rate, which a host that stood still for so long makes up for."""
+ALONE_SHARE: Final = 1 / 32
+"""Of a fragment in the mean delay of those that met no queue of pictures."""
 WAITED_SHARE: Final = 0.75
 """Of the time that a host did not look, which fragments count as having waited there: half of it would be the mean, and
 what is left over passes for a queue of the link; all of it would hide one."""
@@ -65,7 +74,6 @@ class Sender:
     def __init__(self, most_bit_s: float) -> None:
         self.rate = FIRST_BIT_S
         """[bit/s]"""
-        self.dropped = 0
         self.most_bit_s = most_bit_s
         self._next: dict[int, tuple[bytes, float, int]] = {}
         self._queue: deque[bytes] = deque()
@@ -75,26 +83,21 @@ class Sender:
         self._report = 0
         self._received: tuple[int, float] | None = None
         self._fell_at = -inf
+        self._top = inf  # [bit/s] that filled queues last
 
     def put(self, camera: int, message: bytes, at: float, at_us: int) -> None:
         """Send a message, taken at a moment [s] that is `at_us` on the sender's clock."""
-        self.dropped += camera in self._next
         self._next[camera] = message, at, at_us
 
     def take(self, now: float) -> Iterator[bytes]:
         """The fragments that may leave now."""
         self.rate = min(self.rate, self.most_bit_s)
-        burst = max(2.0 * FORM_BYTES, BURST_S * self.rate / 8.0)
-        self._tokens = min(burst, self._tokens + max(0.0, now - self._filled_at) * self.rate / 8.0)
+        self._tokens = min(BURST_S * self.rate / 8.0, self._tokens + max(0.0, now - self._filled_at) * self.rate / 8.0)
         self._filled_at = now
-        while self._tokens >= FORM_BYTES and (self._queue or self._begin(now)):
+        while self._tokens > 0.0 and (self._queue or self._begin(now)):
             fragment = self._queue.popleft()
             self._tokens -= len(fragment)
             yield fragment
-
-    @property
-    def is_idle(self) -> bool:
-        return not (self._queue or self._next)
 
     def _begin(self, now: float) -> bool:
         """Cut the next message into fragments."""
@@ -102,12 +105,13 @@ class Sender:
             camera = next(iter(self._next))
             message, at, at_us = self._next.pop(camera)
             if now - at > DEADLINE_S:
-                self.dropped += 1
                 continue
             self._number += 1
-            count = -(-len(message) // CHUNK)
+            most = min(CHUNK, max(LEAST_CHUNK, int(self.rate / 8.0 * FRAGMENT_S)))
+            count = min(MOST_FRAGMENTS, -(-len(message) // most))
+            ends = [len(message) * place // count for place in range(count + 1)]
             fragments = [
-                HEAD.pack(camera, self._number, place, count, at_us) + message[place * CHUNK : (place + 1) * CHUNK]
+                HEAD.pack(camera, self._number, place, count, at_us) + message[ends[place] : ends[place + 1]]
                 for place in range(count)
             ]
             self._sent[self._number] = _Waiting(fragments, at)
@@ -135,10 +139,12 @@ class Sender:
     def _adapt(self, queue_s: float, received: int, now: float) -> None:
         before, self._received = self._received, (received, now)
         if queue_s <= QUEUE_S:
-            self.rate *= 1.0 + GROWTH * (1.0 - queue_s / QUEUE_S)
+            growth = SLOW_GROWTH if NEAR * self._top < self.rate < self._top / NEAR else GROWTH
+            self.rate *= 1.0 + growth * (1.0 - queue_s / QUEUE_S)
         elif before is not None and now - self._fell_at > max(2.0 * REPORT_S, queue_s):
             carried = (received - before[0] & 0xFFFF_FFFF) * 8.0 / max(now - before[1], 1e-3)
-            self.rate = max(LEAST_BIT_S, FALL * min(self.rate, max(carried, 0.5 * self.rate)))
+            self._top = min(self.rate, max(carried, 0.5 * self.rate))
+            self.rate = max(LEAST_BIT_S, FALL * self._top)
             self._fell_at = now
 
 
@@ -164,6 +170,7 @@ class Receiver:
         self._newest: dict[int, int] = {}
         self._bytes = self._number = self._seen = 0
         self._late: list[float] = []
+        self._alone, self._came_at = 0.0, -inf
         self._quickest: deque[tuple[float, float]] = deque()
         self._report_at = -inf
 
@@ -181,7 +188,7 @@ class Receiver:
             return None
         camera, number, place, count, at_us = HEAD.unpack_from(fragment)
         body = fragment[HEAD.size :]
-        if not place < count <= MOST_FRAGMENTS or (place < count - 1 and len(body) != CHUNK):
+        if not place < count <= MOST_FRAGMENTS:
             return None
         self._bytes += len(fragment)
         self._measure(age, now, stood)
@@ -203,14 +210,21 @@ class Receiver:
         return b"".join(partial.fragments[index] for index in range(count)), at_us
 
     def _measure(self, age: float, now: float, stood: float) -> None:
-        """Note by how much the link made a fragment later than the quickest one of the last 10 s, at least."""
+        """Note by how much the link made a fragment later than the quickest one of the last 10 s, at least.
+
+        One that was sent after those before it had left the link met no queue of pictures, but what varies every delay.
+        """
         quickest = self._quickest
         while quickest and quickest[-1][1] >= age:
             quickest.pop()
         quickest.append((now, age))
         while quickest[0][0] < now - 10.0:
             quickest.popleft()
-        self._late.append(max(0.0, age - quickest[0][1] - WAITED_SHARE * stood))
+        late = max(0.0, age - quickest[0][1] - WAITED_SHARE * stood)
+        if now - age > self._came_at:
+            self._alone += (late - self._alone) * ALONE_SHARE
+        self._came_at = max(self._came_at, now - quickest[0][1])
+        self._late.append(late)
 
     def report(self, now: float, round_trip: float) -> bytes | None:
         """What to tell the sender now; None for nothing."""
@@ -219,12 +233,13 @@ class Receiver:
             return None
         if not missing and not self._late:
             return None
-        late = min(6.5, sum(self._late) / len(self._late)) if self._late else 0.0
+        late = sum(self._late) / max(1, len(self._late))
+        queue = max(0.0, min(6.5, late - 3.0 * self._alone))  # of delays that vary by chance few are longer
         if now >= self._report_at + REPORT_S:
             self._report_at = now
             self._late.clear()
         self._number += 1
-        told = REPORT.pack(self._number, round(late * 1e4), self._bytes & 0xFFFF_FFFF)
+        told = REPORT.pack(self._number, round(queue * 1e4), self._bytes & 0xFFFF_FFFF)
         return told + b"".join(MISSING.pack(*each) for each in missing)
 
     def _missing(self, now: float, round_trip: float) -> Iterator[tuple[int, int]]:
