@@ -31,6 +31,8 @@ class ScriptedServer:
         """Paths of the requests by POST with their queries, and their tokens."""
         self.followed: list[str | None] = []
         self.viewers: list[Viewer] = []
+        self.pictures: list[bytes] = []
+        """Messages to a page that asks for pictures."""
         self.port = 0
         self._runner: web.AppRunner | None = None
         self._loop = asyncio.new_event_loop()
@@ -114,4 +116,12 @@ class ScriptedServer:
             self.posted.append((request.path_qs, request.headers.get("X-WeberLink-Token")))
             answer = self.answer({"type": request.path})
             return web.json_response(answer, status=200 if answer and answer["accepted"] else 403)
+        if request.path == "/view":
+            view = web.WebSocketResponse()
+            await view.prepare(request)
+            for picture in self.pictures:
+                await view.send_bytes(picture)
+            async for _ in view:
+                pass
+            return view
         return await handler(request)

@@ -1,4 +1,4 @@
-"""What `weberlink try` shows of a robot, and a browser that never reads: neither page nor session notices it."""
+"""Pictures on the page, what `weberlink try` shows of a robot, and a browser that never reads, which nobody notices."""
 
 import asyncio
 import json
@@ -13,9 +13,13 @@ import pytest
 from aiohttp import ClientSession, ClientTimeout
 
 pytest.importorskip("weberlink_page")
+from plugins.page.tests.browser import browser
 from plugins.page.tests.monitors import Monitor
+from plugins.page.tests.scripted_server import ScriptedServer
+from plugins.page.tests.test_page import hello
 from plugins.video.tests.test_jpeg import jpeg
 from tests.program import ROOT, document, faults_of
+from weberlink.telemetry.pictures import Picture, pack
 from weberlink_page.commands import cameras_to_try, try_order
 from weberlink_page.launcher import TryOrder
 
@@ -36,6 +40,17 @@ MOST_GROWTH = 2**25  # [B] 17 MB were seen; 492 MB where nothing limits what is 
 def test_who_tries_sees_the_robot_where_the_file_names_no_cameras(order: TryOrder, kind: str | None) -> None:
     added = [json.loads(each.removeprefix("slave.cameras=")) for each in cameras_to_try(order)]
     assert [source["kind"] for of in added for source in of["sources"]] == ([] if kind is None else [kind])
+
+
+def test_page_draws_pictures_and_says_why_there_are_none(tmp_path: Path) -> None:
+    with ScriptedServer() as server, browser(tmp_path / "profile", webgl=False) as page:
+        server.greeting = [hello(view="video")]
+        server.pictures = [pack(Picture(0.02, "wrist", jpeg(64, 48))), pack(Picture(0.0, "table", b"rubbish", "gone"))]
+        page.open(server.address)
+        page.wait(lambda: "gone" in page.text("frames"), "why there is no picture")
+        page.wait(lambda: page.pixels("#frames canvas") > 1, "a picture")
+        assert page.run("return [...document.querySelectorAll('#frames canvas')].map(e => e.width)") == [64, 300]
+        assert not page.console()
 
 
 @pytest.mark.realtime

@@ -4,9 +4,10 @@ const FIRST_WAIT_MS = 500;
 const LONGEST_WAIT_MS = 4000;
 
 export class Link {
-  // `onMessage(message)`, an ArrayBuffer for a binary one; `onState("open" | "gone")`.
-  constructor(path, onMessage, onState) {
+  // `onMessage(message)`; `onState("open" | "gone")`; `thread` is the file of the thread.
+  constructor(path, onMessage, onState, thread = "socket_thread.js") {
     this.path = path;
+    this.thread = thread;
     this.onMessage = onMessage;
     this.onState = onState;
     this.wait = FIRST_WAIT_MS;
@@ -45,7 +46,7 @@ export class Link {
     const scheme = location.protocol === "https:" ? "wss:" : "ws:";
     const query = new URLSearchParams(location.hash.slice(1)); // #key=...: who has it may change something
     if (this.session !== null) query.set("session", this.session);
-    const socket = (this.socket = new Worker(new URL("socket_thread.js", import.meta.url)));
+    const socket = (this.socket = new Worker(new URL(this.thread, import.meta.url), { type: "module" }));
     socket.onmessage = ({ data: { state, data } }) => {
       if (socket !== this.socket) return;
       if (data !== undefined) this.onMessage(typeof data === "string" ? JSON.parse(data) : data);

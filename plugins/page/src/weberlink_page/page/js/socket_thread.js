@@ -8,6 +8,10 @@ let socket = null;
 let held = null; // the text to repeat
 let heardAt = 0;
 let timer = null;
+let take = (data) => postMessage({ data });
+
+// Gives what comes to a function instead of the page.
+export const receive = (by) => (take = by);
 
 // Takes {url}, once; {text, repeat}: repeat is true for a text to repeat, false for the last of these, or undefined; {close}.
 onmessage = ({ data: { url, text, repeat, close } }) => {
@@ -25,7 +29,7 @@ function open(url) {
   socket = new WebSocket(url);
   socket.binaryType = "arraybuffer";
   socket.onopen = () => postMessage({ state: "open" });
-  socket.onmessage = ({ data }) => postMessage({ data });
+  socket.onmessage = ({ data }) => take(data);
   socket.onclose = () => {
     postMessage({ state: "closed" });
     self.close();
