@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import inf
 
-from weberlink.codec.deadband import Deadband, ForceDeadband, PositionDeadband, Reference
+from weberlink.codec.deadband import Deadband, ForceDeadband, PositionDeadband
 from weberlink.codec.deadband.per_axis import PerAxisDeadband
 from weberlink.codec.predictors import (
     ADAPTIVE,
@@ -223,33 +223,24 @@ def force_channel(
     bank: Sequence[str] | None = None,
     weber: float = 0.10,
     floor: float = 0.02,
-    reference: Reference = "actual",
+    deadband: Deadband | None = None,
     axes: str = "xyz",
     force_step: float = 1e-3,
     position_step: float = 1e-5,
-    fit_limits: FitLimits | None = None,
-    saturates: bool = True,
-    deadband: Deadband | None = None,
-    smoothing: Smoothing | None = None,
-    rate: UpdateRate | None = None,
-    every_position: bool = False,
-    tick_period: float = 1e-3,
-    lookahead: int = 0,
 ) -> Channel:
     """Make the backward channel: forces [N], and the commanded positions [m] at which they were measured.
+
+    What else a channel has, `dataclasses.replace` sets.
 
     Args:
         predictor: a name of `PREDICTORS`, or "hybrid" or "adaptive" for a choice among `bank`.
         bank: the predictors to choose among, by default `HYBRID_BANK` or `ADAPTIVE_BANK`; otherwise not read.
         weber: Weber factor k, >= 0.
         floor: absolute threshold [N], >= 0.
-        reference: the force that k scales.
+        deadband: a deadband of another shape; `weber` and `floor` are not read then.
         axes: the axes that are sent.
         force_step: wire step [N], > 0.
         position_step: wire step [m], > 0.
-        saturates: False lifts the int16 range, for studies without a wire.
-        deadband: a deadband of another shape; `weber`, `floor` and `reference` are not read then.
-        fit_limits, smoothing, rate, every_position, tick_period, lookahead: as of `Channel`.
 
     Raises:
         ValueError: as `Channel`, or for a number out of range.
@@ -258,17 +249,11 @@ def force_channel(
         bank = ADAPTIVE_BANK if predictor == ADAPTIVE else HYBRID_BANK
     return Channel(
         bank=tuple(bank) if predictor in BANKS else (predictor,),
-        deadband=deadband if deadband is not None else ForceDeadband(weber, floor, reference),
-        value_quantizer=_quantizer(force_step, axes, saturates=saturates),
-        position_quantizer=_quantizer(position_step, axes, saturates=saturates),
+        deadband=deadband if deadband is not None else ForceDeadband(weber, floor),
+        value_quantizer=Quantizer(force_step, axes),
+        position_quantizer=Quantizer(position_step, axes),
         rest=ZERO,
-        fit_limits=fit_limits if fit_limits is not None else FitLimits(),
         adaptive=predictor == ADAPTIVE,
-        smoothing=smoothing,
-        rate=rate,
-        every_position=every_position,
-        tick_period=tick_period,
-        lookahead=lookahead,
     )
 
 
@@ -280,10 +265,6 @@ def position_channel(
     bound: float = 2e-4,
     axes: str = "xyz",
     position_step: float = 1e-5,
-    saturates: bool = True,
-    rate: UpdateRate | None = None,
-    tick_period: float = 1e-3,
-    lookahead: int = 0,
 ) -> Channel:
     """Make the forward channel: commanded positions [m].
 
@@ -293,13 +274,6 @@ def position_channel(
     return Channel(
         bank=tuple(bank) if predictor in BANKS else (predictor,),
         deadband=PositionDeadband(weber, bound),
-        value_quantizer=_quantizer(position_step, axes, saturates=saturates),
+        value_quantizer=Quantizer(position_step, axes),
         adaptive=predictor == ADAPTIVE,
-        rate=rate,
-        tick_period=tick_period,
-        lookahead=lookahead,
     )
-
-
-def _quantizer(step: float, axes: str, *, saturates: bool) -> Quantizer:
-    return Quantizer(step, axes) if saturates else Quantizer(step, axes, largest_level=inf)

@@ -1,6 +1,7 @@
 """The law of closed-loop coding, asserted tick by tick for any channel and any samples; the table of channels."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import fields, replace
 from itertools import chain, repeat
 from math import inf, sqrt
 from operator import eq
@@ -22,6 +23,8 @@ POSITION_BANKS = {"hybrid": ("zoh", "linear"), "adaptive": ("zoh", "linear", "pa
 AXIS_BOUNDS = (0.01, 0.02, 0.03, 0.005, 0.0004, 0.1, 0.05)
 """Deadbands of the joints [rad]; one of them is finer than the wire."""
 ROUNDED = 1.0 + 1e-9
+OF_ANY = {each.name for each in fields(Channel)} - {"bank", "deadband"}
+"""Fields of a channel that no function sets by that name."""
 
 
 class Kind(NamedTuple):
@@ -55,9 +58,11 @@ KINDS = [
 
 
 def make_channel(predictor: str, *, position: bool = False, **options: Any) -> Channel:
+    """With options of its function, and of the channel."""
+    own = {name: options.pop(name) for name in sorted(OF_ANY & options.keys())}
     if position:
-        return position_channel(**{"predictor": predictor, "bank": POSITION_BANKS.get(predictor, ())} | options)
-    return force_channel(predictor=predictor, **options)
+        options = {"bank": POSITION_BANKS.get(predictor, ())} | options
+    return replace((position_channel if position else force_channel)(predictor=predictor, **options), **own)
 
 
 def shown_by(decoder: Decoder, tick: float, place: Vector = ZERO) -> Any:

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.codec.law import make_channel
 from tests.codec.signals import Stream
 from tests.examples import examples
 from weberlink.codec import Decoder, Update, force_channel
@@ -100,7 +101,7 @@ def test_a_stiffness_beyond_the_limits_is_held(stiffness: float, accepted: bool)
 
 
 def estimated(stream: Stream, period: float = 1e-3) -> Affine | None:
-    channel = force_channel(predictor="affine", tick_period=period)
+    channel = make_channel("affine", tick_period=period)
     history = History(channel.tick_period)
     for tick, (force, position) in enumerate(stream):
         history.add(tick, force, position, 0.1)

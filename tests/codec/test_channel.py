@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tests.codec.law import ESTIMATED
+from tests.codec.law import ESTIMATED, make_channel
 from weberlink.codec import force_channel, position_channel
 from weberlink.codec.channel import Smoothing
 from weberlink.codec.predictors import ADAPTIVE_BANK, HYBRID_BANK, PREDICTORS
@@ -63,7 +63,7 @@ READS = [(3,), (3,), (3, 3), (3,), (3, 3)]
 )
 def test_an_update_carries_what_is_read(options: dict[str, Any], newest: list[tuple[int, ...]]) -> None:
     """By the predictor, by somebody beside it, or by the ramp, which begins at the value of any model before."""
-    channel = force_channel(predictor="adaptive", **{"bank": BANK, **options})
+    channel = make_channel("adaptive", **{"bank": BANK, **options})
     assert [form.newest for form in channel.forms] == newest
     assert [form.previous for form in channel.forms] == [(3,), (3,), (3, 3), None, None][: len(newest)]
     assert [form.newest for form in position_channel(predictor="hybrid").forms] == [(3,)] * 2

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from tests.codec.law import coded
+from tests.codec.law import coded, make_channel
 from tests.codec.signals import contact_stream, rubbing_stream
 from weberlink.codec import Encoder, force_channel
 from weberlink.codec.channel import Smoothing
@@ -69,7 +69,7 @@ def test_no_model_begins_outside_the_deadband(
     for strange in (Aside(), FittedAside()):
         monkeypatch.setitem(PREDICTORS.built_in, strange.name, strange)  # type: ignore[arg-type]
         monkeypatch.setitem(PREDICTORS._loaded, strange.name, strange)
-    channel = force_channel(predictor=predictor, deadband=deadband, smoothing=smoothing)
+    channel = make_channel(predictor, deadband=deadband, smoothing=smoothing)
     updates = [tick.update for tick in coded(channel, rubbing_stream(3, ticks=800)) if tick.update is not None]
     assert len(updates) > 5
     if predictor == "aside":

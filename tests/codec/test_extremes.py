@@ -15,7 +15,7 @@ from tests.codec.signals import up
 from tests.examples import examples
 from weberlink.codec import Channel, Decoder, Update, force_channel
 from weberlink.codec.predictors import PREDICTORS
-from weberlink.codec.sample import INT16_MAX
+from weberlink.codec.sample import INT16_MAX, Quantizer
 from weberlink.geometry.vector import ZERO, Vector, is_finite, scale
 from weberlink.update import ModelParameters, Payload, PreviousSample
 
@@ -27,7 +27,11 @@ FULL = 1e-3 * INT16_MAX
 """Range of a force on one axis [N]."""
 
 NO_FLOOR = partial(force_channel, floor=0.0)
-EXACT = partial(force_channel, force_step=1e-9, position_step=1e-12, saturates=False)
+
+
+def exact(predictor: str, weber: float, axes: str = "xyz") -> Channel:
+    value, position = (Quantizer(step, axes, largest_level=inf) for step in (1e-9, 1e-12))
+    return make_channel(predictor, weber=weber, value_quantizer=value, position_quantizer=position)
 
 
 class Case(NamedTuple):
@@ -92,7 +96,7 @@ CASES = [
     # Nothing, almost nothing, far too much.
     Case("no force", steady(ZERO), 0, ZERO),
     Case("the largest number on every axis", steady((float_info.max,) * 3), 1, (FULL,) * 3),
-    Case("1e300 N, off the wire", steady(up(1e300)), 1, up(1e141), EXACT),
+    Case("1e300 N, off the wire", steady(up(1e300)), 1, up(1e141), exact),
     Case("from one end of the range to the other", at_rest(*[up(1e300), up(-1e300)] * 25), 50, up(-FULL)),
     Case("pressed 1e300 m aside", steady(up(1.0), (1e300, -1e300, 0.0)), 1, up(1.0)),
     # Not a number.

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.codec.law import FITTED
+from tests.codec.law import FITTED, make_channel
 from tests.codec.signals import contact_stream, up
 from tests.examples import examples
 from weberlink.codec import Decoder, Encoder, force_channel
@@ -25,7 +25,7 @@ def test_without_a_known_future_the_decisions_are_those_of_the_causal_encoder(pr
     """Every second tick is missing, so that no sample has a known successor: only the delay is left."""
     stream = contact_stream(11, ticks=1000)
     causal = Encoder(force_channel(predictor=predictor))
-    late = Encoder(force_channel(predictor=predictor, lookahead=2))
+    late = Encoder(make_channel(predictor, lookahead=2))
     expected, found = [], []
     for index, (force, position) in enumerate(stream):
         expected.append(causal.encode(2 * index, force, position))
@@ -37,7 +37,7 @@ def test_without_a_known_future_the_decisions_are_those_of_the_causal_encoder(pr
 
 @pytest.mark.parametrize("lookahead", [0, 5, 20])
 def test_a_step_that_no_position_explains_is_displayed_that_much_later(lookahead: int) -> None:
-    channel = force_channel(predictor="adaptive", lookahead=lookahead)
+    channel = make_channel("adaptive", lookahead=lookahead)
     encoder, decoder, seen = Encoder(channel), Decoder(channel), []
     for tick in range(200):
         update = encoder.encode(tick, up(2.0 if tick >= 100 else 0.0))
@@ -53,7 +53,7 @@ def test_a_step_that_no_position_explains_is_displayed_that_much_later(lookahead
 def test_every_sample_is_decided_once_in_its_tick_or_never(missed: set[int], spoilt: set[int], seed: int) -> None:
     """Never where the tick of its decision is missed, as in a causal encoder; a sample that is not finite likewise."""
     late = 7
-    encoder = Encoder(force_channel(predictor="zoh", weber=0.0, floor=0.0, lookahead=late))
+    encoder = Encoder(make_channel("zoh", weber=0.0, floor=0.0, lookahead=late))
     decided = []
     for tick in range(300):
         if tick in missed:
@@ -67,14 +67,14 @@ def test_every_sample_is_decided_once_in_its_tick_or_never(missed: set[int], spo
 
 
 def test_ticks_that_begin_anew_drop_the_samples_that_wait() -> None:
-    encoder = Encoder(force_channel(predictor="zoh", weber=0.0, floor=0.0, lookahead=2))
+    encoder = Encoder(make_channel("zoh", weber=0.0, floor=0.0, lookahead=2))
     updates = [encoder.encode(tick, up(float(tick))) for tick in (7, 8, 3, 4, 5, 6)]
     assert [update and update.tick for update in updates] == [None, None, None, None, 3, 4]
 
 
 def test_a_negative_lookahead_is_refused() -> None:
     with pytest.raises(ValueError, match="lookahead"):
-        force_channel(lookahead=-1)
+        make_channel("zoh", lookahead=-1)
 
 
 @given(seed=seeds, length=st.integers(2, 40), tail=st.integers(0, 5))

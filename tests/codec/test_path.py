@@ -147,7 +147,7 @@ def test_bytes_that_begin_as_a_model_are_refused_or_a_model(data: bytes, newest:
 
 @pytest.mark.parametrize(("along", "normal", "accepted"), [(0.0, -1e4, True), (-1e5, 0.0, False), (0.0, 0.0, False)])
 def test_a_stiffness_that_is_none_or_beyond_the_limits_is_held(along: float, normal: float, accepted: bool) -> None:
-    channel = force_channel(predictor="elastic", fit_limits=FitLimits(stiffness=(1.0, 2e4)))
+    channel = make_channel("elastic", fit_limits=FitLimits(stiffness=(1.0, 2e4)))
     model = Path(NEWEST, (), (), stiffness=(along, normal))
     packed = ELASTIC.packed(model, NEWEST, channel.grid)
     found = unpacked(channel, NEWEST, packed.data)

@@ -6,8 +6,9 @@ from random import Random
 
 import pytest
 
+from tests.codec.law import make_channel
 from tests.codec.signals import Stream
-from weberlink.codec import Encoder, force_channel
+from weberlink.codec import Encoder
 from weberlink.codec.rate import WIDEST, TokenBucket, UpdateRate
 from weberlink.geometry.vector import ZERO
 
@@ -32,7 +33,7 @@ def test_noise_above_the_floor_settles_at_the_rate(predictor: str, floor: float,
     """50 mN rms: without a bound nearly every tick is sent; with it the deadband is no wider than a few times that."""
     rates, bounds = [], []
     for rate in (None, RATE):
-        encoder = Encoder(force_channel(predictor=predictor, weber=0.05, floor=floor, rate=rate))
+        encoder = Encoder(make_channel(predictor, weber=0.05, floor=floor, rate=rate))
         sent = 0
         for tick, (value, place) in enumerate(noise(1, force=force)):
             update = encoder.encode(tick, value, place)
@@ -47,7 +48,7 @@ def test_noise_above_the_floor_settles_at_the_rate(predictor: str, floor: float,
 
 def test_the_deadband_grows_and_shrinks_without_a_jump() -> None:
     """One token changes it by one factor, and it is back within the time of half the bucket."""
-    encoder = Encoder(force_channel(predictor="zoh", rate=RATE))
+    encoder = Encoder(make_channel("zoh", rate=RATE))
     stream = noise(2) + [((0.0, 0.0, 0.0), ZERO)] * 300
     added, last = [], 0
     for tick, (value, place) in enumerate(stream):
@@ -65,7 +66,7 @@ def test_the_deadband_grows_and_shrinks_without_a_jump() -> None:
 
 
 def test_a_reset_returns_no_tokens_and_forced_updates_are_paid_back() -> None:
-    encoder = Encoder(force_channel(predictor="zoh", rate=UpdateRate(0.01, 8.0)))
+    encoder = Encoder(make_channel("zoh", rate=UpdateRate(0.01, 8.0)))
     for tick in range(40):
         encoder.restart()
         assert encoder.encode(tick, (0.0, 0.0, float(tick))) is not None, "forced"

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from tests.codec.law import sends
+from tests.codec.law import make_channel, sends
 from tests.codec.signals import Array, Stream
 from weberlink.codec import force_channel
 from weberlink.codec.predictors import HYBRID_BANK
@@ -56,8 +56,7 @@ def test_it_sends_no_more_than_the_best_of_the_paper_s_four(force: Force, per_s:
     places = 4e-3 * waves.sum(axis=2)
     stream: Stream = list(zip(map(tuple, found.tolist()), map(tuple, places.tolist()), strict=True))
     adaptive, *four = (
-        sends(force_channel(predictor=predictor, tick_period=1.0 / per_s), stream)
-        for predictor in ("adaptive", *HYBRID_BANK)
+        sends(make_channel(predictor, tick_period=1.0 / per_s), stream) for predictor in ("adaptive", *HYBRID_BANK)
     )
     assert adaptive <= max(1.05 * min(four), min(four) + 5), dict(zip(HYBRID_BANK, four, strict=True))
 

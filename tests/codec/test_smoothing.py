@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.codec.law import make_channel
 from tests.codec.signals import contact_stream, up
 from weberlink.codec import Decoder, Encoder, Update, force_channel
 from weberlink.codec.channel import Smoothing
@@ -40,7 +41,7 @@ def test_a_share_of_the_deadband_is_kept_of_a_jump_in_its_direction(jump: Vector
 
 def test_a_step_is_displayed_as_a_ramp_within_the_deadband() -> None:
     """From 1 N to 2 N with k = 0.1: 0.7 * 0.2 N of the jump take 10 ticks, the rest is displayed at once."""
-    decoder = Decoder(force_channel(predictor="zoh", smoothing=Smoothing(10, 0.7)))
+    decoder = Decoder(make_channel("zoh", smoothing=Smoothing(10, 0.7)))
     decoder.apply(held(0, 1000))
     # A share of 0.7 of the deadband at 1 N is held back.
     assert decoder.value(0) == pytest.approx(up(0.93))
@@ -62,7 +63,7 @@ def test_a_step_is_displayed_as_a_ramp_within_the_deadband() -> None:
 
 
 def test_the_ramp_of_a_line_leads_from_within_the_deadband_to_the_line() -> None:
-    smoothed = Decoder(force_channel(predictor="linear", smoothing=Smoothing(10, 0.7)))
+    smoothed = Decoder(make_channel("linear", smoothing=Smoothing(10, 0.7)))
     plain = Decoder(force_channel(predictor="linear"))
     for update in (held(0, 2000), Update(30, 0, (0, 0, 2300), PreviousSample(30, (0, 0, 2000)))):
         for decoder in (smoothed, plain):
@@ -76,7 +77,7 @@ def test_the_ramp_of_a_line_leads_from_within_the_deadband_to_the_line() -> None
 
 
 def test_an_update_on_its_way_during_a_live_change_has_the_ramp_of_its_tick() -> None:
-    decoder = Decoder(force_channel(predictor="zoh", weber=0.1, smoothing=Smoothing(10, 0.5)))
+    decoder = Decoder(make_channel("zoh", weber=0.1, smoothing=Smoothing(10, 0.5)))
     decoder.retune(ForceDeadband(0.2, 0.02), since=100)
     for tick, force, kept in ((90, 1.0, 0.05), (99, 2.0, 0.1), (100, 4.0, 0.4), (120, 8.0, 0.8)):
         decoder.apply(held(tick, round(1000 * force)))
@@ -89,7 +90,7 @@ def test_an_update_on_its_way_during_a_live_change_has_the_ramp_of_its_tick() ->
 @pytest.mark.parametrize("predictor", ["zoh", "path", "hybrid", "adaptive"])
 def test_after_a_loss_the_ends_display_the_same_when_the_ramp_is_over(predictor: str) -> None:
     ticks = 8
-    channel = force_channel(predictor=predictor, smoothing=Smoothing(ticks, 0.7))
+    channel = make_channel(predictor, smoothing=Smoothing(ticks, 0.7))
     encoder, decoder = Encoder(channel), Decoder(channel)
     missed = [True, True, False, False, False, True, False] * 1000
     since, compared, ramping = ticks, 0, 0

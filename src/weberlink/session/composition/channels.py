@@ -1,11 +1,12 @@
 """The coded streams of a configuration, of a hand and of an arm, as both sides build them."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from weberlink.codec import Channel, force_channel, position_channel
 from weberlink.codec.channel import Smoothing, joint_channel
-from weberlink.codec.deadband import Deadband, DeadbandSetup
+from weberlink.codec.deadband import Deadband, DeadbandSetup, ForceDeadband
 from weberlink.codec.deadband.contract import Measures
 from weberlink.codec.predictors import FitLimits
 from weberlink.codec.rate import UpdateRate
@@ -48,37 +49,41 @@ def channels(system: System) -> tuple[Channel, Channel]:
     """The forward (position) and the backward (force) channel."""
     force, position = system.codec.force, system.codec.position
     forward = position_channel(
-        **_common(position, system),
+        predictor=position.predictor,
         bank=position.bank,
         weber=position.weber,
         bound=position.bound_m,
         axes=system.axes,
         position_step=position.step_m,
-        lookahead=_ticks(position.lookahead_ms, system),
     )
-    smoothing = _ticks(force.smooth_ms, system)
     backward = force_channel(
-        **_common(force, system),
+        predictor=force.predictor,
         bank=force.bank,
+        deadband=force_deadband(force, system.tick_period, force.weber),
         axes=system.axes,
         force_step=force.step_n,
         position_step=position.step_m,
-        fit_limits=FitLimits(force.trust.stiffness_n_m, force.trust.radius_m),
-        deadband=force_deadband(force, system.tick_period, force.weber),
-        smoothing=Smoothing(smoothing) if smoothing else None,
-        every_position=SCHEMES[system.control.scheme].reads_position,
-        lookahead=_ticks(force.lookahead_ms, system),
     )
-    return forward, backward
+    smoothing = _ticks(force.smooth_ms, system)
+    return (
+        replace(forward, **_pace(position, system), lookahead=_ticks(position.lookahead_ms, system)),
+        replace(
+            backward,
+            **_pace(force, system),
+            fit_limits=FitLimits(force.trust.stiffness_n_m, force.trust.radius_m),
+            smoothing=Smoothing(smoothing) if smoothing else None,
+            every_position=SCHEMES[system.control.scheme].reads_position,
+            lookahead=_ticks(force.lookahead_ms, system),
+        ),
+    )
 
 
-def _common(
+def _pace(
     settings: PredictedSettings | AngleCodecSettings | JointTorqueCodecSettings, system: System
 ) -> dict[str, Any]:
-    """Arguments of the channels of every signal."""
+    """What the channels of every signal have: tick period, and rate of updates."""
     most, period = settings.max_updates_per_s, system.tick_period
-    rate = None if most is None else UpdateRate.limited_to(most, period)
-    return {"predictor": settings.predictor, "rate": rate, "tick_period": period}
+    return {"rate": None if most is None else UpdateRate.limited_to(most, period), "tick_period": period}
 
 
 def _ticks(length_ms: float, system: System) -> int:
@@ -130,7 +135,12 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         if system.codec.gripper is not None:
             groups.append((system.codec.gripper.angle, system.codec.gripper.torque, 1))
         angles = (
-            joint_channel(**_common(angle, system), bounds=per_axis(angle.bound_rad, count), step=angle.step_rad)
+            joint_channel(
+                **_pace(angle, system),
+                predictor=angle.predictor,
+                bounds=per_axis(angle.bound_rad, count),
+                step=angle.step_rad,
+            )
             for angle, _, count in groups
         )
         return tuple(angles), tuple(_torques(torque, count, system) for _, torque, count in groups)
@@ -139,27 +149,27 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         return (forward,), (backward,)
     torque, orientation = system.codec.rotation.torque, system.codec.rotation.orientation
     turning = position_channel(
-        **_common(orientation, system),
+        predictor=orientation.predictor,
         bank=orientation.bank,
         weber=orientation.weber,
         bound=orientation.bound_rad,
         position_step=orientation.step_rad,
     )
     twisting = force_channel(
-        **_common(torque, system),
+        predictor=torque.predictor,
         bank=torque.bank,
-        weber=torque.weber,
-        floor=torque.floor_nm,
-        reference=torque.reference,
+        deadband=ForceDeadband(torque.weber, torque.floor_nm, torque.reference),
         force_step=torque.step_nm,
         position_step=orientation.step_rad,
     )
-    return (forward, turning), (backward, twisting)
+    turning = replace(turning, **_pace(orientation, system))
+    return (forward, turning), (backward, replace(twisting, **_pace(torque, system)))
 
 
 def _torques(settings: JointTorqueCodecSettings, count: int, system: System, weber: float | None = None) -> Channel:
     return joint_channel(
-        **_common(settings, system),
+        **_pace(settings, system),
+        predictor=settings.predictor,
         bounds=per_axis(settings.floor_nm, count),
         weber=settings.weber if weber is None else weber,
         step=settings.step_nm,

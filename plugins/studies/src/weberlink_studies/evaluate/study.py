@@ -1,7 +1,8 @@
 """The cases of `weberlink study evaluate`: every trace with every deadband, predictor and Weber factor, a row each."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from weberlink.codec import Channel, force_channel, position_channel
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC, DeadbandSetup
 from weberlink.codec.rate import UpdateRate
+from weberlink.codec.sample import INT16_MAX, Quantizer
 from weberlink.config.model import PositionCodecSettings
 from weberlink.figures.channel import longest_run
 from weberlink.figures.felt import WEBER_FRACTION, QualityStatistics, Threshold
@@ -48,13 +50,20 @@ class EvaluationStudy:
     ) -> Channel:
         """A force channel for a signal of this period, with the first deadband unless another is named."""
         shape, most = DEADBANDS[deadband or self.deadbands[0]], self.max_updates_per_s
-        rate = None if most is None else UpdateRate.limited_to(most, period_s)
-        return force_channel(
+        made = force_channel(
             predictor=predictor,
             deadband=shape.configured(DeadbandSetup(weber, self.floor, "actual", period_s, shape.Options())),
             force_step=self.force_step,
             position_step=self.position_step,
-            saturates=self.saturates,
+        )
+        return self._timed(made, period_s, None if most is None else UpdateRate.limited_to(most, period_s))
+
+    def _timed(self, made: Channel, period_s: float, rate: UpdateRate | None) -> Channel:
+        value, position, largest = made.value_quantizer, made.position_quantizer, INT16_MAX if self.saturates else inf
+        return replace(
+            made,
+            value_quantizer=Quantizer(value.step, largest_level=largest),
+            position_quantizer=None if position is None else Quantizer(position.step, largest_level=largest),
             rate=rate,
             tick_period=period_s,
             lookahead=round(1e-3 * self.lookahead_ms / period_s),
@@ -63,16 +72,14 @@ class EvaluationStudy:
     def position_channel(self, predictor: str, weber: float, period_s: float = DEFAULT_PERIOD_S) -> Channel:
         """A position channel with the bound of a configuration."""
         settings = PositionCodecSettings.model_validate({"predictor": predictor})
-        return position_channel(
+        made = position_channel(
             predictor=predictor,
             bank=settings.bank,
             weber=weber,
             bound=settings.bound_m,
             position_step=self.position_step,
-            saturates=self.saturates,
-            tick_period=period_s,
-            lookahead=round(1e-3 * self.lookahead_ms / period_s),
         )
+        return self._timed(made, period_s, None)
 
     def cases(self, traces: Iterable[NamedTrace]) -> list["EvaluationCase"]:
         """All cases: traces outermost, then force (deadbands) and position, then predictors, then Weber factors."""
