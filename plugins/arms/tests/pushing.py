@@ -13,6 +13,7 @@ from typing import Any
 
 from weberlink.arms.contract import ArmFault
 from weberlink.master.devices import LEADERS
+from weberlink.realtime.process import prepare
 from weberlink.slave.robots import FOLLOWERS
 
 TICK_S = 0.001
@@ -21,6 +22,7 @@ TICK_S = 0.001
 def main(driver: str, options: str, values: str) -> None:
     ended: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: ended.append(number))
+    prepare(50, lock_memory=False, cpu=None)  # as a session
     arm_class: Any = (LEADERS if driver in LEADERS else FOLLOWERS)[driver]
     arm = arm_class(arm_class.Options.model_validate_json(options), TICK_S)
     try:

@@ -18,6 +18,7 @@ import pytest
 from tests.program import ROOT
 from tests.wait import PATIENCE, until
 from weberlink.hardware.emulator import EMULATORS
+from weberlink.realtime.process import prepare
 from weberlink.testing.serving import PtyDevice
 from weberlink.testing.time import ahead_of_other_work
 from weberlink_arms.feetech.arm import SO101
@@ -60,7 +61,7 @@ def arm_that_is_led(family: Family, folder: Path) -> Iterator[tuple[list[str], A
     emulator = emulator_class(emulator_class.Options.model_validate({"walls": [wall], **weightless}))
     values = [0.0] * 6 if family.leads else list(emulator.angles)
     values[family.axis] = 0.3 if family.leads else GOAL_RAD
-    with PtyDevice(emulator, folder / "arm") as wire:
+    with PtyDevice(emulator, folder / "arm", begin=lambda: prepare(60, lock_memory=False, cpu=None)) as wire:
         options = json.dumps({"port": str(wire.path), **family.options})
         yield [sys.executable, "-m", "plugins.arms.tests.pushing", family.driver, options, json.dumps(values)], emulator
 

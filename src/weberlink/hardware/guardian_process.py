@@ -256,15 +256,14 @@ def leave_cgroup() -> bool:
 
 
 def _go_first() -> None:
-    """Raise the priority above the client's, which may keep the processor busy."""
+    """Raise the priority above the client's, which may keep the processor busy; 0 is that of the ordinary scheduler."""
     with suppress(OSError):
         os.sched_setaffinity(0, range(os.cpu_count() or 1))
-    with suppress(OSError):
-        if os.sched_getscheduler(0) in (os.SCHED_FIFO, os.SCHED_RR):
-            highest = os.sched_get_priority_max(os.SCHED_FIFO)
-            priority = min(highest, os.sched_getparam(0).sched_priority + 1)
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-        else:
+    priority = min(os.sched_get_priority_max(os.SCHED_FIFO), os.sched_getparam(0).sched_priority + 1)
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except OSError:
+        with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, 0, -10)
 
 
