@@ -218,10 +218,12 @@ class Endpoint:
         is_current = now <= liveness.encodes_until and now <= liveness.held_until
         return is_current and self.state is _ENGAGED and not liveness.is_opening
 
-    def is_undelivered(self, now: float) -> bool:
-        """Whether updates of one direction have not come through for longer than S + R, although the ends hear each
-        other."""
-        return now > self.liveness.undelivered_at and self.state is _ENGAGED
+    def undelivered(self, now: float) -> int:
+        """Number of the stream, from 1, of which updates of one direction have not come through for longer than S + 2
+        R, although the ends hear each other; 0 for none."""
+        if now <= self.liveness.undelivered_at or self.state is not _ENGAGED or self._session is None:
+            return 0
+        return self._session.late_stream(now)
 
     # --- what the owner sends
 

@@ -84,6 +84,7 @@ class Liveness:
             must first prove that it holds any.
         undelivered_at: when the updates of one direction count as undelivered: S + 2 R after that departure, or without
             all updates of a peer whose encoder says that it runs. So one that is sent again on evidence comes in time.
+        proven_at: by stream of the peer, when this end was last known to hold all its updates.
         in_touch_at: the end is in touch until then, and fades as time passes since then.
         silent_at: when one of the limits is passed if nothing more is heard.
         round_trip, generation: R that this end uses now, and its parity.
@@ -116,7 +117,7 @@ class Liveness:
         self.encoder_heard_at = self.encodes_until = self.in_touch_at = -inf
         self.held_until = self.undelivered_at = self._unheld_since = self._runs_from = inf
         self._counts_from = -inf
-        self._proven_at = [-inf] * streams
+        self.proven_at = [-inf] * streams
         self._is_proven = True
         self._update()
 
@@ -202,13 +203,13 @@ class Liveness:
         if not runs:
             self._newest = sequence
             self.encodes_until, self._runs_from = -inf, inf
-            self._proven_at = [-inf] * len(self._proven_at)
+            self.proven_at = [-inf] * len(self.proven_at)
         elif self._runs_from == inf:
             self._runs_from = now
         for stream in streams if runs else ():
             self._newest = sequence
-            self._proven_at[stream] = now
-            proven_at = min(max(self._proven_at), min(self._proven_at) + self.round_trip)
+            self.proven_at[stream] = now
+            proven_at = min(max(self.proven_at), min(self.proven_at) + self.round_trip)
             if proven_at > -inf:
                 self.encoder_heard_at, self.encodes_until = proven_at, proven_at + self._silence
         self._update()

@@ -362,6 +362,14 @@ class Session:
         self.is_proven = self.is_proven or (are_held and self.liveness.confirmed_at >= self._told_from)
         self.liveness.hold(since, is_proven=self.is_proven)
 
+    def late_stream(self, now: float) -> int:
+        """Number of the stream, from 1, of which an update is missing for longest: of this end if one is too late, else
+        of the peer."""
+        since = [stream.unheld_since for stream in self._streams]
+        if min(since) + self.liveness.round_trip + self.liveness.limit >= now:
+            since = self.liveness.proven_at
+        return since.index(min(since)) + 1
+
     def send_heartbeat(self, now: float, *, is_encoding: bool = False) -> bytes:
         """The datagram of a heartbeat, which may report our measurements and ask for an answer."""
         asks = self.heartbeats.asks(now)

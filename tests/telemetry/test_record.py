@@ -65,7 +65,7 @@ def test_unknown_parts_are_refused():
 
 GRAVEST_FIRST = [
     Fault.DEVICE, Fault.TAKEN_OVER, Fault.REFUSED, Fault.STALLED, Fault.TRIPPED, Fault.UNFOUNDED, Fault.UNPROVEN,
-    Fault.SILENCE, Fault.UNHEARD, Fault.UNDELIVERED, Fault.UPDATE,
+    Fault.SILENCE, Fault.UNHEARD, Fault.UNDELIVERED, Fault.UNDELIVERED_SECOND, Fault.UPDATE,
 ]  # fmt: skip
 """What ends a session, then what stops the robot, then what the link does."""
 real = st.sampled_from([fault for fault in Fault if fault])

@@ -26,6 +26,11 @@ FAULTS = {
     "undelivered": Words(
         ALARM, "updates of one direction do not come through, although this side and the {peer} hear each other"
     ),
+    "undelivered_second": Words(
+        ALARM,
+        "updates of the tool's rotation or of the gripper do not come through in one direction, although this side and "
+        "the {peer} hear each other",
+    ),
     "device": Words(ALARM, "its {hardware} gives no usable sample: this side leaves the session"),
     "refused": Words(ALARM, "the {peer} runs another configuration or version: no session"),
     "update": Words(WARN, "an update from the {peer} does not fit the channel: it was not applied"),

@@ -39,6 +39,7 @@ CONNECT_PATIENCE = 1.0
 _ENGAGED = State.ENGAGED
 _WITHOUT_SESSION = (State.CONNECTING, State.LISTENING)
 _DEVICE, _UNFOUNDED, _NO_FAULT = Fault.DEVICE, Fault.UNFOUNDED, Fault.NONE
+_UNDELIVERED = (Fault.UNDELIVERED, Fault.UNDELIVERED_SECOND)
 
 
 class PeerFacts(NamedTuple):
@@ -110,7 +111,7 @@ class Side:
         self._encodes = False
         self._is_fresh = self._is_first = True
         self._is_paused = False
-        self._is_unfounded = self._is_undelivered = False
+        self._is_unfounded, self._undelivered = False, 0
         self._last_reading_at = nan
         self._peer_tick = 0.0
         self._credit = 0
@@ -490,10 +491,12 @@ class Side:
         To begin afresh is to send complete updates and to fade in from zero. A stall ends both for some ticks, so that
         the peer is told.
         """
-        pace, port, undelivered = self.pace, self.port, self.endpoint.is_undelivered(now)
-        if undelivered is not self._is_undelivered:
-            self._is_undelivered = undelivered
-            (self._faults.meet if undelivered else self._faults.clear)(Fault.UNDELIVERED)
+        pace, port, undelivered = self.pace, self.port, self.endpoint.undelivered(now)
+        if undelivered != self._undelivered:
+            self._undelivered = undelivered
+            self._faults.clear(*_UNDELIVERED)
+            if undelivered:
+                self._faults.meet(_UNDELIVERED[undelivered - 1])
         encodes = (
             self.endpoint.state is _ENGAGED
             and port.enabled

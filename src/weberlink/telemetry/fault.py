@@ -32,6 +32,8 @@ class Fault(IntEnum):
     UNDELIVERED = 11
     """Updates of one direction have not come through for longer than the limit, although the two sides hear each other.
     """
+    UNDELIVERED_SECOND = 12
+    """The same of the second stream: a tool's orientation or torque, a gripper's angle or torque."""
 
 
 def name_of(kind: type[Enum], number: Any) -> str:
@@ -53,6 +55,7 @@ _RANKED = (
     Fault.SILENCE,
     Fault.UNHEARD,
     Fault.UNDELIVERED,
+    Fault.UNDELIVERED_SECOND,
     Fault.UPDATE,
 )
 """Of several active faults, a record names the first of these."""
