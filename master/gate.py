@@ -186,7 +186,7 @@ class HandContact(ContactWatch):
         self._newest_sample = newest
         if self._is_stated:
             self._since = -inf  # of this contact all is heard
-        elif self._hand.asked <= self._least_force:
+        elif self._hand.felt.asked <= self._least_force:
             self._since, self._asked = now, 0
 
     def end(self) -> bool:

@@ -18,28 +18,25 @@ from weberlink.telemetry.row import Row
 class Display:
     """What is felt of some channels: a force, a torque, or the torques of an arm.
 
-    Of each channel it knows the number of axes; the first has the number `first`, here and in the gate. `write`
-    commands the device; None where it cannot display this, and nothing is felt. `way` gives the motion over which this
-    does work [m, or rad]. `sensors` are told what is felt, for how finely they must be sent. `decoded` is before all
-    limits, with nothing where nothing finite was decoded; `output` as commanded.
+    `sensors` sense its axes, channel by channel: it does work over their `way` [m, or rad]. The first channel has the
+    number `first`, here and in the gate. `write` commands the device; None where it cannot display this, and nothing is
+    felt. `decoded` is before all limits, with nothing where nothing finite was decoded; `output` as commanded; `asked`
+    the size of what the scheme asks for, of the first channel.
     """
 
     def __init__(
         self,
         control: MasterControl | AxesMaster,
-        channels: Sequence[int],
+        sensors: Sequence[Any],
         write: Callable[[Any, float], None] | None,
-        way: Callable[[], Joints],
-        *,
         first: int = 0,
-        sensors: Sequence[Any] = (),
     ) -> None:
         self.control: Any = control
-        self.way, self._sensors = way, sensors
-        self._first, self._write = first, write
-        self._nothing: list[Joints] = [(0.0,) * axes for axes in channels]
-        self._none: Joints = (0.0,) * sum(channels)
+        self.sensors, self._first, self._write = sensors, first, write
+        self._nothing: list[Joints] = [(0.0,) * len(sensor.value) for sensor in sensors]
+        self._none: Joints = (0.0,) * sum(map(len, self._nothing))
         self.decoded = self.output = self._none
+        self.asked = 0.0
 
     def show(self, values: Sequence[Joints | None], gate: OutputGate, now: float, step: float) -> None:
         """Display what was decoded of all channels, as far as the gate lets it pass."""
@@ -51,10 +48,8 @@ class Display:
             output = gate.passed(first, self.control.render(decoded), decoded, step)
         else:
             decoded, output = self._passed(values, gate, step)
-        self.decoded, self.output = decoded, output
+        self.decoded, self.output, self.asked = decoded, output, gate.bounds[first].asked
         self.control.displayed(output)
-        for sensor in self._sensors:
-            sensor.felt(decoded, output, gate.bounds[first].asked)
         if self._write is not None:
             self._write(output, now)
 
@@ -133,7 +128,10 @@ class OperatorPort(Port):
     def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002 - energy is booked in every tick
         self._tick, credit, rtt = tick, self._endpoint.credit.known, self._endpoint.clock.rtt
         for display in self.displays:
-            display.control.observe(display.way(), elapsed, tick, credit, rtt)
+            way: Joints = ()
+            for sensor in display.sensors:
+                way += sensor.way
+            display.control.observe(way, elapsed, tick, credit, rtt)
         return self.controls[0].credit
 
     def actuate(

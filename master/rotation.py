@@ -11,14 +11,14 @@ from weberlink.master.devices.contract import DeviceReading
 class HandOrientation:
     """The orientation of the handle as a rotation vector [rad].
 
-    `turned` is the sum of all rotations from each reading to the next [rad]: a torque does work over it. `on_jump` is
+    `way` is the sum of all rotations from each reading to the next [rad]: a torque does work over it. `on_jump` is
     called when another vector of nearly the same rotation follows: a new signal, which nothing before it may
     extrapolate.
     """
 
     def __init__(self, on_jump: Callable[[], None]) -> None:
         self.value: Vector = ZERO
-        self.turned: Vector = ZERO
+        self.way: Vector = ZERO
         self._before = IDENTITY
         self._usable: Quaternion | None = None
         self._on_jump = on_jump
@@ -30,7 +30,7 @@ class HandOrientation:
 
     def take(self, reading: DeviceReading) -> None:  # noqa: ARG002 - checked before
         assert self._usable is not None
-        self.turned = add(self.turned, vector(product(self._usable, inverse(self._before))))
+        self.way = add(self.way, vector(product(self._usable, inverse(self._before))))
         self._before = self._usable
         turned = vector(self._usable, self.value)
         if distance(turned, self.value) > pi:

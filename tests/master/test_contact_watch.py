@@ -47,7 +47,7 @@ class Watched:
             statistics=self.statistics,
             request_answer=lambda: self.asked.append(self.now),
         )
-        self.hand: Any = SimpleNamespace(command=ZERO, asked=0.0)
+        self.hand: Any = SimpleNamespace(command=ZERO, felt=SimpleNamespace(asked=0.0))
         self.watch = HandContact(
             ContactLimiter(10.0, 1.0, 1.0),
             self.decoder,
@@ -74,7 +74,7 @@ class Watched:
 
     def command(self, command: Vector, force: Vector) -> None:
         self.tick += 1
-        self.hand.command, self.hand.asked = command, norm(force)
+        self.hand.command, self.hand.felt.asked = command, norm(force)
         self.watch.begin(float(self.tick), self.now)
 
     def go(self, command: Vector, force: Vector, ticks: int, *, heard: bool = True) -> list[float]:

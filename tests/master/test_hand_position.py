@@ -1,6 +1,7 @@
 """What is sent of the hand, and which of its errors may stay unsent."""
 
 from math import inf, nan
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
@@ -9,13 +10,17 @@ from hypothesis import strategies as st
 from tests.control.teleoperation import Wall
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, AccountParameters, SchemeParameters
 from weberlink.control.ends import MasterControl
-from weberlink.geometry.vector import ZERO, norm
+from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.position import HandPosition
 
 COUPLING = 2500.0
 SETTINGS = SchemeParameters(1e-3, COUPLING, AccountParameters(0.02, 0.01, 1.0, 0.1))
 WEBER, FLOOR = 0.1, 0.02
+
+
+def felt(output: Vector, decoded: Vector, asked: float = 0.0) -> SimpleNamespace:
+    return SimpleNamespace(output=output, decoded=decoded, asked=asked)
 
 
 def force_bound(force: float) -> float:
@@ -35,7 +40,7 @@ def test_an_error_stays_unsent_only_if_the_change_of_force_would(
         control.learn(Wall(stiffness), ZERO, ZERO)
     hand = HandPosition(control, force_bound)
     hand.take(DeviceReading(0.0, (0.01, 0.02, 0.03)))
-    hand.displayed = hand.touched = displayed
+    hand.felt = felt(displayed, displayed)
     command, position, most = hand.sample()
     assert (command, position) == (hand.command, ZERO)
     if norm(displayed) > LEAST_CONTACT:
@@ -49,16 +54,16 @@ def test_the_least_contact_alone_is_none(above: float) -> None:
     hand, least = HandPosition(MasterControl(SETTINGS), force_bound), LEAST_CONTACT + above
     cases = {"displayed": (least, 1.0, 0.0), "touched": (1.0, least, 0.0), "asked": (1.0, 0.0, FREE_FORCE + above)}
     for displayed, touched, asked in cases.values():
-        hand.displayed, hand.touched, hand.asked = (displayed, 0.0, 0.0), (0.0, -touched, 0.0), asked
+        hand.felt = felt((displayed, 0.0, 0.0), (0.0, -touched, 0.0), asked)
         assert (hand.sample()[2] < inf) == (above > 0.0)
 
 
 def test_a_model_that_is_felt_before_the_robot_touches_leads_it_there() -> None:
     """Otherwise the robot may stop within the deadband above a surface that the hand presses on."""
     hand = HandPosition(MasterControl(SETTINGS), force_bound)
-    hand.displayed, hand.asked = (0.0, 0.0, 2.0), 2.0
+    hand.felt = felt((0.0, 0.0, 2.0), ZERO, 2.0)
     assert hand.sample()[2] == pytest.approx(force_bound(2.0) / COUPLING)
-    hand.asked = FREE_FORCE
+    hand.felt.asked = FREE_FORCE
     assert hand.sample()[2] == inf
 
 

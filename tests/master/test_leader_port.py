@@ -45,8 +45,9 @@ class Leading:
         for sensor, axes in zip(self.sensors, pressed, strict=False):
             sensor.pressed = axes
         control: Any = self.control
-        channels, write = [len(sensor.value) for sensor in self.sensors], self.hand.command if any(most) else None
-        display = Display(control, channels, write, lambda: self.hand.angles, sensors=self.sensors)
+        display = Display(control, self.sensors, self.hand.command if any(most) else None)
+        for sensor in self.sensors:
+            sensor.felt = display
         gate = OutputGate(bounds, ramp=RAMP, silence=SILENCE, fade_share=0.8)
         self.port = OperatorPort(
             self.hand, displays=[display], endpoint=self.link, gate=gate, button=button, fault=ArmFault

@@ -105,8 +105,9 @@ class Desk:
             Bound((MOST,), (SLEW,), RAMP, contact=watch if contact else None),
             Bound((MOST_TORQUE,), (TORQUE_SLEW,), RAMP),
         ]
-        force = Display(self.scheme, [3], self.handle.command, lambda: self.hand.value, sensors=[self.hand])
-        torque = Display(turning, [3], self.handle.turn, lambda: (0.1, 0.0, 0.0), first=1)
+        force = self.hand.felt = Display(self.scheme, [self.hand], self.handle.command)
+        wrist = SimpleNamespace(value=ZERO, way=(0.1, 0.0, 0.0))
+        torque = Display(turning, [wrist], self.handle.turn, first=1)
         self.port = OperatorPort(
             self.handle,
             displays=[force, torque],
@@ -167,7 +168,7 @@ def test_a_jump_counts_as_a_tick_at_the_slew_limit_and_halt_is_zero_at_once() ->
 
 def test_what_the_device_cannot_display_is_computed_and_not_felt() -> None:
     gate, scheme = OutputGate([Bound((1.0,), (SLEW,), RAMP)], ramp=TICK, silence=1.0, fade_share=0.5), Scheme()
-    torque = Display(scheme, [3], None, lambda: ZERO)
+    torque = Display(scheme, [SimpleNamespace(value=ZERO)], None)
     gate.fade(engaged=True, age=0.0, step=TICK)
     for _ in range(round(RAMP / TICK)):
         torque.show([(0.0, 0.0, 9.0)], gate, 0.0, TICK)
@@ -249,8 +250,10 @@ def test_the_record_has_what_the_hand_felt() -> None:
     desk.hand.take(DeviceReading(0.0, PLACE))
     desk.hand.sample()
     desk.go((0.0, 0.0, 20.0), 10)
-    assert (desk.hand.displayed, desk.hand.touched) == (desk.handle.forces[-1], (0.0, 0.0, 20.0))
-    assert desk.hand.asked == desk.port.gate.bounds[0].asked != desk.port.gate.bounds[1].asked
+    force, torque = desk.port.displays
+    assert (force.decoded, force.output) == ((0.0, 0.0, 20.0), desk.handle.forces[-1])
+    assert (torque.decoded, torque.output) == ((0.0, 0.0, 1.0), desk.handle.torques[-1])
+    assert force.asked == desk.port.gate.bounds[0].asked != torque.asked == desk.port.gate.bounds[1].asked
     row: Any = SimpleNamespace()
     desk.port.buttons = 0x1FF
     desk.port.report(row, is_led=True)

@@ -36,7 +36,7 @@ class AxesSensor:
     """The angles or torques of the axes `first` to before `last` of an arm with `axes`, gripper included, as a channel.
 
     `value` is the newest usable measurement [rad | N m], of which `shown` gives what may be sent, None for all.
-    `pressed`: of a leader, for a follower whose stiffness is known.
+    `pressed`: of a leader, for a follower whose stiffness is known; `felt` is then the display of the torques.
     """
 
     def __init__(self, quantity: Literal["angles", "torques"], first: int, last: int, axes: int) -> None:
@@ -45,7 +45,7 @@ class AxesSensor:
         self.value: Joints = (0.0,) * (last - first)
         self.shown: Callable[[Joints], Joints] | None = None
         self.pressed: PressedAxes | None = None
-        self._most = inf
+        self.felt: Any = None
 
     def complaint(self, reading: ArmReading) -> str | None:
         """Why a reading cannot be used: of all axes, since neither end acts on some without the others."""
@@ -63,9 +63,9 @@ class AxesSensor:
         """The entries of its axes, of a vector of all axes."""
         return values[self._first : self._last]
 
-    def felt(self, decoded: Joints, output: Joints, asked: float) -> None:  # noqa: ARG002 - as of a hand
-        if self.pressed is not None:
-            self._most = self.pressed.share(self.part(decoded))
+    @property
+    def way(self) -> Joints:
+        return self.value
 
     def place(self, reading: ArmReading) -> tuple[Joints, Joints]:
         return reading.angles, reading.torques
@@ -75,7 +75,8 @@ class AxesSensor:
         return held
 
     def sample(self) -> tuple[Joints, Vector, float]:
-        return self.value if self.shown is None else self.shown(self.value), ZERO, self._most
+        most = inf if self.pressed is None else self.pressed.share(self.part(self.felt.decoded))
+        return self.value if self.shown is None else self.shown(self.value), ZERO, most
 
 
 def sensors_of(spec: ArmSpec, quantity: Literal["angles", "torques"]) -> list[AxesSensor]:

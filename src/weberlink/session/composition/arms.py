@@ -46,6 +46,8 @@ def build_leading(configuration: Configuration, endpoint: Endpoint) -> Parts:
     def torque_bound(axis: int, torque: float) -> float:
         return max(tuning.settings.weber * torque, floors[axis])
 
+    control = build_axes(system.control.scheme, LEVER, account(system.control, system.master.mapping))
+    display = Display(control, sensors, leader.command if any(most) else None)
     groups: list[tuple[AngleCodecSettings, Callable[[int, float], float]]] = [(joints.angle, torque_bound)]
     if gripper is not None:
         weber = gripper.torque.weber
@@ -55,13 +57,7 @@ def build_leading(configuration: Configuration, endpoint: Endpoint) -> Parts:
             count = len(sensor.value)
             coupling = per_axis(angle.coupling_nm_rad, count)
             sensor.pressed = PressedAxes(per_axis(angle.bound_rad, count), coupling, bound)
-    display = Display(
-        build_axes(system.control.scheme, LEVER, account(system.control, system.master.mapping)),
-        [len(sensor.value) for sensor in sensors],
-        leader.command if any(most) else None,
-        lambda: sensors[0].value if gripper is None else sensors[0].value + sensors[1].value,
-        sensors=sensors,
-    )
+            sensor.felt = display
     port = OperatorPort(
         leader,
         displays=[display],

@@ -81,7 +81,8 @@ def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
     limits, engage = system.master.limits, system.master.engage
     ramp = limits.ramp_ms * 1e-3
     bounds = [Bound((force_limit,), (_force_slew(system, device),), ramp, contact=contact)]
-    displays = [Display(control, [3], device.command, lambda: hand.value, sensors=[hand])]
+    displays = [Display(control, [hand], device.command)]
+    hand.felt = displays[0]
     outgoing = [OutgoingChannel(Encoder(forward[0]), hand)]
     incoming = [IncomingChannel(force_decoder, hand, control)]
     if system.codec.rotation is not None:
@@ -98,7 +99,7 @@ def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
         most = min(most, displayed) if displayed > 0.0 else most
         bounds.append(Bound((most,), (_torque_slew(system, device),), ramp))
         turn = device.turn if isinstance(device, TorqueDevice) and displayed > 0.0 else None
-        displays.append(Display(torques, [3], turn, lambda: orientation.turned, first=1))
+        displays.append(Display(torques, [orientation], turn, first=1))
     button = None if engage is None else engage.button
     port = OperatorPort(device, displays=displays, endpoint=endpoint, gate=build_gate(system, bounds), button=button)
     return port, outgoing, incoming, tuning
