@@ -216,6 +216,9 @@ def stability(
             help="48 cells that this seed draws instead of the 156, and the baselines beside bounded; implies --cells.",
         ),
     ] = None,
+    files: Annotated[
+        bool, typer.Option("--files", help="The shipped files at 0 to 150 ms each way; implies --cells. Ten minutes.")
+    ] = False,
     workers: Workers = None,
     dask: Dask = None,
     json_out: Json = None,
@@ -233,11 +236,17 @@ def stability(
 
     with progress_shown() as progress:
         check_resources(workers, dask)
-        if cells or held_out is not None:
+        if cells or files or held_out is not None:
             from weberlink_studies.stability import display  # noqa: PLC0415
 
             result = display.run(
-                scheme or [], held_out, plots=plots is not None, workers=workers, dask=dask, progress=progress
+                scheme or [],
+                held_out,
+                files=files,
+                plots=plots is not None,
+                workers=workers,
+                dask=dask,
+                progress=progress,
             )
         else:
             from weberlink_studies.stability.study import STUDY, MapOptions  # noqa: PLC0415

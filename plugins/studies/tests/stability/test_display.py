@@ -1,14 +1,16 @@
 """The cells of what is felt: those that a seed draws, and what they are compared with."""
 
 from itertools import chain
+from math import radians
 from pathlib import Path
 
 import pytest
 
 from weberlink import configs
+from weberlink.cli.shipped import find
 from weberlink.config import load
 from weberlink_studies.frame import data_frame
-from weberlink_studies.stability.display import DisplayCell, cells, former, judged
+from weberlink_studies.stability.display import DisplayCell, cells, file_cells, former, judged, rows_of
 from weberlink_studies.stability.held_out import COUNT, SCENES, held_out
 
 LOOPBACK = Path(str(configs.__path__[0])) / "loopback.yaml"
@@ -36,3 +38,11 @@ def test_drawn_cells_are_compared_with_the_baselines_and_the_others_with_the_sch
     before = former().query("scene == 'plane' and delay_ms == 0 and link == 'clean' and hand == 'default'")
     assert list(found.former_error_n) == pytest.approx([0.3] * 3 + [before.error_n.min()] * 3)
     assert list(found.worse[:3]) == [True, False, True]
+
+
+def test_the_shipped_files_are_tried_as_they_are() -> None:
+    assert all(find(cell.scene).exists() for cell in file_cells())
+    (row,) = rows_of((DisplayCell("rotation", 50), "bounded"))
+    assert not row["failure"]
+    assert row["turned_rad"] < radians(0.5)
+    assert row["bound_share"] < 1.0

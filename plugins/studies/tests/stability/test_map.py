@@ -26,6 +26,13 @@ def test_the_default_system_is_calm() -> None:
     assert found["force_reduction"] > 0.9
 
 
+def test_an_arm_is_judged() -> None:
+    pytest.importorskip("weberlink_arms")
+    found = judge(SystemCell("a", robot="arm", stiffness_n_m=30.0))
+    assert found["bounded"]
+    assert found["bound_kept"]
+
+
 @pytest.mark.parametrize("share", [0.7, 1.4])
 def test_uncoded_cells_are_bounded_below_the_limit(share: float) -> None:
     cell = SystemCell("a", "none", "zoh", "zoh", weber=0.0, floor_n=0.0, bound_m=0.0, rate_hz=100.0)

@@ -38,7 +38,7 @@ def records(force: Callable[[float], float]) -> tuple[Records, Records]:
 
 
 def judge(master: Records, slave: Records, failure: str | None = None, cell: SystemCell = CELL) -> Row:
-    return verdict(cell, WHEN, (master, slave), ACCOUNT, failure)
+    return verdict(cell, WHEN, (master, slave), [ACCOUNT], failure)
 
 
 def test_a_steady_force_has_settled() -> None:

@@ -9,7 +9,7 @@ yields to what it feels, so the motions of both differ too. Beside the schemes a
 import json
 from collections.abc import Sequence
 from functools import lru_cache
-from importlib.resources import files
+from importlib import resources
 from itertools import product, starmap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -18,16 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import RenderableType
 
+from weberlink.cli.shipped import find
 from weberlink.config import ConfigurationError, load
+from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.table import SCHEMES
-from weberlink.figures.channel import longest_run
+from weberlink.figures.channel import longest_run, turns_between
 from weberlink.figures.session import Records
-from weberlink.session.composition.channels import account
 from weberlink_studies.baselines import BASELINES, recorded
 from weberlink_studies.frame import FrameResult, Row, Study, data_frame, records
 from weberlink_studies.parallel import Progress
 from weberlink_studies.result import Column, frame_table
-from weberlink_studies.stability.verdict import bound_share
+from weberlink_studies.stability.verdict import accounts, bound_share
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -86,6 +87,21 @@ def cells() -> list[DisplayCell]:
     ]
 
 
+FILES = (
+    *("loopback", "try", "fig6", "adaptive", "lossless-1dof", "replay", "scene-box", "scene-cavity"),
+    *("scene-height-field", "scene-moving", "scene-plane", "scene-simulated-robot", "scene-sphere", "stiff-wall"),
+    *("mujoco-arm", "mujoco-peg", "rotation", "arms"),
+)
+"""Shipped files of a computed hand and robot. The last two turn, and are tried with loss too."""
+FILE_DELAYS_MS = (0, 20, 50, 100, 150)
+
+
+def file_cells() -> list[DisplayCell]:
+    """The shipped files as they are, but for the link."""
+    links = [*product(FILES, FILE_DELAYS_MS, ["clean"]), *product(FILES[-2:], FILE_DELAYS_MS[1:], ["lossy"])]
+    return [*starmap(DisplayCell, links)]
+
+
 def rows_of(case: tuple[DisplayCell, str]) -> list[Row]:
     """Run a cell with a scheme; an error becomes the `failure` of a row without figures.
 
@@ -98,9 +114,12 @@ def rows_of(case: tuple[DisplayCell, str]) -> list[Row]:
         energy_out_j   largest energy that the hand got out beyond what it gave
         bound_share    largest share of the bound of the account that was got out
         tracking_m     RMS of the robot's command, that of the delay later, minus the hand, from the first second on
-        impulse_ratio  integral of felt over that of pressed
+        impulse_ratio  integral of felt over that of pressed, both where they are contact
+        turned_rad     angle between the robot's command and the hand of the delay before, mean of the last second
         peak_n         largest force pressed
         ripple_n       RMS of felt without its mean over 21 ticks
+
+    Of an arm all these are of its joints, in N m and rad.
     """
     cell, scheme = case
     try:
@@ -111,15 +130,20 @@ def rows_of(case: tuple[DisplayCell, str]) -> list[Row]:
 
 
 def _measure(cell: DisplayCell, scheme: str) -> Row:
-    (master, slave), share, failure = _simulated(cell, scheme)
-    felt, pressed = np.asarray(master["output"], np.float64), np.asarray(slave["raw"], np.float64)
-    hand, command, delay = master["position"], slave["output"], cell.delay_ms
+    (master, slave), turning, share, failure = _simulated(cell, scheme)
+    arm, delay = turning if turning == "joint_" else "", cell.delay_ms
+    felt, pressed = (np.asarray(each, np.float64) for each in (master[f"{arm}output"], slave[f"{arm}raw"]))
+    hand, command = master[f"{arm}position"], slave[f"{arm}output"]
     sizes, loads = _lengths(felt), _lengths(pressed)
     ideal = _reference(cell._replace(delay_ms=0, link="clean"))
     both = min(len(felt), len(ideal))
     given = np.concatenate([[0.0], np.cumsum((felt[:-1] * np.diff(hand, axis=0)).sum(axis=1))])
-    away = _lengths(command[delay:] - hand[: len(hand) - delay])[1000:]
-    away = away[np.isfinite(away)]
+    apart = command[delay:] - hand[: len(hand) - delay]
+    away = _lengths(apart)[1000:]
+    away, turned = away[np.isfinite(away)], None
+    if turning:
+        turns = apart if arm else turns_between(slave["rotation_output"][delay:], master["rotation_raw"][: len(apart)])
+        turned = float(_lengths(turns[-1000:]).mean())
     ripple = (sizes - np.convolve(sizes, np.ones(21) / 21.0, "same"))[20:-20]
     count, span = len(felt), 2 * delay + 60  # shifted in about 80 steps
     shifts = (
@@ -134,33 +158,38 @@ def _measure(cell: DisplayCell, scheme: str) -> Row:
         "energy_out_j": float(given.max()),
         "tracking_m": float(np.sqrt(np.mean(away**2))) if len(away) else None,
         "shifted_error_n": min(_rms(ours - theirs) for ours, theirs in shifts),
-        "impulse_ratio": float(sizes.sum() / max(float(loads.sum()), 1e-9)),
+        "impulse_ratio": float(
+            sizes[sizes > LEAST_CONTACT].sum() / max(float(loads[loads > LEAST_CONTACT].sum()), 1e-9)
+        ),
         "peak_n": float(loads.max()),
+        "turned_rad": turned,
         "ripple_n": float(np.sqrt(np.mean(ripple**2))),
         "bound_share": share,
         "failure": failure,
     }
 
 
-def _simulated(cell: DisplayCell, scheme: str) -> tuple[tuple[Records, Records], float, str]:
-    """Records of both sides, the share of the account's bound, and why a side ended early."""
-    (file, more), delay = SCENES.get(cell.scene, ("loopback", ())), cell.delay_ms
+def _simulated(cell: DisplayCell, scheme: str) -> tuple[tuple[Records, Records], str, float, str]:
+    """Records of both sides, what turns (as of `bound_share`), the share of the bound, and why a side ended early."""
+    (file, more), delay = SCENES.get(cell.scene, (cell.scene if cell.scene in FILES else "loopback", ())), cell.delay_ms
     lossy = cell.link == "lossy"
     faults = f", jitter_ms: {min(5, delay)}, loss: 0.05, burst: 3, seed: 1" if lossy else ", seed: 0"
     silence = max(100, int(5.5 * (delay + (5 if lossy else 0)) + 60))
     longest = max(400, 2 * delay + 100)
     link = [f"emulate={{delay_ms: {delay}{faults}}}", f"silence_ms={silence}", f"longest_round_trip_ms={longest}"]
     overrides = [*(f"link.{each}" for each in link), *more, *HANDS.get(cell.hand, ()), *cell.overrides]
-    configuration = load(Path(str(files("weberlink.configs") / f"{file}.yaml")), overrides)
+    configuration = load(find(file), overrides)
     records, failure = recorded(configuration, scheme, 10.6 + 4e-3 * delay)
     system = configuration.system
-    return records, bound_share(records[0], account(system.control, system.master.mapping)), failure
+    turning = "joint_" if system.codec.joints is not None else "rotation_" if system.codec.rotation is not None else ""
+    return records, turning, bound_share(records[0], accounts(system), turning), failure
 
 
 @lru_cache(maxsize=len(SCENES) * len(HANDS))
 def _reference(cell: DisplayCell) -> Floats:
-    """The force felt under `none`, shape (n, 3) [N]."""
-    return np.asarray(_simulated(cell, "none")[0][0]["output"], np.float64)
+    """The force felt under `none`, shape (n, axes) [N], [N m]."""
+    (master, _), turning, _, _ = _simulated(cell, "none")
+    return np.asarray(master["joint_output" if turning == "joint_" else "output"], np.float64)
 
 
 def _rms(vectors: Floats) -> float:
@@ -187,7 +216,7 @@ FIGURES = (
 
 def former() -> "DataFrame":
     """Rows of the four schemes before; `attrs` has where they come from as `origin`."""
-    stored = json.loads((files(__package__) / "former.json").read_text(encoding="utf-8"))
+    stored = json.loads((resources.files(__package__) / "former.json").read_text(encoding="utf-8"))
     frame = data_frame([
         dict(zip([*KEYS, "scheme", *FIGURES], [*row[:4], (), scheme, *each], strict=False))
         for row in stored["cells"]
@@ -247,20 +276,23 @@ COLUMNS = {
 
 
 class DisplayOptions(NamedTuple):
-    """Of the study: schemes, and the seed of the cells; None for the 156."""
+    """Of the study: schemes, and which cells: the 156, those of a seed, or the shipped files."""
 
     schemes: tuple[str, ...]
     held_out: int | None = None
+    files: bool = False
 
 
 def _cases(options: DisplayOptions) -> list[tuple[DisplayCell, str]]:
     from weberlink_studies.stability.held_out import held_out  # noqa: PLC0415 - it makes cells of this module
 
-    chosen = cells() if options.held_out is None else held_out(options.held_out)
+    chosen = file_cells() if options.files else cells() if options.held_out is None else held_out(options.held_out)
     return [(cell, scheme) for scheme in options.schemes for cell in chosen]
 
 
 def _tables(options: DisplayOptions, rows: "DataFrame", run_time_s: float, caption: str) -> RenderableType:
+    if options.files:
+        return _files_table(rows, [f"{len(rows)} runs in {run_time_s:.0f} s", caption])
     keys, others, ran = ["delay_ms", "scene", "scheme"], "none, tdpa, mmt, auto", judged(rows)
     if options.held_out is not None:
         keys, others = keys[1:], ", ".join(RIVALS)
@@ -296,6 +328,32 @@ def _tables(options: DisplayOptions, rows: "DataFrame", run_time_s: float, capti
     return frame_table(table.reset_index(), columns, notes=notes)
 
 
+def _files_table(rows: "DataFrame", notes: list[str]) -> RenderableType:
+    """The ratio of impulses by file and delay, and the largest of the rest."""
+    keys = ["scene", "scheme", "link"]
+    table = rows.pivot_table(index=keys, columns="delay_ms", values="impulse_ratio", sort=False)
+    rest = judged(rows).groupby(keys, sort=False)
+    table = table.assign(
+        turned=np.rad2deg(rest.turned_rad.max()), bound=rest.bound_share.max(), contacts=rest.contacts.max()
+    )
+    notes = [
+        "impulse felt over that pressed, by the delay each way; the largest of bound (share got out, %), contacts",
+        "  (begins and ends), turn (command apart from the hand of the delay before, mean of the last second, deg)",
+        *(f"{row.scene}, {row.delay_ms} ms: {row.failure}" for row in rows[rows.failure != ""].itertuples()),
+        *notes,
+    ]
+    columns: dict[Any, Column] = {
+        "scene": Column("file"),
+        "scheme": COLUMNS["scheme"],
+        "link": Column("link", left=True),
+        **{delay: Column(f"{delay} ms", "{:.2f}") for delay in FILE_DELAYS_MS if delay in table},
+        "bound": COLUMNS["bound"],
+        "contacts": COLUMNS["contacts"],
+        "turned": Column("turn", "{:.2f}"),
+    }
+    return frame_table(table.reset_index(), columns, notes=notes)
+
+
 def _plots(options: DisplayOptions, rows: "DataFrame", folder: Path, caption: str) -> None:
     from weberlink_studies.stability.figures import display_map  # noqa: PLC0415 - imports matplotlib
 
@@ -304,6 +362,8 @@ def _plots(options: DisplayOptions, rows: "DataFrame", folder: Path, caption: st
 
 
 def _summary(options: DisplayOptions, rows: "DataFrame") -> dict[str, Any]:
+    if options.files:
+        return {"files": list(FILES)}
     origin = {"former_origin": former().attrs["origin"]} if options.held_out is None else {"held_out": options.held_out}
     return {"summary": records(summary(rows))} | origin
 
@@ -324,6 +384,7 @@ def run(
     schemes: Sequence[str],
     held_out: int | None = None,
     *,
+    files: bool = False,
     plots: bool = False,
     workers: int | None = None,
     dask: str | None = None,
@@ -334,14 +395,17 @@ def run(
     Args:
         schemes: by name; empty for `bounded`, and with drawn cells `RIVALS` too.
         held_out: seed of drawn cells; None for the 156.
+        files: the shipped files instead.
         plots: whether figures are wanted, which are of the 156.
         workers: as of `Study.result`, and `dask` and `progress` too.
     """
-    if held_out is not None and plots:
-        raise ConfigurationError("--plots: drawn cells have no figure; write them with --csv or --json")
+    if (held_out is not None or files) and plots:
+        raise ConfigurationError("--plots: these cells have no figure; write them with --csv or --json")
+    if held_out is not None and files:
+        raise ConfigurationError("--files: not with --held-out")
     for name in schemes:
         if name not in BASELINES and name not in SCHEMES:
             raise ConfigurationError(f"--scheme: {name!r} is none of {', '.join((*SCHEMES, *BASELINES))}")
     known = schemes or (["bounded"] if held_out is None else ["bounded", *RIVALS])
-    options = DisplayOptions(tuple(dict.fromkeys(known)), held_out)
+    options = DisplayOptions(tuple(dict.fromkeys(known)), held_out, files)
     return STUDY.result(options, workers=workers, dask=dask, progress=progress)

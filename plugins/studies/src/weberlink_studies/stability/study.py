@@ -2,20 +2,19 @@
 
 import json
 from dataclasses import asdict
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rich.console import Group, RenderableType
 
+from weberlink.cli.shipped import find
 from weberlink.config import Configuration, ConfigurationError, load
-from weberlink.session.composition.channels import account
 from weberlink_studies.baselines import BASELINES, recorded
 from weberlink_studies.frame import Row, Study
 from weberlink_studies.result import Column, frame_table
 from weberlink_studies.stability.cells import HEIGHT, CellTiming, SystemCell, cells, scene, timing
 from weberlink_studies.stability.measured_wall import survey, walls
-from weberlink_studies.stability.verdict import verdict
+from weberlink_studies.stability.verdict import accounts, verdict
 from weberlink_studies.stability.wall import SampledWall
 
 if TYPE_CHECKING:
@@ -44,8 +43,7 @@ def judge(cell: SystemCell) -> Row:
         when = timing(cell)
         composed = configuration(cell, when)
         records, failure = recorded(composed, cell.scheme, when.end + 1.0)
-        bound = None if cell.torque else account(composed.system.control, composed.system.master.mapping)
-        return verdict(cell, when, records, bound, failure or None)
+        return verdict(cell, when, records, accounts(composed.system), failure or None)
     except ConfigurationError as error:
         return {"state": "refused", "bounded": False, "failure": str(error)}
     except Exception as error:  # one broken cell must not end the map
@@ -54,8 +52,7 @@ def judge(cell: SystemCell) -> Row:
 
 def configuration(cell: SystemCell, when: CellTiming) -> Configuration:
     """The shipped default with the parameters of the cell and a scene of one object; the two arms for joints."""
-    name = "arms" if cell.robot == "arm" else "loopback"
-    return load(Path(str(files("weberlink.configs") / f"{name}.yaml")), overrides(cell, when))
+    return load(find("arms" if cell.robot == "arm" else "loopback"), overrides(cell, when))
 
 
 def overrides(cell: SystemCell, when: CellTiming) -> list[str]:

@@ -1,13 +1,15 @@
 """Verdict on a cell from the telemetry of both sides: settled or not, force felt and pressed, energy."""
 
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from weberlink.config.model import System
 from weberlink.control.contract import AccountParameters
 from weberlink.figures.channel import in_session
-from weberlink.figures.energy import EnergyBound, PortWork
+from weberlink.figures.energy import EnergyBound, PortWork, accounts_in
 from weberlink.figures.session import Records
 from weberlink.protocol.states import State
 from weberlink.telemetry.fault import Fault
@@ -32,7 +34,7 @@ def verdict(
     cell: SystemCell,
     when: CellTiming,
     records: tuple[Records, Records],
-    account: AccountParameters | None,
+    accounts: Sequence[AccountParameters],
     failure: str | None = None,
 ) -> Row:
     """Judge a finished run. Both sides tick at the same times, as in virtual time.
@@ -91,7 +93,7 @@ def verdict(
     ideal = cell.ideal_n if cell.ideal_n is not None and cell.ideal_n >= FAINTEST_N else None
     state = _state(cell, felt[early], felt[late], steady, clipped=bool(master["clipped"][late].any()))
     impulses = _lengths(output[pressing]), _lengths(raw[pressing])
-    share = None if account is None or cell.torque else bound_share(master, account)
+    share = bound_share(master, accounts, cell.torque)
     largest, last = float(_lengths(slave["raw"][holding]).max()), at > at[-1] - 0.1
     ticks = int((slave["state"] == State.ENGAGED.value).sum())
     met = {
@@ -105,7 +107,7 @@ def verdict(
         "bounded": state in CALM,
         "energy_out_j": None if cell.wall_speed_m_s or cell.torque else out,
         "bound_share": share,
-        "bound_kept": None if share is None else share <= 1.0,
+        "bound_kept": share <= 1.0,
         "link_generated_j": None if cell.torque else made,
         "peak_force_n": float(_lengths(output).max()),
         "peak_contact_n": float(_lengths(raw).max()),
@@ -136,12 +138,19 @@ def settling_time(at: Floats, force: Floats, when: CellTiming, steady: float, ba
     return last - when.press if last < when.release - 0.1 * (when.release - when.hold) else None
 
 
-def bound_share(master: Records, account: AccountParameters) -> float:
-    """The largest share of the bound that the hand got out by any tick, as a report has it, 0 or more."""
-    ways = np.diff(master["position"], axis=0)
-    works = -(master["output"][:-1] * ways).sum(axis=1)
-    bound = EnergyBound([account])
-    bound.add(master, [ways], works[np.newaxis], np.zeros(len(works), bool), np.cumsum(works))
+def accounts(system: System) -> tuple[AccountParameters, ...]:
+    """Those that `bounded` keeps for the hand of a system."""
+    dump = system.model_dump()
+    return accounts_in(dump | {"control": dump["control"] | {"scheme": "bounded"}})
+
+
+def bound_share(master: Records, accounts: Sequence[AccountParameters], turning: str = "") -> float:
+    """The largest share of the bound that the hand got out by any tick, as a report has it, 0 or more.
+
+    `turning` is `rotation_` where the hand turns too, `joint_` with an arm.
+    """
+    bound, rotates = EnergyBound(accounts), turning == "rotation_"
+    PortWork("" if rotates else turning, rotates=rotates, bound=bound).add(master)
     return bound.share
 
 
