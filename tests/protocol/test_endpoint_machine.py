@@ -533,4 +533,4 @@ class Endpoints(RuleBasedStateMachine):
 
 TestEndpoints = Endpoints.TestCase
 # Shrinking takes minutes, and twenty steps can be read.
-TestEndpoints.settings = examples(80, stateful_step_count=20, phases=(Phase.generate,))
+TestEndpoints.settings = examples(60, stateful_step_count=20, phases=(Phase.generate,))

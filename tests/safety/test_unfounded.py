@@ -15,12 +15,13 @@ from weberlink.telemetry.fault import Fault
 DELAY_S = 0.05
 LINK = ("link.emulate={delay_ms: 50, seed: 0}",)
 DAMPED = "slave.scene=[{shape: plane, stiffness_n_m: 500, damping_n_s_m: 1.0}]"
-FORMER = (7, 11, 14)
-"""Seeds with which a force was on the hand for longer before there was the law."""
+FORMER = 7
+"""A seed with which a force was on the hand for longer before there was the law."""
 LONG = 2767
 """One with a round trip that is longer than the silence limit."""
-CLAIMED = (832, 899)
+CLAIMED = 832
 """In which a model claimed a contact for some ms that the robot's end then contradicted."""
+OTHERS = (11, 14, 899)
 
 
 def session(*overrides: str, file: str = "loopback.yaml", seconds: float = 4.0) -> tuple[Finding, dict[str, Any]]:
@@ -108,7 +109,7 @@ def test_a_lost_correction_of_a_model_leaves_the_hand_as_soon_as_one_that_comes(
     assert (finding.ticks, finding.faults) == (0, 0)
 
 
-@pytest.mark.parametrize("seed", [*FORMER, LONG, *CLAIMED])
+@pytest.mark.parametrize("seed", [FORMER, LONG, CLAIMED, *(pytest.param(each, marks=pytest.mark.hunt) for each in OTHERS)])
 def test_in_random_sessions_no_force_lasts_without_a_contact(seed: int) -> None:
     """`python -m trials.safety.unfounded` runs more."""
     finding = run(seed)

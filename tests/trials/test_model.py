@@ -8,12 +8,9 @@ from trials.model.__main__ import FORMER, MUTANTS, PASSING, Run, missing_tool, v
 
 pytestmark = pytest.mark.skipif(missing_tool() is not None, reason="spin and gcc are not installed: make system")
 QUICK = {
-    "link: R changes, datagrams held until stamps and echoes wrap": True,
     "link 4: no replay window": False,
-    "link 19: next proposal at once": False,
     "streams: one of each end": True,
     "streams: who returns does not know that it is shown": False,
-    "streams 2: a new update starts the time anew": False,
 }
 
 

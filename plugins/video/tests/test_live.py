@@ -6,10 +6,7 @@ Only live processes have cameras that vanish, readers that never read, and a lau
 import os
 import signal
 import socket
-import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, closing, suppress
 from io import BytesIO
 from pathlib import Path
 from time import sleep
@@ -20,8 +17,8 @@ import pytest
 from PIL import Image
 
 from plugins.video.tests.test_jpeg import claims, jpeg
-from tests.program import ROOT, document, faults_of
-from tests.wait import PATIENCE, until
+from tests.program import Program, document, faults_of, free_port
+from tests.wait import until
 from weberlink.protocol.keys import Right, generate
 from weberlink.session.control_socket import control_sockets, session_of
 from weberlink.telemetry.pictures import LARGEST, Picture, path_beside, split
@@ -32,14 +29,7 @@ from weberlink_video.pattern import time_in
 
 pytestmark = pytest.mark.realtime
 
-WEBERLINK = (sys.executable, "-m", "weberlink")
 PATTERN = "{name: test, kind: pattern, size: [320, 240], rate_hz: 30}"
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
-        taken.bind(("127.0.0.1", 0))
-        return int(taken.getsockname()[1])
 
 
 def write(path: Path, key: Path | None, *, port: int = 0, pictures: int = 47_001, sources: str = PATTERN) -> Path:
@@ -50,18 +40,6 @@ def write(path: Path, key: Path | None, *, port: int = 0, pictures: int = 47_001
         f"slave: {{robot: {{driver: point}}, cameras: {{driver: video, port: {pictures}, sources: [{sources}]}}}}\n"
     )
     return path
-
-
-@contextmanager
-def program(*arguments: object) -> Iterator["subprocess.Popen[str]"]:
-    started = subprocess.Popen(
-        [*WEBERLINK, *map(str, arguments)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    try:
-        yield started
-    finally:
-        started.send_signal(signal.SIGINT)
-        started.communicate(timeout=PATIENCE)
 
 
 class Reader(AbstractContextManager["Reader"]):
@@ -99,7 +77,7 @@ def shown(picture: Picture) -> float | None:
     return time_in(np.asarray(Image.open(BytesIO(picture.jpeg)).convert("L")))
 
 
-def pictures_process(program: "subprocess.Popen[str]") -> psutil.Process:
+def pictures_process(program: Program) -> psutil.Process:
     def look() -> psutil.Process | None:
         children = psutil.Process(program.pid).children()
         return next((each for each in children if "weberlink_video.process" in each.cmdline()), None)
@@ -110,7 +88,7 @@ def pictures_process(program: "subprocess.Popen[str]") -> psutil.Process:
 def test_pictures_cross_by_the_key_of_the_session_on_the_clock_of_each_host(tmp_path: Path) -> None:
     generate(tmp_path / "key")
     file = write(tmp_path / "two.yaml", tmp_path / "key", port=free_port(), pictures=free_port())
-    with program("slave", file) as slave, program("master", file) as master, Reader(master.pid, "master") as reader:
+    with Program("slave", file) as slave, Program("master", file) as master, Reader(master.pid, "master") as reader:
         reader.first()
         sleep(1.0)
         pictures = reader.read()
@@ -128,7 +106,7 @@ def test_watcher_sees_a_running_robot_on_the_page_and_can_change_nothing(tmp_pat
     keys.write_text("".join((tmp_path / name).read_text() for name in ("wall", "hall")))
     ports = {"port": free_port(), "pictures": free_port()}
     files = [write(tmp_path / f"{name}.yaml", tmp_path / name, **ports) for name in ("keys", "wall", "hall")]
-    with program("slave", files[0]) as slave, program("watch", files[1]) as wall:
+    with Program("slave", files[0]) as slave, Program("watch", files[1]) as wall:
         ring = default_path(f"{wall.pid}-master")
         with Reader(wall.pid, "master") as reader:
             assert shown(picture := reader.first()) == pytest.approx(picture.at, abs=5e-3)
@@ -138,11 +116,11 @@ def test_watcher_sees_a_running_robot_on_the_page_and_can_change_nothing(tmp_pat
             assert not any(session.faults.values())
             assert session.description["system"]["slave"]["cameras"]["driver"] == "video"
         assert {session_of(path) for path in control_sockets()} & {str(wall.pid), str(slave.pid)} == {str(slave.pid)}
-        refused = subprocess.run([*WEBERLINK, "watch", files[2]], cwd=ROOT, capture_output=True, text=True, check=False)
-        assert refused.returncode == 1
-        assert "'wall'; slave.cameras.watchers: 1 of both files allows no more" in refused.stderr
-        wall.send_signal(signal.SIGINT)
-        assert wall.wait(PATIENCE) == 0
+        with Program("watch", files[2]) as hall:
+            status, _, errors = hall.finish()
+        assert (status, "'wall'; slave.cameras.watchers: 1 of both files allows no more" in errors) == (1, True)
+        wall.send(signal.SIGINT)
+        assert wall.finish()[0] == 0
         assert not ring.exists()
 
 
@@ -152,15 +130,15 @@ def test_camera_that_fails_ends_no_session_and_is_named(tmp_path: Path) -> None:
     sources = f"{PATTERN}, {{name: gone, device: {tmp_path / 'nothing'}}}, {{name: pipe, device: {pipe}}}"
     file = write(tmp_path / "one.yaml", None, sources=sources)
     report = tmp_path / "report.json"
-    with program("loopback", file, "--json", report) as session, Reader(session.pid, "slave") as reader:
+    with Program("loopback", file, "--json", report) as session, Reader(session.pid, "slave") as reader:
         assert "nothing" in reader.first(note=True).note
         for data, why in ((jpeg(64, 48) + claims(60_000, 60_000), "60000"), (b"\xff\xd8" + b"rubbish" * 99, "damaged")):
             with pipe.open("wb", buffering=0) as camera:
                 camera.write(data)
                 assert why in reader.first(note=True).note
         assert reader.first().camera == "test"
-        session.send_signal(signal.SIGINT)
-        assert session.wait(PATIENCE) == 0
+        session.send(signal.SIGINT)
+        assert session.finish()[0] == 0
     assert faults_of(document(report.read_text())) == {"master": {}, "slave": {}}
 
 
@@ -168,7 +146,7 @@ def test_reader_that_never_reads_and_endless_picture_grow_nothing(tmp_path: Path
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     file = write(tmp_path / "one.yaml", None, sources=f"{PATTERN}, {{name: pipe, device: {pipe}}}")
-    with program("loopback", file) as session, ExitStack() as readers:
+    with Program("loopback", file) as session, ExitStack() as readers:
         reader = readers.enter_context(Reader(session.pid, "slave"))
         for _ in range(8):
             readers.enter_context(Reader(session.pid, "slave"))
@@ -186,10 +164,10 @@ def test_reader_that_never_reads_and_endless_picture_grow_nothing(tmp_path: Path
 
 def test_session_goes_on_without_the_process_of_the_pictures(tmp_path: Path) -> None:
     file = write(tmp_path / "one.yaml", None)
-    with program("loopback", file, "--duration", 4) as session:
+    with Program("loopback", file, "--duration", 4) as session:
         with Reader(session.pid, "slave") as reader:
             reader.first()
         pictures_process(session).kill()
-        _, said = session.communicate(timeout=PATIENCE)
-        assert session.returncode == 0
+        status, _, said = session.finish(4.0)
+        assert status == 0
         assert said.count("no more pictures: their process was killed by SIGKILL") == 1

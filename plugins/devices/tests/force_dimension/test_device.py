@@ -141,7 +141,7 @@ def test_device_is_chosen_by_its_serial_number_and_stays_the_same(devices: Devic
     said = refusal(make())
     assert "2 are plugged in, with serial numbers 11, 12; say which with master.device.serial_number" in said
     assert "the one with serial number 13 is not there, but 11, 12" in refusal(make(serial_number=13))
-    device = make(serial_number=12, reconnect_s=0.5)
+    device = make(serial_number=12, reconnect_s=3.0)
     device.open(monotonic())
     for serial_number in (12, 14):
         drive(device, lambda: norm(handle.wrench[0]) > 1.9, PUSH)
