@@ -23,11 +23,11 @@ def build_leading(configuration: Configuration, endpoint: Endpoint) -> Parts:
     """The port of a leader arm, its channels out and in, and the settings that may change."""
     from weberlink.control.axes import LEVER, build_axes  # noqa: PLC0415 - for this end alone
     from weberlink.master.gate import Bound, ContactLimiter, ContactWatch  # noqa: PLC0415 - likewise
-    from weberlink.master.operator_port import Display, OperatorPort  # noqa: PLC0415 - likewise
-    from weberlink.session.composition.master import build_gate  # noqa: PLC0415 - likewise
+    from weberlink.master.operator_port import Display  # noqa: PLC0415 - likewise
+    from weberlink.session.composition.master import operator_port  # noqa: PLC0415 - likewise
 
     system, leader = configuration.system, build_leader(configuration)
-    joints, gripper, engage = _joints(system), system.codec.gripper, system.master.engage
+    joints, gripper = _joints(system), system.codec.gripper
     most, slew = torque_limits(system, leader.spec)
     sensors = sensors_of(leader.spec, "angles")
     outgoing, incoming = _channels(system, sensors, leads=True)
@@ -58,14 +58,7 @@ def build_leading(configuration: Configuration, endpoint: Endpoint) -> Parts:
             coupling = per_axis(angle.coupling_nm_rad, count)
             sensor.pressed = PressedAxes(per_axis(angle.bound_rad, count), coupling, bound)
             sensor.felt = display
-    port = OperatorPort(
-        leader,
-        displays=[display],
-        endpoint=endpoint,
-        gate=build_gate(system, bounds),
-        button=None if engage is None else engage.button,
-        fault=ArmFault,
-    )
+    port = operator_port(system, leader, [display], bounds, endpoint, ArmFault)
     port.angle_range = leader.spec.lower, leader.spec.upper
     return port, outgoing, incoming, tuning
 
@@ -96,14 +89,7 @@ def build_following(configuration: Configuration, endpoint: Endpoint) -> Parts:
         trip_retract=TRIP_RETREAT,
     )
     by_button = system.master.engage is not None
-    port = RobotPort(
-        follower,
-        guard=guard,
-        sensors=sensors,
-        endpoint=endpoint,
-        by_button=by_button,
-        fault=ArmFault,
-    )
+    port = RobotPort(follower, guard=guard, sensors=sensors, endpoint=endpoint, by_button=by_button, fault=ArmFault)
     port.angle_range = lower, upper
     outgoing, incoming = _channels(system, sensors, leads=False)
     return port, outgoing, incoming, build_tuning(system, outgoing[0].encoder)

@@ -10,7 +10,7 @@ from weberlink.config import Configuration, ConfigurationError, System
 from weberlink.control.sent import SentCommands
 from weberlink.control.table import build_master_control
 from weberlink.geometry.vector import Vector
-from weberlink.master.devices.contract import Device, DeviceSpec, TorqueDevice
+from weberlink.master.devices.contract import Device, DeviceFault, DeviceSpec, TorqueDevice
 from weberlink.master.gate import Bound, ContactLimiter, HandContact, OutputGate
 from weberlink.master.operator_port import Display, OperatorPort
 from weberlink.master.position import HandPosition
@@ -43,9 +43,19 @@ FASTEST_TOUCH = 1.0
 """Speed of a hand that meets a wall [m/s], from which the default slew limit follows."""
 
 
-def build_gate(system: System, bounds: Sequence[Bound]) -> OutputGate:
-    silence, ramp = system.link.silence_ms * 1e-3, system.master.limits.ramp_ms * 1e-3
-    return OutputGate(bounds, ramp=ramp, silence=silence, fade_share=FADE_SHARE)
+def operator_port(
+    system: System,
+    device: "Device | Arm",
+    displays: Sequence[Display],
+    bounds: Sequence[Bound],
+    endpoint: Endpoint,
+    fault: type[Exception] = DeviceFault,
+) -> OperatorPort:
+    """The port of a device or a leader, with its gate."""
+    silence, ramp, engage = system.link.silence_ms * 1e-3, system.master.limits.ramp_ms * 1e-3, system.master.engage
+    gate = OutputGate(bounds, ramp=ramp, silence=silence, fade_share=FADE_SHARE)
+    button = None if engage is None else engage.button
+    return OperatorPort(device, displays=displays, endpoint=endpoint, gate=gate, button=button, fault=fault)
 
 
 def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
@@ -78,7 +88,7 @@ def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
         delay=signal_delay(system),
         playout=playout_ticks(system),
     )
-    limits, engage = system.master.limits, system.master.engage
+    limits = system.master.limits
     ramp = limits.ramp_ms * 1e-3
     bounds = [Bound((force_limit,), (_force_slew(system, device),), ramp, contact=contact)]
     displays = [Display(control, [hand], device.command)]
@@ -100,9 +110,7 @@ def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
         bounds.append(Bound((most,), (_torque_slew(system, device),), ramp))
         turn = device.turn if isinstance(device, TorqueDevice) and displayed > 0.0 else None
         displays.append(Display(torques, [orientation], turn, first=1))
-    button = None if engage is None else engage.button
-    port = OperatorPort(device, displays=displays, endpoint=endpoint, gate=build_gate(system, bounds), button=button)
-    return port, outgoing, incoming, tuning
+    return operator_port(system, device, displays, bounds, endpoint), outgoing, incoming, tuning
 
 
 @with_file_name
