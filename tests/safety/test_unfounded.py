@@ -21,7 +21,7 @@ LONG = 2767
 """One with a round trip that is longer than the silence limit."""
 CLAIMED = 832
 """In which a model claimed a contact for some ms that the robot's end then contradicted."""
-OTHERS = (11, 14, 899)
+OTHERS = [pytest.param(each, marks=pytest.mark.hunt) for each in (11, 14, 899)]
 
 
 def session(*overrides: str, file: str = "loopback.yaml", seconds: float = 4.0) -> tuple[Finding, dict[str, Any]]:
@@ -109,7 +109,7 @@ def test_a_lost_correction_of_a_model_leaves_the_hand_as_soon_as_one_that_comes(
     assert (finding.ticks, finding.faults) == (0, 0)
 
 
-@pytest.mark.parametrize("seed", [FORMER, LONG, CLAIMED, *(pytest.param(each, marks=pytest.mark.hunt) for each in OTHERS)])
+@pytest.mark.parametrize("seed", [FORMER, LONG, CLAIMED, *OTHERS])
 def test_in_random_sessions_no_force_lasts_without_a_contact(seed: int) -> None:
     """`python -m trials.safety.unfounded` runs more."""
     finding = run(seed)
