@@ -129,7 +129,7 @@ def test_no_torques_give_more_than_the_bound(seed: int) -> None:
         ways = [2.0 * TICK * random.uniform(-0.1, 1.0) * (1.0 if torque >= 0.0 else -1.0) for torque in torques]
         given = sum(torque * way for torque, way in zip(torques, ways, strict=True))
         angles = tuple(angle + way for angle, way in zip(angles, ways, strict=True))
-        axes.observe(angles, TICK)
+        axes.observe(angles, TICK, 0.0, 0, None)
         out, most = out + given, max(most, given)
         allowed += ACCOUNT.refill * TICK + ACCOUNT.damping * LEVER**2 * sum(way * way for way in ways) / TICK
         assert out <= allowed + most + 1e-9
@@ -143,15 +143,15 @@ def test_torques_come_to_the_account_by_their_lever(lever: float) -> None:
     """A work of 5 mJ on both axes, less what a light damper at the lever gives back."""
     assert build_axes("none", lever, ACCOUNT).render((3.0, -2.0)) == (3.0, -2.0)
     axes = build_axes("bounded", lever, ACCOUNT)
-    axes.observe((0.0, 0.0), TICK)
+    axes.observe((0.0, 0.0), TICK, 0.0, 0, None)
     axes.displayed((1.0, -2.0))
-    axes.observe((0.003, -0.001), TICK)
+    axes.observe((0.003, -0.001), TICK, 0.0, 0, None)
     back = ACCOUNT.refill * TICK + ACCOUNT.damping * lever**2 * (0.003**2 + 0.001**2) / TICK
     assert axes.energy == pytest.approx(ACCOUNT.allowance - 0.005 + back)
     axes.resume(0)
     assert axes.energy == 0.0
     assert axes.render((3.0, 4.0)) == (0.0, 0.0)
     axes.reset()
-    axes.observe((9.0, 9.0), TICK)
+    axes.observe((9.0, 9.0), TICK, 0.0, 0, None)
     rises = ACCOUNT.rise * TICK * lever / 5.0
     assert axes.render((3.0, 4.0)) == pytest.approx((3.0 * rises, 4.0 * rises))
