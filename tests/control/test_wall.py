@@ -9,7 +9,6 @@ from tests.control.teleoperation import ACCOUNT, SETTINGS, TICK, Hand, Link, Wal
 from weberlink.control.account import passivity_limit
 from weberlink.control.bounded import (
     BACK,
-    FADING,
     FARTHEST,
     LATE,
     LEAVE,
@@ -249,9 +248,9 @@ def test_the_command_leaves_no_farther_than_the_contact_and_two_centimetres() ->
         assert sent + depth == pytest.approx(min(depth, FARTHEST), abs=1e-4)
 
 
-@pytest.mark.parametrize("free", [0.003, 0.02, 0.1, 1.0])
-def test_a_contact_that_was_answered_is_slowly_a_new_one_again(free: float) -> None:
-    """How long the next tap is gentle grows with the time without a contact, to that of an answer."""
+@pytest.mark.parametrize(("way", "gentle"), [([-0.9], False), ([0.9], False), ([1.1], True), ([-1.1, 0.0], True)])
+def test_a_contact_is_gentle_where_the_operator_does_not_know_it(way: list[float], gentle: bool) -> None:
+    """Above the wall of the last contact, or once the robot went into that wall and felt none."""
     rtt, answered, slave = 0.04, 1.5 * 0.04 + LATE, BoundedSlave(SETTINGS)
 
     def follow(target: float, here: float, force: float) -> Vector:
@@ -260,13 +259,13 @@ def test_a_contact_that_was_answered_is_slowly_a_new_one_again(free: float) -> N
 
     for _ in range(round(2.0 * answered / TICK)):
         follow(-0.004, -0.004, 9.0)
-    for _ in range(round(free / TICK)):
-        assert follow(0.001, 0.001, 0.0) == at(0.001)
-    gentle = 0
-    while follow(-0.005, -0.001, 1.01 * PRESS / sqrt(answered)) == pytest.approx(at(-0.001)):
-        gentle += 1
-    assert gentle * TICK == pytest.approx(min(answered, FADING * free), abs=1.1 * TICK)
-    assert follow(-0.005, -0.001, 0.99 * PRESS / sqrt(answered)) != at(-0.001)
+    for free in [20.0, *way[:-1]]:
+        assert follow(0.1, WRONG * free - 0.004, 0.0) == at(0.1)
+    here, ticks = WRONG * way[-1] - 0.004, 0
+    while follow(-0.01, here, 1.01 * PRESS / sqrt(answered)) == pytest.approx(at(here)):
+        ticks += 1
+    assert ticks * TICK == pytest.approx(answered if gentle else 0.0, abs=1.1 * TICK)
+    assert follow(-0.01, here, 0.99 * PRESS / sqrt(answered)) != at(here)
 
 
 @pytest.mark.parametrize(("force", "counts"), [(LEAST_CONTACT, True), (0.999 * LEAST_CONTACT, False)])

@@ -33,9 +33,6 @@ which repeats that later, presses while nothing is felt. Round trips of less tha
 
 LATE = 0.01
 """Time beyond one and a half round trips in which the operator has answered a contact [s]."""
-FADING = 0.3
-"""How much slower than it grew an answered contact counts as a new one again, once it is open: the operator knows the
-wall of the last tap."""
 PRESS = 1.35
 """Largest force of the robot on a contact that the operator cannot have answered, times the root of the time for which
 that is so [N s^0.5]: the longer the hand pushes on without knowing, the softer."""
@@ -274,7 +271,8 @@ class BoundedSlave(SlaveControl):
         self._before: tuple[Vector, Vector] | None = None
         self._stored = self._age = 0.0
         self._force: Vector = ZERO
-        self._waits = False
+        self._waits = self._touches = False
+        self._wall: tuple[Vector, Vector] = (ZERO, ZERO)  # normal of the last contact, and where it was
         self._target: Vector | None = None
 
     @property
@@ -286,11 +284,17 @@ class BoundedSlave(SlaveControl):
         x, y, z = self._force
         size, answered = hypot(x, y, z), 1.5 * ((rtt or 0.0) + self._delay) + LATE
         last, self._target = self._target or target, target
-        if size < LEAST_CONTACT:
-            self._age, self._waits = max(0.0, self._age - FADING * elapsed), False
+        (u, v, w), (p, q, r) = self._wall
+        above, touched = (here[0] - p) * u + (here[1] - q) * v + (here[2] - r) * w, self._touches
+        self._touches = size >= LEAST_CONTACT
+        if not touched and (above < -WRONG or (above > WRONG and self._touches)):
+            self._age = 0.0  # elsewhere than the wall of the last contact, which the operator feels at once
+        if not self._touches:
+            self._waits = False
             return target
-        self._age = min(self._age + elapsed, answered)
         a, b, c = x / size, y / size, z / size
+        self._wall = (a, b, c), here
+        self._age = min(self._age + elapsed, answered)
         inward = (here[0] - target[0]) * a + (here[1] - target[1]) * b + (here[2] - target[2]) * c
         own = (last[0] - target[0]) * a + (last[1] - target[1]) * b + (last[2] - target[2]) * c
         if size >= PRESS / sqrt(answered) and self._age < answered:
