@@ -192,10 +192,11 @@ class RobotPort(Port):
 
     def report(self, row: Row, *, is_led: bool) -> None:
         guard, tool = self.guard, self.tool
-        row.contact_ticks, row.clipped = guard.contact_ticks, guard.clipped
-        row.ramping = guard.share < 1.0 if is_led or not self._by_button else RELEASED
+        clipped, ramping = guard.clipped, guard.share < 1.0
         if tool is not None:
-            row.clipped, row.ramping = row.clipped or tool.clipped, row.ramping or tool.ramping
+            clipped, ramping = clipped or tool.clipped, ramping or tool.ramping
+        row.contact_ticks, row.clipped = guard.contact_ticks, clipped
+        row.ramping = ramping if is_led or not self._by_button else RELEASED
 
     def halt(self, now: float) -> None:
         self._command(self.applied, now)
