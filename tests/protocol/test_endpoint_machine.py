@@ -112,7 +112,8 @@ class World(Pair):
             endpoint = side.endpoint
             is_encoding = endpoint not in self.halted_at
             endpoint.report_encoding(side.local(self.now), is_encoding=is_encoding)
-            works = is_encoding and endpoint.state is State.ENGAGED
+            # Until the session has proved its first round trip, neither end follows, and nothing counts as missing.
+            works = is_encoding and endpoint.state is State.ENGAGED and not endpoint.liveness.is_opening
             self.resumed_at[endpoint] = min(self.resumed_at[endpoint], self.now) if works else inf
             if side.renewals > self.renewed.get(endpoint, 0) and is_encoding and endpoint.state is State.ENGAGED:
                 self.renewed[endpoint] = side.renewals
