@@ -1,7 +1,7 @@
 """The sending end: predicts what the decoder holds, and makes an update when the error leaves the deadband."""
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -40,14 +40,16 @@ class Part:
     """Up to three axes of a stream at its sending end.
 
     Attributes:
-        grid, quantizer, deadband, error: of the channel; `error` measures as `deadband`.
+        grid, quantizer, deadband: of the channel.
         mirror: the decoder of this part.
         newest, previous, levels: the newest sample sent and its levels on the wire, and the one before.
         actual: of the sample to code, within the range of the wire; `shown` is what the mirror displays instead, None
             for nothing.
     """
 
-    __slots__ = ("actual", "deadband", "error", "grid", "levels", "mirror", "newest", "previous", "quantizer", "shown")
+    __slots__ = (
+        "actual", "deadband", "grid", "is_ball", "levels", "mirror", "newest", "previous", "quantizer", "shown",
+    )  # fmt: skip
 
     def __init__(self, channel: Channel, mirror: Decoder) -> None:
         self.grid = channel.grid
@@ -61,8 +63,11 @@ class Part:
         self.shown: Vector | None = None
 
     def retune(self, deadband: Deadband) -> None:
-        self.deadband = deadband
-        self.error: Callable[[Vector, Vector], float] = distance if deadband.is_ball else deadband.error
+        self.deadband, self.is_ball = deadband, deadband.is_ball
+
+    def error(self, shown: Vector) -> float:
+        """Of a value that is displayed instead of the sample to code, in the measure of the deadband."""
+        return distance(shown, self.actual) if self.is_ball else self.deadband.error(shown, self.actual)
 
 
 class Encoder:
@@ -265,7 +270,7 @@ class Encoder:
         error = inf if self._forced else 0.0
         for part in self._parts:
             part.shown = shown = part.mirror.value(now, position)
-            apart = inf if shown is None else part.error(shown, part.actual)
+            apart = inf if shown is None else part.error(shown)
             if not apart <= error:
                 error = apart
         if self._joints and first.shown is not None:
@@ -281,7 +286,7 @@ class Encoder:
         least = 0.0
         for part in self._parts:
             quantized.append(part.grid.quantize(tick, part.actual, position))
-            least = max(part.error(quantized[-1][1].value, part.actual), least)
+            least = max(part.error(quantized[-1][1].value), least)
         if error <= least:
             return None
         if self._bucket is not None and not self._bucket.take(forced=self._forced or first.shown is None):
@@ -347,7 +352,7 @@ class Encoder:
         if earlier is not None and reads < len(former):
             earlier = Sample(earlier.tick, earlier.value, UNKNOWN)
         decoded = self.mirror.read(update, known, earlier)
-        if first.error(decoded.first, first.actual) > most:
+        if first.error(decoded.first) > most:
             update = update._replace(payload=None)
             decoded = self.mirror.read(update, known)
         self.mirror.take(update, decoded)
@@ -367,7 +372,7 @@ class Encoder:
         place, limits = channel.place(position), channel.fit_limits
         if ahead.values:
             new = [predictors[selector].model(sample, earlier, limits) for selector in selectors]
-            lasts = [ahead.lasts(model, sample.tick, part.error) for model in new]
+            lasts = [ahead.lasts(model, sample.tick, part.deadband.error) for model in new]
             selectors = tuple(selector for selector, ticks in zip(selectors, lasts, strict=True) if ticks == max(lasts))
         best, smallest = selectors[0], inf
         for selector in selectors:

@@ -1,8 +1,6 @@
 """The coding loop: a signal runs through an encoder and a decoder, tick by tick, as in the two daemons."""
 
-from collections import deque
 from collections.abc import Callable, Iterable
-from typing import Any
 
 from weberlink.codec.channel import Channel
 from weberlink.codec.decoder import Decoder
@@ -22,13 +20,13 @@ class Coded:
         bounds: the deadband of the sample, to compare with `channel.deadband.error`.
         selected: index in the bank of the predictor in use at the decoder.
         widened: whether the bounded rate of updates widened the deadband.
-        seconds: run time of encode and decode by the stopwatch [s].
+        seconds: run time of encode and decode by the stopwatch [s]; empty without one.
     """
 
     def __init__(self) -> None:
         self.updates: list[Update | None] = []
         self.predicted: list[Joints] = []
-        self.displayed: list[Vector] = []
+        self.displayed: list[Joints] = []
         self.bounds: list[float] = []
         self.selected: list[int] = []
         self.widened: list[bool] = []
@@ -36,26 +34,26 @@ class Coded:
 
 
 def code(
-    channel: Channel,
-    samples: Iterable[Any],
-    *,
-    delay_ticks: int = 0,
-    stopwatch: Callable[[], float] = lambda: 0.0,
+    channel: Channel, samples: Iterable[tuple[Vector, Vector]], *, stopwatch: Callable[[], float] | None = None
 ) -> Coded:
-    """Code a signal over a link without loss.
+    """Code a signal over a link without loss and delay.
+
+    There the decoder is the encoder's mirror of it. One of its own runs beside it only where run time is measured.
 
     Args:
         channel: the channel of both ends.
-        samples: value and position of each tick, from tick 0, three numbers each; the position is not read on a
-            position channel. With look-ahead the ticks go on after the last sample until all are coded.
-        delay_ticks: one-way delay of an update [ticks], >= 0.
-        stopwatch: returns the time from any origin [s], to measure run time; by default none is measured.
+        samples: value and position of each tick, from tick 0; the position is not read on a position channel. With
+            look-ahead the ticks go on after the last sample until all are coded.
+        stopwatch: returns the time from any origin [s], to measure run time; None to measure none.
     """
-    encoder, decoder, coded = Encoder(channel), Decoder(channel), Coded()
+    encoder, coded = Encoder(channel), Coded()
+    decoder = encoder.mirror if stopwatch is None else Decoder(channel)
     given, late = [*samples], channel.lookahead
-    under_way: deque[tuple[int, Update]] = deque()
+    began = 0.0
     for tick in range(len(given) + late):
-        began = stopwatch()
+        rejected = encoder.rejected
+        if stopwatch is not None:
+            began = stopwatch()
         if tick < len(given):
             (fx, fy, fz), (px, py, pz) = given[tick]
             # New tuples, as in a daemon, which has just made them: the measured run time includes no cache misses.
@@ -65,15 +63,17 @@ def code(
         if tick < late:
             continue
         if update is not None:
-            under_way.append((tick + delay_ticks, update))
-        while under_way and under_way[0][0] <= tick:
-            decoder.apply(under_way.popleft()[1])
-        x, y, z = given[tick - late][1]
-        displayed = decoder.value(tick, (x, y, z)) or ZERO
-        coded.seconds.append(stopwatch() - began)
+            decoder.apply(update)
+        displayed: Joints | None
+        if update is None and stopwatch is None and late == 0 and encoder.rejected == rejected:
+            displayed = encoder.predicted  # by the same model, in this tick
+        else:
+            displayed = decoder.value(tick, given[tick - late][1])
+        if stopwatch is not None:
+            coded.seconds.append(stopwatch() - began)
         coded.updates.append(update)
         coded.predicted.append(encoder.predicted or ZERO)
-        coded.displayed.append(displayed)
+        coded.displayed.append(displayed or ZERO)
         coded.bounds.append(encoder.bound)
         coded.selected.append(decoder.selected)
         coded.widened.append(encoder.widened)

@@ -93,14 +93,13 @@ def test_hybrid_picks_the_predictor_that_was_closest_before_the_update() -> None
 def test_the_coding_loop_yields_what_a_daemon_would_display() -> None:
     channel, stream = force_channel(), contact_stream(5, ticks=300)
     clock = iter(range(10**6))
-    found, laws = code(channel, stream, stopwatch=lambda: float(next(clock))), list(coded(channel, stream))
-    assert found.updates == [law.update for law in laws]
-    assert found.displayed == [law.shown for law in laws]
-    assert found.bounds == [law.bound for law in laws]
-    assert found.seconds == [1.0] * 300
-    late = code(channel, stream, delay_ticks=20)
-    assert late.updates == found.updates
-    assert late.displayed[:20] == [ZERO] * 20
+    laws = list(coded(channel, stream))
+    for stopwatch, seconds in ((lambda: float(next(clock)), [1.0] * 300), (None, [])):
+        found = code(channel, stream, stopwatch=stopwatch)
+        assert found.updates == [law.update for law in laws]
+        assert found.displayed == [law.shown for law in laws]
+        assert found.bounds == [law.bound for law in laws]
+        assert found.seconds == seconds
 
 
 def test_a_deadband_finer_than_the_wire_does_not_hold_a_model() -> None:

@@ -1,6 +1,5 @@
 """One recorded signal through a fresh encoder and decoder, sample by sample as in a daemon."""
 
-import gc
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,6 +17,8 @@ from weberlink.master.trace import Trace
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
+TIMED = 300
+"""Samples whose coding is timed: those of the middle, where the hand is in contact."""
 
 
 @dataclass(frozen=True)
@@ -41,12 +42,6 @@ class Signal:
         """One period for each sample."""
         return len(self) * self.period_s
 
-    def middle(self, count: int) -> "Signal":
-        """At most `count` samples from the middle, where the hand is in contact."""
-        first = max(0, (len(self) - count) // 2)
-        part = slice(first, first + count)
-        return Signal(self.force_n[part], self.position_m[part], self.period_s)
-
 
 @dataclass(frozen=True)
 class ReplayResult:
@@ -61,7 +56,7 @@ class ReplayResult:
     before_n: Array  # magnitude of the decoded force before each jump, in the same shape [N]
     updates: Sequence[Update]  # those sent
     selected: Integers  # index in the bank of the predictor of each update, shape (packets,)
-    tick_us: float  # median run time of encode plus decode
+    tick_us: float  # median run time of encode plus decode, of `TIMED` samples
 
 
 def signal_of(trace: Trace) -> Signal:
@@ -70,20 +65,17 @@ def signal_of(trace: Trace) -> Signal:
 
 def replay(signal: Signal, channel: Channel) -> ReplayResult:
     """Run a signal through the codec of a force channel, on a link without loss and delay."""
-    collects = gc.isenabled()
-    gc.disable()  # tuples of numbers: a pass over them finds nothing, and there would be a pass every 700 of them
-    try:
-        coded = code(channel, signal.samples, stopwatch=perf_counter)
-    finally:
-        if collects:
-            gc.enable()
+    samples = signal.samples
+    first = max(0, len(samples) - TIMED) // 2
+    coded = code(channel, samples)
+    seconds = code(channel, samples[first : first + TIMED], stopwatch=perf_counter).seconds
     shown = np.fromiter(chain.from_iterable(coded.displayed), np.float64).reshape(-1, 3)
     sent = np.array([update is not None for update in coded.updates])
     errors = deviations = _lengths(shown - signal.force_n)
     if not channel.deadband.is_ball:
         measure = channel.deadband.error
         pairs = zip(coded.displayed, signal.samples, strict=True)
-        deviations = np.array([measure(displayed, force) for displayed, (force, _) in pairs])
+        deviations = np.array([measure((x, y, z), force) for (x, y, z), (force, _) in pairs])
     displayed = _lengths(shown)
     updates = [update for update in coded.updates if update is not None]
     return ReplayResult(
@@ -96,7 +88,7 @@ def replay(signal: Signal, channel: Channel) -> ReplayResult:
         displayed[:-1][sent[1:]],
         updates,
         np.array([update.selector for update in updates], np.int64),
-        1e6 * float(np.median(coded.seconds)),
+        1e6 * float(np.median(seconds)),
     )
 
 

@@ -1,5 +1,6 @@
 """The cases of `weberlink study evaluate`: every trace with every deadband, predictor and Weber factor, a row each."""
 
+import gc
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import inf
@@ -125,7 +126,13 @@ def rows_of(case: EvaluationCase) -> list[Row]:
         threshold, told["deadband"] = Threshold(study.jnd), deadband
         channels = [study.channel(predictor, weber, deadband, period_s) for weber in webers]
     made = zip(webers, channels, strict=True)
-    return [evaluate(name, signal, channel, threshold, weber=weber, **told) for weber, channel in made]
+    collects = gc.isenabled()
+    gc.disable()  # tuples of numbers: a pass over them finds nothing, and there would be a pass every 700 of them
+    try:
+        return [evaluate(name, signal, channel, threshold, weber=weber, **told) for weber, channel in made]
+    finally:
+        if collects:
+            gc.enable()
 
 
 def evaluate(
