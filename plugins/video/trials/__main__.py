@@ -1,18 +1,21 @@
-"""`python -m plugins.video.trials`: age of a test picture in a real browser, and the force with and without pictures.
+"""`python -m plugins.video.trials`: age of a picture on the screen of a real browser, and the force beside pictures.
 
 Links are emulated, for session and pictures alike; a LAN is two network namespaces, as root; a slow link is one queue
 that both share. Needs Chromium with its driver. Prints a line of JSON for each run, with the load of the host.
 """
 
 import argparse
+import asyncio
 import json
 import os
 import signal
 import subprocess
 import sys
 import tempfile
+from base64 import b64decode
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from io import BytesIO
 from math import inf
 from pathlib import Path
 from random import Random
@@ -23,37 +26,25 @@ from time import monotonic, sleep, time
 from typing import Any
 
 import numpy as np
+from aiohttp import ClientSession
+from PIL import Image
 
 from plugins.anywhere.tests.namespaces import Namespace
 from plugins.page.tests.browser import browser
 from plugins.video.tests.test_live import Reader
 from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.keys import generate
-from weberlink_video.pattern import BITS
+from weberlink_video.pattern import time_in
 
 LAN = "LAN"
 LINKS = {"loopback": "{}", LAN: "{}", "50 ms, 2 % loss": "{delay_ms: 25, loss: 0.02}"}
-SAMPLE = """
-const done = arguments[arguments.length - 1], until = performance.now() + 1000 * arguments[0], seen = [];
-let last = "";
-(function look() {
-  const canvas = document.querySelector("#frames canvas");
-  if (canvas && canvas.dataset.drawn !== last && canvas.width > 300) {
-    last = canvas.dataset.drawn;
-    const [width, height] = [canvas.width, canvas.height >> 1];
-    const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
-    let word = 0n;
-    for (let cell = 0; cell < 32; cell++) {
-      const x = Math.floor(((cell % 8) + 0.5) * Math.floor(width / 8));
-      const y = Math.floor(((cell >> 3) + 0.5) * (height >> 2));
-      word = word * 2n + (data[4 * (y * width + x)] > 127 ? 1n : 0n);
-    }
-    seen.push([Number(word >> 4n), performance.timeOrigin + performance.now()]);
-  }
-  performance.now() < until ? requestAnimationFrame(look) : done(seen);
-})();
+WHERE = """
+const box = document.querySelector("#frames canvas").getBoundingClientRect();
+const scale = Math.min(box.width / 640, box.height / 480);
+const [x, y] = [box.left + box.width / 2 - 320 * scale, box.top + box.height / 2 - 240 * scale];
+return [x, y, x + 640 * scale, y + 480 * scale];
 """
-"""Time that each new picture shows, and the wall clock as it was drawn [ms]."""
+"""Of the test picture on the page [px]."""
 PORT = 47_200
 SLOW = Emulation(delay_s=0.01, rate_bit_s=2e6)
 
@@ -137,25 +128,49 @@ def bottleneck(emulation: Emulation, ports: Mapping[int, int]) -> Iterator[None]
 
 
 def glass_to_glass(folder: Path, name: str, seconds: float) -> dict[str, Any]:
-    """From the drawing of the test picture to the canvas of the page."""
+    """From the drawing of the test picture to the screen of the browser."""
     with ExitStack() as stack:
         prefix, host = stack.enter_context(lan()) if name == LAN else ((), "127.0.0.1")
-        return _glass_to_glass(folder, session(folder, LINKS[name], host=host), prefix, seconds)
-
-
-def _glass_to_glass(folder: Path, file: Path, prefix: Sequence[str], seconds: float) -> dict[str, Any]:
-    with program("slave", file, prefix=prefix), program("master", file), program("monitor", "--port", 0) as monitor:
+        file = session(folder, LINKS[name], host=host)
+        stack.enter_context(program("slave", file, prefix=prefix))
+        operator = stack.enter_context(program("master", file)).pid
+        monitor = stack.enter_context(program("monitor", "--port", 0, "--session", operator))
         assert monitor.stdout is not None
         lines = iter(monitor.stdout.readline, "")
         address = next(word for line in lines for word in line.split() if word.startswith("http://"))
-        with browser(folder / "profile") as page:
-            page.driver.set_script_timeout(seconds + 60)
-            page.open(address)
-            page.driver.execute_async_script(SAMPLE, 4.0)
-            seen = np.array(page.driver.execute_async_script(SAMPLE, seconds))
-    ages = (seen[:, 1] - 1e3 * (time() - monotonic()) - seen[:, 0] + (half := 2 ** (BITS - 1))) % (2 * half) - half
-    p50, p99 = np.percentile(ages, (50, 99)).round(1).tolist()
-    return {"pictures_per_s": round(len(ages) / seconds, 1), "p50_ms": p50, "p99_ms": p99}
+        page = stack.enter_context(browser(folder / "profile"))
+        page.size(1280, 800)
+        page.open(address)
+        page.wait(lambda: page.number("frame-age") > 0.0, "a picture")
+        sleep(4.0)
+        seen = asyncio.run(screen(page.driver.capabilities["goog:chromeOptions"]["debuggerAddress"], seconds))
+        where = page.run(WHERE)
+    shown = [
+        (at, time_in(np.asarray(Image.open(BytesIO(jpeg)).convert("L").resize((640, 480), box=where))))
+        for at, jpeg in seen
+    ]
+    begun = time() - monotonic()
+    first = {picture: 1e3 * (at - begun - picture) for at, picture in reversed(shown) if picture is not None}
+    p50, p99 = np.percentile(list(first.values()), (50, 99)).round(1).tolist()
+    return {"pictures_per_s": round(len(first) / seconds, 1), "p50_ms": p50, "p99_ms": p99}
+
+
+async def screen(debugger: str, seconds: float) -> list[tuple[float, bytes]]:
+    """Wall clock [s] and JPEG of what Chromium puts on its screen, each time that it does (DevTools protocol)."""
+    seen, until = [], monotonic() + seconds
+    async with ClientSession(f"http://{debugger}") as client:
+        targets = await (await client.get("/json")).json()
+        page = next(each["webSocketDebuggerUrl"] for each in targets if each["type"] == "page")
+        async with client.ws_connect(page, max_msg_size=0) as socket:
+            await socket.send_json({"id": 0, "method": "Page.startScreencast", "params": {"format": "jpeg"}})
+            while (left := until - monotonic()) > 0.0:
+                with suppress(TimeoutError):
+                    said = await socket.receive_json(timeout=left)
+                    if said.get("method") == "Page.screencastFrame":
+                        told, taken = said["params"], {"sessionId": said["params"]["sessionId"]}
+                        await socket.send_json({"id": 1, "method": "Page.screencastFrameAck", "params": taken})
+                        seen.append((told["metadata"]["timestamp"], b64decode(told["data"])))
+    return seen
 
 
 def force(folder: Path, seconds: float, *, shows: bool, is_slow: bool) -> dict[str, Any]:
