@@ -35,7 +35,7 @@ from weberlink.testing.wires import emulated
 from weberlink_devices.inverse3.websocket_device import WebSocketDevice
 
 OWN, SERVICE = "of the session", "service"
-REFUSED, GOES_ON, STAYS = "refused", "goes on", "stays"
+REFUSED, GOES_ON, STAYS, ENDED = "refused", "goes on", "stays", "ended soon after its start"
 MARK = "WEBERLINK_TRIAL"
 """In the environment of a session and of its guardian: the folder of the run."""
 FOR_S, AFTER_S = 2.0, 0.3
@@ -216,10 +216,13 @@ def stays(board: Board, kind: str, deed: str) -> float | str:
         while force() <= 0.0 and session.poll() is None:  # it may bounce
             sleep(2e-4)
         if guardian is None or session.poll() is not None:
-            return "ended soon after its start"
+            return ENDED
         stack.callback(signalled, guardian, signal.SIGKILL)
         began = ended = monotonic()
-        DEEDS[deed](Pushing(session, force, group, service, guardian))
+        try:
+            DEEDS[deed](Pushing(session, force, group, service, guardian))
+        except StopIteration:  # the daemon has ended
+            return ENDED
         while (now := monotonic()) < min(began + FOR_S, ended + AFTER_S):
             ended = now if force() > 0.0 else ended
             sleep(2e-4)
