@@ -24,6 +24,9 @@ SOFTEST = 50.0
 """Softest wall [N/m]."""
 SAME = 2.0
 """Largest ratio of the stiffness of a decoded surface and that of the wall at which the surface is displayed."""
+REACH = 0.01
+"""Distance from the robot up to which the curvature of a decoded surface is displayed [m]: beyond it the surface goes
+on flat, since samples of the near side of a dome tell nothing of the far side, and a hand that sinks in pays for it."""
 WRONG = 1e-3
 """Distance by which the place of a sample may differ from that of the command, and a wall from what the robot found
 [m]."""
@@ -42,8 +45,6 @@ damping a faster one lets the contact chatter."""
 BACK = 0.1
 """Speed at which the command regains the place of the hand [m/s]: a slower one keeps the robot from a contact that is
 felt."""
-FARTHEST = 0.02
-"""Largest distance of the command from the hand [m]."""
 
 
 class FeltContact:
@@ -114,38 +115,50 @@ class FeltContact:
 
     def at(self, hand: Vector, force: Vector, robot: Vector, tick: float) -> Vector:
         """The force of the contact at the hand [N]; `force` is decoded there, `tick` is of the other side."""
-        n, model = self.normal, self._model
+        if self.normal is not None:
+            self._anchor(self.normal, robot, force if self._model is None else self._model.at(tick, robot))
+        n, surface, offset = self.normal, self._surface, self._offset
         if n is None:
             return force
-        there = force if model is None else model.at(tick, robot)
-        (a, b, c), (x, y, z) = n, robot
-        along, place = a * there[0] + b * there[1] + c * there[2], a * x + b * y + c * z
-        if norm(there) >= LEAST_CONTACT:
-            if model is not None and self._place is not None:
-                way = place - self._place
-                self._fit(way, way * model.stiffness)
-            self._place = place
-            # A robot that does not follow brings no update either, while the command goes on.
-            sample = self._sample
-            if sample is None or there != sample[0] or abs(place - dot(n, sample[1])) < WRONG:
-                self._offset = self._found = place + along / self.stiffness
-        else:
-            self._place = None
-            if place < self._found - WRONG:
-                self.normal = None  # the robot is in this wall and feels none
-                return force
-            self._offset = min(self._offset, place)
         touches = norm(force) >= LEAST_CONTACT
-        if touches and self._surface is not None:
-            return force
-        push = self.stiffness * (self._offset - (a * hand[0] + b * hand[1] + c * hand[2]))
+        if surface is not None:
+            far = distance(hand, robot)
+            if far > REACH:
+                edge = interpolate(robot, hand, REACH / far)
+                there = surface.at(tick, edge)
+                size = norm(there)
+                if size >= LEAST_CONTACT:
+                    n = scale(there, 1.0 / size)
+                    offset = dot(n, edge) + size / self.stiffness
+            elif touches:
+                return force
+        push = self.stiffness * (offset - dot(n, hand))
         if push <= 0.0:
             return ZERO
         if not touches:
             return scale(n, push)
+        along = dot(n, force)
         share = min(1.0, push / along) if along > 0.0 else 0.0  # of what friction adds
         push -= share * along
-        return (share * force[0] + push * a, share * force[1] + push * b, share * force[2] + push * c)
+        return (share * force[0] + push * n[0], share * force[1] + push * n[1], share * force[2] + push * n[2])
+
+    def _anchor(self, n: Vector, robot: Vector, there: Vector) -> None:
+        """Move the wall of the normal n to the newest known place of the robot [m] and its force there [N]."""
+        model, place = self._model, dot(n, robot)
+        if norm(there) < LEAST_CONTACT:
+            self._place = None
+            if place < self._found - WRONG:
+                self.normal = None  # the robot is in this wall and feels none
+            self._offset = min(self._offset, place)
+            return
+        if model is not None and self._place is not None:
+            way = place - self._place
+            self._fit(way, way * model.stiffness)
+        self._place = place
+        # A robot that does not follow brings no update either, while the command goes on.
+        sample = self._sample
+        if sample is None or there != sample[0] or abs(place - dot(n, sample[1])) < WRONG:
+            self._offset = self._found = place + dot(n, there) / self.stiffness
 
     def damped(self, force: Vector, speed: Vector, time: float) -> Vector:
         """The force of the contact [N] at a hand of this speed [m/s], with damping: of one as stiff as the robot's
@@ -232,7 +245,7 @@ class BoundedMaster(MasterControl):
             (a, b, c), (x, y, z), (u, v, w) = n, self._stated, self._held
             stated, lack = a * x + b * y + c * z, a * (x - u) + b * (y - v) + c * (z - w)
             if 0.0 < lack <= stated:  # a share of the depth: whatever the fit of the stiffness, not out of the contact
-                goal = scale(n, min(FARTHEST, lack / self.stiffness, lack / stated * self._contact.depth(position)))
+                goal = scale(n, min(lack / self.stiffness, lack / stated * self._contact.depth(position)))
         back = self._back
         if goal != back:
             most = (LEAVE if dot(goal, goal) > dot(back, back) else BACK) * self._elapsed
@@ -271,8 +284,7 @@ class BoundedSlave(SlaveControl):
         self._before: tuple[Vector, Vector] | None = None
         self._stored = self._age = 0.0
         self._force: Vector = ZERO
-        self._waits = self._touches = False
-        self._wall: tuple[Vector, Vector] = (ZERO, ZERO)  # normal of the last contact, and where it was
+        self._waits = False
         self._target: Vector | None = None
 
     @property
@@ -284,16 +296,11 @@ class BoundedSlave(SlaveControl):
         x, y, z = self._force
         size, answered = hypot(x, y, z), 1.5 * ((rtt or 0.0) + self._delay) + LATE
         last, self._target = self._target or target, target
-        (u, v, w), (p, q, r) = self._wall
-        above, touched = (here[0] - p) * u + (here[1] - q) * v + (here[2] - r) * w, self._touches
-        self._touches = size >= LEAST_CONTACT
-        if not touched and (above < -WRONG or (above > WRONG and self._touches)):
-            self._age = 0.0  # elsewhere than the wall of the last contact, which the operator feels at once
-        if not self._touches:
-            self._waits = False
+        # An open contact becomes a new one as slowly as it was answered: the operator knows the wall of the last tap.
+        if size < LEAST_CONTACT:
+            self._age, self._waits = max(0.0, self._age - elapsed), False
             return target
         a, b, c = x / size, y / size, z / size
-        self._wall = (a, b, c), here
         self._age = min(self._age + elapsed, answered)
         inward = (here[0] - target[0]) * a + (here[1] - target[1]) * b + (here[2] - target[2]) * c
         own = (last[0] - target[0]) * a + (last[1] - target[1]) * b + (last[2] - target[2]) * c
