@@ -2,7 +2,8 @@
 
     python -m plugins.ros2.tests.sdk PORT DOMAIN TOPICS TICKS
 
-It prints lines of JSON: first the topics with their types, then the messages of each topic by the end of its input.
+It prints lines of JSON: first the topics with their types, then "receives" once every topic of each tick has brought
+something, then the messages of each topic by the end of its input.
 The message definitions that it would clone from GitHub are written from those of rosbags; it computes their hashes
 by its own code.
 """
@@ -11,6 +12,7 @@ import json
 import sys
 import time
 from collections import defaultdict
+from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -46,6 +48,13 @@ def listed(port: int, domain: int, at_least: int) -> list[tuple[str, list[str]]]
             return found
 
 
+def wait_for(condition: Callable[[], bool]) -> None:
+    """Wait for it, no longer than the patience."""
+    give_up = time.monotonic() + PATIENCE_S
+    while not condition() and time.monotonic() < give_up:
+        time.sleep(0.01)
+
+
 def fields(value: Any) -> Any:
     """A message as JSON."""
     if hasattr(value, "__dataclass_fields__"):
@@ -72,11 +81,12 @@ def main(port: int, domain: int, at_least: int, ticks: int) -> None:
             for name, kinds in topics
         ]
         say(dict(topics))
-        sys.stdin.read()
         every_tick = [received[name] for name, kinds in topics if kinds[0].endswith("Stamped")]
-        give_up = time.monotonic() + PATIENCE_S
-        while min(map(len, every_tick)) < ticks and time.monotonic() < give_up:
-            time.sleep(0.01)
+        wait_for(lambda: min(map(len, every_tick)) > 0)
+        say("receives")
+        sys.stdin.read()
+        wait_for(lambda: min(map(len, every_tick)) > ticks)
+        time.sleep(1.0)  # what came before the input ended may be among them
         for subscriber in subscribers:
             subscriber.close()
         ZenohSession.get_instance().close()

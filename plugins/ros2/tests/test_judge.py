@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from select import select
 from threading import Timer
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 from plugins.ros2.tests.rigs import endpoint, ring
 from tests.watching.sources import records as engaged
 from tests.watching.sources import write
+from weberlink.figures.session import Records
 from weberlink_ros2.bridge import Ros2Bridge
 from weberlink_ros2.follow import SessionFollower
 from weberlink_ros2.names import Qos
@@ -43,34 +45,42 @@ def test_a_client_of_others_lists_and_receives(tmp_path: Path) -> None:
     numbers = map(str, (where.rpartition(":")[2], DOMAIN, len(LISTED), TICKS))
     command = [sys.executable, "-m", "plugins.ros2.tests.sdk", *numbers]
     rings = {side: ring(tmp_path, side) for side in ("master", "slave")}
+
+    def publish(made: Records) -> None:
+        made["at"] = time.monotonic() + 1e-3 * np.arange(len(made))
+        for writer in rings.values():
+            write(writer, made)
+        follower.look(1.0 + made["tick"][0])
+
     follower.look(0.0)
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as sdk:
         timer = Timer(LIMIT_S, sdk.kill)  # which ends a line that does not come
         timer.start()
         assert sdk.stdout is not None
         listed = sdk.stdout.readline()
-        timer.cancel()
         assert listed, "the client lists nothing"
         assert json.loads(listed) == LISTED
-        made = engaged(TICKS, seed=1)
-        made["at"] = time.monotonic() + 1e-3 * np.arange(TICKS)
-        for first in range(0, TICKS, 4):
-            for writer in rings.values():
-                write(writer, made[first : first + 4])
-            follower.look(1.0 + first)
+        first = 0
+        while not select((sdk.stdout,), (), (), 0.02)[0]:  # its subscriptions arrive after it has made them
+            publish(engaged(4, first=first, seed=0))
+            first += 4
+        timer.cancel()
+        assert json.loads(sdk.stdout.readline()) == "receives"
+        made = engaged(TICKS, first=first, seed=1)
+        for batch in range(0, TICKS, 4):
+            publish(made[batch : batch + 4])
             time.sleep(0.002)
         output, _ = sdk.communicate(timeout=LIMIT_S)
     follower.close()
     bridge.close()
     for writer in rings.values():
         writer.close()
-    received, last = json.loads(output), made[-1]
-    for name in ("hand", "felt", "robot", "measured"):
-        assert len(received[f"/weberlink/{name}"]) == TICKS
+    received = json.loads(output)
+    every = {"hand": "position", "robot": "output", "felt": "output", "measured": "raw"}
+    for name, field in every.items():
+        messages = received[f"/weberlink/{name}"][-TICKS:]
+        place = [m["pose"]["position"] if "pose" in m else m["wrench"]["force"] for m in messages]
+        assert [list(each.values()) for each in place] == made[field].tolist()
     newest = {name.rpartition("/")[2]: messages[-1] for name, messages in received.items()}
-    for name, field in (("hand", "position"), ("robot", "output")):
-        assert list(newest[name]["pose"]["position"].values()) == last[field].tolist()
-    for name, field in (("felt", "output"), ("measured", "raw")):
-        assert list(newest[name]["wrench"]["force"].values()) == last[field].tolist()
     assert len(newest["scene"]["markers"]) == 2  # of configs/loopback.yaml
     assert {each["transforms"][0]["child_frame_id"] for each in received["/tf"]} >= {"robot"}

@@ -15,7 +15,7 @@ from weberlink.hardware.emulator import EMULATORS, WireFaults
 from weberlink.hardware.fault import HardwareFault
 from weberlink.testing.devices import DeviceBench, armed
 from weberlink.testing.serving import PtyDevice, ServedDevice
-from weberlink.testing.time import real_time
+from weberlink.testing.time import ahead_of_other_work, real_time
 
 FLICKER = 3
 """Bad answers that pass."""
@@ -46,7 +46,7 @@ def on_a_wire(name: str, wire: ServedDevice, port: Callable[[], str], **options:
         options: of the driver, and `checked` as of `armed`.
     """
     emulator: Any = getattr(wire, "emulator")  # noqa: B009 - every kind of wire has one of its own type
-    with wire:
+    with ahead_of_other_work(), wire:
         device: Any = armed(name, port=port(), **options)
 
         def felt() -> Vector:
