@@ -14,14 +14,10 @@ from weberlink.compiled import mypyc_attr
 
 T = TypeVar("T")
 
-REORDER_HOLD = 0.005
-"""How long a reordered datagram is held back, so that those behind it overtake [s]."""
-QUEUE_S = 0.25
-"""A rate-limited link drops what would wait longer than this [s]."""
-HEADER_BYTES = 28
-"""IPv4 and UDP headers, which count towards the rate."""
-CAPACITY = 16_384
-"""Datagrams under way; more are dropped."""
+REORDER_HOLD = 0.005  # how long a reordered datagram is held back, so that those behind it overtake [s]
+QUEUE_S = 0.25  # a rate-limited link drops what would wait longer than this [s]
+HEADER_BYTES = 28  # IPv4 and UDP headers, which count towards the rate
+CAPACITY = 16_384  # datagrams under way; more are dropped
 
 
 @dataclass(frozen=True, slots=True)

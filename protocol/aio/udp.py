@@ -400,5 +400,4 @@ class UdpShell:
             self._paths.follow()
 
 
-MakePaths = Callable[[UdpShell], Paths]
-"""What makes the paths of a shell."""
+MakePaths = Callable[[UdpShell], Paths]  # what makes the paths of a shell

@@ -44,7 +44,6 @@ from weberlink.protocol.handshake import (
     HELLO_HEADER,
     INSTANCE_BYTES,
     LONGEST_INTERVAL,
-    PROTOCOL_VERSION,
     WELCOME_HEADER,
     Dialer,
     Hello,
@@ -52,9 +51,10 @@ from weberlink.protocol.handshake import (
     pack_hello,
     pack_map,
 )
+from weberlink.protocol.local_end import LONGEST_SILENCE, PROTOCOL_VERSION
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Security
-from weberlink.protocol.session import LONGEST_SILENCE, Session
+from weberlink.protocol.session import Session
 from weberlink.protocol.states import moved
 from weberlink.protocol.wire import Kind
 from weberlink.update import ModelParameters, PreviousSample, Update

@@ -7,14 +7,14 @@ from random import Random
 
 import pytest
 
-from tests.protocol.harness import AGREEMENT, KEY, MASTER, SLAVE, TICK, Pair, Side, forms
+from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, Side, local_end
 from tests.session.systems import CONFIGS
 from weberlink.cli.doctor import DoctorReport, Grade
 from weberlink.cli.doctor.report import problem
 from weberlink.config import MASTER as LEADS
 from weberlink.config import load
 from weberlink.config.loading import Part
-from weberlink.protocol import Role, UpdateReceived
+from weberlink.protocol import UpdateReceived
 from weberlink.protocol.aio.udp import PathFacts
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.probing import Heard, ProbingEndpoint
@@ -53,18 +53,8 @@ class MeasuredLink:
             on_tick=self._on_tick,
             every=5,
         )
-        endpoint = ProbingEndpoint(
-            role=Role.INITIATOR,
-            agreement=AGREEMENT,
-            outgoing=(forms(3),),
-            incoming=(forms(6),),
-            security=PresharedKey(KEY),
-            entropy=Random("doctor").randbytes,
-            epoch=0.0,
-            tick_period=TICK,
-            silence=silence,
-            peer=SLAVE,
-        )
+        own = local_end(security=PresharedKey(KEY), entropy=Random("doctor").randbytes, silence=silence)
+        endpoint = ProbingEndpoint(own, peer=SLAVE)
         self.pair.master = _Master(endpoint, MASTER)
         self.pair.slave.endpoint.connect(self.pair.slave.local(0.0))
         self.measurement = Measurement(endpoint, 0.0, seconds)

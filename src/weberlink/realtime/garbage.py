@@ -3,8 +3,7 @@
 import gc
 from time import perf_counter
 
-CAUTION = 2.0
-"""A pass is expected to take up to this many times as long as the one before it."""
+CAUTION = 2.0  # a pass is expected to take up to this many times as long as the one before it
 FIRST_GUESS_S = 1e-4
 
 

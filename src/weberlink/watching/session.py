@@ -21,8 +21,7 @@ from weberlink.telemetry.reader import DTYPE
 from weberlink.watching.rings import RingSource
 from weberlink.watching.rows import Pace
 
-UNSCORED_S = 1.0
-"""How many records wait to be scored while no figures are needed."""
+UNSCORED_S = 1.0  # how many records wait to be scored while no figures are needed
 UNNAMED = tuple(f"predictor {number}" for number in range(16))
 MOST_EVENTS = 500
 """Events that are kept; older ones are dropped."""
