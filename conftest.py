@@ -24,10 +24,8 @@ from tests import examples
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
-TOOK = "weberlink/took"
-"""Seconds that each file took in its last run, in the cache of pytest."""
-took: dict[str, float] = defaultdict(float)
-"""The same of this run."""
+TOOK = "weberlink/took"  # seconds that each file took in its last run, in the cache of pytest
+took: dict[str, float] = defaultdict(float)  # the same of this run
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -12,8 +12,7 @@ import weberlink
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "library.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^## (.*?)\n.*?```python\n(.*?)```", PAGE, flags=re.DOTALL | re.MULTILINE)
-LIMIT_US = 20_000
-"""Limit of the import time; 1,800 to 2,100 us were measured on two busy cores."""
+LIMIT_US = 20_000  # limit of the import time; 1,800 to 2,100 us were measured on two busy cores
 
 
 def test_every_public_name_is_there_and_documented() -> None:

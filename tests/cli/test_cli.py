@@ -17,8 +17,7 @@ from weberlink.master.trace import read_trace
 from weberlink.session.simulation import simulate
 
 FILES = sorted(path.name for path in CONFIGS.glob("*.yaml"))
-HARDWARE = ("phantom.yaml",)
-"""Those whose drivers need hardware or its emulator."""
+HARDWARE = ("phantom.yaml",)  # those whose drivers need hardware or its emulator
 BETWEEN_HOSTS = ("lan.yaml",)
 MEMBERS = [f"{name} {member}" for name, group in COMMANDS.items() for member in getattr(group, "commands", ())]
 TAKE_A_FILE = ("check", "simulate", "master --duration 0", "slave --duration 0", "loopback --duration 0")

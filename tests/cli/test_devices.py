@@ -19,8 +19,7 @@ from weberlink.registry import Registry
 from weberlink.slave.robots import FOLLOWERS, ROBOTS
 
 RULES = rules.shipped()
-OPEN = DeviceAccess(accessible=lambda path: True, rules=())
-"""A host without rules where everything may be opened."""
+OPEN = DeviceAccess(accessible=lambda path: True, rules=())  # a host without rules where everything may be opened
 
 
 def driver(*found: str | PluggedDevice, **attributes: Any) -> Any:

@@ -23,8 +23,7 @@ from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
 
 RATE_HZ = 1000.0
-STARTED_S, WALL_OFFSET_S = 5000.0, 1_763_000_000.0
-"""On the clock of the records; and from there to the wall clock."""
+STARTED_S, WALL_OFFSET_S = 5000.0, 1_763_000_000.0  # on the clock of the records; and from there to the wall clock
 ENDED = replace(clean(), faults={"master": {"silence": 1}}, status=0)
 
 

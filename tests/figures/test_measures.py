@@ -80,8 +80,7 @@ def test_of_nothing_there_is_nothing_to_say() -> None:
     assert empty.spread() == Spread() and empty.median() == Median()
 
 
-TICK = 0.01
-"""Long, so that a second is few ticks [s]."""
+TICK = 0.01  # long, so that a second is few ticks [s]
 
 
 def walk(rng: np.random.Generator, ticks: int) -> np.ndarray:

@@ -15,8 +15,7 @@ from weberlink.telemetry.reader import DTYPE
 
 RATE = 1000.0
 NONE = np.empty(0, DTYPE)
-NO_BOUND = dict.fromkeys(("bound_j", "bound_share"))
-"""Of one side alone, without an account."""
+NO_BOUND = dict.fromkeys(("bound_j", "bound_share"))  # of one side alone, without an account
 
 
 def records(ticks: int, *, phase: float = 0.0) -> Records:

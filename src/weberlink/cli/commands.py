@@ -21,8 +21,7 @@ from weberlink.cli.output import fail, failing, tell, write
 from weberlink.order import COMPLETED, FAILED, INTERRUPTED, MISCONFIGURED, SIDES
 from weberlink.session.targets import STANDARD_OUTPUT
 
-LOOK_S, TELL_S = 0.002, 0.5
-"""Of a stop: time between two looks for an answer, and until it is said that there is none."""
+LOOK_S, TELL_S = 0.002, 0.5  # of a stop: time between two looks for an answer, and until it is said that there is none
 
 
 class Bridges(CommandGroup):

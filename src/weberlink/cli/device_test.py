@@ -29,8 +29,7 @@ from weberlink.registry import is_hardware
 from weberlink.session.composition.link import build_driver
 from weberlink.slave.robots.contract import Robot, RobotFault, RobotReading, RobotSpec
 
-RATE_HZ = 1000.0
-"""Rate of the loop that the driver is built for, if there is no file."""
+RATE_HZ = 1000.0  # rate of the loop that the driver is built for, if there is no file
 
 
 class DeviceTestError(CommandError):
@@ -105,23 +104,16 @@ def described(spec: DeviceSpec | RobotSpec) -> Iterator[str]:
 
 # --- a haptic device
 
-Frame = Mapping[str, str]
-"""Direction of each positive axis, as the person before the device sees it."""
-FRAME: Frame = {"x": "toward you", "y": "to the right", "z": "up"}
-"""The default; drivers may give another."""
+Frame = Mapping[str, str]  # direction of each positive axis, as the person before the device sees it
+FRAME: Frame = {"x": "toward you", "y": "to the right", "z": "up"}  # the default; drivers may give another
 UNITS: Mapping[str, Vector] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-LEAST_M = 0.015
-"""Shorter motions are ignored: a hand that holds still moves by millimetres."""
-MAINLY = 0.8
-"""Share of the motion that one axis must have: within 37 degrees of it."""
-TRIES = 3
-"""Unclear motions in a row until the test fails."""
-PUSH_N = 0.3
-"""Felt by everybody, and too weak to hurt or to throw a handle that is held."""
+LEAST_M = 0.015  # shorter motions are ignored: a hand that holds still moves by millimetres
+MAINLY = 0.8  # share of the motion that one axis must have: within 37 degrees of it
+TRIES = 3  # unclear motions in a row until the test fails
+PUSH_N = 0.3  # felt by everybody, and too weak to hurt or to throw a handle that is held
 RAMP_S = 0.5
 HOLD_S = 0.5
-GIVES_WAY_M = 0.03
-"""A handle that nobody holds moves farther; the push ends there."""
+GIVES_WAY_M = 0.03  # a handle that nobody holds moves farther; the push ends there
 READY = "Move the handle to its start pose of a session."
 SIGNS = "signs_checked"
 """Option of drivers that give no force until a person has checked their directions.
@@ -314,12 +306,9 @@ def _push(force: Vector, device: Device, gives_way: float, dialog: Dialog) -> No
 
 WAY_M = 0.01
 LEG_S = 1.0
-REST_S = 0.5
-"""Pause at either end, for the robot to arrive."""
-FOLLOWS = 0.5
-"""Least share of the way that counts as following."""
-FORCE_CHANGE_N = 5.0
-"""A larger change is a contact; the motion ends there."""
+REST_S = 0.5  # pause at either end, for the robot to arrive
+FOLLOWS = 0.5  # least share of the way that counts as following
+FORCE_CHANGE_N = 5.0  # a larger change is a contact; the motion ends there
 
 
 def try_robot(driver: Any, build: Callable[[], Robot], dialog: Dialog) -> None:

@@ -28,17 +28,12 @@ from weberlink.realtime.process import prepare
 from weberlink.testing.serving import PtyDevice, ServedDevice
 from weberlink.testing.umockdev import Testbed, TestbedNode
 
-PORT = "{port}"
-"""Placeholder for the port in the arguments of the command."""
-PRIORITY = 60
-"""Above the daemons, since a real device has its own processor."""
-LOOK_S = 0.2
-"""Period of checking that the emulator still runs."""
-STOP_LIMIT_S = 3.0
-"""Time from SIGTERM to SIGKILL."""
+PORT = "{port}"  # placeholder for the port in the arguments of the command
+PRIORITY = 60  # above the daemons, since a real device has its own processor
+LOOK_S = 0.2  # period of checking that the emulator still runs
+STOP_LIMIT_S = 3.0  # time from SIGTERM to SIGKILL
 CHUNK = 4096
-OF_THE_KERNEL = ("hid", "evdev")
-"""Transports of devices that only a command in their testbed sees."""
+OF_THE_KERNEL = ("hid", "evdev")  # transports of devices that only a command in their testbed sees
 
 
 def run(

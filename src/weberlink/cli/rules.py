@@ -22,12 +22,9 @@ from weberlink.cli.output import CommandError
 from weberlink.installation import CONFIGS, config_folders
 
 RULES_DIR = Path("/etc/udev/rules.d")
-FOLDERS = (RULES_DIR, Path("/usr/lib/udev/rules.d"), Path("/lib/udev/rules.d"))
-"""Folders that udev reads rules from."""
-SUBSYSTEMS = ("hidraw", "tty", "usb")
-"""Subsystems of the devices that the rules cover."""
-SUDO_FOLDERS = ("/usr/local/bin", "/usr/bin", "/bin")
-"""Folders that sudo searches for programs."""
+FOLDERS = (RULES_DIR, Path("/usr/lib/udev/rules.d"), Path("/lib/udev/rules.d"))  # folders that udev reads rules from
+SUBSYSTEMS = ("hidraw", "tty", "usb")  # subsystems of the devices that the rules cover
+SUDO_FOLDERS = ("/usr/local/bin", "/usr/bin", "/bin")  # folders that sudo searches for programs
 
 
 class RulesError(CommandError):

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 DIRECT, RELAYED = "direct", "relayed"
-MOST, LONGEST = 8, 200
-"""Paths that are read, and characters of each of their texts."""
+MOST, LONGEST = 8, 200  # paths that are read, and characters of each of their texts
 
 
 @dataclass(frozen=True)

@@ -64,10 +64,8 @@ TICK_COLUMNS: dict[str, Callable[[Ticks], str]] = {
 }
 WAITS = {"waited": "waited_s", "unconnected": "unconnected_s", "peer away": "away_s"}
 COLOURS = {GOOD: "green", DEGRADED: "yellow", FAILURE: "red"}
-SHOWN_S = 1.0
-"""Shorter times without a session are not shown: daemons do not start and end at the same moment [s]."""
-STALE_S = 1.0
-"""Age of the newest record at which the status line shows it [s]; a daemon writes one each tick."""
+SHOWN_S = 1.0  # shorter times without a session are not shown: daemons do not start and end at the same moment [s]
+STALE_S = 1.0  # age of the newest record at which the status line shows it [s]; a daemon writes one each tick
 
 
 def session_report(figures: Figures, title: str, console: Console, environment: dict[str, Any] | None = None) -> None:

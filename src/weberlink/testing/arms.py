@@ -113,10 +113,8 @@ class FollowerContract(_ArmContract):
 class _HardwareArmContract(_ArmContract):
     """What an arm with motors keeps besides: its faults end a session."""
 
-    FAULTS: ClassVar[Sequence[str]]
-    """Those of its bench that do."""
-    HOLDS: ClassVar[bool]
-    """Whether the motors have their torque on after a session."""
+    FAULTS: ClassVar[Sequence[str]]  # those of its bench that do
+    HOLDS: ClassVar[bool]  # whether the motors have their torque on after a session
 
     def pytest_generate_tests(self, metafunc: pytest.Metafunc) -> None:
         if "fault" in metafunc.fixturenames:

@@ -26,10 +26,8 @@ from weberlink.testing import pushing_host
 from weberlink.testing.time import TICK, ahead_of_other_work, real_time, until
 
 PUSH: Vector = (0.0, 1.0, 0.0)
-HOST_N = 0.8
-"""With which the process of `StoppedHostContract` pushes along y [N]."""
-SLACK_S = 0.02
-"""For which a machine that stalls may hold up what a board hears [s]."""
+HOST_N = 0.8  # with which the process of `StoppedHostContract` pushes along y [N]
+SLACK_S = 0.02  # for which a machine that stalls may hold up what a board hears [s]
 FORCES: Sequence[Vector] = ((0.5, 0.0, 0.0), (0.0, -0.5, 0.0), (0.3, 0.3, 0.3))
 
 
@@ -109,8 +107,7 @@ def armed(name: str, /, *, checked: bool = True, **options: Any) -> Device:
 class BenchedDevice:
     """A driver under test; a test class overrides `make_bench`."""
 
-    NAME: ClassVar[str]
-    """Of the driver, as its entry point."""
+    NAME: ClassVar[str]  # of the driver, as its entry point
 
     def make_bench(self, folder: Path, /, **options: Any) -> AbstractContextManager[DeviceBench]:
         """A bench with a device that is not open; closes the device at the end.
@@ -127,8 +124,7 @@ class DeviceContract(BenchedDevice):
 
     REFUSED: ClassVar[Sequence[tuple[Mapping[str, Any], str]]] = ()
     """Options that no type alone refuses, and a pattern of the complaint or its place."""
-    TAKEN: ClassVar[Sequence[Mapping[str, Any]]] = ()
-    """Options at the limit."""
+    TAKEN: ClassVar[Sequence[Mapping[str, Any]]] = ()  # options at the limit
 
     @pytest.fixture
     def bench(self, tmp_path: Path) -> Iterator[DeviceBench]:
@@ -217,14 +213,11 @@ class ForceDeviceContract(DeviceContract):
     `fingerprint` has no force before its check of signs: then `make_bench` takes `checked` as well.
     """
 
-    FAULTS: ClassVar[Sequence[str]]
-    """Those of its bench that end a session."""
+    FAULTS: ClassVar[Sequence[str]]  # those of its bench that end a session
     UNHEARD: ClassVar[Sequence[str]] = ()
     """Those of them behind which nothing reaches a board without a watchdog, which holds its last force."""
-    MISPLACED: ClassVar[Sequence[str]] = ("restart",)
-    """Those after which the device takes another place for its home."""
-    OPTIONS: ClassVar[Mapping[str, Any]] = {}
-    """Options without which there is no force at all."""
+    MISPLACED: ClassVar[Sequence[str]] = ("restart",)  # those after which the device takes another place for its home
+    OPTIONS: ClassVar[Mapping[str, Any]] = {}  # options without which there is no force at all
     SIGNS: ClassVar[Sequence[Mapping[str, Any]]] = ()
     """Options that turn an axis, each of which needs a check of signs of its own."""
 
@@ -347,8 +340,7 @@ class StoppedHostContract(BenchedDevice):
     """
 
     LIMIT_S: ClassVar[float] = 0.5
-    PATIENT: ClassVar[Mapping[str, Any]] = {}
-    """Options with which a driver waits longest."""
+    PATIENT: ClassVar[Mapping[str, Any]] = {}  # options with which a driver waits longest
 
     def test_force_ends_while_the_host_does_nothing(self, tmp_path: Path) -> None:
         with ahead_of_other_work(), self.make_bench(tmp_path, **self.PATIENT) as bench:

@@ -139,8 +139,7 @@ class RobotContract:
 class HardwareRobotContract(RobotContract):
     """What a driver of hardware keeps besides, before an emulated robot: its faults end a session."""
 
-    FAULTS: ClassVar[Sequence[str]]
-    """Those of its bench that do."""
+    FAULTS: ClassVar[Sequence[str]]  # those of its bench that do
 
     def pytest_generate_tests(self, metafunc: pytest.Metafunc) -> None:
         if "fault" in metafunc.fixturenames:

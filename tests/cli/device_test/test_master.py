@@ -82,10 +82,8 @@ def moved(x: float, y: float, z: float) -> tuple[Callable[[], None], str]:
 CENTRE = moved(0.0, 0.0, 0.0)
 SIGNS = (CENTRE, moved(0.05, 0.004, 0.0), CENTRE, moved(0.0, 0.05, -0.01), CENTRE, moved(0.01, 0.0, 0.05))
 """The hand goes to the middle and along an axis, three times."""
-OPEN = ("", "")
-"""Enter to open, Enter to go on."""
-PUSHES = ("yes", "", "", "y", "", "y", "", "y")
-"""Agree, open, and three times Enter and the answer."""
+OPEN = ("", "")  # enter to open, Enter to go on
+PUSHES = ("yes", "", "", "y", "", "y", "", "y")  # agree, open, and three times Enter and the answer
 ALL = (*OPEN, *SIGNS, *PUSHES)
 
 

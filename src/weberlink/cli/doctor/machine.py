@@ -24,8 +24,7 @@ from weberlink.cli.doctor import trial
 from weberlink.cli.doctor.trial import HostTrial, RightsTrial, SessionTrial, run_child
 from weberlink.compiled import is_compiled
 
-LOOK_UP_LIMIT_S = 3.0
-"""How long a name service may take to answer."""
+LOOK_UP_LIMIT_S = 3.0  # how long a name service may take to answer
 TOOL_LIMIT_S = 10.0
 CLOCK_UNSYNCHRONISED = 5  # TIME_ERROR of <sys/timex.h>
 TIMEX_BYTES = 1024  # more than struct timex has anywhere

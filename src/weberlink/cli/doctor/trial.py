@@ -28,8 +28,7 @@ Stretch = dict[str, float | None]
 """One stretch of wake-ups: `p99_us` (lateness), `missed` (share of ticks), `steal` (share; None if not counted)."""
 
 MEASURE_S = 0.5
-LIMIT_S = 30.0
-"""Time limit for a child that hangs."""
+LIMIT_S = 30.0  # time limit for a child that hangs
 IMPORTS = (
     "asyncio",
     "uvloop",
@@ -39,16 +38,12 @@ IMPORTS = (
     "weberlink.session.composition.slave",
 )
 """Modules that every daemon imports."""
-MOST_PROCESSORS = 8
-"""Threads that wake up at once take turns in the interpreter, some 10 us each."""
+MOST_PROCESSORS = 8  # threads that wake up at once take turns in the interpreter, some 10 us each
 PAIRS = 4
-STRETCH_S = 0.3
-"""Of each stretch: some hundred wake-ups of each processor, and 2.4 s in total."""
-LEAD_S = 0.01
-"""From the start of the threads to the first deadline."""
+STRETCH_S = 0.3  # of each stretch: some hundred wake-ups of each processor, and 2.4 s in total
+LEAD_S = 0.01  # from the start of the threads to the first deadline
 SESSION_S = 1.0
-AWAKE_US = 0
-"""Latency that keeps processors out of all idle states."""
+AWAKE_US = 0  # latency that keeps processors out of all idle states
 
 
 @dataclass(frozen=True, slots=True)
