@@ -232,10 +232,7 @@ class Program:
 
     def watcher(self) -> int:
         """The process that watches the host; 0 while there is none."""
-        return self._running(WATCHER)
-
-    def _running(self, module: bytes) -> int:
-        return next((pid for pid, command in self.children().items() if module in command), 0)
+        return next((pid for pid, command in self.children().items() if WATCHER in command), 0)
 
     def rings(self) -> list[Path]:
         path = default_path(f"{self.pid}-side")

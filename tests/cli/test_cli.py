@@ -67,6 +67,7 @@ WRONG = {
     # What is to be written has no place; standard output is for --json and --log.
     f"simulate {LOOPBACK} --json /sys/out.json": "--json: /sys",
     f"simulate {LOOPBACK} --trace .": "--trace",
+    "loopback --duration 0 --log missing/log": "--log",
     f"simulate {FIG6} --duration 0 --trace -": "--trace",
     "keygen -": "out",
     "configs --out a.yaml": "--out",

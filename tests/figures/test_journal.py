@@ -12,7 +12,6 @@ import pytest
 
 from tests.figures.test_verdict import clean
 from tests.program import Records
-from tests.program import weberlink as command
 from tests.records import ticks as records_of
 from weberlink.figures.journal import Journal
 from weberlink.figures.paths import paths_of
@@ -231,9 +230,3 @@ def test_a_full_disk_tears_no_line_that_comes_later(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-c", script, str(path)], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert path.read_text().splitlines() == ["x" * 9, "x" * 9, "x" * 5, "after"]
-
-
-def test_a_log_that_cannot_be_opened_is_one_line_and_status_2(tmp_path: Path) -> None:
-    status, output, errors = command("loopback", "--duration", 1, "--log", tmp_path / "missing" / "log")
-    assert (status, output, len(errors.splitlines())) == (2, "", 1)
-    assert "--log" in errors

@@ -7,36 +7,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.examples import examples
 from tests.figures.test_session import NONE, records, score
+from tests.records import ticks
 from weberlink.figures.link import AWAY, CONNECTED, UNCONNECTED, ConnectionScore
 from weberlink.figures.paths import LONGEST, MOST, LinkPath, finding, notable, paths_of
-from weberlink.figures.session import Records
 from weberlink.protocol.aio.udp import PathFacts
 from weberlink.protocol.session import EXPIRY
 from weberlink.protocol.states import State
-from weberlink.telemetry.reader import DTYPE
 
 PERIOD = 0.01
 LISTENING, CONNECTING, ENGAGED, SILENT, CLOSED = (
     State.LISTENING, State.CONNECTING, State.ENGAGED, State.SILENT, State.CLOSED,
 )  # fmt: skip
 Stretch = tuple[State, float]
-
-
-def stretched(*stretches: Stretch) -> Records:
-    """Records of states, each for some seconds."""
-    states = [state.value for state, seconds in stretches for _ in range(round(seconds / PERIOD))]
-    made = np.zeros(len(states), DTYPE)
-    made["state"] = states
-    made["at"] = 5.0 + np.arange(len(states)) * PERIOD
-    return made
-
-
-def summary(*stretches: Stretch) -> dict[str, Any]:
-    score = ConnectionScore()
-    score.add(stretched(*stretches))
-    return vars(score.figures())
 
 
 @pytest.mark.parametrize(
@@ -64,27 +47,15 @@ def summary(*stretches: Stretch) -> dict[str, Any]:
     ids=["orderly", "left", "lost", "interrupted", "returned", "left_while_silent"],
 )
 def test_states_are_counted_by_what_they_mean(stretches: list[Stretch], ended: str, expected: dict[str, float]) -> None:
-    found = summary(*stretches)
+    states = [state.value for state, seconds in stretches for _ in range(round(seconds / PERIOD))]
+    score = ConnectionScore()
+    score.add(ticks(len(states), every=PERIOD, state=states))
+    found = vars(score.figures())
     assert found["ended"] == ended
     for key, value in expected.items():
         assert found[key] == pytest.approx(value, abs=2 * PERIOD), key
     seconds = sum(found[key] for key in ("waited_s", "connected_s", "unconnected_s", "away_s"))
     assert seconds == pytest.approx(sum(s for state, s in stretches if state is not CLOSED), abs=2 * PERIOD)
-
-
-@examples(50)
-@given(
-    st.lists(st.tuples(st.sampled_from(list(State)), st.floats(0.01, 4.0)), min_size=1, max_size=8), st.integers(1, 40)
-)
-def test_the_figures_do_not_depend_on_the_pieces(stretches: list[Stretch], pieces: int) -> None:
-    made = stretched(*stretches)
-    score = ConnectionScore()
-    for piece in np.array_split(made, pieces):
-        score.add(piece)
-    whole = summary(*stretches)
-    found = vars(score.figures())
-    assert found.pop("ended") == whole.pop("ended")
-    assert found == pytest.approx(whole)
 
 
 def test_each_way_is_measured_by_its_receiver() -> None:

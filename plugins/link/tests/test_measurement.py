@@ -9,8 +9,7 @@ import pytest
 
 from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, Side, local_end
 from tests.session.systems import CONFIGS
-from weberlink.cli.doctor import DoctorReport, Grade
-from weberlink.cli.doctor.report import problem
+from weberlink.cli.doctor.report import DoctorReport, Grade, problem
 from weberlink.config import MASTER as LEADS
 from weberlink.config import load
 from weberlink.config.loading import Part

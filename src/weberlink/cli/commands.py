@@ -99,7 +99,7 @@ def doctor(
     """
     from rich.console import Console  # noqa: PLC0415
 
-    from weberlink.cli.doctor import EXAMINATIONS, Grade, Needs, advised, examine  # noqa: PLC0415
+    from weberlink.cli.doctor.report import EXAMINATIONS, Grade, Needs, advised, examine  # noqa: PLC0415
     from weberlink.config import load  # noqa: PLC0415
 
     overrides, sides = set_ or [], SIDES if side is None else (side,)
@@ -186,7 +186,7 @@ def device_rules() -> None:
     """Install the udev rules, which give access without root."""
     from weberlink.cli.rules import install  # noqa: PLC0415
 
-    typer.echo("\n".join(install()))
+    typer.echo(install())
 
 
 def guardian(

@@ -15,5 +15,5 @@ import sys
 if "pytest" in sys.modules:
     import pytest
 
-    pytest.register_assert_rewrite("weberlink.testing.arms")
-    pytest.register_assert_rewrite(*(f"weberlink.testing.{name}" for name in ("devices", "messages", "robots")))
+    names = ("arms", "contract", "devices", "messages", "robots")
+    pytest.register_assert_rewrite(*(f"weberlink.testing.{name}" for name in names))

@@ -23,6 +23,7 @@ from weberlink.master.devices.contract import Device, DeviceFault, TorqueDevice
 from weberlink.master.devices.threaded_device import RAMP_S
 from weberlink.session.composition.master import check_force_ends
 from weberlink.testing import pushing_host
+from weberlink.testing.contract import FaultContract, assert_is_read_while_open
 from weberlink.testing.time import TICK, ahead_of_other_work, real_time, until
 
 PUSH: Vector = (0.0, 1.0, 0.0)
@@ -158,20 +159,7 @@ class DeviceContract(BenchedDevice):
             assert search(named, told), told
 
     def test_only_open_device_is_read_close_is_idempotent(self, bench: DeviceBench) -> None:
-        device = bench.device
-        device.close()
-        with pytest.raises(DeviceFault, match=self.NAME):
-            device.latest(bench.tick())
-        device.command(ZERO, bench.tick())
-        for _ in range(2):  # a second session is like the first
-            now = bench.tick()
-            device.open(now)
-            assert device.latest(bench.tick()).at >= now
-            device.close()
-            device.close()
-            device.command(ZERO, bench.tick())
-            with pytest.raises(DeviceFault, match=self.NAME):
-                device.latest(bench.tick())
+        assert_is_read_while_open(bench.device, ZERO, bench.tick, DeviceFault)
 
     def test_readings_advance_without_jumps(self, bench: DeviceBench) -> None:
         device, is_virtual = bench.device, bench.felt is None
@@ -205,7 +193,7 @@ class DeviceContract(BenchedDevice):
         assert is_finite(bench.device.latest(bench.tick()).position)
 
 
-class ForceDeviceContract(DeviceContract):
+class ForceDeviceContract(FaultContract, DeviceContract):
     """What a driver of hardware with force feedback keeps besides, before an emulated device.
 
     The bench knows the force that is `felt`. Its faults are those of `FAULTS`, and `flicker`: some bad answers that
@@ -213,17 +201,12 @@ class ForceDeviceContract(DeviceContract):
     `fingerprint` has no force before its check of signs: then `make_bench` takes `checked` as well.
     """
 
-    FAULTS: ClassVar[Sequence[str]]  # those of its bench that end a session
     UNHEARD: ClassVar[Sequence[str]] = ()
     """Those of them behind which nothing reaches a board without a watchdog, which holds its last force."""
     MISPLACED: ClassVar[Sequence[str]] = ("restart",)  # those after which the device takes another place for its home
     OPTIONS: ClassVar[Mapping[str, Any]] = {}  # options without which there is no force at all
     SIGNS: ClassVar[Sequence[Mapping[str, Any]]] = ()
     """Options that turn an axis, each of which needs a check of signs of its own."""
-
-    def pytest_generate_tests(self, metafunc: pytest.Metafunc) -> None:
-        if "fault" in metafunc.fixturenames:
-            metafunc.parametrize("fault", self.FAULTS)
 
     def test_motors_follow_commands_within_limit_until_close(self, bench: DeviceBench) -> None:
         felt, spec = bench.felt, bench.device.spec
