@@ -15,7 +15,6 @@ from weberlink.figures.session import Layout, Records, SessionScore
 from weberlink.figures.tree import to_json
 from weberlink.protocol.states import State
 
-
 OF_HAND = AccountParameters(allowance=0.02, refill=0.01, damping=1.0, rise=160.0)
 TICK = 1.0 / RATE
 

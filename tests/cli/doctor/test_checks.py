@@ -25,8 +25,8 @@ from tests.cli.doctor.machines import (
 )
 from weberlink.cli.devices import NO_RULES, READY, DriverStatus
 from weberlink.cli.doctor.machine import Machine
-from weberlink.cli.doctor.report import CHECKS, Grade, Needs, examine
 from weberlink.cli.doctor.network import CHARGED_BYTES
+from weberlink.cli.doctor.report import CHECKS, Grade, Needs, examine
 from weberlink.cli.doctor.trial import HostTrial, RightsTrial, SessionTrial
 from weberlink.config.model import DriverSettings
 from weberlink.hardware.discovery import PluggedDevice

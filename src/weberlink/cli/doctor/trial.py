@@ -182,5 +182,5 @@ def session_trial(settings: Mapping[str, object]) -> SessionTrial:
 
 
 if __name__ == "__main__":
-    measure: Callable[..., Any] = {"rights": rights_trial, "host": host_trial}[sys.argv[1]]
-    sys.stdout.write(json.dumps(asdict(measure(**json.loads(sys.argv[2])))))
+    trials: dict[str, Callable[..., Any]] = {"rights": rights_trial, "host": host_trial}
+    sys.stdout.write(json.dumps(asdict(trials[sys.argv[1]](**json.loads(sys.argv[2])))))
