@@ -48,7 +48,7 @@ COMPILED = (
 """What a tick runs, for simulated devices and robots; the drivers of real ones wait for their hardware.
 
 Not there: modules that define pydantic models (mypyc drops their annotations), scenes, which deepcopy() copies, and
-`realtime/loop.py`: compiled, its `await` in a `finally` clause raised an earlier exception again.
+`session/tick_loop.py`: compiled, its `await` in a `finally` clause raised an earlier exception again.
 """
 PYTHON = {
     "control/contract.py": "a protocol, from which compiled code would ask its classes to inherit",

@@ -99,7 +99,7 @@ def rights_trial(
     """Take the rights that a configuration asks for, and measure wake-ups."""
     for name in (*IMPORTS, *(["weberlink.protocol.psk"] if encrypted else [])):
         __import__(name)
-    grants = prepare(priority, lock_memory, cpu, wakeful=wakeful).as_dict()
+    grants = asdict(prepare(priority, lock_memory, cpu, wakeful=wakeful))
     period = 1.0 / rate_hz
     first = monotonic() + period
     seen = list(wake_ups(first, period, first + max(MEASURE_S, 2.0 * period)))
