@@ -14,8 +14,7 @@ from tests.figures.test_verdict import clean
 from tests.program import Records
 from tests.records import ticks as records_of
 from weberlink.figures.journal import Journal
-from weberlink.figures.paths import paths_of
-from weberlink.protocol.aio.udp import PathFacts
+from weberlink.protocol.paths import LinkPath
 from weberlink.protocol.states import State
 from weberlink.session.targets import LogFile
 from weberlink.telemetry.fault import Fault
@@ -126,10 +125,10 @@ def test_what_happens_is_told_with_its_tick(records: Records, expected: list[dic
 
 def test_paths_are_told_when_new_or_changed() -> None:
     log = Log()
-    first = PathFacts(remote="10.0.0.2:47000")
-    second = PathFacts(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)
-    for number, path in enumerate([PathFacts(), first, first, second, second]):
-        log.journal.add_paths("master", paths_of({"paths": [path._asdict()]}))
+    first = LinkPath(remote="10.0.0.2:47000")
+    second = LinkPath(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)
+    for number, path in enumerate([LinkPath(), first, first, second, second]):
+        log.journal.add_paths("master", [path])
         log.look(ticks(1500, first=1500 * number))
     told = log.lines
     assert [(line["event"], line["level"]) for line in told] == [

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from tests.figures.test_session import NONE, records, score
 from tests.records import ticks
 from weberlink.figures.link import AWAY, CONNECTED, UNCONNECTED, ConnectionScore
-from weberlink.figures.paths import LONGEST, MOST, LinkPath, finding, notable, paths_of
-from weberlink.protocol.aio.udp import PathFacts
+from weberlink.protocol.paths import LONGEST, MOST, LinkPath, finding, notable, paths_of
 from weberlink.protocol.session import EXPIRY
 from weberlink.protocol.states import State
 
@@ -96,24 +95,19 @@ def test_without_a_session_nothing_is_known() -> None:
         assert told["to_master"]["one_way_us"]["p50"] is None
 
 
-RELAYED = PathFacts(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)
-DIRECT = PathFacts(remote="10.0.0.2:47000")
-UNFOUND = PathFacts(route="", note="asking the mailbox")
+RELAYED = LinkPath(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)
+DIRECT = LinkPath(remote="10.0.0.2:47000")
+UNFOUND = LinkPath(route="", note="asking the mailbox")
 anything = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from([*PathFacts._fields, "dscp"]), inner),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(LinkPath._fields), inner),
     max_leaves=20,
 )
 
 
-def facts(*paths: PathFacts, **other: Any) -> list[LinkPath]:
-    """As a daemon publishes them, read again."""
-    return paths_of({"paths": [path._asdict() | other for path in paths]})
-
-
 def test_facts_of_the_daemon_come_through_whole() -> None:
-    assert facts(RELAYED, DIRECT, dscp=46) == [LinkPath(*path[:-1], 46) for path in (RELAYED, DIRECT)]
-    assert facts(RELAYED)[0].dscp is None
+    known = [RELAYED, DIRECT, UNFOUND._replace(dscp=46)]
+    assert paths_of({"paths": [path._asdict() for path in known]}) == known
     assert paths_of(None) == paths_of({}) == []
 
 
@@ -129,8 +123,8 @@ def test_a_strange_description_gives_words_all_the_same(found: Any) -> None:
 
 
 def test_notable_are_other_routes_and_changes() -> None:
-    assert list(notable([], facts(DIRECT, UNFOUND))) == []
-    assert list(notable([], facts(RELAYED))) == ["path: relayed by relay.example over wlan0, 1 change"]
-    assert list(notable(facts(RELAYED), facts(RELAYED, dscp=46))) == []
-    assert list(notable(facts(DIRECT), facts(DIRECT._replace(changes=1)))) == ["path: direct, 1 change"]
-    assert finding(facts(UNFOUND)) == "asking the mailbox" and finding(facts(UNFOUND, DIRECT)) == finding([]) == ""
+    assert list(notable([], [DIRECT, UNFOUND])) == []
+    assert list(notable([], [RELAYED])) == ["path: relayed by relay.example over wlan0, 1 change"]
+    assert list(notable([RELAYED], [RELAYED._replace(dscp=46)])) == []
+    assert list(notable([DIRECT], [DIRECT._replace(changes=1)])) == ["path: direct, 1 change"]
+    assert finding([UNFOUND]) == "asking the mailbox" and finding([UNFOUND, DIRECT]) == finding([]) == ""

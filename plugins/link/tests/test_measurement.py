@@ -14,8 +14,8 @@ from weberlink.config import MASTER as LEADS
 from weberlink.config import load
 from weberlink.config.loading import Part
 from weberlink.protocol import UpdateReceived
-from weberlink.protocol.aio.udp import PathFacts
 from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.paths import LinkPath
 from weberlink.protocol.probing import Heard, ProbingEndpoint
 from weberlink.protocol.psk import PresharedKey
 from weberlink_link.examination import Way, WayOut, figures, judge, lost_answers, lost_questions
@@ -168,7 +168,7 @@ def report(trial: LinkTrial, way_out: WayOut, *overrides: str, finder: type | No
 
 def test_report_advises_settings_and_its_document_is_json() -> None:
     faults = Emulation(delay_s=0.02, jitter_s=0.005, loss=0.45, burst=3.0)
-    path = PathFacts(route="relayed", via="lab", interface="wifi", remote="a:1", dscp=0)
+    path = LinkPath(route="relayed", via="lab", interface="wifi", remote="a:1", dscp=0)
     result = MeasuredLink(faults, faults, seconds=2.0).measurement.result((path,), "in real time: yes")
     trial = received(**json.loads(json.dumps(asdict(result))))  # as it comes from its process
     found = report(trial, NONE, "control.scheme=none", "link.playout_ms=5")

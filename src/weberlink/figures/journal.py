@@ -16,9 +16,9 @@ import numpy as np
 
 from weberlink.figures.channel import Records, engaged
 from weberlink.figures.distribution import Distribution
-from weberlink.figures.paths import LinkPath
 from weberlink.figures.tree import Figures, to_json
 from weberlink.figures.wording import words
+from weberlink.protocol.paths import LinkPath
 from weberlink.protocol.states import State
 from weberlink.telemetry.fault import Fault, name_of
 from weberlink.telemetry.record import RELEASED

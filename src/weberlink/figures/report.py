@@ -13,10 +13,10 @@ from rich.table import Table
 from rich.text import Text
 
 from weberlink.figures.environment import footer
-from weberlink.figures.paths import LinkPath, finding
 from weberlink.figures.tree import DEGRADED, FAILURE, GOOD, Channel, Energy, Figures, Median, Quality, Ticks
 from weberlink.figures.verdict import FAILED_OUTCOME, percent, verdict
 from weberlink.order import MASTER
+from weberlink.protocol.paths import LinkPath, finding
 from weberlink.protocol.states import State
 from weberlink.telemetry.record import RELEASED
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
-from weberlink.figures.paths import LinkPath
 from weberlink.order import COMPLETED, FAILED
+from weberlink.protocol.paths import LinkPath
 
 GOOD, DEGRADED, FAILURE = "good", "degraded", "failed"  # the word of a verdict
 FLAT = {"flat": True}  # metadata of a field whose own fields stand in its place in the document
@@ -276,6 +276,8 @@ class Figures:
 
 def to_json(value: Any) -> Any:
     """Numbers, texts, lists and dictionaries, from any part of the tree."""
+    if isinstance(value, LinkPath):
+        return value._asdict()
     if is_dataclass(value):
         document: dict[str, Any] = {}
         for each in fields(value):

@@ -7,9 +7,9 @@
 from collections.abc import Iterator
 
 from weberlink.config.model import is_placeholder, split_address
-from weberlink.figures.paths import finding
 from weberlink.figures.tree import DEGRADED, FAILURE, GOOD, Cause, Figures, Verdict
 from weberlink.order import EMERGENCY, MASTER, SLAVE
+from weberlink.protocol.paths import finding
 
 FAILED_OUTCOME = "failed: "  # how the outcome of a failed run begins; the reason follows
 

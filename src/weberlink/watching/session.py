@@ -11,11 +11,11 @@ import numpy as np
 
 from weberlink.config import MASTER, SLAVE
 from weberlink.figures.journal import Fields, Journal
-from weberlink.figures.paths import LinkPath, paths_of
 from weberlink.figures.session import Layout, Records, SessionScore, TickPairs, joined
 from weberlink.figures.tree import DEGRADED, FAILURE, Cause
 from weberlink.figures.verdict import verdict
 from weberlink.figures.wording import ALARM, Words, fault_words, words
+from weberlink.protocol.paths import LinkPath, paths_of
 from weberlink.telemetry.fault import Fault, name_of
 from weberlink.telemetry.reader import DTYPE
 from weberlink.watching.rings import RingSource
