@@ -28,7 +28,8 @@ class ContactForce:
 
     def __init__(self, stiffness: float) -> None:
         self.value: Vector = ZERO
-        self.rest: Vector = ZERO  # The command at which the robot would rest with this force where it is [m]
+        self.rest: Vector = ZERO
+        """The command at which the robot would rest with this force where it is [m]."""
         self.shown: Callable[[Joints], Joints] | None = None
         self._compliance = 1.0 / stiffness
 
@@ -83,6 +84,7 @@ class RobotPort(Port):
         self.is_overloaded = False
         self.tool = tool
         self._point: Any = None if tool is None else robot.point
+        self._stay: Any = getattr(robot, "stay", None)
         self._control, self._endpoint = control, endpoint
         self._led: Sequence[Any] = ()
         self._sensor = sensors[0]
@@ -193,7 +195,7 @@ class RobotPort(Port):
         guard, tool = self.guard, self.tool
         clipped, ramping = guard.clipped, guard.share < 1.0
         if tool is not None:
-            clipped, ramping = clipped or tool.clipped, ramping or tool.share < 1.0
+            clipped, ramping = clipped or tool.clipped, ramping or tool.ramping
         row.contact_ticks, row.clipped = guard.contact_ticks, clipped
         row.ramping = ramping if is_led or not self._by_button else RELEASED
 
@@ -201,3 +203,5 @@ class RobotPort(Port):
         self._command(self.applied, now)
         if self.tool is not None:
             self._point(self.tool.hold(0.0), now)
+        if self._stay is not None:
+            self._stay()

@@ -71,7 +71,8 @@ class PressedPlane(NamedTuple):
         return None if left is None else (left, False)
 
 
-Face = tuple[list[Coordinate], list[Coordinate]]  # Depths of the active planes, gaps of those still in reach
+Face = tuple[list[Coordinate], list[Coordinate]]
+"""The depths of the active planes, and the gaps of those that the proxy can still reach."""
 
 
 class LinearContact:

@@ -48,8 +48,9 @@ class RobotReading(NamedTuple):
 class Robot(Protocol):
     """A robot under position control. `latest` and `command` never block; `open` and `close` end in bounded time.
 
-    It may also have `trouble`, which is what was wrong with the last attempt where samples are missing, else None; and
-    a simulated one, called before `open` of a live loop, `publish_pose()`, to publish its pose until `close` for who
+    It may also have `trouble`, which is what was wrong with the last attempt where samples are missing, else None;
+    `stay()`, where `close` may move it: called at an emergency stop or a failure, after which it moves no more; and a
+    simulated one, called before `open` of a live loop, `publish_pose()`, to publish its pose until `close` for who
     draws its scene, and `measure_steps(stopwatch)`, to adapt its computation to the machine.
     """
 

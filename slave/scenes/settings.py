@@ -87,7 +87,8 @@ def object_model(name: str) -> type[ObjectSettings]:
     )
 
 
-SceneSettings = tuple[Annotated[ObjectSettings, ByShape(object_model)], ...]  # The `scene:` list of a file
+SceneSettings = tuple[Annotated[ObjectSettings, ByShape(object_model)], ...]
+"""The `scene:` list of a configuration file."""
 
 
 def build(objects: Sequence[ObjectSettings]) -> Scene:

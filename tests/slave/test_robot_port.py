@@ -46,7 +46,7 @@ class Tip:
         self.at, self.force, self.torque = at, ZERO, ZERO
         self.commands: list[Vector] = []
         self.turns: list[Quaternion] = []
-        self.is_open = False
+        self.is_open = self.stays = False
         self.follows = True
 
     def open(self, now: float) -> None:
@@ -62,6 +62,9 @@ class Tip:
 
     def point(self, orientation: Quaternion, now: float) -> None:
         self.turns.append(orientation)
+
+    def stay(self) -> None:
+        self.stays = True
 
     def close(self) -> None:
         self.is_open = False
@@ -273,7 +276,7 @@ def test_it_is_a_port_and_its_record_says_what_it_did() -> None:
     assert following.row().clipped, "the tool is limited"
     shown = following.port.shown(UP)
     following.port.halt(following.now)
-    assert following.robot.turns[-1] == following.robot.turns[-2]
+    assert following.robot.turns[-1] == following.robot.turns[-2] and following.robot.stays
     assert following.port.shown(UP) == shown
     port.close()
     assert not following.robot.is_open

@@ -1,17 +1,23 @@
 """Follower arms with servos, in virtual time: where they go, what they feel, and that they stop pushing."""
 
+from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import pytest
 
-from plugins.arms.tests.benches import FOLLOWERS, ArmBench, only, opened
+from plugins.arms.tests.benches import FOLLOWERS, ArmBench, made, only, opened
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.guardian import DIED, HoldingGuardian
+from weberlink.testing.serving import PtyDevice
 from weberlink.testing.stepping import KilledError
+from weberlink.testing.time import TICK
 from weberlink_arms.dynamixel import registers
 from weberlink_arms.emulators.feetech import FeetechEmulator
 from weberlink_arms.feetech.arm import SO101
+from weberlink_arms.feetech.follower import So101Follower, So101FollowerOptions
+from weberlink_arms.servo.on_close import SINK_RAD_S, SINK_S
 
 every_follower = pytest.mark.parametrize("name", FOLLOWERS)
 
@@ -263,6 +269,51 @@ def test_an_arm_on_the_ground_carries_its_weight_and_pushes_on_nothing() -> None
     bench.wait(2.0)
     assert bench.emulator.tip_force[2] < 0.2 * before
     assert bench.emulator.tip[2] == pytest.approx(height, abs=0.003)
+
+
+GROUND = {"shape": "plane", "point_m": [0.0, 0.0, 0.05], "stiffness_n_m": 1000.0}
+
+
+@pytest.mark.parametrize(
+    ("name", "emulated", "start"),
+    [
+        ("open_manipulator_x", {"scene": [GROUND]}, (0.0, -0.3, 0.0, 0.3, 1.0)),
+        ("so101_follower", {"weight": True}, (0.0, 0.1, 0.1, 0.0, 0.0, 1.0)),
+    ],
+)
+def test_an_arm_that_sinks_goes_down_slowly_and_falls_no_further(
+    name: str, emulated: dict[str, Any], start: Joints
+) -> None:
+    """One that does not lie in time, as its tip slides on the ground, is held."""
+    bench = opened(name, {"on_close": "sink"}, **emulated)
+    bench.run(start, 1.0)
+    started = before = bench.angles
+    until = bench.time.now + SINK_S
+    bench.exchange.control.sinks = True
+    while not bench.exchange.control.lies and bench.time.now < until:
+        bench.run(None, 0.05)
+        fastest = max(abs(here - there) for here, there in zip(bench.angles, before, strict=True)) / 0.05
+        assert fastest < 1.5 * SINK_RAD_S
+        before = bench.angles
+    assert before[1] > started[1] + 0.5, "it has gone down"
+    bench.exchange.close()
+    bench.wait(1.0)
+    assert bench.torques_on == [not bench.exchange.control.lies] * len(start)
+    assert bench.angles == pytest.approx(before, abs=0.03)
+
+
+@pytest.mark.realtime
+@pytest.mark.parametrize("stays", [False, True])
+def test_a_driver_sinks_as_it_is_closed_but_not_after_an_emergency_stop(tmp_path: Path, stays: bool) -> None:
+    emulator = made("so101_follower")
+    with PtyDevice(emulator, tmp_path / "arm") as wire:
+        given = {"port": str(wire.path), "on_close": "sink", "timeout_ms": 50.0, "gravity": False}
+        arm = So101Follower(So101FollowerOptions.model_validate(given), TICK)
+        arm.open(monotonic())
+        if stays:
+            arm.stay()
+        arm.close()
+        assert {servo.torque_on for servo in emulator.servos} == {stays}
 
 
 def test_an_alarm_that_keeps_torque_on_does_not_prevent_release() -> None:

@@ -66,7 +66,7 @@ class Arm(Protocol):
     """A leader or a follower. `latest` and `command` never block; `open` and `close` end in bounded time.
 
     `spec` is readable before `open`. `trouble` and `guarded` are looked for as on a device
-    (`weberlink.master.devices.contract.Device`).
+    (`weberlink.master.devices.contract.Device`), `stay` as on a robot (`weberlink.slave.robots.contract.Robot`).
     """
 
     @property

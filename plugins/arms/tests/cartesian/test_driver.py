@@ -83,14 +83,18 @@ def test_impossible_options_are_refused(options: dict[str, Any], says: str) -> N
 
 
 @pytest.mark.realtime
-@pytest.mark.parametrize("fails", [False, True])
-def test_it_goes_home_before_it_goes_limp(wire: PtyDevice, fails: bool) -> None:
-    """Where it does not get home, it holds."""
+@pytest.mark.parametrize(
+    ("case", "holds"), [("home", [False] * 4), ("fails", [True, True, True, False]), ("stays", [True] * 4)]
+)
+def test_it_goes_home_before_it_goes_limp(wire: PtyDevice, case: str, holds: list[bool]) -> None:
+    """Where it does not get home, or after an emergency stop, it holds."""
     robot = opened(wire, on_close="rest", home_m=(0.15, 0.0, 0.2))
-    if fails:
+    if case == "fails":
         wire.emulator.inject("overload", 4)
+    elif case == "stays":
+        robot.stay()
     robot.close()
-    assert torque(wire) == ([True, True, True, False] if fails else [False] * 4)
+    assert torque(wire) == holds
 
 
 @pytest.mark.realtime

@@ -58,7 +58,7 @@ class DynamixelRobot:
             bad_replies=options.bad_replies,
             reconnect=options.reconnect_s,
         )
-        self._open = False
+        self._open = self._stays = False
         self._reading: tuple[float, RobotReading] | None = None
 
     def _spec(self) -> RobotSpec:
@@ -101,7 +101,7 @@ class DynamixelRobot:
             self._worker.start()
         except HardwareFault as fault:
             raise RobotFault(_named(str(fault))) from None
-        self._open = True
+        self._open, self._stays = True, False
 
     def command(self, position: Vector, now: float) -> None:
         if not is_finite(position):
@@ -121,9 +121,13 @@ class DynamixelRobot:
         self._reading = (now, reading)
         return reading
 
+    def stay(self) -> None:
+        """Hold at `close`, instead of going home."""
+        self._stays = True
+
     def close(self) -> None:
         """Leave the arm as `on_close` says; going home first takes at most 10 s."""
-        if self._open and self._worker.fault is None and self._options.on_close is OnClose.REST:
+        if self._open and not self._stays and self._worker.fault is None and self._options.on_close is OnClose.REST:
             self._exchange.hold_on_close = not self._go_home()
         self._open = False
         self._reading = None

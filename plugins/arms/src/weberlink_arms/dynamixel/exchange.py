@@ -127,23 +127,25 @@ class PositionExchange(MotorExchange[Joints | None, ArmSample]):
     ) -> None:
         super().__init__(options, connect, gravity, clock, pause)
         given = self._options
-        self._control = PositionControl(given.stiffness, given.dead_zone, given.torque_cutoff_hz)
+        self.control = PositionControl(given.stiffness, given.dead_zone, given.torque_cutoff_hz)
         self._coulomb, self._viscous = given.coulomb, given.viscous
         self._goal_at = 0.0
 
     def _engage(self, angles: Joints, now: float) -> None:
         self._servos.engage_positions(self._options.gains)
-        self._control.restart(angles)
+        self.control.restart(angles)
         self._goal_at = now
 
     def _act(self, command: Joints | None, present: list[MotorReading], angles: Joints, now: float) -> None:  # noqa: ARG002
         # After a pause a goal continues from where it was, so that the arm does not jump.
         way = self._options.speed_rad_s * min(now - self._goal_at, 2.0 / self._options.rate_hz)
         self._goal_at = now
-        if command is not None:
-            axes = zip(self._control.goal, self._options.within(command), strict=True)
-            self._control.goal = tuple([goal + min(max(wanted - goal, -way), way) for goal, wanted in axes])
-        self._go(self._control.goal)
+        if self.control.sinks:
+            self.control.sink(angles, now, 1.0 / self._options.rate_hz)
+        elif command is not None:
+            axes = zip(self.control.goal, self._options.within(command), strict=True)
+            self.control.goal = tuple([goal + min(max(wanted - goal, -way), way) for goal, wanted in axes])
+        self._go(self.control.goal)
 
     def _go(self, goals: Joints) -> None:
         self._servos.go(self._scale.counts(goals))
@@ -157,17 +159,15 @@ class PositionExchange(MotorExchange[Joints | None, ArmSample]):
             friction = self._coulomb[axis] * share + self._viscous[axis] * rate
             motor = sign * self._ratios[axis] * motors[axis].torque(each.current, self._laws[axis])
             torques.append(weight[axis] + friction - motor)
-        return ArmSample(at, angles, self._control.sensed(tuple(torques), at))
+        return ArmSample(at, angles, self.control.sensed(tuple(torques), at))
 
     def _leave(self) -> None:
-        if self._options.on_close == "limp":
+        if self._options.on_close == "limp" or self.control.lies:
             self._servos.release()
             return
-        goals = self._control.leave(
-            self._place, self._go, self._clock, lambda: self._pause(1.0 / self._options.rate_hz)
-        )
+        goals = self.control.leave(self._place, self._go, self._clock, lambda: self._pause(1.0 / self._options.rate_hz))
         self._servos.stay(None if goals is None else self._scale.counts(goals))
 
     def _place(self) -> Joints:
         angles = self._angles(self._measured())
-        return self._control.raised(angles, self._gravity(angles))
+        return self.control.raised(angles, self._gravity(angles))

@@ -50,7 +50,10 @@ class DynamixelFollowerOptions(DynamixelArmOptions):
     torque_cutoff_hz: float = Field(
         default=50.0, ge=0.0, le=1e4, description="of the low-pass on the torques; 0 for none"
     )
-    on_close: OnClose = Field(default=OnClose.HOLD, description="hold: the motors hold the arm; limp: it drops")
+    on_close: OnClose = Field(
+        default=OnClose.HOLD,
+        description="hold: the motors hold the arm; sink: it sinks slowly, then is limp; limp: it drops",
+    )
 
     @property
     def coulomb(self) -> Joints:

@@ -69,7 +69,9 @@ class So101FollowerOptions(So101Options):
         default=(1000, 1000, 1000, 1000, 1000, 500), description="of the servos, in 0.1 % of their stall torque"
     )
     on_close: OnClose = Field(
-        default=OnClose.HOLD, description="hold: the servos hold the arm where it is, and push no more; limp: it drops"
+        default=OnClose.HOLD,
+        description="hold: the servos hold the arm where it is, and push no more; sink: it sinks slowly, then is limp; "
+        "limp: it drops",
     )
     stall_nm: float = Field(
         default=STALL_NM, gt=0.0, le=10.0, description="stall torque of the servos at rated_v; 2.94 for 12 V servos"
@@ -156,7 +158,7 @@ class FollowerExchange(FeetechExchange[Joints | None, ArmSample]):
     ) -> None:
         super().__init__(options, connect, gravity, clock, pause)
         self._guardian = guardian
-        self._control = PositionControl(options.stiffness, options.friction_nm, options.torque_cutoff_hz)
+        self.control = PositionControl(options.stiffness, options.friction_nm, options.torque_cutoff_hz)
         self._weight: Joints = ()
         self._here: Joints = ()
 
@@ -164,7 +166,7 @@ class FollowerExchange(FeetechExchange[Joints | None, ArmSample]):
         """Torque on, to stay where the arm is."""
         self._here, self._weight = angles, self._gravity(angles)
         goals = self._raised(angles)
-        self._control.restart(goals)
+        self.control.restart(goals)
         self._hold(goals)
         orders = [
             (id_, registers.order(True, goal, limit))
@@ -180,9 +182,12 @@ class FollowerExchange(FeetechExchange[Joints | None, ArmSample]):
         if self._cycle % WATCH_EVERY == 0:
             self._servos.watch()
         orders = b""
-        if command is not None:
-            self._control.goal = self._raised(command)
-            orders = self._orders(self._control.goal)
+        if self.control.sinks:
+            self.control.sink(self._here, self._clock(), 1.0 / self._options.rate_hz)
+        elif command is not None:
+            self.control.goal = self._raised(command)
+        if self.control.sinks or command is not None:
+            orders = self._orders(self.control.goal)
         asked = self._clock()
         present = self._servos.bus.exchange(orders)
         return self._sample(present, self._angles(present), 0.5 * (asked + self._clock()))
@@ -204,13 +209,13 @@ class FollowerExchange(FeetechExchange[Joints | None, ArmSample]):
 
     def _raised(self, angles: Joints) -> Joints:
         """The goals for these angles, within the range of the arm [rad]: it does not sag."""
-        return self._control.raised(self._options.within(angles), self._weight)
+        return self.control.raised(self._options.within(angles), self._weight)
 
     def _sample(self, present: list[Present], angles: Joints, at: float) -> ArmSample:
         self._here, self._weight = angles, self._gravity(angles)
         motor = self._motor(present)
         external = tuple([weight - own for weight, own in zip(self._weight, motor, strict=True)])
-        return ArmSample(at, angles, self._control.sensed(external, at))
+        return ArmSample(at, angles, self.control.sensed(external, at))
 
     def _motor(self, present: list[Present]) -> Joints:
         """Torques of the motors on the axes [N m]."""
@@ -226,10 +231,10 @@ class FollowerExchange(FeetechExchange[Joints | None, ArmSample]):
 
     def _leave(self) -> None:
         """Leave the arm holding itself, or limp."""
-        if self._options.on_close is OnClose.LIMP:
+        if self._options.on_close is OnClose.LIMP or self.control.lies:
             self._servos.release()
         else:
-            self._control.leave(self._place, self._go, self._clock, lambda: self._pause(1.0 / self._options.rate_hz))
+            self.control.leave(self._place, self._go, self._clock, lambda: self._pause(1.0 / self._options.rate_hz))
         if self._guardian is not None:
             self._guardian.end()
 
@@ -246,4 +251,4 @@ class FollowerExchange(FeetechExchange[Joints | None, ArmSample]):
                 counts[axis] = self._servos.bus.read(id_, POSITION)
         self._here = self._scale.angles(counts)
         self._weight = self._gravity(self._here)
-        return self._control.raised(self._here, self._weight)
+        return self.control.raised(self._here, self._weight)

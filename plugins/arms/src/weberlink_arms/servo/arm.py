@@ -1,6 +1,7 @@
 """The drivers of arms with servos, whatever the servos are."""
 
 from collections.abc import Callable
+from time import monotonic, sleep
 from typing import Any, ClassVar, Final, TypeVar
 
 from weberlink.arms.contract import ArmSpec
@@ -10,12 +11,16 @@ from weberlink.hardware.guardian import Guardian
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.hardware.worker import Exchange
 from weberlink.registry import Tier
+from weberlink_arms.servo.exchange import PositionControl
+from weberlink_arms.servo.on_close import SINK_S, OnClose
 from weberlink_arms.servo.options import ServoOptions
 from weberlink_arms.servo.threaded_arm import ArmSample, ThreadedArm
 
 LEADER_STALE_S: Final = 0.02
 FOLLOWER_STALE_S: Final = 0.1
 """A command ends this long, or three ticks, after it was given; a follower holds its last goal then [s]."""
+LOOK_S: Final = 0.02
+"""Between two looks at an arm that sinks [s]."""
 
 Command = TypeVar("Command")
 
@@ -72,9 +77,7 @@ class ServoFollower(ServoArm[Joints | None]):
 
     KEY = "slave.robot.port"
 
-    def __init__(
-        self, options: ServoOptions, spec: ArmSpec, exchange: Exchange[Joints | None, ArmSample], tick_period: float
-    ) -> None:
+    def __init__(self, options: Any, spec: ArmSpec, exchange: Any, tick_period: float) -> None:
         super().__init__(
             spec,
             exchange,
@@ -83,9 +86,24 @@ class ServoFollower(ServoArm[Joints | None]):
             bad_replies=options.bad_replies,
             reconnect=options.reconnect_s,
         )
+        self._control: PositionControl = exchange.control
+        self._sinks = options.on_close is OnClose.SINK
 
     def command(self, values: Joints, now: float) -> None:
         self._command(values, values, now)
+
+    def stay(self) -> None:
+        """Hold at `close`, instead of sinking."""
+        self._sinks = False
+
+    def close(self) -> None:
+        """Leave the arm as `on_close` says; to sink takes `SINK_S` at most."""
+        if self._is_open and self._sinks:
+            self._control.sinks = True
+            until = monotonic() + SINK_S
+            while not self._control.lies and self._worker.fault is None and monotonic() < until:
+                sleep(LOOK_S)
+        super().close()
 
 
 def spec_of(options: ServoOptions, **more: Any) -> ArmSpec:

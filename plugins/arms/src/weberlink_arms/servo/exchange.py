@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
+from math import inf
 from time import monotonic, sleep
 from typing import Any, Final, Generic, TypeVar
 
@@ -11,7 +12,7 @@ from weberlink.hardware.fault import HardwareFault
 from weberlink_arms.servo.bus import ServoPort
 from weberlink_arms.servo.filter import LowPass
 from weberlink_arms.servo.gravity import Gravity, no_gravity
-from weberlink_arms.servo.on_close import SETTLE_S, give_way
+from weberlink_arms.servo.on_close import LEAST_RAD, LIES_S, SETTLE_S, SINK_RAD_S, give_way
 from weberlink_arms.servo.options import AngleScale
 from weberlink_arms.servo.pace import check_pace
 from weberlink_arms.servo.servos import Servos
@@ -165,10 +166,26 @@ class PositionControl:
         self._filter = LowPass(cutoff)
         self.goal: Joints = ()
         """The last one [rad]."""
+        self.sinks = self.lies = False
+        """Whether the arm is to sink by its weight, and whether the motors have nothing to carry any more."""
+        self._still: tuple[float, Joints] = (-inf, ())
 
     def restart(self, goal: Joints) -> None:
         self.goal = goal
+        self.sinks = self.lies = False
+        self._still = (-inf, goal)
         self._filter.restart()
+
+    def sink(self, angles: Joints, now: float, period: float) -> None:
+        """In each cycle of an arm that sinks: the goals, below which it sags, follow it down at `SINK_RAD_S`."""
+        way = SINK_RAD_S * period
+        left = [at - goal for at, goal in zip(angles, self.goal, strict=True)]
+        self.goal = tuple([goal + min(max(each, -way), way) for goal, each in zip(self.goal, left, strict=True)])
+        since, there = self._still
+        moved = [at - was for at, was in zip(angles, there, strict=True)]
+        if since == -inf or max(map(abs, left + moved)) > LEAST_RAD:
+            self._still = (now, angles)
+        self.lies = now - self._still[0] > LIES_S
 
     def sensed(self, torques: Joints, at: float) -> Joints:
         """Filtered torques beyond the dead zone [N m]."""

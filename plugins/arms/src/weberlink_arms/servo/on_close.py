@@ -11,11 +11,18 @@ class OnClose(StrEnum):
     """How an arm is left; `hold` is the default, since without torque it drops."""
 
     HOLD = "hold"
+    SINK = "sink"
     LIMP = "limp"
 
 
 SETTLE_S: Final = 0.1
 """Time in which an arm comes to rest after its goals have moved [s]."""
+SINK_RAD_S: Final = 0.3
+"""Largest speed of the goals of an arm that sinks [rad/s]."""
+LIES_S: Final = 0.5
+"""An arm lies once it has not moved, with nothing to carry, for so long [s]: friction carries one that moves slowly."""
+SINK_S: Final = 10.0
+"""Longest time to sink [s]; an arm that does not lie by then is held."""
 STEPS: Final = 4
 FALLS: Final = 0.75
 """Share of its former push below which the push of an axis counts as falling."""
