@@ -44,6 +44,7 @@ from weberlink.protocol.handshake import (
     HELLO_HEADER,
     INSTANCE_BYTES,
     LONGEST_INTERVAL,
+    PROTOCOL_VERSION,
     WELCOME_HEADER,
     Dialer,
     Hello,
@@ -51,10 +52,9 @@ from weberlink.protocol.handshake import (
     pack_hello,
     pack_map,
 )
-from weberlink.protocol.local_end import LONGEST_SILENCE, PROTOCOL_VERSION
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Security
-from weberlink.protocol.session import Session
+from weberlink.protocol.session import LONGEST_SILENCE, Session
 from weberlink.protocol.states import moved
 from weberlink.protocol.wire import Kind
 from weberlink.update import ModelParameters, PreviousSample, Update
@@ -132,6 +132,7 @@ def test_a_call_is_answered_however_long_or_lossy_the_path(one_way: float, longe
         ({"expects": "robot:47000"}, {"name": "toy:47000"}, ("'robot:47000'", "'toy:47000'")),
         ({"name": "bob@desk"}, {"expects": "ann@operator"}, ("'slave'", "'ann@operator'", "'bob@desk'")),
         ({"name": "bob@desk", "take_over": True}, {"expects": "ann@operator"}, ("'bob@desk'",)),
+        ({"agreement": {**AGREEMENT, "\x1b[2J\nx": 1}}, {}, ("[2J x: master has 1",)),
     ],
 )
 def test_ends_that_do_not_agree_are_both_told_why(
@@ -144,7 +145,7 @@ def test_ends_that_do_not_agree_are_both_told_why(
         slave={"security": security, **slave},
     )
     pair.connect().run(1.5)
-    assert all(part in pair.master.refusal() for part in said)
+    assert all(part in pair.master.refusal() for part in said) and pair.master.refusal().isprintable()
     assert set(pair.slave.of(Refused)) == set(pair.master.of(Refused))
     assert states(pair) == [State.CLOSED, State.LISTENING]
     pair.guests.append(Side(make_endpoint(Role.INITIATOR, security=security, seed=9, name="ann@operator"), OTHER))
@@ -387,6 +388,14 @@ def test_each_answer_to_a_call_has_its_outcome(security: Security) -> None:
         assert (dialer.due < 0.0) is (outcome is None), "the next one is due at once if the clock went back"
 
 
+def test_an_agreement_too_deep_to_be_shown_is_dropped() -> None:
+    end = local_end(agreement=b"\x81\xa1a" + b"\x91" * 1000 + b"\x01")
+    hello = Dialer(end, bytes(INSTANCE_BYTES), stamp=lambda now: 1).hello(0.0)
+    slave = make_endpoint(Role.RESPONDER)
+    slave.connect(0.0)
+    assert dropped(slave, hello, MASTER) == [DropReason.MALFORMED]
+
+
 def test_an_answer_that_comes_too_late_counts_as_received_and_a_forged_one_does_not() -> None:
     master, slave = make_endpoint(Role.INITIATOR), make_endpoint(Role.RESPONDER)
     slave.connect(0.0)
@@ -427,8 +436,8 @@ def test_pending_session_expires() -> None:
 def test_a_farewell_is_cut_and_on_a_lossy_link_sent_more_than_once(loss: float, copies: int) -> None:
     """Nothing is repeated after it."""
     pair = Pair(backward=Emulation(delay_s=0.001, loss=loss), seed=4).connect().run(10.0)
-    pair.slave.endpoint.close(pair.now, "robot: emergency stop" + "!" * 100)
+    pair.slave.endpoint.close(pair.now, "robot:\x1b emergency stop" + "!" * 100)
     pair.run(0.05)
     assert len(sent(pair, Kind.BYE)) == pytest.approx(copies, abs=1 if loss else 0)
-    assert pair.master.of(PeerClosed) == [PeerClosed(("robot: emergency stop" + "!" * 100)[:64])]
+    assert pair.master.of(PeerClosed) == [PeerClosed("robot: emergency stop" + "!" * 42)], "in printable characters"
     assert pair.master.endpoint.state is State.CONNECTING
