@@ -11,7 +11,7 @@ from plugins.video.tests.test_live import free_port, write
 from tests.wait import soon
 from weberlink.config import MASTER, SLAVE, Configuration, load
 from weberlink.protocol.keys import Right, generate
-from weberlink.telemetry.pictures import Picture
+from weberlink.telemetry.pictures import HEAD, Picture
 from weberlink_video.carrier import Carrier
 from weberlink_video.hub import Hub
 from weberlink_video.process import places
@@ -81,6 +81,30 @@ def test_who_may_not_is_refused_in_words(tmp_path: Path, right: Right, place: in
         assert f"is to {right}" in await asyncio.wait_for(desk, 5.0)
         assert not hub.newest
         await end(*running)
+
+    asyncio.run(run())
+
+
+def test_what_is_no_picture_of_a_camera_is_dropped(tmp_path: Path) -> None:
+    """The robot's end has the key, and sends names that are no text, controls of a terminal, and moments beyond all."""
+    generate(tmp_path / "desk", Right.DRIVE, "desk")
+
+    async def run() -> None:
+        robot = Robot(tmp_path, "desk")
+        running = robot.run()
+        hub, desk = robot.called("desk", 0)
+        await soon(lambda: hub.newest, "a picture")
+        texts = [(b"\xff" * 500, b""), (b"\x1b[2J", b""), (b"wild", b"\n"), (b"old", b""), (b"new", b"")]
+        for number, (name, note) in enumerate(texts, 7):
+            carrier, now = robot.carriers[0], monotonic()
+            at_us = {b"old": -(1 << 62), b"new": 1 << 62}.get(name, round((now - carrier._epoch) * 1e6))
+            message = HEAD.pack(0.0, len(name), len(note), len(jpeg())) + name + note + jpeg()
+            carrier._sender.put(number, message, now, at_us)
+            await asyncio.sleep(0.05)
+        hub.newest.pop("test")
+        await soon(lambda: "test" in hub.newest, "another picture")
+        assert set(hub.newest) == {"test"} and not desk.done()
+        await end(*running, desk)
 
     asyncio.run(run())
 

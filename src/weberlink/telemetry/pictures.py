@@ -66,7 +66,7 @@ def split(data: bytes) -> tuple[list[Picture], bytes]:
         for length in lengths:
             parts.append(data[begin : begin + length])
             begin += length
-        camera, note = (part.decode(errors="replace") for part in parts[:2])
+        camera, note = (part.decode() for part in parts[:2])
         pictures.append(Picture(when, camera, parts[2], note))
         at = begin
     return pictures, data[at:]
