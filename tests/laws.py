@@ -3,7 +3,8 @@
 import sys
 from textwrap import wrap
 
-INDENT = " " * 7  # under a law, behind its "ok" or "BROKEN"
+INDENT = " " * 7
+"""Under a law, behind its "ok" or "BROKEN"."""
 
 
 COLUMNS = 80

@@ -36,8 +36,7 @@ def loopback(
 ) -> None:
     """Run both sides as two processes over UDP on 127.0.0.1."""
     path = file or Path(str(files("weberlink.configs") / "loopback.yaml"))
-    given = set_ or []
-    _live("loopback", path, lambda: [*given, *one_host(path, given)], duration, json_out, record, log)
+    _live("loopback", path, set_, lambda: one_host(path, set_ or ()), SIDES, duration, json_out, record, log)
 
 
 def master(
@@ -56,11 +55,8 @@ def master(
     peer: PeerLabel = None,
 ) -> None:
     """Run the operator side."""
-    given = set_ or []
-    _live(
-        "master", file, lambda: [*given, *acquainted(file, given, MASTER, peer, pairs=join)],
-        duration, json_out, record, log, take_over=take_over,
-    )  # fmt: skip
+    added = partial(acquainted, file, set_ or (), MASTER, peer, pairs=join)
+    _live("master", file, set_, added, [MASTER], duration, json_out, record, log, take_over=take_over)
 
 
 def slave(
@@ -83,12 +79,8 @@ def slave(
     peer: PeerLabel = None,
 ) -> None:
     """Run the teleoperator side."""
-    given = set_ or []
-    _live(
-        "slave", file,
-        lambda: [*given, *acquainted(file, given, SLAVE, peer, pairs=invite, accept=accept, right=right)],
-        duration, json_out, record, log,
-    )  # fmt: skip
+    added = partial(acquainted, file, set_ or (), SLAVE, peer, pairs=invite, accept=accept, right=right)
+    _live("slave", file, set_, added, [SLAVE], duration, json_out, record, log)
 
 
 def acquainted(
@@ -216,7 +208,9 @@ def simulate(
 def _live(
     name: str,
     path: Path,
-    find_overrides: Callable[[], list[str]],
+    given: Sequence[str] | None,
+    added: Callable[[], list[str]],
+    sides: Any,
     duration: float | None,
     json_out: Path | None,
     record: Path | None,
@@ -226,7 +220,6 @@ def _live(
 ) -> None:
     from weberlink.session.waiting import WaitingDaemon  # noqa: PLC0415
 
-    sides: Any = [name] if name in SIDES else SIDES
     with ExitStack() as stack, journals_to(log, json_out) as journal_at:
         # Their imports take as long as ours, which follow.
         waiting = {side: stack.enter_context(WaitingDaemon(side)) for side in sides}
@@ -236,7 +229,7 @@ def _live(
         from weberlink.telemetry.runtime_directory import directory  # noqa: PLC0415
 
         with errors(lambda trace: None if journal_at is None else journal_at(0.0).trace(trace)):
-            overrides = find_overrides()
+            overrides = [*(given or ()), *added()]
             configuration = load(path, overrides, sides)
             parts = dry_run(configuration)
             directory()

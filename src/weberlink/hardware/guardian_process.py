@@ -38,16 +38,23 @@ the guardian's, `APART` whether it is in a cgroup of its own, `DEVICE` the numbe
 WORDS_SIZE = 8 * 8
 SLOT_SIZE = 2048
 """Each of the two messages behind the words, its `HEAD` in front. The client writes the one that is not in use."""
-HEAD = Struct("<HI")  # length and checksum of a message
+HEAD = Struct("<HI")
+"""Length and checksum of a message."""
 MEMORY_SIZE = WORDS_SIZE + 2 * SLOT_SIZE
-HELLO = Struct("<q")  # what a client begins with: its time [ns, CLOCK_MONOTONIC]. The device's descriptor comes along
-HELLO_S = 1.0  # longest time from a connection to that [s]
-OLDEST_NS = 5_000_000_000  # greatest age of that time; no greater than a client waits
+HELLO = Struct("<q")
+"""What a client begins with: its time [ns, CLOCK_MONOTONIC]. The device's descriptor comes along."""
+HELLO_S = 1.0
+"""Longest time from a connection to that [s]."""
+OLDEST_NS = 5_000_000_000
+"""Greatest age of that time; no greater than a client waits."""
 OTHER_CLOCK = b"runs by another clock than this host (a time namespace), so no lease can be kept"
 
-PAUSE_NS = 20_000_000  # longest time between two checks of the lease; every lease must be longer
-REPEATS = 10  # number of messages at that pace
-SLOW_NS = 1_000_000_000  # pause between later messages: nobody reads the answers of the device
+PAUSE_NS = 20_000_000
+"""Longest time between two checks of the lease; every lease must be longer."""
+REPEATS = 10
+"""Number of messages at that pace."""
+SLOW_NS = 1_000_000_000
+"""Pause between later messages: nobody reads the answers of the device."""
 LAST_WRITES = 2
 LAST_PAUSE_S = 0.01
 CGROUP = "weberlink-guardian"
@@ -88,9 +95,7 @@ def serve(path: str) -> None:
     listener.listen()
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    if address := os.environ.get("NOTIFY_SOCKET"):  # tell systemd that clients may come
-        with socket(AF_UNIX, SOCK_DGRAM) as notify:
-            notify.sendto(b"READY=1", address.replace("@", "\0", 1))
+    _say_ready()
     while True:
         connection, _ = listener.accept()
         with connection, suppress(OSError):  # no more processes: the client is refused, the others stay guarded
@@ -152,7 +157,7 @@ def put_message(memory: memoryview, message: bytes) -> None:
 
 def get_message(memory: memoryview) -> bytes:
     """The message in use; the one before it where a processor that reorders stores (ARM) shows a part of it."""
-    newest = memory.cast("q")[SLOT]
+    newest = memory.cast("q")[SLOT] & 1
     for slot in (newest, 1 - newest):
         at = WORDS_SIZE + slot * SLOT_SIZE
         size, check = HEAD.unpack_from(memory, at)
@@ -213,13 +218,15 @@ def _taken(device: int, message: bytes) -> bool:
 def take_off(folder: Path) -> None:
     """Write the messages of the leases in a folder that nobody ended or let expire."""
     for path in folder.glob("*.lease"):
-        memory = memoryview(bytearray(path.read_bytes().ljust(MEMORY_SIZE, b"\0")))
+        with path.open("rb") as file:  # the client may have made it longer or shorter
+            memory = memoryview(bytearray(file.read(MEMORY_SIZE).ljust(MEMORY_SIZE, b"\0")))
         words = memory.cast("q")
         for node in _nodes(words[DEVICE]) if words[LEASE] else ():
             sys.stderr.write(f"{node}: its guardian was killed; takes the force off\n")
-            device = os.open(node, os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
-            write_last(device, memory)
-            os.close(device)
+            with suppress(OSError):  # gone, or held by somebody else: the others get theirs
+                device = os.open(node, os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
+                write_last(device, memory)
+                os.close(device)
         path.unlink()
 
 
@@ -260,6 +267,13 @@ def _go_first() -> None:
     except OSError:
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, 0, -10)
+
+
+def _say_ready() -> None:
+    """Tell systemd that clients may come."""
+    if address := os.environ.get("NOTIFY_SOCKET"):
+        with socket(AF_UNIX, SOCK_DGRAM) as notify:
+            notify.sendto(b"READY=1", address.replace("@", "\0", 1))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,88 @@
+"""The paths that a link takes, as a daemon describes them (`weberlink.protocol.aio.udp.PathFacts`), in words.
+
+`paths_of` reads them from a description, which another release or another host may have written.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+DIRECT, RELAYED = "direct", "relayed"
+MOST, LONGEST = 8, 200
+"""Paths that are read, and characters of each of their texts."""
+
+
+@dataclass(frozen=True)
+class LinkPath:
+    """One path: by which route, over which interface, to which address; how often it was replaced by another one.
+
+    `route` is empty where there is none yet; `note` then says what is being done. `dscp` is the class of service with
+    which datagrams came; None while unknown.
+    """
+
+    place: int
+    route: str
+    via: str
+    interface: str
+    remote: str
+    changes: int
+    note: str
+    dscp: int | None
+
+    @property
+    def as_event(self) -> "LinkPath":
+        """That of it whose change is worth an event; the class of service is measured now and then."""
+        return replace(self, dscp=None)
+
+    @property
+    def route_words(self) -> str:
+        """The way: direct, punched, relayed by NAME; over which interface; or why there is none."""
+        if not self.route:
+            return self.note or "no path yet"
+        word = f"relayed by {self.via}" if self.route == RELAYED and self.via else self.route
+        return f"{word} over {self.interface}" if self.interface else word
+
+    def words(self, of: str = "") -> str:
+        """In a few words, with the side whose it is if given; the second one with its number."""
+        number = f" {self.place + 1}" if self.place else ""
+        changes = f", {self.changes} change{'' if self.changes == 1 else 's'}" if self.changes else ""
+        return f"path{number}{of and f' of the {of}'}: {self.route_words}{changes}"
+
+    def dscp_words(self, sent: int | None) -> str:
+        """What came of the class of service that was asked for (`link.dscp`); "" while unknown."""
+        if self.dscp is None:
+            return ""
+        return f"DSCP {self.dscp}" if self.dscp == sent or sent is None else f"DSCP {sent} came as {self.dscp}"
+
+
+def paths_of(described: Mapping[str, Any] | None) -> list[LinkPath]:
+    """The paths in a description or in the summary of a daemon, each value of its type; empty where none is known."""
+    found = (described or {}).get("paths")
+    paths = found[:MOST] if isinstance(found, list) else []
+    return [path_in(facts) for facts in paths if isinstance(facts, Mapping)]
+
+
+def path_in(facts: Mapping[str, Any]) -> LinkPath:
+    """The path that some facts tell, each value of its type."""
+    names = ("route", "via", "interface", "remote", "note")
+    texts = {name: text[:LONGEST] if isinstance(text := facts.get(name), str) else "" for name in names}
+    place, changes, dscp = (
+        number if isinstance(number := facts.get(name), int) else None for name in ("place", "changes", "dscp")
+    )
+    return LinkPath(place=place or 0, changes=changes or 0, dscp=dscp, **texts)
+
+
+def notable(before: Sequence[LinkPath], now: Sequence[LinkPath]) -> Iterator[str]:
+    """The paths that are new or different, in words; not a direct one that was never anything else."""
+    known = {path.place: path.as_event for path in before}
+    for path in now:
+        is_plain = path.route == DIRECT and not path.changes
+        if known.get(path.place) != path.as_event and path.route and not is_plain:
+            yield path.words()
+
+
+def finding(paths: Sequence[LinkPath]) -> str:
+    """What is being done while there is no path at all; "" if there is one, or nothing is known."""
+    if not paths or any(path.route for path in paths):
+        return ""
+    return next((path.note for path in paths if path.note), "finding a path")
