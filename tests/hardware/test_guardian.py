@@ -240,7 +240,8 @@ def test_without_its_guardian_there_is_no_force(wire: Wire, number: signal.Signa
 def test_a_guardian_that_runs_is_trusted_and_one_that_died_is_told_at_rest_too(wire: Wire) -> None:
     ends = monotonic() + 2.0 * SILENT_S
     while monotonic() < ends:
-        wire.push()
+        with suppress(BadReply):  # this machine may stall
+            wire.push(LEASE_S)
         wire.heard()
         sleep(0.005)
     wire.signal_guardian(signal.SIGKILL)
@@ -401,6 +402,7 @@ def test_where_all_were_killed_the_end_of_the_unit_writes_the_zero(
         (lease,) = killed.leases
         guard = int(lease.stem)
         os.kill(guard, signal.SIGSTOP)  # so that it writes nothing while the others end
+        read_until(near, FORCE)  # it may have written before, if this machine stalled
         for pid in (process.pid, killed.process.pid, guard):
             os.kill(pid, signal.SIGKILL)
         process.wait()

@@ -29,9 +29,9 @@ async def test_call_is_answered_and_an_absent_peer_said_in_one_line(mailbox: Mai
     async with waiting(pair) as host:
         for _ in range(3):
             assert await pair.call() == Answer(PATHS)
-        assert await presence(absent.slave, 0.4) == Presence(here=False)
+        assert await presence(absent.slave, 1.0) == Presence(here=False)
     with pytest.raises(PeerAbsent, match=rf"^robot is not there: .* {mailbox.url}$"):
-        await absent.call(timeout=0.4)
+        await absent.call(timeout=1.0)
     assert [(label, offer.paths) for label, offer in host.offers] == 3 * [("anna", PATHS)]
     assert len({offer.attempt for _, offer in host.offers}) == 3
     assert host.notes == []
@@ -50,9 +50,9 @@ async def test_call_is_answered_and_an_absent_peer_said_in_one_line(mailbox: Mai
 async def test_unreachable_server_is_said_in_one_line(mailbox: MailboxServer, url: str, reason: str) -> None:
     pair = Pair(url.format(url=mailbox.url))
     with pytest.raises(MailboxUnreachable, match=reason) as raised:
-        await pair.call(timeout=0.3)
+        await pair.call(timeout=0.6)
     assert "\n" not in str(raised.value)
-    assert (await presence(pair.slave, 0.3)).note == str(raised.value)
+    assert (await presence(pair.slave, 0.6)).note == str(raised.value)
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +131,7 @@ async def test_who_is_known_no_more_is_left_and_who_became_known_is_met(mailbox:
         host.waiter.meet([kept.master, new.master])
         assert await kept.call() == await new.call() == Answer(PATHS)
         with pytest.raises(PeerAbsent):
-            await removed.call(timeout=0.4)
+            await removed.call(timeout=1.0)
         host.waiter.meet([])
         host.waiter.meet([replace(kept.master, right=Right.STOP)])
         host.waiter.serves = "anna"

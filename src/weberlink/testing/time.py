@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from threading import Event, Thread
 from time import monotonic, sleep
 from typing import TypeVar
 
@@ -45,6 +46,25 @@ def ahead_of_other_work() -> Iterator[None]:
         yield
     finally:
         os.sched_setscheduler(0, policy, parameters)
+
+
+@contextmanager
+def running_time() -> Iterator[Callable[[], float]]:
+    """Gives the time since the beginning [s], of which a stall of this machine counts for `PAUSE`."""
+    ran, ended = 0.0, Event()
+
+    def count() -> None:
+        nonlocal ran
+        while not ended.wait(PAUSE):
+            ran += PAUSE
+
+    counting = Thread(target=count, daemon=True)
+    counting.start()
+    try:
+        yield lambda: ran
+    finally:
+        ended.set()
+        counting.join()
 
 
 def until(condition: Callable[[], T], what: str, *, patience: float = PATIENCE, pause: float = PAUSE) -> T:
