@@ -5,6 +5,7 @@ import signal
 import socket
 import subprocess
 from pathlib import Path
+from time import monotonic
 
 import numpy as np
 import pytest
@@ -84,6 +85,7 @@ def test_two_programs_find_and_lose_each_other_and_a_stranger_disturbs_none(syst
             with Program("slave", system, "--json", "-") as next_slave:
                 moved = next_slave.engaged("slave")
                 until(lambda: in_contact(felt) and not moved.last["ramping"], "contact with the new slave")
+                killed_at = monotonic()
                 os.kill(felt.pid, signal.SIGKILL)
                 until(lambda: moved.last["fault"] == Fault.SILENCE, "silence of the master")
                 killed_master = master.finish()
@@ -97,7 +99,9 @@ def test_two_programs_find_and_lose_each_other_and_a_stranger_disturbs_none(syst
         stranger.send(signal.SIGTERM)
         strange = stranger.finish()
     records = moved.records
-    alone = records["output"][(records["fault"] == Fault.SILENCE) & (records["state"] == State.SILENT.value)]
+    silent = (records["fault"] == Fault.SILENCE) & (records["state"] == State.SILENT.value)
+    first = int(np.argmax(silent & (records["at"] > killed_at)))
+    alone = records["output"][first : first + int(np.argmin(silent[first:]))]
     assert (alone == held).all(), "the robot holds until it is led again"
     assert set(strange_records["state"]) == {State.CONNECTING.value} and not strange_records["output"].any()
     assert (killed_slave[0], document(killed_slave[1])["outcome"]) == (1, "failed: slave was killed by SIGKILL")

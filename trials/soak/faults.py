@@ -22,6 +22,7 @@ from trials.soak.volley import load as load_gun
 from trials.soak.watch import Watch, cpu_seconds
 from weberlink.config import MASTER, SIDES, SLAVE
 from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.endpoint import LONGEST_QUIET
 from weberlink.protocol.keys import load as load_key
 
 NOISE = Emulation(delay_s=0.004, jitter_s=0.006, loss=0.05, reorder=0.05, duplicate=0.05, corrupt=0.05)
@@ -262,6 +263,8 @@ def stolen_path(at: Field) -> list[str]:
     finally:
         stolen, probed = at.rig.wire.ask("steal", "")
     at.notes |= {"datagrams to the thief": stolen, "probes to the thief": probed}
+    if at.watch.stall() > 0.5 * LONGEST_QUIET:
+        return []  # after a pause the first to be heard may be the thief, and counts as a master that has moved
     return [f"{stolen} datagrams went to who copied the master's"] * (stolen > 0)
 
 
