@@ -1,7 +1,6 @@
 """The operator's end of the link: the hand's motion is sensed, received forces and torques are displayed."""
 
 from collections.abc import Callable, Sequence
-from itertools import zip_longest
 from math import hypot, inf
 from typing import Any, ClassVar
 
@@ -40,32 +39,21 @@ class Display:
 
     def show(self, values: Sequence[Joints | None], gate: OutputGate, now: float, step: float) -> None:
         """Display what was decoded of all channels, as far as the gate lets it pass."""
-        first, decoded = self._first, self._none
-        if len(self._nothing) == 1:
-            value = values[first]
-            if value is not None and hypot(*value) < inf:
-                decoded = value
-            output = gate.passed(first, self.control.render(decoded), decoded, step)
-        else:
-            decoded, output = self._passed(values, gate, step)
+        first, axis = self._first, 0
+        decoded: Joints = ()
+        output: Joints = ()
+        for index, nothing in enumerate(self._nothing, first):
+            value = values[index]
+            decoded += nothing if value is None or not hypot(*value) < inf else value
+        wanted: Joints = self.control.render(decoded)
+        for index, nothing in enumerate(self._nothing, first):
+            last = axis + len(nothing)
+            output += gate.passed(index, wanted[axis:last], decoded[axis:last], step)
+            axis = last
         self.decoded, self.output, self.asked = decoded, output, gate.bounds[first].asked
         self.control.displayed(output)
         if self._write is not None:
             self._write(output, now)
-
-    def _passed(self, values: Sequence[Joints | None], gate: OutputGate, step: float) -> tuple[Joints, Joints]:
-        """What was decoded of several channels, and what leaves of them."""
-        decoded: Joints = ()
-        for nothing, value in zip_longest(self._nothing, values):
-            decoded += nothing if value is None or not hypot(*value) < inf else value
-        wanted: Joints = self.control.render(decoded)
-        output: Joints = ()
-        axis = 0
-        for index, nothing in enumerate(self._nothing):
-            last = axis + len(nothing)
-            output += gate.passed(index, wanted[axis:last], decoded[axis:last], step)
-            axis = last
-        return decoded, output
 
     def halt(self, now: float) -> None:
         """Display nothing, at once."""

@@ -71,15 +71,6 @@ def test_only_what_does_not_end_by_itself_is_at_fault(course: list[tuple[float, 
                 assert not limited.unfounded
 
 
-@given(round_trips, st.floats(0.0, MOST))
-def test_a_contact_that_is_stated_in_time_is_not_bounded(round_trip: float, asked: float) -> None:
-    limited = limiter()
-    for _ in range(5):
-        ahead = ticks(round_trip + PATIENCE - FALL) - 1
-        assert set(bounds(limited, [asked] * ahead, round_trip)) == {inf}
-        assert bounds(limited, [asked], round_trip, stated=0.0) == [inf]
-
-
 def test_taps_ahead_of_the_robot_do_not_add_up_and_a_force_that_flickers_does() -> None:
     tap, ghost = [4.0] * 100 + [0.0] * 110, [4.0] * 100 + [0.0] * 20
     assert set(bounds(limiter(), tap * 20, 0.2)) == {inf}
@@ -110,21 +101,6 @@ def test_a_contact_that_was_stated_a_while_ago_leaves_the_rest_of_the_time(round
     assert limited.lasted == ago
     assert not limited.doubtful
     assert bounds(limited, [5.0] * (ticks(round_trip + PATIENCE - ago) + 1), round_trip)[-1] <= FREE
-
-
-def test_drag_in_free_motion_needs_no_contact() -> None:
-    limited = limiter()
-    assert set(bounds(limited, [FREE] * 5000, 0.0)) == {inf}
-    assert limited.quiet
-    assert limited.free >= FREE
-
-
-def test_a_force_is_doubtful_before_it_is_at_fault() -> None:
-    limited = limiter()
-    doubts = [(limited.bound(5.0, TICK, 0.1, stated=inf), limited.doubtful, limited.unfounded) for _ in range(400)]
-    assert [bound < inf for bound, *_ in doubts] == [doubtful for _, doubtful, _ in doubts]
-    begun = [next(tick for tick, each in enumerate(doubts) if each[index]) for index in (1, 2)]
-    assert begun == pytest.approx([ticks(0.1 + PATIENCE - FALL), ticks(0.1 + PATIENCE + GRACE)], abs=2)
 
 
 def test_the_bound_falls_in_a_line_to_what_is_free_and_on_to_nothing() -> None:
@@ -163,10 +139,3 @@ def test_without_a_round_trip_the_longest_one_is_assumed_and_a_longer_one_is_not
         assert met.index(next(bound for bound in met if bound <= FREE)) == pytest.approx(
             ticks(LONGEST + PATIENCE), abs=2
         )
-
-
-def test_reset_forgets_what_was() -> None:
-    limited = limiter()
-    bounds(limited, [5.0] * 1000, 0.1)
-    limited.reset()
-    assert (limited.unfounded, limited.quiet, limited.bound(5.0, TICK, 0.1, stated=inf)) == (False, True, inf)

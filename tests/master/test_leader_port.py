@@ -13,7 +13,6 @@ from weberlink.arms.sensor import PressedAxes, sensors_of
 from weberlink.geometry.joints import Joints
 from weberlink.master.gate import PATIENCE, Bound, ContactLimiter, ContactWatch, OutputGate
 from weberlink.master.operator_port import Display, OperatorPort
-from weberlink.telemetry.row import Row
 
 pytestmark = replaces_methods  # `link` stands in for an endpoint, a compiled class
 MOST = (1.0, 0.8, 0.5)
@@ -29,7 +28,6 @@ class Leading:
         self,
         hand: Hand | None = None,
         most: Joints = MOST,
-        button: int | None = None,
         contacts: Sequence[ContactLimiter] = (),
         pressed: Sequence[PressedAxes | None] = (),
         delay: float = 0.0,
@@ -45,13 +43,11 @@ class Leading:
         for sensor, axes in zip(self.sensors, pressed, strict=False):
             sensor.pressed = axes
         control: Any = self.control
-        display = Display(control, self.sensors, self.hand.command if any(most) else None)
+        display = Display(control, self.sensors, self.hand.command)
         for sensor in self.sensors:
             sensor.felt = display
         gate = OutputGate(bounds, ramp=RAMP, silence=SILENCE, fade_share=0.8)
-        self.port = OperatorPort(
-            self.hand, displays=[display], endpoint=self.link, gate=gate, button=button, fault=ArmFault
-        )
+        self.port = OperatorPort(self.hand, displays=[display], endpoint=self.link, gate=gate, fault=ArmFault)
         self.now = 0.0
         self.port.open(0.0)
 
@@ -63,13 +59,12 @@ class Leading:
         self.port.accept(reading)
         self.port.account(TICK, 0.0, encodes=True)
 
-    def tick(self, *values: Joints | None, engaged: bool = True, in_touch: bool = True) -> Joints:
+    def tick(self, *values: Joints | None) -> Joints:
         """A tick; returns the torques displayed in it."""
         self.now += TICK
-        if in_touch:
-            self.link.liveness.in_touch_at = self.now
+        self.link.liveness.in_touch_at = self.now
         self.sense()
-        self.port.actuate(values, self.now, TICK, TICK, engaged=engaged)
+        self.port.actuate(values, self.now, TICK, TICK, engaged=True)
         return self.output
 
     @property
@@ -81,16 +76,6 @@ class Leading:
             self.tick(*values)
         assert self.port.gate.gain == 1.0
         return self
-
-
-def test_command_of_control_is_sent_by_channel() -> None:
-    leading = Leading()
-    leading.hand.angles = (0.1, -0.2, 0.3)
-    leading.sense()
-    assert leading.sensors[0].sample() == ((0.1, -0.2), (0.0, 0.0, 0.0), inf)
-    assert leading.sensors[1].sample() == ((0.3,), (0.0, 0.0, 0.0), inf)
-    assert leading.control.told[0][0] == (0.1, -0.2, 0.3)
-    assert leading.port.account(TICK, 0.0, encodes=True) == 0, "an arm hands no energy over"
 
 
 @pytest.mark.parametrize(
@@ -141,14 +126,6 @@ def test_a_channel_of_which_nothing_of_use_is_decoded_displays_none(nothing: Joi
     assert set(leading.opened((0.5, 0.1), None).output[2:]) == {0.0}
 
 
-def test_arm_without_torque_is_never_told_any() -> None:
-    leading = Leading(most=(0.0, 0.0, 0.0)).opened((0.5, 0.0), (0.3,))
-    leading.port.halt(leading.now)
-    assert leading.hand.felt == []
-    assert leading.control.told[-1] == ("displayed", (0.0, 0.0, 0.0)), "the scheme books what the hand feels"
-    assert not leading.port.gate.clipped
-
-
 def founded(delay: float = 0.0) -> Leading:
     """A leader whose torques end where the follower states none: of the joints, and of the gripper."""
     leading = Leading(contacts=[ContactLimiter(1.0, FREE, 1.0), ContactLimiter(0.5, FREE, 1.0)], delay=delay)
@@ -171,15 +148,3 @@ def test_torque_without_a_contact_ends_on_the_channel_that_has_none(delay: float
     assert leading.control.resumed == 1
     assert leading.tick((0.0, 0.05), (0.3,))[0] < 0.1, "any axis states one"
     assert not leading.port.unfounded
-
-
-def test_record_has_what_the_axes_felt() -> None:
-    leading = Leading()
-    leading.hand.angles, leading.hand.buttons = (0.1, -0.2, 0.3), 0x1FF
-    leading.opened((5.0, 0.1), (0.2,))
-    row = Row()
-    leading.port.report(row, is_led=True)
-    assert (leading.port.displays[0].decoded, leading.output) == ((5.0, 0.1, 0.2), (1.0, 0.1, 0.2))
-    assert (row.buttons, row.clipped, row.slew_ticks, row.ramping) == (0xFF, True, 0, False)
-    leading.tick((-1.0, 0.1), (0.2,))
-    assert leading.port.slew_ticks == 1

@@ -11,7 +11,7 @@ from weberlink.control.contract import FREE_FORCE, AccountParameters, SchemePara
 from weberlink.control.ends import MasterControl
 from weberlink.control.sent import SentCommands
 from weberlink.geometry.vector import ZERO, Vector, norm
-from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
+from weberlink.master.devices.contract import DeviceReading, DeviceSpec
 from weberlink.master.gate import FADE, GRACE, PATIENCE, Bound, ContactLimiter, HandContact, OutputGate
 from weberlink.master.operator_port import Display, OperatorPort
 from weberlink.master.position import HandPosition
@@ -36,11 +36,6 @@ class Handle:
         self.forces: list[Vector] = []
         self.torques: list[Vector] = []
         self.reading = DeviceReading(0.0, PLACE)
-        self.trouble: str | None = None
-        self.calls: list[str] = []
-
-    def open(self, now: float) -> None:
-        self.calls.append("open")
 
     def latest(self, now: float) -> DeviceReading:
         return self.reading
@@ -50,9 +45,6 @@ class Handle:
 
     def turn(self, torque: Vector, now: float) -> None:
         self.torques.append(torque)
-
-    def close(self) -> None:
-        self.calls.append("close")
 
 
 class Scheme(MasterControl):
@@ -266,16 +258,3 @@ def test_the_record_has_what_the_hand_felt() -> None:
     desk.port.enabled = True
     desk.port.report(row, is_led=True)
     assert row.ramping is True
-
-
-def test_the_port_is_its_device() -> None:
-    desk = Desk()
-    assert (desk.port.name, desk.port.kind, desk.port.leads, desk.port.fault) == ("handle", "device", True, DeviceFault)
-    port = desk.port
-    assert (port.buttons, port.ended, port.unfounded, port.slew_ticks, port.gate.clipped) == (0, False, False, 0, False)
-    assert port.at_rest
-    desk.port.open(0.0)
-    desk.port.close()
-    assert desk.handle.calls == ["open", "close"]
-    desk.handle.trouble = "out of order"
-    assert (desk.port.trouble, desk.port.tripped) == ("out of order", False)
