@@ -24,17 +24,14 @@ from tests import examples
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
-TOOK = "weberlink/took"
-"""Seconds that each file took in its last run, in the cache of pytest."""
-took: dict[str, float] = defaultdict(float)
-"""The same of this run."""
+TOOK = "weberlink/took"  # seconds that each file took in its last run, in the cache of pytest
+took: dict[str, float] = defaultdict(float)  # the same of this run
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--hunt", type=int, default=0, metavar="TIMES", help="explore: random examples, TIMES as many as usual"
     )
-
     parser.addoption("--share", type=float, default=1.0, help="share of the usual examples of every property")
 
 
@@ -44,10 +41,6 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def is_realtime(item: pytest.Item) -> bool:
     return item.get_closest_marker("realtime") is not None
-
-
-def is_alone(item: pytest.Item) -> bool:
-    return is_realtime(item) and not may_use_fifo()
 
 
 @cache
@@ -66,18 +59,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         explores = [item for item in items if item.get_closest_marker("hunt") is not None]
         config.hook.pytest_deselected(items=explores)
         items[:] = [item for item in items if item not in explores]
-    before = took_before(config)
-
-    def place(item: pytest.Item) -> tuple[bool, float, str]:
-        path = item.location[0]
-        return is_realtime(item), -before.get(path, inf), path
-
-    items.sort(key=place)
-
-
-def took_before(config: pytest.Config) -> dict[str, float]:
-    cache: pytest.Cache | None = getattr(config, "cache", None)
-    return {} if cache is None else cache.get(TOOK, {})
+    before: dict[str, float] = config.cache.get(TOOK, {}) if hasattr(config, "cache") else {}
+    items.sort(key=lambda item: (is_realtime(item), -before.get(item.location[0], inf), item.location[0]))
 
 
 def pytest_collection_finish() -> None:
@@ -97,8 +80,8 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
         terminalreporter.section("skipped")
         for reason, count in skips.most_common():
             terminalreporter.line(f"{count:5} {reason.removeprefix('Skipped: ')}")
-    if getattr(config, "cache", None) is not None:
-        config.cache.set(TOOK, took_before(config) | took)
+    if hasattr(config, "cache"):
+        config.cache.set(TOOK, config.cache.get(TOOK, {}) | took)
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
@@ -112,28 +95,13 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     if not hasattr(item.config, "workerinput"):
         return (yield)
-    # The temporary folder of a worker is in that of the run.
-    machine = Machine(Path(item.config.option.basetemp).parent / "machine")
-    try:
-        machine.hold(alone=is_alone(item))
-        return (yield)
-    finally:
-        machine.let_go()
-
-
-class Machine:
-    """The machine, shared with other workers or held alone, by a lock on a file."""
-
-    def __init__(self, path: Path) -> None:
-        self._descriptor = os.open(path, os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
-
-    def hold(self, *, alone: bool) -> None:
-        fcntl.flock(self._descriptor, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
-
-    def let_go(self) -> None:
-        """Unlock explicitly: a process that a test left behind may hold a copy of the descriptor."""
-        fcntl.flock(self._descriptor, fcntl.LOCK_UN)
-        os.close(self._descriptor)
+    # The machine is a file in the temporary folder of the run, which has those of the workers: shared, or held alone.
+    with (Path(item.config.option.basetemp).parent / "machine").open("a") as machine:
+        fcntl.flock(machine, fcntl.LOCK_EX if is_realtime(item) and not may_use_fifo() else fcntl.LOCK_SH)
+        try:
+            return (yield)
+        finally:
+            fcntl.flock(machine, fcntl.LOCK_UN)  # a process that a test left behind may hold a copy of the descriptor
 
 
 @pytest.fixture

@@ -4,7 +4,8 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
-from weberlink.cli.doctor import CHECKS, Machine, Needs, examine
+from weberlink.cli.doctor.machine import Machine
+from weberlink.cli.doctor.report import CHECKS, Needs, examine
 from weberlink.realtime.host import Steal
 
 NAMES = {"preemption", "throttling", "clock source", "isolation", "governor", "idle states"}

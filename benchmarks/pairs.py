@@ -30,7 +30,7 @@ from benchmarks.host import during, host, in_words, share_between, steal
 from benchmarks.latency import WAYS, one_way
 from benchmarks.loopback import Session
 from benchmarks.percentiles import summary
-from weberlink.cli.doctor import Needs
+from weberlink.cli.doctor.report import Needs
 from weberlink.cli.sessions import one_host
 from weberlink.figures.environment import environment, footer
 from weberlink.protocol.keys import generate

@@ -27,7 +27,7 @@ from benchmarks.percentiles import summary
 from benchmarks.report import report, targets
 from benchmarks.start_up import StartUp
 from benchmarks.update_cost import UpdateCost
-from weberlink.cli.doctor import Needs
+from weberlink.cli.doctor.report import Needs
 from weberlink.config import ConfigurationError
 from weberlink.config.errors import require_package
 from weberlink.figures.environment import environment, footer

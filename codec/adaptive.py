@@ -26,16 +26,11 @@ from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.update import MAX_GAP
 
-MEMORY_S = 3.0
-"""Time constant of the record [s]."""
-MIN_LIFETIME_S = 0.003
-"""A candidate whose model lasted no longer is suspended [s]: it costs run time and saves no update."""
-REST_S = 0.016
-"""Length of a suspension [s]; meanwhile one send per `MIN_LIFETIME_S` is added to the record."""
-PRESENT_ERROR_WEIGHT = 12.0
-"""In the choice without look-ahead: an error of one deadband or more is as many sends."""
-LEAST_FORCE_STEPS = 10.0
-"""Smallest force that counts as contact, in wire steps; twice the deadband at rest if that is more."""
+MEMORY_S = 3.0  # Time constant of the record [s]
+MIN_LIFETIME_S = 0.003  # A candidate whose model lasts no longer is suspended: it costs time and saves no update [s]
+REST_S = 0.016  # Length of a suspension [s]; meanwhile one send per `MIN_LIFETIME_S` is added to the record
+PRESENT_ERROR_WEIGHT = 12.0  # In the choice without look-ahead: an error of one deadband or more is as many sends
+LEAST_FORCE_STEPS = 10.0  # Smallest force that is a contact, in wire steps; twice the deadband at rest if that is more
 
 
 class Shadow:
@@ -103,12 +98,12 @@ class Shadow:
 
 
 class AdaptiveChoice:
-    """The shadows of all candidates of a bank, and the choice among them."""
+    """The shadows of all candidates of a bank, and the choice among them; `deadband` measures the errors."""
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
         self._grid = channel.grid
-        self._deadband = channel.deadband
+        self.deadband = channel.deadband
         self._hold = channel.bank.index(ZOH.name) if ZOH.name in channel.bank else -1
         self.reset()
 
@@ -126,30 +121,20 @@ class AdaptiveChoice:
         ]
         self._estimators = tuple(self._signal.estimators.values())
 
-    def retune(self, deadband: Deadband) -> None:
-        """Measure errors with this deadband from now on."""
-        self._deadband = deadband
-
     def learn(self, tick: int, actual: Vector, place: Vector, bound: float) -> None:
         """Let the estimators take in a sample that is not coded yet."""
         self._add(self._known, tick, actual, place, bound, learns=True)
 
     def _add(self, history: History, tick: int, actual: Vector, place: Vector, bound: float, *, learns: bool) -> None:
-        for earlier, value, there in history.missing(tick, actual, place):
-            history.add(earlier, value, there, bound)
+        for each, value, there in (*history.missing(tick, actual, place), (tick, actual, place)):
+            history.add(each, value, there, bound)
             if learns:
-                self._estimate(history)
-        history.add(tick, actual, place, bound)
-        if learns:
-            self._estimate(history)
-
-    def _estimate(self, history: History) -> None:
-        for estimator in self._estimators:
-            estimator.follow(history)
+                for estimator in self._estimators:
+                    estimator.follow(history)
 
     def follow(self, tick: int, actual: Vector, place: Vector, bound: float, ahead: Ahead = NOTHING) -> None:
         """Run all shadows on a measured sample within the range of the wire; models are evaluated at `place` [m]."""
-        deadband, history, grid = self._deadband, self._history, self._grid
+        deadband, history, grid = self.deadband, self._history, self._grid
         self._add(history, tick, actual, place, bound, learns=not self._channel.lookahead)
         if len(self._shadows) == 1:  # there is no choice
             return
@@ -183,21 +168,19 @@ class AdaptiveChoice:
         renders = self._channel.every_position and norm(newest.value) > self._signal.least_contact
         best: tuple[int, Model | None] = (allowed[0].selector, None)
         highest = (False, -1)
+        actual, place = self._history.values[-1], self._history.places[-1]
         for shadow in allowed:
             model = shadow.candidate.model(context)
-            if model is not None and not self._begins(model, newest) <= bound:
-                continue
+            if model is not None:  # a surface may not hold a force outside of its friction cone
+                memory = model.memory
+                first = model.first(newest) if memory is None else model.advance(newest.tick, place, memory)[0]
+                if not self.deadband.error(first, actual) <= bound:
+                    continue
             surface = model is not None and model.surface() is not None and not shadow.is_suspended(newest.tick)
             suits = not renders or surface
-            rank = (suits, ahead.lasts(model or Hold(newest.value), newest.tick, self._deadband.error))
+            rank = (suits, ahead.lasts(model or Hold(newest.value), newest.tick, self.deadband.error))
             if rank > highest:
                 highest, best = rank, (shadow.selector, model)
             if rank == (True, len(ahead.values)):
                 break
         return (self._hold, None) if best[1] is None and self._hold in selectors else best
-
-    def _begins(self, model: Model, newest: Sample) -> float:
-        """Error of a new model at the newest sample; a surface may not hold a force outside of its friction cone."""
-        actual, place, memory = self._history.values[-1], self._history.places[-1], model.memory
-        first = model.first(newest) if memory is None else model.advance(newest.tick, place, memory)[0]
-        return self._deadband.error(first, actual)

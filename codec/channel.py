@@ -25,8 +25,7 @@ from weberlink.geometry.joints import PART, Joints, parts
 from weberlink.geometry.vector import ZERO, Vector, is_finite, within
 from weberlink.update import MAX_SELECTOR, UpdateForm
 
-ROUNDING = 0.5 * (1.0 + 1e-9)
-"""Largest rounding error of the wire [steps], with that of the arithmetic."""
+ROUNDING = 0.5 * (1.0 + 1e-9)  # Largest rounding error of the wire [steps], with that of the arithmetic
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,17 +35,11 @@ class Smoothing:
     When an update arrives, the displayed value jumps by the error of the old model, at least one just noticeable
     difference. Smoothing holds part of the jump back and removes it in equal steps. The encoder's mirror does the same,
     so the law of the encoder still holds. The held part lags by the length of the ramp at most; the rest does not lag.
-
-    Args:
-        ticks: length of the ramp, >= 1.
-        share: largest ramp as a share of the deadband, 0 to 0.9; the rest is for the error of the new model meanwhile.
-
-    Raises:
-        ValueError: for a number out of range.
+    ValueError for a number out of range.
     """
 
-    ticks: int
-    share: float = 0.4
+    ticks: int  # length of the ramp, >= 1
+    share: float = 0.4  # largest ramp, of the deadband, 0 to 0.9; the rest is for the error of the new model meanwhile
 
     def __post_init__(self) -> None:
         if self.ticks < 1:
@@ -71,44 +64,27 @@ class Channel:
     One decision is made for a whole stream: where one part leaves its deadband, all are sent. So an update restores
     the whole decoder, and the joints of an arm are always of the same moment.
 
-    Args:
-        bank: names of the predictors; a selector is an index in it. One name unless hybrid or adaptive.
-        deadband: the bound on an unsent error.
-        value_quantizer: the wire grid of the coded value.
-        position_quantizer: the grid of the position that travels with a force; None if the value is the position.
-        rest: value at both ends before the first update; None if nothing can be assumed and the first sample is always
-            sent.
-        fit_limits: the range in which a fitted contact is accepted.
-        adaptive: True if the sender chooses as in `weberlink.codec.adaptive`, False for the paper's choice. The
-            receiver does not need it.
-        smoothing: the ramp over which an update changes the value; None for a step.
-        rate: largest rate of updates; None for no limit. The receiver does not need it.
-        every_position: whether every update carries the position, because somebody beside the predictors reads it.
-        tick_period: time between ticks [s], > 0.
-        lookahead: number of ticks by which the encoder looks ahead and the decoder displays late, >= 0.
-        joints: number of values, where they are those of an arm's joints; 0 for a vector.
-        more: the further parts of an arm of more than three joints. They differ in axes and thresholds only, and the
-            errors of all parts are in one unit.
+    The receiver needs neither `adaptive` nor `rate`.
 
     Raises:
         ValueError: for a negative look-ahead; for an unknown, repeated or missing predictor, or one that does not suit
             the channel.
     """
 
-    bank: tuple[str, ...]
-    deadband: Deadband
-    value_quantizer: Quantizer
-    position_quantizer: Quantizer | None = None
-    rest: Vector | None = None
-    fit_limits: FitLimits = field(default_factory=FitLimits)
-    adaptive: bool = False
-    smoothing: Smoothing | None = None
-    rate: UpdateRate | None = None
-    every_position: bool = False
-    tick_period: float = 1e-3
-    lookahead: int = 0
-    joints: int = 0
-    more: tuple["Channel", ...] = ()
+    bank: tuple[str, ...]  # names of the predictors; a selector is an index in it. One unless hybrid or adaptive.
+    deadband: Deadband  # the bound on an unsent error
+    value_quantizer: Quantizer  # the wire grid of the coded value
+    position_quantizer: Quantizer | None = None  # that of the position of a force; None if the value is the position
+    rest: Vector | None = None  # value before the first update; None if unknown: the first sample is always sent
+    fit_limits: FitLimits = field(default_factory=FitLimits)  # the range in which a fitted contact is accepted
+    adaptive: bool = False  # whether the sender chooses as in `weberlink.codec.adaptive`; else by the paper's rule
+    smoothing: Smoothing | None = None  # the ramp over which an update changes the value; None for a step
+    rate: UpdateRate | None = None  # largest rate of updates; None for no limit
+    every_position: bool = False  # whether every update carries the position: others than predictors read it
+    tick_period: float = 1e-3  # time between ticks [s], > 0
+    lookahead: int = 0  # ticks by which the encoder looks ahead and the decoder displays late, >= 0
+    joints: int = 0  # number of values, where they are those of an arm's joints; 0 for a vector
+    more: tuple["Channel", ...] = ()  # further parts of an arm, of other axes and thresholds; one unit for all errors
 
     def __post_init__(self) -> None:
         if self.lookahead < 0:
@@ -131,11 +107,6 @@ class Channel:
     @property
     def predictors(self) -> tuple[Predictor, ...]:
         return tuple(PREDICTORS[name] for name in self.bank)
-
-    @property
-    def estimates(self) -> bool:
-        """Whether the sender needs all samples, not only those sent."""
-        return self.adaptive or self.predictors[0].estimated
 
     @property
     def forms(self) -> tuple[UpdateForm, ...]:
@@ -163,10 +134,6 @@ class Channel:
 
     def displayable(self, predicted: Vector, newest: Sample) -> Vector:
         """A prediction saturated as a measured value is; the newest sample if the prediction is not finite."""
-        x, y, z = predicted
-        low, high = self.value_quantizer.lowest, self.value_quantizer.highest
-        if low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]:
-            return predicted
         return self.value_quantizer.confine(predicted) if is_finite(predicted) else newest.value
 
     def place(self, position: Vector) -> Vector:

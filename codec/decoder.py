@@ -50,7 +50,6 @@ class Decoder:
         self._late = channel.lookahead
         self.is_arm = channel.joints > 0
         self._places = channel.position_quantizer
-        self._lowest, self._highest = channel.value_quantizer.lowest, channel.value_quantizer.highest
         self.parts: list[Decoder] = [self, *[Decoder(part) for part in channel.more]]
         # Levels of each part in those of an update; what the last part gets too much, it refuses.
         starts = range(0, PART * len(self.parts), PART)
@@ -134,17 +133,23 @@ class Decoder:
 
     def take(self, update: Update, decoded: Decoded) -> None:
         """Replace the state of the first part by that of an update that was read."""
-        newest, model, first = decoded
-        before = None
-        if self._smoothing is not None:
+        (newest, model, first), smoothing = decoded, self._smoothing
+        ramp: Vector | None = None
+        if smoothing is not None:
             if self._noted is not None and self._noted[0] == newest.tick:
                 self._memory = self._noted[1]  # a mirror was asked in this tick already: that change is undone
-            before = self.value(newest.tick + self._late, newest.position)
+            tick, sample = newest.tick + self._late, newest.value
+            before = self.value(tick, newest.position)
+            if before is not None:
+                # The ramp starts within a share of the deadband around the sample, even if the model starts elsewhere.
+                deadband = self._deadband if tick >= self._since else self._former
+                kept = smoothing.kept(subtract(before, sample), deadband.bound(sample, sample, sample, 0.0))
+                ramp = subtract(add(sample, kept), first)
+        self._ramp = ramp if ramp != ZERO else None
         self.model, self.newest, self.selected, self._applied = model, newest, update.selector, update
         self.first = first
         self.record = model.record()
         self._memory, self._noted = model.memory, None
-        self._ramp = self._ramp_from(before) if before is not None else None
 
     def value(self, tick: float, position: Vector = ZERO) -> Vector | None:
         """The value to display, finite and within the range of the wire; of an arm, that of its first part.
@@ -172,9 +177,7 @@ class Decoder:
                 if self._noted is None or self._noted[0] != tick:
                     self._noted = tick, self._memory
                 value, self._memory = model.advance(tick, position, self._memory)
-            (x, y, z), low, high = value, self._lowest, self._highest
-            if not (low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]):
-                value = channel.displayable(value, newest)
+            value = channel.displayable(value, newest)
         ramp, smoothing = self._ramp, self._smoothing
         if ramp is None or smoothing is None:
             return value
@@ -201,14 +204,3 @@ class Decoder:
         if newest is None or model is None:
             return ZERO
         return channel.displayable(model.at(tick - self._late, channel.place(position)), newest)
-
-    def _ramp_from(self, before: Vector) -> Vector | None:
-        """The ramp starts within a share of the deadband around the sample, even if the model starts elsewhere."""
-        first, newest, smoothing = self.first, self.newest, self._smoothing
-        assert smoothing is not None
-        assert newest is not None
-        sample = newest.value
-        deadband = self._deadband if newest.tick + self._late >= self._since else self._former
-        kept = smoothing.kept(subtract(before, sample), deadband.bound(sample, sample, sample, 0.0))
-        ramp = subtract(add(sample, kept), first)
-        return ramp if ramp != ZERO else None

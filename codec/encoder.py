@@ -10,7 +10,7 @@ from weberlink.codec.deadband import Deadband
 from weberlink.codec.decoder import Decoder
 from weberlink.codec.predictors.contract import EstimatedPredictor, FittedPredictor
 from weberlink.codec.predictors.estimation import NOTHING, Ahead
-from weberlink.codec.predictors.model import Hold, Model
+from weberlink.codec.predictors.model import Model
 from weberlink.codec.rate import TokenBucket
 from weberlink.codec.sample import UNKNOWN, Sample
 from weberlink.geometry.joints import Joints, is_finite, joined, parts
@@ -21,15 +21,14 @@ if TYPE_CHECKING:
     from weberlink.codec.adaptive import AdaptiveChoice
 
 
-Quantized = tuple[tuple[int, ...], Sample]
-"""Levels on the wire, and the sample that they stand for."""
+Quantized = tuple[tuple[int, ...], Sample]  # Levels on the wire, and the sample that they stand for
 
 
 class PendingSample(NamedTuple):
     """A measured sample that waits for its decision; `bound` is its deadband if it were displayed and sent."""
 
     tick: int
-    value: Vector
+    value: Joints
     actual: Vector
     position: Vector
     most: float
@@ -37,37 +36,18 @@ class PendingSample(NamedTuple):
 
 
 class Part:
-    """Up to three axes of a stream at its sending end.
+    """Up to three axes of a stream at its sending end."""
 
-    Attributes:
-        grid, quantizer, deadband: of the channel.
-        mirror: the decoder of this part.
-        newest, previous, levels: the newest sample sent and its levels on the wire, and the one before.
-        actual: of the sample to code, within the range of the wire; `shown` is what the mirror displays instead, None
-            for nothing.
-    """
-
-    __slots__ = (
-        "actual", "deadband", "grid", "is_ball", "levels", "mirror", "newest", "previous", "quantizer", "shown",
-    )  # fmt: skip
+    __slots__ = ("actual", "deadband", "grid", "levels", "mirror", "newest", "previous", "quantizer", "shown")
 
     def __init__(self, channel: Channel, mirror: Decoder) -> None:
-        self.grid = channel.grid
-        self.quantizer = channel.value_quantizer
-        self.retune(channel.deadband)
+        self.grid, self.quantizer, self.deadband = channel.grid, channel.value_quantizer, channel.deadband
         self.mirror = mirror
-        self.newest: Sample | None = None
-        self.previous: Sample | None = None
-        self.levels: tuple[int, ...] = ()
-        self.actual: Vector = ZERO
-        self.shown: Vector | None = None
-
-    def retune(self, deadband: Deadband) -> None:
-        self.deadband, self.is_ball = deadband, deadband.is_ball
-
-    def error(self, shown: Vector) -> float:
-        """Of a value that is displayed instead of the sample to code, in the measure of the deadband."""
-        return distance(shown, self.actual) if self.is_ball else self.deadband.error(shown, self.actual)
+        self.newest: Sample | None = None  # that was sent
+        self.previous: Sample | None = None  # sent before that
+        self.levels: tuple[int, ...] = ()  # of the newest one, on the wire
+        self.actual: Vector = ZERO  # of the sample to code, within the range of the wire
+        self.shown: Vector | None = None  # what the mirror displays instead
 
 
 class Encoder:
@@ -97,9 +77,8 @@ class Encoder:
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
-        self._joints = channel.joints
-        self._reads_value = channel.position_quantizer is None
-        """Whether the motion that a deadband reads is that of the value itself."""
+        self._joints, self._axes = channel.joints, channel.joints or 3
+        self._reads_value = channel.position_quantizer is None  # A deadband reads the motion of the value itself
         self._lookahead = channel.lookahead
         self._predictors = channel.predictors
         self._fitted = [each for each in channel.predictors if isinstance(each, FittedPredictor)]
@@ -110,7 +89,7 @@ class Encoder:
             Part(each, mirror) for each, mirror in zip((channel, *channel.more), self.mirror.parts, strict=True)
         ]
         self._choice: AdaptiveChoice | None = None
-        if channel.estimates:
+        if channel.adaptive or self._predictors[0].estimated:  # it learns from all samples, not only from those sent
             from weberlink.codec import adaptive  # noqa: PLC0415 - where a file asks for it
 
             self._choice = adaptive.AdaptiveChoice(channel)
@@ -143,7 +122,7 @@ class Encoder:
         rest: Joints | None = self._channel.rest
         if self._joints:
             rest = self.mirror.joints(0.0)
-        self.coded: Joints = rest or (0.0,) * (self._joints or 3)
+        self.coded: Joints = rest or (0.0,) * self._axes
         self.predicted: Joints | None = None
         self.held: Joints | None = None
         self._forced = False
@@ -173,9 +152,9 @@ class Encoder:
         if not selectors or not all(0 <= selector < count for selector in selectors):
             raise ValueError(f"selectors must name some of a bank of {count} predictors, not {list(selectors)!r}")
         for part, each in zip(self._parts, (deadband, *more), strict=True):
-            part.retune(each)
+            part.deadband = each
         if self._choice is not None:
-            self._choice.retune(deadband)
+            self._choice.deadband = deadband
         self.mirror.retune(deadband)
         if not deadband.reads_motion:
             self._last = self._arrived = None
@@ -200,43 +179,28 @@ class Encoder:
         Raises:
             ValueError: the sample has another number of values than the channel.
         """
-        if self._joints:
-            return self._encode_axes(tick, value, most)
-        x, y, z = value
-        vector = (x, y, z)
-        u, v, w = position
-        if not (x - x == y - y == z - z == u - u == v - v == w - w == 0.0):  # not finite
+        if len(value) != self._axes:
+            raise ValueError(f"a sample has {len(value)} axes, expected {self._axes}")
+        if not (is_finite(value) and is_finite(position)):
             self.rejected += 1
             return self.decide(tick)
-        first = self._parts[0]
-        low, high, actual = first.quantizer.lowest, first.quantizer.highest, vector
-        if not (low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]):
-            actual = first.quantizer.confine(vector)
-        first.actual = actual
+        for part, each in zip(self._parts, parts(value), strict=True):
+            part.actual = part.quantizer.confine(each)
         if self._lookahead == 0:
             return self._code(tick, tick, value, position, most, NOTHING)
         pending = self._pending
         if pending and tick <= pending[-1].tick:  # the sender's ticks began anew
             pending.clear()
-        deadband, moved = first.deadband, 0.0
+        first, moved = self._parts[0], 0.0
+        deadband, actual = first.deadband, first.actual
         if deadband.reads_motion:
             place = actual if self._reads_value else position
             moved, self._arrived = distance(place, self._arrived if self._arrived is not None else place), place
         bound = min(deadband.bound(actual, actual, actual, moved), most)
         if self._choice is not None:
             self._choice.learn(tick, actual, self._channel.place(position), bound)
-        pending.append(PendingSample(tick, vector, actual, position, most, bound))
+        pending.append(PendingSample(tick, value, actual, position, most, bound))
         return self.decide(tick)
-
-    def _encode_axes(self, tick: int, value: Joints, most: float) -> Update | None:
-        if len(value) != self._joints:
-            raise ValueError(f"a sample has {len(value)} axes, expected {self._joints}")
-        if not is_finite(value):
-            self.rejected += 1
-            return None
-        for part, each in zip(self._parts, parts(value), strict=True):
-            part.actual = part.quantizer.confine(each)
-        return self._code(tick, tick, value, ZERO, most, NOTHING)
 
     def decide(self, tick: int) -> Update | None:
         """Code the sample of L ticks ago in a tick that has none itself, as `encode` does.
@@ -270,7 +234,7 @@ class Encoder:
         error = inf if self._forced else 0.0
         for part in self._parts:
             part.shown = shown = part.mirror.value(now, position)
-            apart = inf if shown is None else part.error(shown)
+            apart = inf if shown is None else part.deadband.error(shown, part.actual)
             if not apart <= error:
                 error = apart
         if self._joints and first.shown is not None:
@@ -286,7 +250,7 @@ class Encoder:
         least = 0.0
         for part in self._parts:
             quantized.append(part.grid.quantize(tick, part.actual, position))
-            least = max(part.error(quantized[-1][1].value), least)
+            least = max(part.deadband.error(quantized[-1][1].value, part.actual), least)
         if error <= least:
             return None
         if self._bucket is not None and not self._bucket.take(forced=self._forced or first.shown is None):
@@ -352,7 +316,7 @@ class Encoder:
         if earlier is not None and reads < len(former):
             earlier = Sample(earlier.tick, earlier.value, UNKNOWN)
         decoded = self.mirror.read(update, known, earlier)
-        if first.error(decoded.first) > most:
+        if first.deadband.error(decoded.first, first.actual) > most:
             update = update._replace(payload=None)
             decoded = self.mirror.read(update, known)
         self.mirror.take(update, decoded)
@@ -379,7 +343,7 @@ class Encoder:
             # The mirror has the model of the predictor in use already.
             model = mirror.model if selector == mirror.selected else None
             if model is None:
-                model = predictors[selector].fit(newest, part.previous, limits) or Hold(newest.value)
+                model = predictors[selector].model(newest, part.previous, limits)
             error = distance(channel.displayable(model.at(sample.tick, place), newest), part.actual)
             if error < smallest:
                 best, smallest = selector, error

@@ -14,29 +14,18 @@ from dataclasses import dataclass
 from math import exp, log
 from typing import Self
 
-BURST_S = 0.5
-"""The bucket holds the updates of this time."""
-LEAST_BURST = 16.0
-"""Smallest bucket, for low rates."""
-WIDEST = 1000.0
-"""What an empty bucket adds to the deadband, in deadbands at rest."""
+BURST_S = 0.5  # The bucket holds the updates of this time
+LEAST_BURST = 16.0  # Smallest bucket, for low rates
+WIDEST = 1000.0  # What an empty bucket adds to the deadband, in deadbands at rest
 _GROWTH = log(WIDEST + 1.0)
 
 
 @dataclass(frozen=True, slots=True)
 class UpdateRate:
-    """Largest rate of the updates of a channel.
+    """Largest rate of the updates of a channel; ValueError for a number out of range."""
 
-    Args:
-        per_tick: updates per tick in the long run, > 0.
-        burst: largest number of updates beyond that, >= 4.
-
-    Raises:
-        ValueError: for a number out of range.
-    """
-
-    per_tick: float
-    burst: float
+    per_tick: float  # updates per tick in the long run, > 0
+    burst: float  # largest number of updates beyond that, >= 4
 
     def __post_init__(self) -> None:
         if not 0.0 < self.per_tick < float("inf"):

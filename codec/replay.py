@@ -11,26 +11,16 @@ from weberlink.update import Update
 
 
 class Coded:
-    """What happened to each sample of a signal, in the tick in which it was coded: with look-ahead, that much later.
-
-    Attributes:
-        updates: the update sent in this tick; None if the prediction was good enough.
-        predicted: value at the other end before any update of this sample [N or m]; zero if it had none.
-        displayed: value at the other end after the updates that arrived in this tick [N or m].
-        bounds: the deadband of the sample, to compare with `channel.deadband.error`.
-        selected: index in the bank of the predictor in use at the decoder.
-        widened: whether the bounded rate of updates widened the deadband.
-        seconds: run time of encode and decode by the stopwatch [s]; empty without one.
-    """
+    """What happened to each sample of a signal, in the tick in which it was coded: with look-ahead, that much later."""
 
     def __init__(self) -> None:
-        self.updates: list[Update | None] = []
-        self.predicted: list[Joints] = []
-        self.displayed: list[Joints] = []
-        self.bounds: list[float] = []
-        self.selected: list[int] = []
-        self.widened: list[bool] = []
-        self.seconds: list[float] = []
+        self.updates: list[Update | None] = []  # None if the prediction was good enough
+        self.predicted: list[Joints] = []  # at the other end before any update of the sample [N or m]; zero for nothing
+        self.displayed: list[Joints] = []  # at the other end after the updates that arrived in this tick [N or m]
+        self.bounds: list[float] = []  # the deadband, to compare with `channel.deadband.error`
+        self.selected: list[int] = []  # index in the bank of the predictor in use at the decoder
+        self.widened: list[bool] = []  # whether the bounded rate of updates widened the deadband
+        self.seconds: list[float] = []  # run time of encode and decode by the stopwatch [s]; empty without one
 
 
 def code(

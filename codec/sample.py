@@ -7,8 +7,7 @@ from typing import Final, NamedTuple
 from weberlink.geometry.vector import Vector
 
 INT16_MAX = 32_767
-LARGEST = 1e150
-"""Upper limit of values and levels, also where saturation is off: the product of two is still finite."""
+LARGEST = 1e150  # Upper limit of values and levels, also where saturation is off: the product of two is still finite
 
 
 class Quantizer:
@@ -94,23 +93,15 @@ def _clip(component: float, low: float, high: float) -> float:
     return high if component > high else low if component < low else component
 
 
-UNKNOWN: Vector = (float("nan"),) * 3
-"""The position of a sample that was sent without one; always this object."""
+UNKNOWN: Vector = (float("nan"),) * 3  # The position of a sample that was sent without one; always this object
 
 
 class Sample(NamedTuple):
-    """A transmitted sample, quantized.
+    """A transmitted sample, quantized."""
 
-    Args:
-        tick: sender's tick number.
-        value: the coded quantity: force [N] on the backward channel, position [m] on the forward one.
-        position: commanded position [m] at which the force was measured; `UNKNOWN` if the update did not carry it; on
-            the forward channel the value itself.
-    """
-
-    tick: int
-    value: Vector
-    position: Vector
+    tick: int  # of the sender
+    value: Vector  # the coded quantity: force [N] on the backward channel, position [m] on the forward one
+    position: Vector  # commanded, of a force [m]; `UNKNOWN` if the update did not carry it; of a position the value
 
 
 class SampleGrid:

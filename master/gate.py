@@ -24,8 +24,7 @@ as younger than it may be by so much (`HandContact`)."""
 FALL = 0.015
 """Last part of it, in which the bound falls to what needs no contact [s]; jitter may delay the news of one until then.
 """
-FADE = 0.1
-"""Time in which what is left falls to zero [s]."""
+FADE = 0.1  # time in which what is left falls to zero [s]
 GRACE = 0.05
 """Time after which what still asks for a force is at fault [s]: a scheme fades out what it was told to let go of."""
 LOOK_S = 0.005
@@ -34,8 +33,7 @@ for so much longer than the round trip and its jitter [s]."""
 ASK_S = 0.015
 """A contact lasts for so long until the robot's end is asked whether it has corrected the model: the answer comes
 before the bound falls [s]."""
-MOST_COPIES = 2
-"""How often it is asked again on a lossy link, `LOOK_S` apart: later answers would come too late."""
+MOST_COPIES = 2  # how often it is asked again on a lossy link, `LOOK_S` apart: later answers would come too late
 ROUNDING = 1.0 + 1e-9
 
 

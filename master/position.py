@@ -20,10 +20,8 @@ class HandPosition:
 
     def __init__(self, control: MasterControl, force_bound: Callable[[float], float], free: float = FREE_FORCE) -> None:
         self.value = self.way = ZERO
-        self.command: Vector = ZERO
-        """What was sampled last [m]."""
-        self.felt: Any = None
-        """The `weberlink.master.operator_port.Display` of the force."""
+        self.command: Vector = ZERO  # what was sampled last [m]
+        self.felt: Any = None  # the `weberlink.master.operator_port.Display` of the force
         self.control = control
         self._force_bound = force_bound
         self._free = free

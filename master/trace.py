@@ -1,7 +1,7 @@
 """Recorded teleoperation signals: positions and forces over time, from CSV, npz or a recording of a session."""
 
 import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -15,10 +15,8 @@ from weberlink.protocol.states import State
 COLUMNS = ("t", "px", "py", "pz", "fx", "fy", "fz")
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 FEWEST_ROWS = 2
-LIMIT = 1e12
-"""Times, positions and forces in SI units must be smaller; squares of such values can be summed."""
-LARGEST_ARRAYS = 1 << 30
-"""Bytes of an npz file when unpacked: five hours at 1 kHz."""
+LIMIT = 1e12  # times, positions and forces in SI units must be smaller; squares of such values can be summed
+LARGEST_ARRAYS = 1 << 30  # bytes of an npz file when unpacked: five hours at 1 kHz
 
 Array = NDArray[np.float64]
 Side = Literal["master", "slave"]
@@ -74,7 +72,7 @@ def as_trace(table: Array) -> Trace:
 
 def _read(path: Path, sides: Sequence[Side], factors: Array | float = 1.0) -> Trace:
     try:
-        # A pipe or a device may never end, and the file is read more than once.
+        # A pipe or a device may never end.
         if path.exists() and not path.is_file() and not path.is_dir():
             raise TraceError(f"{path}: is no regular file; expected a trace")
         with path.open("rb") as file:
@@ -85,17 +83,16 @@ def _read(path: Path, sides: Sequence[Side], factors: Array | float = 1.0) -> Tr
         raise TraceError(f"{path}: cannot be read: {error.strerror}") from None
     if path.suffix.lower() == ".mcap" or begins == MCAP_MAGIC:
         return as_trace(_recorded(path, sides))
-    is_npz = path.suffix.lower() == ".npz"
-    table = _arrays(path) if is_npz else _numbers(path)
+    table, numbers = _arrays(path) if path.suffix.lower() == ".npz" else _numbers(path)
     time = table[:, 0]
     if len(time) < FEWEST_ROWS:
         raise TraceError(f"{path}: expected at least {FEWEST_ROWS} rows of samples, found {len(time)}")
     falling = np.diff(time) <= 0.0
     if falling.any():
-        index = int(np.argmax(falling)) + 1
-        row = index + 1 if is_npz else [number for number, _ in _data_rows(path)][index]
+        last = int(np.argmax(falling))
         raise TraceError(
-            f"{path}: row {row}, column t: expected a time after {time[index - 1]:.9g}, found {time[index]:.9g}"
+            f"{path}: row {numbers[last + 1]}, column t: expected a time after {time[last]:.9g}, "
+            f"found {time[last + 1]:.9g}"
         )
     return as_trace(table * factors)
 
@@ -128,8 +125,8 @@ def _recorded(path: Path, sides: Sequence[Side]) -> Array:
     return np.column_stack((engaged["at"] - engaged["at"][0], engaged[position], engaged[force]))
 
 
-def _arrays(path: Path) -> Array:
-    """The rows of an npz file, shape (n, 7)."""
+def _arrays(path: Path) -> tuple[Array, Sequence[int]]:
+    """The rows of an npz file, shape (n, 7), and their numbers."""
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as held:  # np.load leaves a damaged file open
             if sum(entry.file_size for entry in held.zip.infolist()) > LARGEST_ARRAYS:
@@ -144,27 +141,27 @@ def _arrays(path: Path) -> Array:
         raise TraceError(
             f"{path}: expected arrays {','.join(COLUMNS)} of finite numbers less than {LIMIT:g} in SI units"
         )
-    return table
+    return table, range(1, len(table) + 1)
 
 
-def _numbers(path: Path) -> Array:
-    """The rows of a CSV file, shape (n, 7)."""
+def _numbers(path: Path) -> tuple[Array, Sequence[int]]:
+    """The rows of a CSV file, shape (n, 7), and the numbers of their lines."""
+    numbers, rows = list[int](), list[list[float]]()
     try:
-        columns = _columns(path)
-        rows = [
-            [_number(path, row, cells, name, column) for name, column in columns] for row, cells in _data_rows(path)
-        ]
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.reader(file)
+            columns = _columns(path, [name.strip() for name in next(reader, ())])
+            for cells in reader:
+                if any(cell.strip() for cell in cells):
+                    numbers.append(reader.line_num)
+                    rows.append([_number(path, reader.line_num, cells, name, column) for name, column in columns])
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise TraceError(f"{path}: expected a readable CSV file ({error})") from None
-    if not rows:
-        raise TraceError(f"{path}: expected at least {FEWEST_ROWS} rows of samples, found none")
-    return np.array(rows)
+    return np.array(rows).reshape(-1, len(COLUMNS)), numbers
 
 
-def _columns(path: Path) -> list[tuple[str, int]]:
-    """Each of `COLUMNS`, and its index in the header."""
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        names = [name.strip() for name in next(csv.reader(file), ())]
+def _columns(path: Path, names: list[str]) -> list[tuple[str, int]]:
+    """Each of `COLUMNS`, and its index among the names of the header."""
     wanted = ",".join(COLUMNS)
     if not any(names):
         raise TraceError(f"{path}: row 1: expected the header {wanted}, found nothing")
@@ -190,12 +187,3 @@ def _number(path: Path, row: int, cells: list[str], name: str, column: int) -> f
         expected = f"less than {LIMIT:g} in SI units" if isfinite(value) else "a finite number"
         raise TraceError(f"{at}: expected {expected}, found {text!r}")
     return value
-
-
-def _data_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        reader = csv.reader(file)
-        next(reader, None)
-        for cells in reader:
-            if any(cell.strip() for cell in cells):
-                yield reader.line_num, cells

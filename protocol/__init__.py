@@ -26,6 +26,7 @@ from weberlink.protocol.events import (
     UpdateReceived,
 )
 from weberlink.protocol.keys import Right
+from weberlink.protocol.local_end import LocalEnd
 from weberlink.protocol.states import Role, State, StateError
 
 __all__ = [
@@ -37,6 +38,7 @@ __all__ = [
     "DropReason",
     "Endpoint",
     "Event",
+    "LocalEnd",
     "PeerClosed",
     "PeerReturned",
     "PeerSilent",

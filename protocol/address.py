@@ -13,8 +13,7 @@ from typing import Final
 from weberlink.protocol.events import Address
 from weberlink.protocol.wire import TOKEN_BYTES
 
-PACE: Final = 0.02
-"""Least time between two challenges [s]."""
+PACE: Final = 0.02  # least time between two challenges [s]
 OVERTAKEN: Final = 3
 """Fresh datagrams in a row from the candidate before the present address is quiet: an original follows its copy."""
 

@@ -2,8 +2,7 @@
 
 from typing import Final
 
-REPLAY_WINDOW: Final = 1024
-"""Datagrams that may be overtaken and still be accepted: a second of reordering at 1 kHz."""
+REPLAY_WINDOW: Final = 1024  # datagrams that may be overtaken and still be accepted: a second of reordering at 1 kHz
 _REPLAY_MASK: Final = (1 << REPLAY_WINDOW) - 1
 
 LOSS_PATIENCE: Final = 3

@@ -14,14 +14,10 @@ from weberlink.compiled import mypyc_attr
 
 T = TypeVar("T")
 
-REORDER_HOLD = 0.005
-"""How long a reordered datagram is held back, so that those behind it overtake [s]."""
-QUEUE_S = 0.25
-"""A rate-limited link drops what would wait longer than this [s]."""
-HEADER_BYTES = 28
-"""IPv4 and UDP headers, which count towards the rate."""
-CAPACITY = 16_384
-"""Datagrams under way; more are dropped."""
+REORDER_HOLD = 0.005  # how long a reordered datagram is held back, so that those behind it overtake [s]
+QUEUE_S = 0.25  # a rate-limited link drops what would wait longer than this [s]
+HEADER_BYTES = 28  # IPv4 and UDP headers, which count towards the rate
+CAPACITY = 16_384  # datagrams under way; more are dropped
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,20 +49,6 @@ class Emulation:
     blackouts: tuple[tuple[float, float] | tuple[float, float, float], ...] = ()
 
 
-@dataclass(slots=True)
-class LinkCounters:
-    """Counts of the datagrams of a link."""
-
-    sent: int = 0
-    delivered: int = 0
-    lost: int = 0
-    blacked_out: int = 0
-    congested: int = 0
-    reordered: int = 0
-    duplicated: int = 0
-    corrupted: int = 0
-
-
 @mypyc_attr(allow_interpreted_subclasses=True)
 class EmulatedLink(Generic[T]):
     """One direction of a faulty link; `T` is what the owner gets back with a datagram, such as an address."""
@@ -81,7 +63,6 @@ class EmulatedLink(Generic[T]):
         self._in_burst = False
         self._last_due = -inf
         self._busy_until = -inf
-        self.counters = LinkCounters()
 
     def change(self, emulation: Emulation) -> None:
         """Apply other faults to what is sent from now on. What is under way arrives as before, and is not overtaken."""
@@ -90,27 +71,17 @@ class EmulatedLink(Generic[T]):
 
     def send(self, data: bytes, tag: T, now: float) -> None:
         """Put a datagram on the link."""
-        emulation, counters = self._emulation, self.counters
-        counters.sent += 1
-        if self._is_lost():
-            counters.lost += 1
-            return
-        if self._is_blacked_out(now):
-            counters.blacked_out += 1
+        if self._is_lost() or self._is_blacked_out(now):
             return
         due = self._due(len(data), now)
         if due is None:
-            counters.congested += 1
             return
-        if self._happens(emulation.corrupt):
+        if self._happens(self._emulation.corrupt):
             bit = int(self._uniform() * 8 * len(data))
             flipped = bytearray(data)
             flipped[bit // 8] ^= 1 << bit % 8
             data = bytes(flipped)
-            counters.corrupted += 1
-        heappush(self._flights, (due, next(self._numbers), data, tag))
-        if self._happens(emulation.duplicate):
-            counters.duplicated += 1
+        for _ in range(2 if self._happens(self._emulation.duplicate) else 1):
             heappush(self._flights, (due, next(self._numbers), data, tag))
 
     def receive(self, now: float) -> list[tuple[bytes, T]]:
@@ -119,7 +90,6 @@ class EmulatedLink(Generic[T]):
         while self._flights and self._flights[0][0] <= now:
             _, _, data, tag = heappop(self._flights)
             arrived.append((data, tag))
-        self.counters.delivered += len(arrived)
         return arrived
 
     def next_due(self) -> float | None:
@@ -162,7 +132,6 @@ class EmulatedLink(Generic[T]):
             due += emulation.jitter_s * self._uniform()
         due = max(due, self._last_due)
         if self._happens(emulation.reorder):
-            self.counters.reordered += 1
             return due + REORDER_HOLD
         self._last_due = due
         return due

@@ -5,26 +5,25 @@ peer's fault is an event, never an exception.
 """
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from math import inf
 from typing import Final
 
-from weberlink.protocol import events, handshake, keys, wire
+from weberlink.protocol import events, handshake, wire
 from weberlink.protocol.address import AddressCheck
 from weberlink.protocol.counters import Credit
-from weberlink.protocol.events import Address, DropReason, Event, Statistics
+from weberlink.protocol.events import Address, DropReason, Event
 from weberlink.protocol.handshake import Dialer, Hello, Listener
 from weberlink.protocol.keys import Grant, Right
 from weberlink.protocol.liveness import FADE_SHARE, Liveness
-from weberlink.protocol.negotiation import LONGEST
+from weberlink.protocol.local_end import LocalEnd
 from weberlink.protocol.retransmission import copies_needed
-from weberlink.protocol.security import Security
-from weberlink.protocol.session import LONGEST_SILENCE, LocalEnd, Outcome, Session
-from weberlink.protocol.states import Role, State, moved
+from weberlink.protocol.session import Outcome, Session
+from weberlink.protocol.states import State, moved
 from weberlink.protocol.timing import Clock
-from weberlink.protocol.wire import DirectionLayout, Kind
+from weberlink.protocol.wire import Kind
 from weberlink.text import one_line
-from weberlink.update import Update, UpdateForm
+from weberlink.update import Update
 
 QUEUED_DATAGRAMS: Final = 64
 QUEUED_EVENTS: Final = 256
@@ -32,18 +31,14 @@ QUEUED_EVENTS: Final = 256
 ENCODING_REPORT_S: Final = 0.02
 ENCODING_REPORT_TICKS: Final = 10
 """How long an encoder counts as running after its owner last reported it: the longer of the two."""
-MOST_TICKS: Final = 1 << wire.TICK_BITS - 1
-"""Ticks that the silence limit may span."""
 QUIET_SHARE: Final = 0.2
 LONGEST_QUIET: Final = 0.05
 """How long nothing must come from the peer's address before another one is used: a share of the silence limit, and the
 longest time [s]."""
-TAKEN_OVER: Final = "taken over by "
-"""First words of the farewell to a master that another one has replaced; its name follows."""
+TAKEN_OVER: Final = "taken over by "  # begins the farewell to a master that another one has replaced; its name follows
+# Farewell to a master whose key was removed, or has another right now.
 WITHDRAWN: Final = "the key of this master may not drive any more"
-"""Farewell to a master whose key was removed, or has another right now."""
-STOP_COPIES: Final = 3
-"""Answers to who asked to stop: none is asked for again, as this end is gone then."""
+STOP_COPIES: Final = 3  # answers to who asked to stop: none is asked for again, as this end is gone then
 _HANDSHAKE = frozenset((int(Kind.HELLO), int(Kind.WELCOME)))
 # The class of an enumeration is slow to ask for a member.
 _ENGAGED, _SILENT = State.ENGAGED, State.SILENT
@@ -60,8 +55,7 @@ class Endpoint:
     trip than both ends allow gets no session: the initiator measures it, and after a second it ends with `Refused`.
 
     Attributes:
-        role: of this end.
-        name: of this end.
+        role, name: of this end.
         state: of the conversation.
         peer: where the peer is, or was last; None for a responder before the first call.
         sessions: number of sessions that have begun.
@@ -77,112 +71,51 @@ class Endpoint:
 
     def __init__(
         self,
+        end: LocalEnd,
         *,
-        role: Role,
-        agreement: Mapping[str, object],
-        outgoing: Sequence[Sequence[UpdateForm]],
-        incoming: Sequence[Sequence[UpdateForm]],
-        security: Security,
-        entropy: Callable[[int], bytes],
-        epoch: float,
-        tick_period: float,
-        silence: float = 0.1,
-        longest_round_trip: float = 0.4,
         peer: Address | None = None,
-        version: int = handshake.PROTOCOL_VERSION,
-        carries_credit: bool = False,
-        name: str = "",
-        expects: str = "",
         take_over: bool = False,
         stamp: Callable[[float], int] | None = None,
         asks: Right = Right.DRIVE,
     ) -> None:
-        """Compose one end.
+        """Compose an endpoint, the only one of `end`.
 
         Args:
-            role: the initiator calls `peer`; the responder answers whoever proves the key.
-            agreement: dotted path to value; must be the same at both ends.
-            outgoing, incoming: by stream (one or two), what its updates carry, by selector.
-            security: the suite, with its key.
-            entropy: returns that many random bytes, for keys and nonces; must be unpredictable where it matters.
-            epoch: `now` of the owner's tick 0 [s].
-            tick_period: of both ends [s], > 0.
-            silence: time without a fresh datagram after which the peer counts as gone [s]; at most `LONGEST_SILENCE`
-                and 2^15 ticks.
-            longest_round_trip: of a session [s]; the smaller value of the two ends holds, at most `LONGEST`.
-            peer: whom an initiator calls.
-            version: of the protocol; another one than this code's only to study a mismatch.
-            carries_credit: whether every update and heartbeat, of both ends, carries the sender's credit.
-            name: of this end, as the other end shows it; "" for that of its role.
-            expects: name of the only peer that is accepted; "" for any. An initiator keeps to the first that answers.
+            peer: whom an initiator calls; ValueError without one.
             take_over: whether an initiator replaces another master that the slave serves, in its first session.
             stamp: wall clock [ns] at `now` [s]; a responder remembers the stamps of calls. None to count `now`.
             asks: what an initiator wants; other than to drive, it gets `Told` instead of a session.
-
-        Raises:
-            ValueError: naming the argument.
         """
-        if role is Role.INITIATOR and peer is None:
+        if end.calls and peer is None:
             raise ValueError("peer: an initiator must be told whom to call")
-        if not (tick_period > 0.0 and silence > 0.0):
-            raise ValueError(f"tick_period and silence must be positive, not {tick_period} and {silence}")
-        most = min(LONGEST_SILENCE, tick_period * MOST_TICKS)
-        if silence > most:
-            raise ValueError(f"silence must be at most {most:g} s, not {silence}")
-        if not 0.0 <= longest_round_trip <= LONGEST:
-            raise ValueError(f"longest_round_trip must be in 0..{LONGEST:g} s, not {longest_round_trip}")
-        forward, backward = (
-            DirectionLayout(streams, carries_credit=carries_credit, acks=len(others))
-            for streams, others in ((outgoing, incoming), (incoming, outgoing))
-        )
-        packed = handshake.pack_agreement(agreement)
-        self.role = role
+        self._end = end
+        self._calls = end.calls
+        self.role, self.name, self.statistics = end.role, end.name, end.statistics
         self.state = State.IDLE
         self.peer = peer
         self.sessions = 0
-        self.statistics = Statistics()
-        self.liveness = Liveness(epoch, silence, 0.0, -inf, streams=len(incoming))
-        self.clock = self._no_clock = Clock(epoch, 0.0, epoch)
+        self.liveness = Liveness(end.epoch, end.silence, 0.0, -inf, streams=len(end.incoming))
+        self.clock = self._no_clock = Clock(end.epoch, 0.0, end.epoch)
         self.credit = Credit()
-        self._calls = role is Role.INITIATOR
-        self.name = keys.check_name(name or role.value)
-        self._end = end = LocalEnd(
-            security=security,
-            entropy=entropy,
-            agreement=packed,
-            version=version,
-            name=self.name,
-            expects=keys.check_name(expects) if expects else "",
-            calls=self._calls,
-            outgoing=forward,
-            incoming=backward,
-            epoch=epoch,
-            tick_period=tick_period,
-            silence=silence,
-            longest_round_trip=longest_round_trip,
-            statistics=self.statistics,
-        )
-        self._encoding_report = max(ENCODING_REPORT_S, ENCODING_REPORT_TICKS * tick_period)
-        self._agreement = handshake.read_map(packed) or {}
-        self._shortest, self._longest = (size + security.tag_size for size in backward.lengths)
-        self._datagrams: list[tuple[bytes, Address]] = []
         self.events: deque[Event] = deque()
+        self.peer_grant = Grant()
+        self.told: Callable[[], Mapping[str, object]] = dict
+        self.on_update: Callable[[events.UpdateReceived], bool] | None = None
+        self._encoding_report = max(ENCODING_REPORT_S, ENCODING_REPORT_TICKS * end.tick_period)
+        self._encoding_reported_at: float | None = None
+        self._is_encoding = True
+        self._shortest, self._longest = (size + end.security.tag_size for size in end.receives.lengths)
+        self._datagrams: list[tuple[bytes, Address]] = []
         self._session: Session | None = None
         self._former: Session | None = None
         self._address: AddressCheck | None = None
         self._served: Hello | None = None  # the master of the present session
-        self.peer_grant = Grant()
-        self.told: Callable[[], Mapping[str, object]] = dict
-        self.on_update: Callable[[events.UpdateReceived], bool] | None = None
-        self._stopper: tuple[bytes, Address] | None = None
-        """The answer to who asked to stop, and where to."""
-        self._encoding_reported_at: float | None = None
-        self._is_encoding = True
+        self._stopper: tuple[bytes, Address] | None = None  # the answer to who asked to stop, and where to
         self._is_peer_heard = False  # true while silent if datagrams of the peer still came as silence fell
         self._due: float | None = None  # read several times a tick; None when it may have changed
         self._dialer = Dialer(
             end,
-            entropy(handshake.INSTANCE_BYTES),
+            end.entropy(handshake.INSTANCE_BYTES),
             takes_over=take_over,
             stamp=stamp or (lambda now: max(0, round(now * 1e9))),
             asks=asks,
@@ -313,10 +246,7 @@ class Endpoint:
         """Leave for good, and tell the peer why; the farewell is among the datagrams to send. StateError if closed."""
         self._due = None
         self.state = moved(self.state, State.CLOSED)
-        if self._session is not None:
-            # Nothing is heard or repeated from here on, so a lossy link gets copies at once.
-            for _ in range(1 + copies_needed(self.statistics.outgoing_loss, self.statistics.outgoing_burst)):
-                self._post(self._session.send(now, wire.BYE, wire.cut(reason)))
+        self._part(now, reason)
         if self._stopper is not None:
             for _ in range(STOP_COPIES):
                 self._post(*self._stopper)
@@ -329,9 +259,14 @@ class Endpoint:
         self._listener.settle()
         if self._calls or self._session is None or self._end.security.holds(self.peer_grant):
             return
-        for _ in range(1 + copies_needed(self.statistics.outgoing_loss, self.statistics.outgoing_burst)):
-            self._post(self._session.send(now, wire.BYE, wire.cut(WITHDRAWN)))
+        self._part(now, WITHDRAWN)
         self._leave(events.PeerClosed(WITHDRAWN), now)
+
+    def _part(self, now: float, reason: str) -> None:
+        """Say farewell; nothing is heard or repeated from then on, so a lossy link gets copies at once."""
+        if self._session is not None:
+            for _ in range(1 + copies_needed(self.statistics.outgoing_loss, self.statistics.outgoing_burst)):
+                self._post(self._session.send(now, wire.BYE, wire.cut(reason)))
 
     def next_timer(self) -> float | None:
         """Time of the next action of `handle_timer` [s]; None if there is none."""
@@ -423,8 +358,7 @@ class Endpoint:
             self._on_foreign(data, address, now)
             return
         outcome = session.accept(opened, now)
-        if outcome is not DropReason.REPLAYED:
-            self._count(data)
+        self.statistics.received += outcome is not DropReason.REPLAYED
         self._on_authentic(session, outcome, address, now)
 
     def _on_handshake(self, data: bytes, address: Address, now: float) -> None:
@@ -438,20 +372,20 @@ class Endpoint:
             self._on_welcome(data, address, now)
             return
         serving = None if self._session is None else self._served
-        is_engaged, told = self.state is _ENGAGED, self._told
-        reply = self._listener.on_hello(data, address, now, serving=serving, is_engaged=is_engaged, told=told)
+        is_engaged = self.state is _ENGAGED
+        reply = self._listener.on_hello(data, address, now, serving=serving, is_engaged=is_engaged, told=self._told)
         if isinstance(reply, DropReason):
             self._drop(reply)
             return
         welcome, refusal, stopper = reply
         if stopper:
             self._stopper = welcome, address
-            self._count(data)
+            self.statistics.received += 1
             self._tell(events.StopAsked(stopper))
             return
         self._post(welcome, address)
         if refusal is None:
-            self._count(data)
+            self.statistics.received += 1
             return
         self._drop(DropReason.REFUSED)
         if self._session is None:
@@ -464,8 +398,8 @@ class Endpoint:
 
     def _on_welcome(self, data: bytes, address: Address, now: float) -> None:
         answer = self._dialer.on_welcome(data, now)
-        if not isinstance(answer, DropReason) or answer is DropReason.STALE:  # else it was not opened
-            self._count(data)
+        # Any other was not opened.
+        self.statistics.received += not isinstance(answer, DropReason) or answer is DropReason.STALE
         if isinstance(answer, DropReason):
             self._drop(answer)
         elif isinstance(answer, Session):
@@ -492,8 +426,7 @@ class Endpoint:
             self._drop(DropReason.STALE)
             return
         outcome = session.accept(opened, now)
-        if outcome is not DropReason.REPLAYED:
-            self._count(data)
+        self.statistics.received += outcome is not DropReason.REPLAYED
         if not session.is_fresh or now >= session.liveness.silent_at:
             self._drop(outcome if isinstance(outcome, DropReason) else DropReason.STALE)
             return
@@ -572,7 +505,7 @@ class Endpoint:
             quiet = min(LONGEST_QUIET, QUIET_SHARE * self._end.silence)
             self._address = AddressCheck(address, self._end.entropy, quiet)
         self.events.clear()  # what has not been read of the session before is void
-        self.events.append(events.Connected(address, self._agreement))
+        self.events.append(events.Connected(address, self._end.agreement))
 
     def _leave(self, why: events.SessionExpired | events.PeerClosed, now: float) -> None:
         """End the session, and call or listen again."""
@@ -613,11 +546,6 @@ class Endpoint:
         if len(self.events) >= QUEUED_EVENTS:
             self.events.popleft()
         self.events.append(event)
-
-    def _count(self, data: bytes) -> None:
-        """Count an authentic datagram."""
-        self.statistics.received += 1
-        self.statistics.bytes_received += len(data)
 
     def _drop(self, reason: DropReason) -> None:
         self.statistics.dropped[reason] += 1

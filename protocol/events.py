@@ -8,47 +8,30 @@ from typing import NamedTuple
 
 from weberlink.update import Update
 
-Address = tuple[str, int]
-"""Host and UDP port."""
+Address = tuple[str, int]  # host and UDP port
 
 
 class DropReason(StrEnum):
     """Why a datagram was dropped, as counters, events and tests name it. None of them ends a session."""
 
-    TRUNCATED = "truncated"
-    """Shorter than any can be."""
-    WRONG_LENGTH = "wrong_length"
-    """Longer than any can be."""
-    FOREIGN_ADDRESS = "foreign_address"
-    """Not from the peer that the initiator calls."""
-    UNEXPECTED = "unexpected"
-    """A handshake datagram that this role does not accept, or not in this state."""
-    UNPROVEN = "unproven"
-    """A handshake datagram whose sender did not prove the key, or that was damaged on the way."""
-    OVERLOADED = "overloaded"
-    """A call before the next key exchange is allowed; the caller repeats it."""
-    REFUSED = "refused"
-    """A call of a master that gets no session, and was told why."""
-    MALFORMED = "malformed"
-    """Authentic, but the content does not fit its layout."""
-    NO_SESSION = "no_session"
-    """A session datagram while there is no session."""
-    WRONG_SESSION = "wrong_session"
-    """Authentic under the keys of the previous session."""
-    BAD_TAG = "bad_tag"
-    """Forged, damaged, or of an unknown session."""
+    TRUNCATED = "truncated"  # shorter than any can be
+    WRONG_LENGTH = "wrong_length"  # longer than any can be
+    FOREIGN_ADDRESS = "foreign_address"  # not from the peer that the initiator calls
+    UNEXPECTED = "unexpected"  # a handshake datagram that this role does not accept, or not in this state
+    UNPROVEN = "unproven"  # a handshake datagram whose sender did not prove the key, or that was damaged on the way
+    OVERLOADED = "overloaded"  # a call before the next key exchange is allowed; the caller repeats it
+    REFUSED = "refused"  # a call of a master that gets no session, and was told why
+    MALFORMED = "malformed"  # authentic, but the content does not fit its layout
+    NO_SESSION = "no_session"  # a session datagram while there is no session
+    WRONG_SESSION = "wrong_session"  # authentic under the keys of the previous session
+    BAD_TAG = "bad_tag"  # forged, damaged, or of an unknown session
+    # Received before, or too old to tell. A call: its stamp is not above the newest one that its sender has proven.
     REPLAYED = "replayed"
-    """Received before, or too old to tell. A call: its stamp is not above the newest one that its sender has proven."""
-    IMPLAUSIBLE = "implausible"
-    """Authentic, but its time stamp, clock report or tick cannot be true."""
-    UNTIMED = "untimed"
-    """An update that arrived before the clocks were mapped, so that its age is unknown."""
-    STALE = "stale"
-    """Older on arrival than what counts (`Liveness`)."""
-    SUPERSEDED = "superseded"
-    """An update older than one that was already delivered."""
-    UNREADABLE = "unreadable"
-    """Not of the peer: no message, on the socket to the process that finds paths (`weberlink.protocol.aio`)."""
+    IMPLAUSIBLE = "implausible"  # authentic, but its time stamp, clock report or tick cannot be true
+    UNTIMED = "untimed"  # an update that arrived before the clocks were mapped, so that its age is unknown
+    STALE = "stale"  # older on arrival than what counts (`Liveness`)
+    SUPERSEDED = "superseded"  # an update older than one that was already delivered
+    UNREADABLE = "unreadable"  # not of the peer: no message, on the socket to the process that finds paths
 
 
 class Connected(NamedTuple):
@@ -181,31 +164,18 @@ class Statistics:
     sent: int = 0
     bytes_sent: int = 0
     received: int = 0
-    bytes_received: int = 0
-    updates_sent: list[int] = field(default_factory=lambda: [0, 0])
-    """By stream."""
-    updates_received: list[int] = field(default_factory=lambda: [0, 0])
-    """By stream."""
+    updates_sent: list[int] = field(default_factory=lambda: [0, 0])  # by stream
+    updates_received: list[int] = field(default_factory=lambda: [0, 0])  # by stream
     repeats: int = 0
     heartbeats: int = 0
-    lost: int = 0
-    """Datagrams of the peer that never came, from gaps in its sequence numbers."""
-    copies: int = 0
-    """Datagrams of the peer that had come by another of several paths already; neither received nor dropped."""
-    overflowed: int = 0
-    """Datagrams of ours that the owner did not fetch in time."""
-    dropped: Counter[DropReason] = field(default_factory=Counter)
-    """Datagrams received and dropped, by reason; `drops` is their sum."""
-    drops: int = 0
-    rtt: float | None = None
-    """Round trip of the newest datagrams of the two directions [s]."""
-    one_way: float | None = None
-    """Delay of the newest datagram of the peer [s]."""
-    incoming_loss: float = 0.0
-    """Recent loss of the peer's datagrams, 0..1."""
-    outgoing_loss: float = 0.0
-    """Recent loss of our datagrams, as the peer measured it, 0..1."""
-    incoming_burst: float = 0.0
-    """Mean length of the recent runs of lost datagrams of the peer; 0 while fewer than three are known."""
-    outgoing_burst: float = 0.0
-    """The same of our datagrams, as the peer measured it."""
+    lost: int = 0  # datagrams of the peer that never came, from gaps in its sequence numbers
+    copies: int = 0  # of the peer's, come by another of several paths already; neither received nor dropped
+    overflowed: int = 0  # datagrams of ours that the owner did not fetch in time
+    dropped: Counter[DropReason] = field(default_factory=Counter)  # datagrams received and dropped, by reason
+    drops: int = 0  # their sum
+    rtt: float | None = None  # round trip of the newest datagrams of the two directions [s]
+    one_way: float | None = None  # delay of the newest datagram of the peer [s]
+    incoming_loss: float = 0.0  # recent loss of the peer's datagrams, 0..1
+    outgoing_loss: float = 0.0  # recent loss of our datagrams, as the peer measured it, 0..1
+    incoming_burst: float = 0.0  # mean length of its recent runs of lost ones; 0 while fewer than three are known
+    outgoing_burst: float = 0.0  # the same of our datagrams, as the peer measured it

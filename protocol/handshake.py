@@ -50,14 +50,12 @@ import msgpack
 
 from weberlink.protocol.events import Address, DropReason, Told
 from weberlink.protocol.keys import Grant, Right, is_name
+from weberlink.protocol.local_end import PADDED_HELLO, LocalEnd
 from weberlink.protocol.negotiation import in_ms, rounded_up
-from weberlink.protocol.session import LocalEnd, Session
+from weberlink.protocol.session import Session
 from weberlink.protocol.states import Role
-from weberlink.protocol.wire import LONGEST_DATAGRAM, Kind
+from weberlink.protocol.wire import Kind
 
-PROTOCOL_VERSION: Final = 6
-PADDED_HELLO: Final = 512
-"""A HELLO is at least this long, so that an answer with a reason need not be longer than the HELLO."""
 INSTANCE_BYTES: Final = 8
 EPOCH_BYTES: Final = 16
 LARGEST_STAMP: Final = (1 << 63) - 1
@@ -70,8 +68,7 @@ FIRST_INTERVAL: Final = 0.02
 LONGEST_INTERVAL: Final = 0.1
 """Pauses between HELLOs, which double [s]. A slave under a flood of calls reads only a part of them; at ten calls per
 second a master gets through."""
-OPEN_CALLS: Final = 16
-"""HELLOs whose answer is still accepted."""
+OPEN_CALLS: Final = 16  # HELLOs whose answer is still accepted
 TOO_LONG_ANSWERS: Final = 3
 TOO_LONG_AFTER: Final = 1.0
 """How many answers must have been too late, and for how long [s], until the slave is told that the link is too long.
@@ -80,14 +77,10 @@ PENDING_LIMIT: Final = 8
 """Pending sessions of one master. A HELLO repeated before its answer can be back opens a further one."""
 KNOWN_MASTERS: Final = 16
 """Masters remembered, those with the newest stamps: a replay cannot push out a master that calls now."""
-EXCHANGE_PACE: Final = 0.01
-"""Least time between two key exchanges with one master, each of which takes some 0.2 ms [s]."""
-EXCHANGE_PACE_ENGAGED: Final = 0.1
-"""The same while there is a session whose peer is heard: other callers can wait [s]."""
-REFUSAL_PACE: Final = 0.1
-"""Least time between two refusals, which take a key exchange too [s]."""
-STALE_PACE: Final = 0.25
-"""Least time between two answers to a stamp that is too old [s]."""
+EXCHANGE_PACE: Final = 0.01  # least time between two key exchanges with one master, each of which takes some 0.2 ms [s]
+EXCHANGE_PACE_ENGAGED: Final = 0.1  # the same while there is a session whose peer is heard: other callers can wait [s]
+REFUSAL_PACE: Final = 0.1  # least time between two refusals, which take a key exchange too [s]
+STALE_PACE: Final = 0.25  # least time between two answers to a stamp that is too old [s]
 
 
 # --- names, maps, and what two ends disagree on
@@ -111,22 +104,6 @@ def read_map(packed: bytes) -> dict[str, object] | None:
     if not isinstance(body, dict) or not all(isinstance(key, str) for key in body):
         return None
     return body
-
-
-def pack_agreement(agreement: Mapping[str, object]) -> bytes:
-    """The packed agreement.
-
-    Raises ValueError: naming the key whose value msgpack cannot carry, or if the whole does not fit a datagram.
-    """
-    for key, value in agreement.items():
-        try:
-            msgpack.packb({key: value})
-        except (TypeError, ValueError, OverflowError) as problem:
-            raise ValueError(f"agreement {key!r}: {value!r} cannot be sent to the peer ({problem})") from None
-    packed = pack_map(agreement)
-    if len(packed) > LONGEST_DATAGRAM - PADDED_HELLO:
-        raise ValueError(f"the agreement takes {len(packed)} bytes, more than {LONGEST_DATAGRAM - PADDED_HELLO}")
-    return packed
 
 
 def differences(role: Role, mine: Mapping[str, object], theirs: Mapping[str, object]) -> str:
@@ -298,7 +275,7 @@ class Dialer:
         end, security = self._end, self._end.security
         is_too_long = self._too_long_answers >= TOO_LONG_ANSWERS and now - self._too_long_since >= TOO_LONG_AFTER
         hello = Hello(
-            end.agreement,
+            end.packed,
             round((now - end.epoch) * 1e6),
             end.name,
             self._instance,
@@ -414,7 +391,6 @@ class Listener:
     def __init__(self, end: LocalEnd) -> None:
         self._end = end
         self._epoch = b""
-        self._agreement = read_map(end.agreement) or {}
         self._masters: dict[bytes, _Master] = {}
         self._floor = 0
         self._refused_at = self._answered_stale_at = -inf
@@ -544,7 +520,7 @@ class Listener:
         if end.expects and hello.name != end.expects:
             return f"slave {end.name!r} serves master {end.expects!r} only, and {hello.name!r} called"
         try:
-            message = differences(Role.RESPONDER, self._agreement, agreement)
+            message = differences(Role.RESPONDER, end.agreement, agreement)
         except RecursionError:  # at a value that is nested too deep to be shown
             return DropReason.MALFORMED
         if message:

@@ -24,12 +24,9 @@ _LONGEST_FILE = 65_536
 class Right(StrEnum):
     """What a key is good for, and what a call asks for."""
 
-    DRIVE = "drive"
-    """All of these."""
-    WATCH = "watch"
-    """To be told how the robot's end is, and whom it serves."""
-    STOP = "stop"
-    """To stop the robot's end."""
+    DRIVE = "drive"  # all of these
+    WATCH = "watch"  # to be told how the robot's end is, and whom it serves
+    STOP = "stop"  # to stop the robot's end
 
     def allows(self, asked: str) -> bool:
         return self in (Right.DRIVE, asked)

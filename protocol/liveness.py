@@ -36,10 +36,8 @@ from collections.abc import Sequence
 from math import ceil, floor, inf, log
 from typing import Final
 
-DEAF: Final = 255
-"""The echo of an end that has heard nothing within the limit."""
-UNITS: Final = 64
-"""Units of the echo in S + R; the loop age is overestimated by at most one."""
+DEAF: Final = 255  # the echo of an end that has heard nothing within the limit
+UNITS: Final = 64  # units of the echo in S + R; the loop age is overestimated by at most one
 _MODULUS: Final = 255
 FADE_SHARE: Final = 0.8
 """Share of the silence limit at which owners begin to fade force out."""
@@ -49,17 +47,13 @@ HORIZON_SHARE: Final = 0.6
 LONGEST_ECHO_AGE: Final = 0.4
 LEAST_SHARE: Final = 0.1
 """Shortest gap, as a share of the silence limit: a limit too short for its path must not cause a flood."""
-LATE_TICKS: Final = 3
-"""How late both ends together send their heartbeats [ticks]."""
+LATE_TICKS: Final = 3  # how late both ends together send their heartbeats [ticks]
 INTRODUCTIONS: Final = 5
 INTRODUCTION_INTERVAL: Final = 0.02
 """Pace of the first heartbeats, sent beside updates [s]: the peer cannot date our updates before it has a report."""
-REPORT_INTERVAL: Final = 1.0
-"""A heartbeat with a report goes out at least this often, however many updates do [s]."""
-DENSEST: Final = 0.005
-"""Shortest echo age on a lossy link [s], so that at most 200 heartbeats a second are sent."""
-ASK_PACE: Final = 0.004
-"""Least time between two questions [s], so that at most 25 are sent in a silence of 100 ms."""
+REPORT_INTERVAL: Final = 1.0  # a heartbeat with a report goes out at least this often, however many updates do [s]
+DENSEST: Final = 0.005  # shortest echo age on a lossy link [s], so that at most 200 heartbeats a second are sent
+ASK_PACE: Final = 0.004  # least time between two questions [s], so that at most 25 are sent in a silence of 100 ms
 LEAST_QUESTIONS: Final = 2
 """Questions before the silence limit on a link that has lost nothing yet: the first loss must not end a contact."""
 MOST_QUESTIONS: Final = 50

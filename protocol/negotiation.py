@@ -19,25 +19,20 @@ from typing import Final
 from weberlink.protocol.events import ChangeAnswered, ChangeProposed
 from weberlink.protocol.liveness import Liveness
 
-NUMBERS: Final = 4
-"""Of the proposals of one negotiation; a session has two, whose numbers follow each other."""
+NUMBERS: Final = 4  # of the proposals of one negotiation; a session has two, whose numbers follow each other
 PACE: Final = 0.002
 PACE_SHARE: Final = 0.1
 """Time between two repeats: the least [s], and as a share of round trip plus jitter."""
 ACCEPTED: Final = b"\x01"
 REFUSED: Final = b"\x00"
 
-LONGEST: Final = 10.0
-"""Longest round trip that can be allowed [s]."""
-STEP: Final = 0.01
-"""R is a multiple of this [s]."""
-NOTHING: Final = 0.001
-"""A round trip of up to this counts as none [s]."""
+LONGEST: Final = 10.0  # longest round trip that can be allowed [s]
+STEP: Final = 0.01  # R is a multiple of this [s]
+NOTHING: Final = 0.001  # a round trip of up to this counts as none [s]
 FALL: Final = 0.02
 FALL_AFTER: Final = 10.0
 """R falls when the link has needed less by this [s], for so long [s]."""
-SWITCH_AHEAD: Final = 0.05
-"""How far ahead of a proposal the tick of the switch lies, beside two round trips [s]."""
+SWITCH_AHEAD: Final = 0.05  # how far ahead of a proposal the tick of the switch lies, beside two round trips [s]
 _BYTES: Final = 2
 
 Message = tuple[int, int, bytes, bool]

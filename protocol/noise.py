@@ -26,26 +26,21 @@ PRIVATE_BYTES: Final = 32
 PUBLIC_BYTES: Final = 32
 OVERHEAD: Final = PUBLIC_BYTES + 16
 """Bytes that each message adds to its payload: the public key and the tag."""
-_NONCE: Final = bytes(12)
-"""Section 12.3. Each key encrypts one payload, so the counter is always 0."""
+_NONCE: Final = bytes(12)  # section 12.3; each key encrypts one payload, so the counter is always 0
 
 
 class Secrets(NamedTuple):
     """The secrets that both ends share after both messages."""
 
-    forward: bytes
-    """Key from initiator to responder, of 32 bytes."""
+    forward: bytes  # key from initiator to responder, of 32 bytes
     backward: bytes
     handshake_hash: bytes
     """Hash of both messages (section 11.2)."""
 
 
-State = tuple[bytes, bytes]
-"""The SymmetricState of section 5.2 between two messages: chaining key and hash."""
-Waiting = tuple[State, X25519PrivateKey]
-"""What the initiator holds until the answer comes."""
-Heard = tuple[State, bytes]
-"""What the responder holds until it answers: with the public key of the initiator."""
+State = tuple[bytes, bytes]  # the SymmetricState of section 5.2 between two messages: chaining key and hash
+Waiting = tuple[State, X25519PrivateKey]  # what the initiator holds until the answer comes
+Heard = tuple[State, bytes]  # what the responder holds until it answers: with the public key of the initiator
 
 
 def hkdf(chaining_key: bytes, material: bytes, count: int) -> list[bytes]:

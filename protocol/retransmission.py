@@ -29,8 +29,7 @@ LEAST_EARLY_PER_S: Final = 6.0
 MOST_EARLY_PER_S: Final = 150.0
 """Updates sent again without evidence of a loss, on average, over all streams of an end: on a link that may be
 congested, and on one that is known not to be."""
-RAISE: Final = 5.0
-"""Factor by which the allowance of early repeats grows in a step."""
+RAISE: Final = 5.0  # factor by which the allowance of early repeats grows in a step
 STEP_S: Final = 1.0
 STEP_SENT: Final = 50
 """Least time [s] and number of datagrams in which the loss is counted for a step."""

@@ -1,8 +1,7 @@
 """One session from the keys on: make its datagrams, say when the next one is due, check and read those of the peer."""
 
-from collections.abc import Callable
 from math import inf
-from typing import Final, NamedTuple
+from typing import Final
 
 from weberlink.protocol import wire
 from weberlink.protocol.counters import Credit, LossMeter, ReplayWindow, expand_counter
@@ -12,35 +11,28 @@ from weberlink.protocol.events import (
     DropReason,
     PathProbe,
     PeerClosed,
-    Statistics,
     UpdateReceived,
 )
 from weberlink.protocol.liveness import HeartbeatSchedule, Liveness
+from weberlink.protocol.local_end import LocalEnd
 from weberlink.protocol.negotiation import NUMBERS, Negotiation, RoundTripAgreement, in_ms
 from weberlink.protocol.retransmission import Allowance, OutgoingStream, copies_needed
-from weberlink.protocol.security import REKEY_AFTER, Protection, Security
+from weberlink.protocol.security import Protection
 from weberlink.protocol.timing import Clock
-from weberlink.protocol.wire import ACKNOWLEDGEMENT_MASK, Content, DirectionLayout, Envelope, Report
+from weberlink.protocol.wire import ACKNOWLEDGEMENT_MASK, Content, Envelope, Report
 from weberlink.text import one_line
 from weberlink.update import Update
 
 TICK_AHEAD: Final = 1.0
 """How far a sample tick may lie after the datagram that carries it [s]; the owner's tick grid need not be exact."""
-CHANGE_AHEAD: Final = 30.0
-"""How far ahead of its datagram a proposed change may lie [s]."""
+CHANGE_AHEAD: Final = 30.0  # how far ahead of its datagram a proposed change may lie [s]
 TICK_AGE_SLACK: Final = 0.01
 """How much older than the largest loop age a sample may be when its datagram leaves [s]: the owner's ticks may be late.
 """
-EXPIRY: Final = 3.0
-"""How long a session may be silent without a break [s]. Time stamps wrap after 84 s."""
-LONGEST_SILENCE: Final = 10.0
-"""Largest silence limit [s]; with the longest round trip and `EXPIRY` far below half of the range of a time stamp."""
-SLACK: Final = 0.001
-"""Added to the measured bound on delays, because both ends work in ticks [s]."""
-UNMEASURED_RTT: Final = 0.2
-"""Assumed round trip until it is measured [s]."""
-LOSS_STEP: Final = 0.02
-"""Change of the measured loss that is reported with the next heartbeat."""
+EXPIRY: Final = 3.0  # how long a session may be silent without a break [s]; time stamps wrap after 84 s
+SLACK: Final = 0.001  # added to the measured bound on delays, because both ends work in ticks [s]
+UNMEASURED_RTT: Final = 0.2  # assumed round trip until it is measured [s]
+LOSS_STEP: Final = 0.02  # change of the measured loss that is reported with the next heartbeat
 _CHANGE_TICK_MASK: Final = (1 << wire.CHANGE_TICK_BITS) - 1
 _TICK_MASK: Final = (1 << wire.TICK_BITS) - 1
 
@@ -48,28 +40,6 @@ Outcome = UpdateReceived | PeerClosed | ChangeProposed | ChangeAnswered | PathPr
 """What an authentic datagram says, or the reason to drop it; None if only the session needs it."""
 Opened = tuple[int, int, bytes]
 """An authentic datagram: full sequence number, its first byte in clear, and what it says (`DirectionLayout.read`)."""
-
-
-class LocalEnd(NamedTuple):
-    """What its calls and sessions share of an endpoint, which has checked it. Times are in s; the agreement is packed;
-    `epoch` is when our clock was at 0; `calls` is whether this end begins the sessions; a key is replaced after
-    `rekey_after` datagrams, if it was not by time."""
-
-    security: Security
-    entropy: Callable[[int], bytes]
-    agreement: bytes
-    version: int
-    name: str
-    expects: str
-    calls: bool
-    outgoing: DirectionLayout
-    incoming: DirectionLayout
-    epoch: float
-    tick_period: float
-    silence: float
-    longest_round_trip: float
-    statistics: Statistics
-    rekey_after: int = REKEY_AFTER
 
 
 class Session:
@@ -100,12 +70,12 @@ class Session:
         `confirmed_at` is the departure of our datagram that it answers; -inf if it answers none."""
         self._end = end
         self._protection = protection
-        self._incoming = end.incoming
+        self._incoming = end.receives
         self._silence, self._tick_period = end.silence, end.tick_period
         self._statistics = end.statistics
         self.clock = Clock(end.epoch, peer_clock, now)
         self.credit = Credit()
-        streams = len(end.incoming.updates)
+        streams = len(end.receives.updates)
         self.liveness = Liveness(end.epoch, end.silence, peer_clock, now, confirmed_at, streams)
         self.heartbeats = HeartbeatSchedule(now, silence=end.silence, tick_period=end.tick_period)
         self.negotiation = Negotiation()
@@ -122,15 +92,12 @@ class Session:
         self._marked_at = now
         self._every = tuple(range(streams))
         self._held_ticks = [0] * streams
-        self._acks = [0] * streams
-        """By stream, number of the newest update received; 0 for none."""
-        self._acks_from = [-inf] * streams
-        """The `confirmed_at` that shows that the peer has heard of it."""
-        self._told_from = -inf
-        """The same for the first updates of all streams since an interruption; inf until there are any."""
+        self._acks = [0] * streams  # number of the newest update received; 0 for none
+        self._acks_from = [-inf] * streams  # the `confirmed_at` that shows that the peer has heard of it
+        self._told_from = -inf  # the same for the first updates of all since an interruption; inf until there are any
         # What this end sends.
         self._allowance = Allowance()
-        self._streams = tuple(OutgoingStream(layout, self._allowance, end.silence) for layout in end.outgoing.updates)
+        self._streams = tuple(OutgoingStream(layout, self._allowance, end.silence) for layout in end.sends.updates)
         self._next_sequence = first_sequence
         _, self._departed = self.clock.stamp(now)
         protection.begin(now, first_sequence, end.rekey_after)
@@ -384,7 +351,7 @@ class Session:
             envelope,
             self._newest_ticks() & _TICK_MASK,
             report,
-            self.credit.granted if self._end.outgoing.carries_credit else None,
+            self.credit.granted if self._end.carries_credit else None,
             round_trip_ms=None if self.is_confirmed or not self._end.calls else in_ms(self.liveness.round_trip),
             asks=asks,
             is_encoding=is_encoding,

@@ -19,18 +19,12 @@ class Role(Enum):
 class State(Enum):
     """State of the conversation with the peer."""
 
-    IDLE = auto()
-    """Not started, or the last session has ended and the next one is about to begin."""
-    CONNECTING = auto()
-    """Calling the peer until it answers."""
-    LISTENING = auto()
-    """Waiting to be called."""
-    ENGAGED = auto()
-    """In a session within both limits (`Liveness`): each end hears the other."""
-    SILENT = auto()
-    """In a session that has passed one of the limits; it ends a few seconds later."""
-    CLOSED = auto()
-    """Closed by this end, or refused by the peer. Final."""
+    IDLE = auto()  # not started, or the last session has ended and the next one is about to begin
+    CONNECTING = auto()  # calling the peer until it answers
+    LISTENING = auto()  # waiting to be called
+    ENGAGED = auto()  # in a session within both limits (`Liveness`): each end hears the other
+    SILENT = auto()  # in a session that has passed one of the limits; it ends a few seconds later
+    CLOSED = auto()  # for good: closed by this end, or refused by the peer
 
 
 @mypyc_attr(native_class=False)

@@ -17,8 +17,7 @@ from typing import Final
 
 from weberlink.protocol.counters import expand
 
-WINDOW: Final = 4.0
-"""Length of the minimum filter [s]."""
+WINDOW: Final = 4.0  # length of the minimum filter [s]
 _BUCKETS: Final = 8
 _BUCKET: Final = WINDOW / _BUCKETS
 STAMP_BITS: Final = 23
@@ -27,8 +26,7 @@ STAMP_UNIT: Final = 1e-5
 _STAMP_MASK: Final = (1 << STAMP_BITS) - 1
 _STAMPS_PER_S: Final = 1e5
 
-EARLY_LIMIT: Final = 0.05
-"""A datagram that seems to arrive this much before it left is rejected [s]."""
+EARLY_LIMIT: Final = 0.05  # a datagram that seems to arrive this much before it left is rejected [s]
 _EARLY_LIMIT_UNMAPPED: Final = 5.0
 LONGEST_RTT: Final = 60.0
 _LEAST_RTT: Final = -0.001  # clocks drift between two reports, and stamps are cut off

@@ -90,8 +90,7 @@ def _widths(part: str) -> tuple[int, ...]:
     return tuple(field.most for field in TABLE if field.part == part)
 
 
-CLEAR_BYTES: Final = sum(_widths("clear")) // 8
-"""Size of kind and sequence number, which are not encrypted."""
+CLEAR_BYTES: Final = sum(_widths("clear")) // 8  # size of kind and sequence number, which are not encrypted
 SEQUENCE_BITS: Final = _widths("clear")[-1]
 """A number is expanded from what came last, so an outage may take up to 2^15 of them. In the longest that a session
 outlives, an end sends far fewer: a silent one sends heartbeats only."""
@@ -101,8 +100,7 @@ GENERATION_BITS, SENT_BITS, ECHO_BITS = _widths("head")
 (TICK_BITS,) = _widths("heartbeat")
 CHANGE_TICK_BITS = _widths("change")[0]
 (UPDATE_CREDIT_BITS,), (HEARTBEAT_CREDIT_BITS,) = _widths("update_credit"), _widths("heartbeat_credit")
-MOST_LEVELS: Final = 256
-"""Largest number of levels of a sample."""
+MOST_LEVELS: Final = 256  # largest number of levels of a sample
 LONGEST_DATAGRAM: Final = 4096
 """Longest datagram that is sent or read [bytes]; only a handshake with a very long agreement comes near it."""
 MARK: Final = 0b1000
@@ -130,8 +128,7 @@ _LARGEST: Final = (1 << _LEVEL_BITS - 1) - 1
 class Kind(IntEnum):
     """The low three bits of every datagram that is packed; the whole first byte of a handshake."""
 
-    PATH = 0
-    """Asks whether the peer is at an address, or answers that."""
+    PATH = 0  # asks whether the peer is at an address, or answers that
     HELLO = 1
     WELCOME = 2
     UPDATE = 3
@@ -142,8 +139,7 @@ class Kind(IntEnum):
     """An update of the second stream."""
 
 
-UPDATE_KINDS = (Kind.UPDATE, Kind.SECOND_UPDATE)
-"""By stream."""
+UPDATE_KINDS = (Kind.UPDATE, Kind.SECOND_UPDATE)  # by stream
 # A comparison with an int is faster than one with a member of an enumeration.
 UPDATE, HEARTBEAT, SECOND_UPDATE = int(Kind.UPDATE), int(Kind.HEARTBEAT), int(Kind.SECOND_UPDATE)
 BYE, CHANGE, PATH = int(Kind.BYE), int(Kind.CHANGE), int(Kind.PATH)

@@ -14,18 +14,12 @@ from weberlink.geometry.vector import Vector
 
 Workspace = tuple[Vector, Vector]
 
-TRIP_PAUSE = 0.5
-"""The robot follows no sooner than this after a trip [s]."""
-REBOUND = 0.1
-"""Time for which a robot that has lost contact may be bouncing [s]."""
-NOISE_SHARE = 1.0 / 32.0
-"""A press that changes by less of its limit tells nothing: it may be noise of the sensors. Chosen."""
-SPRING = 0.5
-"""What counts as the answer of a press to the command until it is measured; that of a spring alone is 1 at most."""
-DAMPED = 2.0
-"""The answer above which it is not that of a spring; measured in motion, that of a robot with inertia is near 1."""
-LEAST_STEP = 1e-3
-"""Share of the largest press that a command may go in within a tick from rest. Chosen."""
+TRIP_PAUSE = 0.5  # The robot follows no sooner than this after a trip [s]
+REBOUND = 0.1  # Time for which a robot that has lost contact may be bouncing [s]
+NOISE_SHARE = 1.0 / 32.0  # A press that changes by less of its limit may be noise of the sensors. Chosen.
+SPRING = 0.5  # What counts as the answer of a press to the command until it is measured; a spring's is at most 1
+DAMPED = 2.0  # A larger answer is not that of a spring; measured in motion, that of a robot with inertia is near 1
+LEAST_STEP = 1e-3  # Share of the largest press that a command may go in within a tick from rest. Chosen.
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -55,11 +49,6 @@ class Follower(Approach):
         self.share = 0.0
         self.clipped = self.touches = False
 
-    @property
-    def ramping(self) -> bool:
-        """Whether less than all of what is felt is shown."""
-        return self.share < 1.0
-
     def reset(self) -> None:
         """Start afresh: hold, and show no force."""
         self.arrived = False
@@ -85,15 +74,10 @@ class Follower(Approach):
         return held
 
 
-TRIP_RETREAT = 0.05
-"""How far an axis that trips backs off [rad]: 1 cm at the end of 20 cm. Chosen."""
-CONTACT_SHARE = 0.1
-"""An axis is in contact from this share of its largest press on; less is friction of gears and noise. Chosen."""
-DAMPING_MOST = 4.0
-"""Largest damping of what an axis touches that the press limit provides for [N m s/rad]: 100 N s/m at the end of 20 cm.
-Chosen."""
-FULL_SHARE = 0.95
-"""Share of the largest press that counts as all of it: filtered, a measurement that saturates stays below. Chosen."""
+TRIP_RETREAT = 0.05  # How far an axis that trips backs off [rad]: 1 cm at the end of 20 cm. Chosen.
+CONTACT_SHARE = 0.1  # Share of its largest press that is a contact of an axis: less is friction and noise. Chosen.
+DAMPING_MOST = 4.0  # Largest damping of what an axis touches [N m s/rad]: 100 N s/m at the end of 20 cm. Chosen.
+FULL_SHARE = 0.95  # Share of the largest press that is all of it: a filtered one that saturates is lower. Chosen.
 
 
 class PressStep:
@@ -123,8 +107,7 @@ class PressStep:
         self._noise = NOISE_SHARE * most
         self._damping = damping
         self._acts = False
-        self._answer = 0.0
-        """h, as far as it is known."""
+        self._answer = 0.0  # h, as far as it is known
         self._went = 0.0
 
     @property
@@ -216,7 +199,8 @@ class PressLimit:
             self._step.rest()
             return target
         out = self._out
-        depth, press, before, went = _depths(out, target, held, where, former, left)
+        depth, press = _along(target, where, out), _along(held, where, out)
+        before, went = _along(former, left, out), _along(held, former, out)
         if depth <= 0.0 and not touches:
             self._left = 0.0
             self._step.rest()
@@ -228,24 +212,6 @@ class PressLimit:
         if excess <= 0.0:
             return target
         return tuple([value + excess * way for value, way in zip(target, out, strict=True)])
-
-
-def _depths(
-    out: Joints, target: Joints, held: Joints, where: Joints, former: Joints, left: Joints
-) -> tuple[float, float, float, float]:
-    """How deep target and command are below the robot, how deep the former one was, and how far it went in since."""
-    if len(out) != PART:
-        ways = (target, where), (held, where), (former, left), (held, former)
-        depth, press, before, went = [_along(start, end, out) for start, end in ways]
-        return depth, press, before, went
-    (a, b, c), (x, y, z), (u, v, w), (p, q, r) = out, held, where, former
-    i, j, k = left
-    return (
-        (u - target[0]) * a + (v - target[1]) * b + (w - target[2]) * c,
-        (u - x) * a + (v - y) * b + (w - z) * c,
-        (i - p) * a + (j - q) * b + (k - r) * c,
-        (p - x) * a + (q - y) * b + (r - z) * c,
-    )
 
 
 def _along(start: Joints, end: Joints, direction: Joints) -> float:
@@ -305,8 +271,7 @@ class Guard(Follower):
         self._trips = [force * (1.0 + 1e-9) for force in trips]
         self._retract, self._trip_retract = retract, trip_retract
         self._retreat_to: Joints | None = None
-        self._way_out: tuple[Joints, Joints] | None = None
-        """End of the retreat, and the direction out of the contact; nothing for a part that has none."""
+        self._way_out: tuple[Joints, Joints] | None = None  # End of the retreat, and direction out of the contact
         self._pause = 0.0
         self.contact_ticks = 0
 
@@ -330,8 +295,6 @@ class Guard(Follower):
 
     def is_overloaded(self, force: Joints) -> bool:
         """Whether a force of the environment is above its limit."""
-        if len(self._trips) == 1:
-            return hypot(*force) > self._trips[0]
         for (first, last), most in zip(self._spans, self._trips):  # noqa: B905, SIM110 - strict and any() cost as much as the loop
             if hypot(*force[first:last]) > most:
                 return True
@@ -391,17 +354,13 @@ class Guard(Follower):
         if not hypot(*commanded) < inf:
             return self.hold(step)
         bounded: Joints = ()
-        held, presses = self.held, self._presses
-        if len(presses) == 1:
-            bounded = presses[0].bounded(commanded, held, where, force, step)
-            self.touches = presses[0].touches
-        else:
-            self.touches = False
-            for (first, last), press in zip(self._spans, presses):  # noqa: B905 - strict costs as much as the loop
-                bounded += press.bounded(
-                    commanded[first:last], held[first:last], where[first:last], force[first:last], step
-                )
-                self.touches = self.touches or press.touches
+        held = self.held
+        self.touches = False
+        for (first, last), press in zip(self._spans, self._presses):  # noqa: B905 - strict costs as much as the loop
+            bounded += press.bounded(
+                commanded[first:last], held[first:last], where[first:last], force[first:last], step
+            )
+            self.touches = self.touches or press.touches
         self.contact_ticks += bounded != commanded
         goal = self._inside(bounded)
         if self._way_out is not None:
@@ -416,11 +375,6 @@ class Guard(Follower):
         return held
 
     def _inside(self, place: Joints) -> Joints:
-        for value, low, high in zip(place, self.lower, self.upper):  # noqa: B905 - strict costs as much as the loop
-            if value < low or value > high:
-                break
-        else:
-            return place
         inside = [
             low if value < low else high if value > high else value
             for value, low, high in zip(place, self.lower, self.upper)  # noqa: B905 - strict costs as much as the loop

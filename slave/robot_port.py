@@ -28,8 +28,7 @@ class ContactForce:
 
     def __init__(self, stiffness: float) -> None:
         self.value: Vector = ZERO
-        self.rest: Vector = ZERO
-        """The command at which the robot would rest with this force where it is [m]."""
+        self.rest: Vector = ZERO  # The command at which the robot would rest with this force where it is [m]
         self.shown: Callable[[Joints], Joints] | None = None
         self._compliance = 1.0 / stiffness
 
@@ -195,7 +194,7 @@ class RobotPort(Port):
         guard, tool = self.guard, self.tool
         clipped, ramping = guard.clipped, guard.share < 1.0
         if tool is not None:
-            clipped, ramping = clipped or tool.clipped, ramping or tool.ramping
+            clipped, ramping = clipped or tool.clipped, ramping or tool.share < 1.0
         row.contact_ticks, row.clipped = guard.contact_ticks, clipped
         row.ramping = ramping if is_led or not self._by_button else RELEASED
 

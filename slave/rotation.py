@@ -10,8 +10,7 @@ from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.slave.guard import Follower
 from weberlink.slave.robots.contract import RobotReading
 
-LARGEST = 1e9
-"""No measured torque is as large [N m]; a telemetry record has room for it."""
+LARGEST = 1e9  # No measured torque is as large [N m]; a telemetry record has room for it
 
 
 class ToolOrientation(Follower):

@@ -4,11 +4,9 @@ from typing import Any
 
 from hypothesis import HealthCheck, settings
 
-COUNT = 40
-"""Examples of a test that does not set a number."""
+COUNT = 40  # examples of a test that does not set a number
 
-FEWEST = 5
-"""Examples of a test, however small the share."""
+FEWEST = 5  # examples of a test, however small the share
 
 _times = 1.0
 

@@ -3,8 +3,7 @@
 import sys
 from textwrap import wrap
 
-INDENT = " " * 7
-"""Under a law, behind its "ok" or "BROKEN"."""
+INDENT = " " * 7  # under a law, behind its "ok" or "BROKEN"
 
 
 COLUMNS = 80

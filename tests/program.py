@@ -36,8 +36,7 @@ def commands(group: Any) -> dict[str, Any]:
     return {name: group.get_command(context, name) for name in group.list_commands(context)}
 
 
-COMMANDS = commands(get_command(app))
-"""Of the program and of the distributions that are installed."""
+COMMANDS = commands(get_command(app))  # of the program and of the distributions that are installed
 PATIENT = ("--set", "link.silence_ms=2000")
 """For live sessions of tests that are not about silence: a short stall of the host then causes no fault."""
 ENGAGED = State.ENGAGED.value
@@ -233,10 +232,7 @@ class Program:
 
     def watcher(self) -> int:
         """The process that watches the host; 0 while there is none."""
-        return self._running(WATCHER)
-
-    def _running(self, module: bytes) -> int:
-        return next((pid for pid, command in self.children().items() if module in command), 0)
+        return next((pid for pid, command in self.children().items() if WATCHER in command), 0)
 
     def rings(self) -> list[Path]:
         path = default_path(f"{self.pid}-side")

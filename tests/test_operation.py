@@ -12,6 +12,7 @@ import pytest
 
 from tests.hardware.test_guardian import TAKE_OFF
 from tests.program import COMMANDS, Program, document
+from tests.test_repository import GENERATED
 from weberlink.figures import wording
 from weberlink.hardware.guardian import SOCKET
 from weberlink.installation import guests
@@ -137,13 +138,28 @@ def test_what_the_container_copies_is_there_and_is_all_that_is_needed() -> None:
     assert {name for name in needed if not name.startswith("src/")} <= set(copied)
 
 
-def test_the_page_names_commands_and_options_that_are_there() -> None:
-    known, absent = commands(), guests("weberlink.commands")
-    named = re.findall(r"(?:^|`|/bin/)weberlink ([a-z]+)([^\n`#]*)", PAGE, re.M)
-    assert {name for name, _ in named} >= {"doctor", "configs", "keygen", "device", "loopback"}
-    for name, rest in named:
-        assert name in known or name in absent, name
-        assert name not in known or set(re.findall(r"(?<!\w)--[a-z-]+", rest)) <= known[name], (name, rest)
+def options_of(words: list[str]) -> set[str] | None:
+    """Those of the command that some words begin with; None if it is of a guest that is not installed."""
+    group, found = {**COMMANDS}, None
+    for word in words:
+        if word not in group:
+            break
+        found = group[word]
+        group = getattr(found, "commands", {})
+    if found is None:
+        assert words[0] in guests("weberlink.commands"), words
+        return None
+    return {option for parameter in found.params for option in parameter.opts}
+
+
+def test_commands_and_options_of_all_pages_are_there() -> None:
+    pages = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
+    text = "\n".join(page.read_text(encoding="utf-8") for page in pages if page.name not in GENERATED)
+    named = re.findall(r"(?:^|`|/bin/)weberlink ([a-z][^\n`#]*)", text, re.M)
+    assert len(named) > 100
+    for line in named:
+        options = options_of(line.split())
+        assert options is None or set(re.findall(r"(?<!\S)--[a-z-]+", line)) <= options, line
 
 
 def test_every_event_of_the_log_and_every_fault_has_its_line() -> None:

@@ -15,8 +15,7 @@ from annotated_types import Interval
 from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, check_not_negative
 from weberlink.geometry.vector import Vector, distance, norm
 
-DIRECTION_RAD = radians(18.4)
-"""The JND with matching vision: an operator sees the scene [rad]."""
+DIRECTION_RAD = radians(18.4)  # The JND with matching vision: an operator sees the scene [rad]
 
 
 @dataclass(frozen=True)
@@ -30,15 +29,8 @@ class ConeDeadband(Deadband):
     """`| |g| - |f| | <= max(k |f|, floor)` and angle(f, g) <= theta, or `|g - f| <= floor`; f measured, g displayed.
 
     A difference below the floor is not felt, whatever its direction; a force of exactly 0 has no direction. The angle
-    is compared by its chord, the distance of the two unit vectors, which needs no trigonometry.
-
-    Args:
-        weber: Weber factor k of the magnitude, >= 0.
-        floor: absolute threshold [N], >= 0.
-        direction: largest angle theta that stays unsent [rad], above 0 and at most pi; pi accepts any direction.
-
-    Raises:
-        ValueError: for a number out of its range.
+    is compared by its chord, the distance of the two unit vectors, which needs no trigonometry. ValueError for a number
+    out of its range.
     """
 
     name = "cone"
@@ -47,11 +39,10 @@ class ConeDeadband(Deadband):
     is_ball = False
     needs_actual = True
 
-    weber: float
-    floor: float = 0.0
-    direction: float = DIRECTION_RAD
-    widest: float = field(init=False, repr=False, compare=False)
-    """Chord of `direction`."""
+    weber: float  # k, >= 0
+    floor: float = 0.0  # absolute threshold [N], >= 0
+    direction: float = DIRECTION_RAD  # theta [rad], above 0 and at most pi, which accepts any direction
+    widest: float = field(init=False, repr=False, compare=False)  # Chord of `direction`
 
     def __post_init__(self) -> None:
         check_not_negative("weber", self.weber)
@@ -66,20 +57,16 @@ class ConeDeadband(Deadband):
         return f"cone of {degrees(self.direction):g} deg"
 
     def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:  # noqa: ARG002
-        relative = self.weber * norm(actual)
-        return relative if relative > self.floor else self.floor
+        return max(self.floor, self.weber * norm(actual))
 
     def error(self, displayed: Vector, actual: Vector) -> float:
         """The larger of the errors of magnitude and direction; that of the direction is `bound` at the angle theta."""
         apart = distance(displayed, actual)
         size, held = norm(actual), norm(displayed)
-        relative = self.weber * size
-        bound = relative if relative > self.floor else self.floor
+        bound = max(self.floor, self.weber * size)
         if apart <= self.floor or bound == 0.0:
             return apart
-        longer = abs(held - size)
-        turned = bound * (chord(displayed, held, actual, size) / self.widest)
-        return longer if longer > turned else turned
+        return max(bound * (chord(displayed, held, actual, size) / self.widest), abs(held - size))
 
 
 def chord_of(direction: float) -> float:

@@ -11,10 +11,8 @@ from weberlink.geometry.vector import Vector
 
 Reference = Literal["actual", "displayed", "sent"]
 
-Measure = Callable[[Vector, Vector], float]
-"""How a deadband measures the error of the displayed value against the actual one."""
-Measures = Callable[[float], Measure]
-"""The measure at a Weber factor, which may change in a session."""
+Measure = Callable[[Vector, Vector], float]  # Error of the displayed value against the actual one
+Measures = Callable[[float], Measure]  # The measure at a Weber factor, which may change in a session
 
 
 @dataclass(frozen=True)
@@ -23,47 +21,29 @@ class NoOptions:
 
 
 class DeadbandSetup(NamedTuple):
-    """The settings of a deadband in a configuration file.
+    """The settings of a deadband in a configuration file."""
 
-    Args:
-        weber: Weber factor k, >= 0.
-        floor: absolute threshold in the unit of the values, >= 0.
-        reference: the value that k scales.
-        tick_period: time between ticks [s].
-        options: the deadband's `Options`.
-    """
-
-    weber: float
-    floor: float
-    reference: Reference
-    tick_period: float
-    options: Any
+    weber: float  # Weber factor k, >= 0
+    floor: float  # absolute threshold in the unit of the values, >= 0
+    reference: Reference  # the value that k scales
+    tick_period: float  # time between ticks [s]
+    options: Any  # the deadband's `Options`
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
 class Deadband(metaclass=ABCMeta):
-    """A sample is sent when `error` exceeds `bound`. Only the encoder uses it.
-
-    Attributes:
-        name: its name in configuration files and options.
-        summary: one sentence for the JSON schema.
-        Options: a dataclass of its own options in the configuration file: numbers with a default, and the range of
-            each as `annotated_types` say it.
-        reads_motion: whether `bound` reads `moved`; for the others it is not computed, and 0.
-        is_ball: whether `error` is the Euclidean distance. Only then may an update be smoothed.
-        needs_actual: whether the Weber factor can refer to the measured value only.
-        needs_floor: whether the floor must be above 0.
-    """
+    """A sample is sent when `error` exceeds `bound`. Only the encoder uses it."""
 
     __slots__ = ()
 
-    name: ClassVar[str]
-    summary: ClassVar[str]
+    name: ClassVar[str]  # in configuration files and options
+    summary: ClassVar[str]  # one sentence for the JSON schema
+    # A dataclass of its options in the configuration file: numbers with a default and a range of `annotated_types`.
     Options: ClassVar[type[Any]] = NoOptions
-    reads_motion: ClassVar[bool] = False
-    is_ball: ClassVar[bool] = True
-    needs_actual: ClassVar[bool] = False
-    needs_floor: ClassVar[bool] = False
+    reads_motion: ClassVar[bool] = False  # whether `bound` reads `moved`; for the others it is not computed, and 0
+    is_ball: ClassVar[bool] = True  # whether `error` is the Euclidean distance: only then may an update be smoothed
+    needs_actual: ClassVar[bool] = False  # whether the Weber factor can refer to the measured value only
+    needs_floor: ClassVar[bool] = False  # whether the floor must be above 0
 
     @classmethod
     def configured(cls, setup: DeadbandSetup) -> Self:

@@ -41,8 +41,7 @@ class ForceDeadband(Deadband):
     def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:  # noqa: ARG002
         name = self.reference
         reference = actual if name == "actual" else displayed if name == "displayed" else sent
-        relative = self.weber * norm(reference)
-        return relative if relative > self.floor else self.floor
+        return max(self.floor, self.weber * norm(reference))
 
     def error(self, displayed: Vector, actual: Vector, /) -> float:
         return distance(displayed, actual)
@@ -65,7 +64,6 @@ class PositionDeadband(Deadband):
     __slots__ = ("least", "weber")
 
     name: ClassVar[str] = "position"
-    summary: ClassVar[str] = "A position bound at rest and a Weber bound on velocity."
     reads_motion: ClassVar[bool] = True
 
     def __init__(self, weber: float, least: float) -> None:

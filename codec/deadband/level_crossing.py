@@ -16,11 +16,9 @@ from weberlink.codec.deadband.cone import DIRECTION_RAD, ConeOptions, chord, cho
 from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, check_not_negative
 from weberlink.geometry.vector import Vector, distance, norm
 
-LEAST_WEBER = 1e-4
-"""Smallest Weber factor of the grid; finer than any wire step needs."""
+LEAST_WEBER = 1e-4  # Smallest Weber factor of the grid; finer than any wire step needs
 HYSTERESIS = 0.25
-POWERS = 24
-"""Number of stored powers of the level ratio, with exponents 1, 2, 4, ...: enough for any float on the finest grid."""
+POWERS = 24  # Powers of the level ratio, with exponents 1, 2, 4, ...: enough for any float on the finest grid
 
 
 @dataclass(frozen=True)
@@ -35,16 +33,8 @@ class LevelCrossingDeadband(Deadband):
 
     The levels are multiples of the floor up to about floor / k, and above that a factor of 1 + k apart: the spacing is
     `max(k |f|, floor)`. The hysteresis is `h max(k |f|, floor)`; without it, sensor noise at a level would be sent at
-    every tick. The direction is treated as in the cone: the angle is at most theta, or `|g - f| <= floor`.
-
-    Args:
-        weber: Weber factor k, >= 0; values below `LEAST_WEBER` count as `LEAST_WEBER`.
-        floor: absolute threshold and lowest level [N], > 0.
-        direction: largest angle theta that stays unsent [rad], above 0 and at most pi.
-        hysteresis: h, 0 to 1.
-
-    Raises:
-        ValueError: for a number out of its range.
+    every tick. The direction is treated as in the cone: the angle is at most theta, or `|g - f| <= floor`. ValueError
+    for a number out of its range.
     """
 
     name = "level_crossing"
@@ -56,18 +46,14 @@ class LevelCrossingDeadband(Deadband):
     needs_actual = True
     needs_floor = True
 
-    weber: float
-    floor: float
-    direction: float = DIRECTION_RAD
-    hysteresis: float = HYSTERESIS
-    widest: float = field(init=False, repr=False, compare=False)
-    """Chord of `direction`."""
-    spacing: float = field(init=False, repr=False, compare=False)
-    """Distance between levels above the knee, as a share of the lower one."""
-    knee: float = field(init=False, repr=False, compare=False)
-    """The level at which multiples end and powers begin [N]."""
-    powers: tuple[float, ...] = field(init=False, repr=False, compare=False)
-    """Powers of the level ratio 1 + `spacing`, with exponents ..., 4, 2, 1."""
+    weber: float  # k, >= 0; less than `LEAST_WEBER` counts as `LEAST_WEBER`
+    floor: float  # absolute threshold and lowest level [N], > 0
+    direction: float = DIRECTION_RAD  # theta [rad], above 0 and at most pi
+    hysteresis: float = HYSTERESIS  # h, 0 to 1
+    widest: float = field(init=False, repr=False, compare=False)  # Chord of `direction`
+    spacing: float = field(init=False, repr=False, compare=False)  # Of levels above the knee, as a share of the lower
+    knee: float = field(init=False, repr=False, compare=False)  # The level at which multiples end and powers begin [N]
+    powers: tuple[float, ...] = field(init=False, repr=False, compare=False)  # (1 + `spacing`)**(..., 4, 2, 1)
 
     def __post_init__(self) -> None:
         check_not_negative("weber", self.weber)
@@ -76,10 +62,13 @@ class LevelCrossingDeadband(Deadband):
         if not 0.0 <= self.hysteresis <= 1.0:
             raise ValueError(f"hysteresis must be 0 to 1, not {self.hysteresis!r}")
         spacing = max(self.weber, LEAST_WEBER)
+        powers = [1.0 + spacing]
+        while len(powers) < POWERS:
+            powers.append(powers[-1] * powers[-1])
         object.__setattr__(self, "widest", chord_of(self.direction))
         object.__setattr__(self, "spacing", spacing)
         object.__setattr__(self, "knee", self.floor * max(1, int(1.0 / spacing)))
-        object.__setattr__(self, "powers", _powers(1.0 + spacing))
+        object.__setattr__(self, "powers", tuple(reversed(powers)))
 
     @classmethod
     def configured(cls, setup: DeadbandSetup) -> Self:
@@ -89,8 +78,7 @@ class LevelCrossingDeadband(Deadband):
         return f"level crossing, hysteresis {self.hysteresis:g}, direction within {degrees(self.direction):g} deg"
 
     def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:  # noqa: ARG002
-        relative = self.spacing * norm(actual)
-        return self.hysteresis * (relative if relative > self.floor else self.floor)
+        return self.hysteresis * max(self.floor, self.spacing * norm(actual))
 
     def error(self, displayed: Vector, actual: Vector) -> float:
         """How far |f| is past the first level on the way from |g| [N]; the error of the direction if that is more."""
@@ -98,9 +86,7 @@ class LevelCrossingDeadband(Deadband):
         past = past_level(size, held, self.floor, self.knee, self.powers)
         ratio = chord(displayed, held, actual, size) / self.widest
         if ratio > 1.0 and distance(displayed, actual) > self.floor:
-            relative = self.spacing * size
-            turned = ratio * (relative if relative > self.floor else self.floor)
-            return turned if turned > past else past
+            return max(past, ratio * max(self.floor, self.spacing * size))
         return past
 
 
@@ -130,10 +116,3 @@ def level_below(size: float, floor: float, knee: float, powers: tuple[float, ...
 def level_after(level: float, floor: float, knee: float, powers: tuple[float, ...]) -> float:
     """The next higher level [N]."""
     return level + floor if level < knee else level * powers[-1]
-
-
-def _powers(ratio: float) -> tuple[float, ...]:
-    powers = [ratio]
-    for _ in range(POWERS - 1):
-        powers.append(powers[-1] * powers[-1])
-    return tuple(reversed(powers))

@@ -23,10 +23,7 @@ class PerAxisDeadband(Deadband):
     __slots__ = ("floors", "resolution", "weber")
 
     name: ClassVar[str] = "per_axis"
-    summary: ClassVar[str] = "A bound on each axis of its own."
     is_ball: ClassVar[bool] = False
-    needs_actual: ClassVar[bool] = True
-    needs_floor: ClassVar[bool] = True
 
     def __init__(self, weber: float, floors: Vector, resolution: float = 0.0) -> None:
         check_not_negative("weber", weber)
@@ -48,7 +45,5 @@ class PerAxisDeadband(Deadband):
             value, floor = actual[index], floors[index]
             apart = abs(displayed[index] - value)
             if apart > resolution:
-                relative = weber * abs(value)
-                ratio = apart / (relative if relative > floor else floor)
-                largest = ratio if ratio > largest else largest
+                largest = max(largest, apart / max(floor, weber * abs(value)))
         return largest

@@ -9,13 +9,7 @@ from typing import Annotated, Self
 
 from annotated_types import Interval
 
-from weberlink.codec.deadband.contract import (
-    Deadband,
-    DeadbandSetup,
-    Reference,
-    check_not_negative,
-    check_reference,
-)
+from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, Reference, check_not_negative, check_reference
 from weberlink.geometry.vector import Vector, distance, norm
 
 SLOPE_S_M = 0.5
@@ -35,17 +29,7 @@ class VelocityDeadband(Deadband):
     """`|f_pred - f| <= max(k(v) |f_ref|, floor)` with `k(v) = k + slope |v|`, at most `most` (or k, if that is more).
 
     The speed is that of the position since the tick before, without a filter; `most` bounds the effect of a jump.
-
-    Args:
-        weber: Weber factor k at rest, >= 0.
-        floor: absolute threshold [N], >= 0.
-        reference: the force that k scales.
-        slope: growth of the Weber factor with speed [s/m], >= 0.
-        most: limit of that growth, >= 0.
-        period: time between ticks [s], > 0.
-
-    Raises:
-        ValueError: for a number out of its range or an unknown reference.
+    ValueError for a number out of its range or an unknown reference.
     """
 
     name = "velocity_adaptive"
@@ -53,14 +37,13 @@ class VelocityDeadband(Deadband):
     Options = VelocityOptions
     reads_motion = True
 
-    weber: float
-    floor: float = 0.0
-    reference: Reference = "actual"
-    slope: float = SLOPE_S_M
-    most: float = MOST_WEBER
-    period: float = 1e-3
-    per_metre: float = field(init=False, repr=False, compare=False)
-    """Growth of the Weber factor with the distance moved in one tick [1/m]."""
+    weber: float  # k at rest, >= 0
+    floor: float = 0.0  # absolute threshold [N], >= 0
+    reference: Reference = "actual"  # the force that k scales
+    slope: float = SLOPE_S_M  # growth of k with speed [s/m], >= 0
+    most: float = MOST_WEBER  # limit of that growth, >= 0
+    period: float = 1e-3  # time between ticks [s], > 0
+    per_metre: float = field(init=False, repr=False, compare=False)  # Growth of k by the distance moved in a tick [1/m]
     highest: float = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -91,7 +74,6 @@ class VelocityDeadband(Deadband):
         reference = actual if name == "actual" else displayed if name == "displayed" else sent
         grown = self.weber + self.per_metre * moved
         # The comparison is False for NaN (an infinite distance times a slope of 0), so that gives `highest`.
-        relative = (grown if grown < self.highest else self.highest) * norm(reference)
-        return relative if relative > self.floor else self.floor
+        return max(self.floor, (grown if grown < self.highest else self.highest) * norm(reference))
 
     error = staticmethod(distance)

@@ -39,8 +39,7 @@ PREDICTORS: Registry[Predictor] = Registry(
 
 HYBRID = "hybrid"
 ADAPTIVE = "adaptive"
-BANKS = (HYBRID, ADAPTIVE)
-"""Names that stand for a choice among several predictors."""
+BANKS = (HYBRID, ADAPTIVE)  # Names that stand for a choice among several predictors
 
 HYBRID_BANK = ("zoh", "linear", "plane", "sphere")
 ADAPTIVE_BANK = ("plane", "sphere", "surface", "affine", "path", "elastic", "linear", "zoh")

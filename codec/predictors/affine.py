@@ -18,32 +18,20 @@ from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale, subtract
 from weberlink.update import ModelParameters
 
-WINDOW_S = 0.014
-"""Length of the regression window [s]."""
-STEP_S = 0.001
-"""Time from one sample of the window to the next, where the ticks allow [s]."""
-LEAST_STEPS = 4
-"""Smallest length of the window, in samples."""
-RIDGE_PLACE = 1e-5
-"""Ridge on K [m]: it halves the estimate if the motion in the window is this large (rms)."""
-RIDGE_TIME = 0.2
-"""Ridge on g: a share of the number of samples, where time is in units of the window."""
-SIZE = 4
-"""Unknowns per axis of the force: three elements of K and one of g."""
+WINDOW_S = 0.014  # Length of the regression window [s]
+STEP_S = 0.001  # Time from one sample of the window to the next, where the ticks allow [s]
+LEAST_STEPS = 4  # Smallest length of the window, in samples
+RIDGE_PLACE = 1e-5  # Ridge on K [m]: it halves the estimate if the motion in the window is this large (rms)
+RIDGE_TIME = 0.2  # Ridge on g: a share of the number of samples, where time is in units of the window
+SIZE = 4  # Unknowns per axis of the force: three elements of K and one of g
 
-Matrix = tuple[Vector, Vector, Vector]
-"""Rows."""
+Matrix = tuple[Vector, Vector, Vector]  # Rows
 
-_WIDTHS = {1: (12, 12), 2: (10, 10), 3: (8, 9)}
-"""Bits of an element of K and of g, by the number of axes that are sent."""
-SOFTEST = 2.0**-10
-"""Value of the last bit of K, in wire steps of force per wire step of position."""
-SLOWEST = 2.0**-12
-"""Value of the last bit of g, in wire steps per tick."""
-WIDEST = 2.0
-"""Largest tangent of the angle between prediction and newest force; it prevents sideways jumps of a returning force."""
-_MOST_SQUARE = 1.0 + WIDEST * WIDEST
-"""Square of 1 / cosine of that angle."""
+_WIDTHS = {1: (12, 12), 2: (10, 10), 3: (8, 9)}  # Bits of an element of K and of g, by the number of axes that are sent
+SOFTEST = 2.0**-10  # Value of the last bit of K, in wire steps of force per wire step of position
+SLOWEST = 2.0**-12  # Value of the last bit of g, in wire steps per tick
+WIDEST = 2.0  # Tangent of the angle from the newest force to a prediction: no sideways jump of a returning force
+_MOST_SQUARE = 1.0 + WIDEST * WIDEST  # Square of 1 / cosine of that angle
 Rows = list[list[float]]
 
 
@@ -52,10 +40,8 @@ class Affine(Model):
     value: Vector
     position: Vector
     tick: int
-    stiffness: Matrix
-    """K [N/m], the derivative of the force on the probe by position: for a wall, negative along its normal."""
-    slope: Vector
-    """g [N/tick]."""
+    stiffness: Matrix  # K [N/m], the derivative of the force on the probe by position; negative along a wall's normal
+    slope: Vector  # g [N/tick]
 
     def at(self, tick: float, position: Vector) -> Vector:
         value, place, slope = self.value, self.position, self.slope
@@ -72,15 +58,11 @@ class Affine(Model):
         if not along > 0.0:
             return ZERO
         if (a * a + b * b + c * c) * own > _MOST_SQUARE * along * along:
-            return _turned_back((a, b, c), value, along / own)
+            # Moved back into the cone about the newest force; the part along that is unchanged.
+            straight = scale(value, along / own)
+            across = subtract((a, b, c), straight)
+            return add(straight, scale(across, WIDEST * norm(straight) / norm(across)))
         return (a, b, c)
-
-
-def _turned_back(force: Vector, newest: Vector, share: float) -> Vector:
-    """A force moved back into the cone about the newest one; its part along the newest one is unchanged."""
-    straight = scale(newest, share)
-    across = subtract(force, straight)
-    return add(straight, scale(across, WIDEST * norm(straight) / norm(across)))
 
 
 class LocalAffine:

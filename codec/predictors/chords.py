@@ -13,18 +13,12 @@ from numpy.typing import NDArray
 
 from weberlink.geometry.vector import Vector
 
-MARGIN = 0.8
-"""Largest error at a known tick, as a share of the deadband; the rest is for rounding."""
-ROUNDS = 5
-"""Solutions of a least-squares problem with weights that change."""
-MOST_INNER = 6
-"""Largest number of knots that are added."""
-PLACES = 16
-"""Number of places that are tried for a knot, the nearest ones to the largest error."""
-EXPECTED = 4.0
-"""Weight of an expected value beside that of a known one."""
-END = 2.0
-"""The same at the end of the known samples, if the path has a knot there."""
+MARGIN = 0.8  # Largest error at a known tick, as a share of the deadband; the rest is for rounding
+ROUNDS = 5  # Solutions of a least-squares problem with weights that change
+MOST_INNER = 6  # Largest number of knots that are added
+PLACES = 16  # Number of places that are tried for a knot, the nearest ones to the largest error
+EXPECTED = 4.0  # Weight of an expected value beside that of a known one
+END = 2.0  # The same at the end of the known samples, if the path has a knot there
 
 Array = NDArray[np.float64]
 

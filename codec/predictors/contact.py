@@ -22,43 +22,28 @@ from math import asin, exp, sqrt
 from weberlink.codec.predictors.estimation import History, Signal
 from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
 
-STEP_S = 0.010
-"""Time over which displacements and changes of force are taken [s]."""
-TURN_S = 0.030
-"""Time over which a turn of the normal is taken [s]."""
-THIRD_S = 0.016
-"""Time between the samples of a third difference [s]."""
-SECOND_S = 0.060
-"""Time between the samples of a second difference [s]: two of them must fit into the history."""
-EVERY_S = 0.004
-"""Time from one update of the slower estimates (curvature, motion) to the next [s]."""
-MEMORY_STIFFNESS_S = 2.0
-"""`MEMORY_...`: time constant with which samples are forgotten [s]."""
+STEP_S = 0.010  # Time over which displacements and changes of force are taken [s]
+TURN_S = 0.030  # Time over which a turn of the normal is taken [s]
+THIRD_S = 0.016  # Time between the samples of a third difference [s]
+SECOND_S = 0.060  # Time between the samples of a second difference [s]: two of them must fit into the history
+EVERY_S = 0.004  # Time from one update of the slower estimates (curvature, motion) to the next [s]
+MEMORY_STIFFNESS_S = 2.0  # `MEMORY_...`: time constant with which samples are forgotten [s]
 MEMORY_CURVATURE_S = 0.3
 MEMORY_THIRD_S = 2.0
 MEMORY_FREQUENCY_S = 10.0 / 3.0
-SLOW_S = 0.050
-"""Time constant of the average of the slow part [s]."""
-NORMAL_S = 0.010
-"""Time constant of the average of the normal while the probe slides by 1 mm or more in `STEP_S` [s]."""
-FRICTION_S = 0.020
-"""Time constant of the average of the coefficient of friction [s]."""
-LEAST_WAYS = 2.5e-7
-"""The estimate of a curvature has half its value if the sum of squared displacements is this small [m^2]."""
-LEAST_WAY = 3e-5
-"""Displacement over `STEP_S` that counts as sliding [m]."""
-LEAST_CHANGE = 1e-7
-"""Smallest integral of squared changes of force that gives an estimate [N^2 s]; `LEAST_THIRD` likewise."""
+SLOW_S = 0.050  # Time constant of the average of the slow part [s]
+NORMAL_S = 0.010  # Time constant of the average of the normal while the probe slides by 1 mm or more in `STEP_S` [s]
+FRICTION_S = 0.020  # Time constant of the average of the coefficient of friction [s]
+LEAST_WAYS = 2.5e-7  # With so small a sum of squared displacements, a curvature is estimated at half its value [m^2]
+LEAST_WAY = 3e-5  # Displacement over `STEP_S` that counts as sliding [m]
+LEAST_CHANGE = 1e-7  # Smallest integral of squared changes of force that gives an estimate [N^2 s]; `LEAST_THIRD` too
 LEAST_THIRD = 1e-5
-LEAST_INDEPENDENCE = 1e-6
-"""Smallest share of the change of speed, in squares, that the change of force leaves unexplained."""
+LEAST_INDEPENDENCE = 1e-6  # Least share of the squared change of speed that the change of force leaves unexplained
 MOST_COMPLIANT, STIFFEST = 1e-1, 1e-6
 """Range of accepted compliance [m/N]."""
 LARGEST_FRICTION = 1.5
-LEAST_NORMAL_SHARE = 0.5
-"""Smallest share of the force across the direction of sliding; with less, the probe is pressed and does not slide."""
-SAME_SURFACE = 0.9
-"""Smallest cosine between the old normal and the force of a new contact with which the old normal is kept."""
+LEAST_NORMAL_SHARE = 0.5  # Of the force, across the sliding direction; with less, the probe is pressed, not slid
+SAME_SURFACE = 0.9  # Cosine between the old normal and the force of a new contact from which on the old one is kept
 
 
 class ComplianceEstimator:
@@ -70,8 +55,7 @@ class ComplianceEstimator:
         self._forget = forget
         self._least = least
         self._xx = self._xy = 0.0
-        self.compliance = 0.0
-        """[m/N]; 0 while unknown."""
+        self.compliance = 0.0  # [m/N]; 0 while unknown
 
     def add(self, x: float, y: float) -> None:
         self._xx = self._xx * self._forget + x * x
@@ -90,8 +74,7 @@ class DampedEstimator:
         self._forget = forget
         self._least = least
         self._xx = self._xy = self._xz = self._yz = self._zz = 0.0
-        self.compliance = self.damping = 0.0
-        """[m/N] and [N per m/tick]; 0 while unknown."""
+        self.compliance = self.damping = 0.0  # [m/N] and [N per m/tick]; 0 while unknown
 
     def add(self, x: float, y: float, z: float) -> None:
         forget = self._forget
@@ -116,8 +99,7 @@ class CurvatureEstimator:
     def __init__(self, forget: float) -> None:
         self._forget = forget
         self._ways = self._turns = 0.0
-        self.value = 0.0
-        """[1/m]."""
+        self.value = 0.0  # [1/m]
 
     def add(self, turn: Vector, way: Vector) -> None:
         self._ways = self._ways * self._forget + dot(way, way)
@@ -132,11 +114,9 @@ class FrequencyEstimator:
 
     def __init__(self, forget: float, apart: int) -> None:
         self._forget = forget
-        self._apart = apart
-        """Ticks between the samples of a second difference."""
+        self._apart = apart  # Ticks between the samples of a second difference
         self._count = self._x = self._y = self._xx = self._xy = 0.0
-        self.value = 0.0
-        """[rad/tick]; 0 if the motion does not oscillate."""
+        self.value = 0.0  # [rad/tick]; 0 if the motion does not oscillate
 
     def add(self, place: float, second: float) -> None:
         forget = self._forget

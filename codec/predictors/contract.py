@@ -13,26 +13,17 @@ from weberlink.update import ModelParameters, Payload, PreviousSample
 
 @mypyc_attr(allow_interpreted_subclasses=True)
 class Predictor(metaclass=ABCMeta):
-    """What the two kinds share; a predictor is a `FittedPredictor` or an `EstimatedPredictor`.
-
-    Attributes:
-        name: its name in configuration files, reports and telemetry.
-        geometric: whether its model reads the position, so that its updates must carry it; then it is not for a
-            position channel.
-        describes_contact: whether its model is a contact surface; then it is for forces only.
-        estimated: whether its parameters are sent: its kind.
-        looks_ahead: whether its candidates read the samples that are known ahead.
-        doubt: factor >= 1 on its number of sends when `adaptive` compares predictors, so that a model that may fit
-            noise must be clearly better than a simpler one.
-    """
+    """What the two kinds share; a predictor is a `FittedPredictor` or an `EstimatedPredictor`."""
 
     __slots__ = ()
 
-    name: ClassVar[str]
-    geometric: ClassVar[bool] = False
-    describes_contact: ClassVar[bool] = False
-    estimated: ClassVar[bool] = False
-    looks_ahead: ClassVar[bool] = False
+    name: ClassVar[str]  # in configuration files, reports and telemetry
+    geometric: ClassVar[bool] = False  # the model reads the position, which updates carry: not for a position channel
+    describes_contact: ClassVar[bool] = False  # the model is a contact surface: for forces only
+    estimated: ClassVar[bool] = False  # the parameters are sent: its kind
+    looks_ahead: ClassVar[bool] = False  # its candidates read the samples that are known ahead
+    # Factor >= 1 on its number of sends when `adaptive` compares predictors: a model that may fit noise must be clearly
+    # better than a simpler one.
     doubt: ClassVar[float] = 1.0
 
     def groups(self, grid: SampleGrid) -> tuple[int, ...]:
@@ -94,7 +85,7 @@ class FittedPredictor(Predictor):
             raise ValueError(f"update carries {len(payload.levels)} levels of the previous sample, expected {size}")
         elif previous is None:
             previous = grid.sample(newest.tick - payload.gap, payload.levels)
-        return self.fit(newest, previous, limits) or Hold(newest.value)
+        return self.model(newest, previous, limits)
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

@@ -7,10 +7,8 @@ from weberlink.codec.predictors.model import FitLimits, Model
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import Vector, interpolate
 
-KEPT_S = 0.128
-"""Time that a full history covers at least [s]."""
-LONGEST_GAP_S = 0.016
-"""Longest gap in the samples that is filled, by straight lines [s]; a longer one ends the history."""
+KEPT_S = 0.128  # Time that a full history covers at least [s]
+LONGEST_GAP_S = 0.016  # Longest gap in the samples that is filled, by straight lines [s]; a longer one ends the history
 
 
 class History:
@@ -112,22 +110,13 @@ NOTHING = Ahead()
 
 
 class EncodeContext(NamedTuple):
-    """What the sender knows when it makes a model to send.
+    """What the sender knows when it makes a model to send."""
 
-    Args:
-        newest: the sample to send, quantized.
-        earlier: the sample sent before; None if there is none, or if it is too old.
-        bound: the deadband at the newest sample, in the unit of the values.
-        history: the measured samples, the newest included and last.
-        ahead: the samples that follow it, as far as they are known; none without look-ahead. Estimators have taken
-            them in.
-    """
-
-    newest: Sample
-    earlier: Sample | None
-    bound: float
-    history: History
-    ahead: Ahead = NOTHING
+    newest: Sample  # the sample to send, quantized
+    earlier: Sample | None  # the sample sent before; None if there is none, or if it is too old
+    bound: float  # the deadband at the newest sample, in the unit of the values
+    history: History  # the measured samples, the newest included and last
+    ahead: Ahead = NOTHING  # the samples that follow it, as far as they are known; estimators have taken them in
 
 
 class Candidate(Protocol):

@@ -21,29 +21,19 @@ from weberlink.codec.predictors.estimation import History, Signal
 from weberlink.codec.predictors.path import HORIZONS, STEP_S
 from weberlink.geometry.vector import ZERO, Vector, add, dot, subtract
 
-LAGS_S = (0.001, 0.003, 0.009, 0.027)
-"""Times over which differences and, except the first, running means are taken [s]."""
-MOTION_S = (0.004, 0.016)
-"""Times over which the motion of the hand is taken [s]."""
-STATE_S = 0.008
-"""Time over which loading and unloading are told apart [s]."""
-MEMORY_S = 10.0
-"""Time constant of forgetting, counted in the time that the signal spends in a state [s]."""
-RIDGE = 8.0
-"""Weight of the prior assumption that nothing changes, in squared deadbands."""
-ROBUST = 2.0
-"""A sample that was missed by so many deadbands has half the weight."""
-VALUE = 0.1
-"""Scale of the value among the regressors."""
-SMALLEST = 1e-280
-"""A sample with a smaller squared deadband does not count: its weight could overflow."""
-STATES = 3
-"""Free, loading, unloading."""
+LAGS_S = (0.001, 0.003, 0.009, 0.027)  # Times over which differences and, except the first, running means are taken [s]
+MOTION_S = (0.004, 0.016)  # Times over which the motion of the hand is taken [s]
+STATE_S = 0.008  # Time over which loading and unloading are told apart [s]
+MEMORY_S = 10.0  # Time constant of forgetting, counted in the time that the signal spends in a state [s]
+RIDGE = 8.0  # Weight of the prior assumption that nothing changes, in squared deadbands
+ROBUST = 2.0  # A sample that was missed by so many deadbands has half the weight
+VALUE = 0.1  # Scale of the value among the regressors
+SMALLEST = 1e-280  # A sample with a smaller squared deadband does not count: its weight could overflow
+STATES = 3  # Free, loading, unloading
 
 _SLOTS = HORIZONS[-1] + 1
 _NOTE, _SOLVE = -1, -2
-_WORK = (_NOTE, 0, _SOLVE, 1, 2, _SOLVE, 3, 4, _SOLVE, 5)
-"""The work of a step, in its order: store a sample, compare one for each horizon, and solve for three horizons."""
+_WORK = (_NOTE, 0, _SOLVE, 1, 2, _SOLVE, 3, 4, _SOLVE, 5)  # A step: store a sample, compare each horizon, solve thrice
 _STILL = (0.0, 0.0)
 
 Row = list[float]
@@ -68,10 +58,8 @@ class Equations:
 
     def __init__(self, size: int, kinds: int) -> None:
         self.rows: list[Row] = [[0.0] * (index + 1) for index in range(size + kinds)]
-        self.solutions: list[Row] = []
-        """The weights that explain each kind of change."""
-        self.unexplained: list[Row] = []
-        """Products of the changes with each other, of what the weights leave of them."""
+        self.solutions: list[Row] = []  # The weights that explain each kind of change
+        self.unexplained: list[Row] = []  # Products of the changes with each other, of what the weights leave of them
 
     def add(self, noted: "Noted", changes: list[Vector], weight: float, forget: float) -> None:
         """Add a sample and what followed it."""

@@ -5,20 +5,16 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-from weberlink.codec.sample import Sample
+from weberlink.codec.sample import UNKNOWN, Sample
 from weberlink.compiled import mypyc_attr
 from weberlink.geometry.vector import Vector, distance, norm
-
-_UNKNOWN: Vector = (float("nan"),) * 3
 
 
 class ModelKind(IntEnum):
     """The kind of a model, as telemetry records it."""
 
-    HELD = 0
-    """No update yet, or a held sample."""
-    LINE = 1
-    """Extrapolation in time, or in time and position."""
+    HELD = 0  # No update yet, or a held sample
+    LINE = 1  # Extrapolation in time, or in time and position
     PLANE = 2
     SPHERE = 3
 
@@ -27,18 +23,12 @@ class ModelRecord(NamedTuple):
     """A model as telemetry records it; NaN if it describes no surface.
 
     A `SurfacePatch` counts as the plane or sphere that it is at its newest sample.
-
-    Args:
-        kind: of the model.
-        surface: unit normal of a plane, or centre of a sphere [m].
-        size: d of a plane [m], or radius of a sphere [m], negative if concave.
-        stiffness: of the contact [N/m].
     """
 
     kind: ModelKind
-    surface: Vector = _UNKNOWN
-    size: float = float("nan")
-    stiffness: float = float("nan")
+    surface: Vector = UNKNOWN  # unit normal of a plane, or centre of a sphere [m]
+    size: float = float("nan")  # d of a plane [m], or radius of a sphere [m], negative if concave
+    stiffness: float = float("nan")  # of the contact [N/m]
 
 
 UNFITTED = ModelRecord(ModelKind.HELD)
@@ -109,8 +99,7 @@ class Line(Model):
     """A straight line in time."""
 
     value: Vector
-    slope: Vector
-    """Per tick."""
+    slope: Vector  # Per tick
     tick: int
 
     def at(self, tick: float, position: Vector) -> Vector:  # noqa: ARG002
@@ -126,22 +115,16 @@ class Line(Model):
 class FitLimits:
     """The range in which a fitted contact is accepted; outside it a predictor holds the newest sample.
 
-    Args:
-        stiffness: contact stiffness [N/m], lowest and highest, > 0.
-        radius: radius of a sphere [m], lowest and highest, > 0.
-        least_angle_sine: sine of the angle below which two directions count as parallel, 0 to 1. It is applied to the
-            two forces of a sphere (a wire step of 1 mN turns a force of 1 N by 1e-3) and to the columns of its
-            equations.
-        misfit: largest error of a fit at its own newest sample, as a share of that force, > 0. If no sphere passes
-            through both samples, the least-squares sphere may push in the wrong direction.
-
-    Raises:
-        ValueError: for an invalid range.
+    ValueError for an invalid range.
     """
 
-    stiffness: tuple[float, float] = (1.0, 1e6)
-    radius: tuple[float, float] = (1e-3, 10.0)
+    stiffness: tuple[float, float] = (1.0, 1e6)  # of the contact [N/m], lowest and highest, > 0
+    radius: tuple[float, float] = (1e-3, 10.0)  # of a sphere [m], lowest and highest, > 0
+    # Sine of the angle below which two directions count as parallel, 0 to 1: the forces of a sphere (a wire step of
+    # 1 mN turns a force of 1 N by 1e-3) and the columns of its equations.
     least_angle_sine: float = 1e-3
+    # Largest error of a fit at its own newest sample, as a share of that force, > 0. If no sphere passes through both
+    # samples, the least-squares sphere may push in the wrong direction.
     misfit: float = 0.25
 
     def __post_init__(self) -> None:

@@ -24,46 +24,33 @@ from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, add, distance, subtract
 from weberlink.update import MOST_PARAMETER_BYTES, ModelParameters
 
-STEP_S = 0.004
-"""Time from one sample that is learned to the next [s]."""
-HORIZONS = (1, 2, 4, 8, 16, 32)
-"""Moments of the knots, in steps after the sample."""
+STEP_S = 0.004  # Time from one sample that is learned to the next [s]
+HORIZONS = (1, 2, 4, 8, 16, 32)  # Moments of the knots, in steps after the sample
+# A displacement has steps of the largest power of two of the wire step that is at most this part of the deadband.
 FINENESS, FINENESS_AHEAD = 8.0, 16.0
-"""A displacement has steps of the largest power of two of the wire step that is at most this part of the deadband; with
-look-ahead finer ones."""
-LEAST_CHANGE, LEAST_CHANGE_AHEAD = 0.25, 0.1
-"""The path ends before a last part that changes it by less [deadbands]; the second one with look-ahead."""
-SOON = 2
-"""Number of horizons of the second candidate of `path`, which holds what it reaches then."""
-_HEAD = (3, 4, 6)
-"""Bits of the number of knots, of the width of a component and of the exponent of its step."""
+LEAST_CHANGE, LEAST_CHANGE_AHEAD = 0.25, 0.1  # A last part that changes the path by less is left out [deadbands]
+SOON = 2  # Number of horizons of the second candidate of `path`, which holds what it reaches then
+_HEAD = (3, 4, 6)  # Bits of the number of knots, of the width of a component and of the exponent of its step
 _HEAD_BYTES = 2
+# In place of the number of knots, if the sender looked ahead. Then there follow the number of known ticks, the numbers
+# of knots within them and beyond, and the ticks of the former. The path begins at a knot at 0.
 _LOOKS_AHEAD = 7
-"""In place of the number of knots, if the sender looked ahead. Then there follow the number of known ticks, the numbers
-of knots within them and beyond, and the ticks of the former. The path begins at a knot at 0."""
 _AHEAD = (7, 3, 3)
 _AHEAD_BYTES = 2
 _TICKS = 7
 _LARGEST_EXPONENT = (1 << _HEAD[2]) - 1
-_LARGEST = (1 << (1 << _HEAD[1]) - 2) - 1
-"""Largest level of a component."""
-_STIFFNESS = Float(2.0**-6, 4, 6, signed=True)
-"""Of K, in wire steps of the value per wire step of the position."""
+_LARGEST = (1 << (1 << _HEAD[1]) - 2) - 1  # Largest level of a component
+_STIFFNESS = Float(2.0**-6, 4, 6, signed=True)  # Of K, in wire steps of the value per wire step of the position
 
 
 @dataclass(slots=True)
 class Path(Model):
     newest: Sample
-    knots: tuple[int, ...]
-    """Ticks after the sample, increasing; the first one may be 0, for a path that does not begin at the sample."""
-    displacements: tuple[Vector, ...]
-    """At the knots, from the sample."""
-    exponent: int = 0
-    """A displacement is a multiple of two to this power, in wire steps."""
-    stiffness: tuple[float, float] = (0.0, 0.0)
-    """K_1 and K_2 [N/m]; negative where the force opposes the motion."""
-    known: int = 0
-    """Ticks after the sample that were known: the horizons of what is expected count from there."""
+    knots: tuple[int, ...]  # Ticks after the sample, increasing; the first is 0 if the path begins beside the sample
+    displacements: tuple[Vector, ...]  # At the knots, from the sample
+    exponent: int = 0  # A displacement is a multiple of two to this power, in wire steps
+    stiffness: tuple[float, float] = (0.0, 0.0)  # K_1 and K_2 [N/m]; negative where the force opposes the motion
+    known: int = 0  # Ticks after the sample that were known: the horizons of what is expected count from there
 
     def first(self, newest: Sample) -> Vector:
         return add(newest.value, self.displacements[0]) if self.knots and self.knots[0] == 0 else newest.value
@@ -118,7 +105,8 @@ class LearnedCandidate:
             if newest.value == ZERO or not _is_accepted(stiffness, self._limits):
                 return None
         fineness, least = (FINENESS_AHEAD, LEAST_CHANGE_AHEAD) if context.ahead.values else (FINENESS, LEAST_CHANGE)
-        exponent = _exponent(bound / (fineness * grid.value.step))
+        ratio = bound / (fineness * grid.value.step)
+        exponent = max(0, min(_LARGEST_EXPONENT, frexp(ratio)[1] - 1)) if ratio < 1e300 else _LARGEST_EXPONENT
         digit = ldexp(grid.value.step, exponent)
         tail = [_rounded(each, digit) for each in learned.displacements[: len(self._horizons)]]
         while tail and distance(tail[-1], tail[-2] if len(tail) > 1 else ZERO) <= least * bound:
@@ -238,18 +226,9 @@ def _yielded(newest: Sample, stiffness: tuple[float, float], position: Vector) -
     return (along * a + pressed * u, along * b + pressed * v, along * c + pressed * w)
 
 
-def _exponent(ratio: float) -> int:
-    """The largest power of two that is at most a ratio, as an exponent from 0 to what its field holds."""
-    return max(0, min(_LARGEST_EXPONENT, frexp(ratio)[1] - 1)) if ratio < 1e300 else _LARGEST_EXPONENT
-
-
 def _rounded(displacement: Vector, digit: float) -> Vector:
-    x, y, z = displacement
-    return (digit * _level(x / digit), digit * _level(y / digit), digit * _level(z / digit))
-
-
-def _level(ratio: float) -> int:
-    return max(-_LARGEST, min(_LARGEST, round(ratio)))
+    x, y, z = [digit * max(-_LARGEST, min(_LARGEST, round(each / digit))) for each in displacement]
+    return (x, y, z)
 
 
 def _unit(grid: SampleGrid) -> float:

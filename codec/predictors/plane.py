@@ -19,12 +19,9 @@ from weberlink.geometry.vector import ZERO, Vector, dot, norm, subtract
 
 @dataclass(slots=True)
 class Plane(Model):
-    normal: Vector
-    """Unit vector out of the wall."""
-    offset: float
-    """d [m]."""
-    stiffness: float
-    """s [N/m]."""
+    normal: Vector  # Unit vector out of the wall
+    offset: float  # d [m]
+    stiffness: float  # s [N/m]
 
     def at(self, tick: float, position: Vector) -> Vector:  # noqa: ARG002
         normal = self.normal

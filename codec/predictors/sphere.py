@@ -22,12 +22,9 @@ from weberlink.geometry.vector import ZERO, Vector, dot, norm, subtract
 @dataclass(slots=True)
 class Sphere(Model):
     centre: Vector
-    radius: float
-    """r [m]: positive convex, negative concave."""
-    stiffness: float
-    """s [N/m]."""
-    newest: Vector
-    """The newest force [N]; also used at the centre, where the direction is undefined."""
+    radius: float  # r [m]: positive convex, negative concave
+    stiffness: float  # s [N/m]
+    newest: Vector  # The newest force [N]; also used at the centre, where the direction is undefined
 
     def at(self, tick: float, position: Vector) -> Vector:  # noqa: ARG002
         centre = self.centre

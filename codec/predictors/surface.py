@@ -27,42 +27,26 @@ from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, cosine, dot, is_finite, norm, scale, sine, subtract, unit
 from weberlink.update import ModelParameters
 
-LEAST_CURVATURE = 0.5
-"""A smaller curvature is set to 0, which costs less run time [1/m]."""
-LEAST_FRICTION = 0.03
-"""A smaller coefficient of friction is noise: the surface counts as frictionless."""
-MOTION_S = 0.080
-"""Window over which velocity and acceleration are fitted [s]."""
-MOTION_STEP_S = 0.002
-"""Time from one sample of the window that is used to the next [s]."""
-LEAST_MOTION_S = 0.008
-"""In a window of this length or less, no motion is fitted [s]."""
+LEAST_CURVATURE = 0.5  # A smaller curvature is set to 0, which costs less run time [1/m]
+LEAST_FRICTION = 0.03  # A smaller coefficient of friction is noise: the surface counts as frictionless
+MOTION_S = 0.080  # Window over which velocity and acceleration are fitted [s]
+MOTION_STEP_S = 0.002  # Time from one sample of the window that is used to the next [s]
+LEAST_MOTION_S = 0.008  # In a window of this length or less, no motion is fitted [s]
 
 
 @dataclass(slots=True)
 class SurfacePatch(Model):
-    normal: Vector
-    """Unit normal, out of the surface, at `point`."""
-    point: Vector
-    """The god-object at the newest sample [m]."""
-    tick: int
-    """Tick of the newest sample."""
-    stiffness: float
-    """[N/m]."""
-    curvature: float = 0.0
-    """[1/m]; positive convex, negative concave."""
-    friction: float = 0.0
-    """Coefficient of friction: tangential over normal force at which the probe slides."""
-    velocity: float = 0.0
-    """v along the normal [m/tick]."""
-    acceleration: float = 0.0
-    """a along the normal [m/tick^2]."""
-    frequency: float = 0.0
-    """w [rad/tick]."""
-    damping: float = 0.0
-    """D along the normal [N per m/tick]."""
-    rate: float = 0.0
-    """d(depth)/dt at the newest sample [m/tick]."""
+    normal: Vector  # Unit normal, out of the surface, at `point`
+    point: Vector  # The god-object at the newest sample [m]
+    tick: int  # Tick of the newest sample
+    stiffness: float  # [N/m]
+    curvature: float = 0.0  # [1/m]; positive convex, negative concave
+    friction: float = 0.0  # Coefficient of friction: tangential over normal force at which the probe slides
+    velocity: float = 0.0  # v along the normal [m/tick]
+    acceleration: float = 0.0  # a along the normal [m/tick^2]
+    frequency: float = 0.0  # w [rad/tick]
+    damping: float = 0.0  # D along the normal [N per m/tick]
+    rate: float = 0.0  # d(depth)/dt at the newest sample [m/tick]
 
     @property
     def memory(self) -> Any:

@@ -7,10 +7,8 @@ from pydantic import Field
 from weberlink.master.devices.contract import DeviceSpec
 from weberlink.options import Options
 
-Stiffness = Annotated[float, Field(ge=1e-3, le=1e9)]
-"""Of the stiffest wall that a device displays [N/m]."""
-Reply = Annotated[float, Field(ge=1.0, le=100.0, description="how long an answer may take")]
-"""[ms]"""
+Stiffness = Annotated[float, Field(ge=1e-3, le=1e9)]  # of the stiffest wall that a device displays [N/m]
+Reply = Annotated[float, Field(ge=1.0, le=100.0, description="how long an answer may take")]  # [ms]
 
 
 class HardwareOptions(Options):

@@ -88,8 +88,7 @@ class GraspingHand:
         )
 
 
-Hand = FirmHand | GraspingHand
-"""With the position [m] and velocity [m/s] of the handle."""
+Hand = FirmHand | GraspingHand  # with the position [m] and velocity [m/s] of the handle
 
 
 def modelled_hand(options: HandOptions, position: Vector) -> Hand:
@@ -143,8 +142,7 @@ def exponential(matrix: Sequence[Sequence[float]]) -> list[list[float]]:
     return [[change[i][j] + (i == j) for j in size] for i in size]
 
 
-TERMS = 12
-"""Of the Taylor series; the norm of its matrix is at most 1/8, so the remainder is below 1e-21."""
+TERMS = 12  # of the Taylor series; the norm of its matrix is at most 1/8, so the remainder is below 1e-21
 
 
 def _product(a: Sequence[Sequence[float]], b: Sequence[Sequence[float]]) -> list[list[float]]:

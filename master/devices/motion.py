@@ -60,8 +60,7 @@ class LegSequence:
             raise ValueError("a motion needs at least one leg that takes time")
         self._ends = list(accumulate(leg.duration for leg in self._legs))
         self._repeat = repeat
-        self.duration = self._ends[-1]
-        """Duration of one round [s]."""
+        self.duration = self._ends[-1]  # duration of one round [s]
 
     def at(self, time: float) -> tuple[Vector, bool]:
         """Position [m] at `time` [s] from the start, and whether the motion is over."""

@@ -13,8 +13,7 @@ from weberlink.master.devices.hand_options import HandOptions
 from weberlink.master.devices.operator import OperatorOptions, motion_of
 from weberlink.master.devices.target_link import POINTER, PointerTarget, TargetSocket, TargetSource, unpack
 
-HELD = 1
-"""Bit of the button in a reading."""
+HELD = 1  # bit of the button in a reading
 
 
 class PointerOptions(OperatorOptions):

@@ -22,13 +22,10 @@ from weberlink.telemetry.runtime_directory import check, directories, directory,
 
 POINTER, LEADER, LEADER_LOCK = KINDS = "pointer", "leader", "leader.lock"
 """Of files, by what follows the name of the process."""
-LAYOUT = Struct("<4sQ?6d")
-"""Mark, number, held, x, y, z [m], rotation vector [rad]."""
+LAYOUT = Struct("<4sQ?6d")  # mark, number, held, x, y, z [m], rotation vector [rad]
 MARK = b"WLP2"
-LONGEST = 128
-"""Bytes of a datagram, of whatever kind of target."""
-MOST_A_TICK = 16
-"""Datagrams that one call of `TargetSocket.newest` reads; the kernel's queue holds 10 by default."""
+LONGEST = 128  # bytes of a datagram, of whatever kind of target
+MOST_A_TICK = 16  # datagrams that one call of `TargetSocket.newest` reads; the kernel's queue holds 10 by default
 
 
 class PointerTarget(NamedTuple):

@@ -9,26 +9,17 @@ from weberlink.hardware.threaded import ThreadedDriver
 from weberlink.hardware.worker import Exchange, Worker
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, check_finite
 
-STALE_S = 0.01
-"""A force ends this long, or three ticks, after the last command [s]."""
-RAMP_S = 0.05
-"""Duration of the force ramp after an interruption (connection, bad reply, missing commands) [s]."""
+STALE_S = 0.01  # a force ends this long, or three ticks, after the last command [s]
+RAMP_S = 0.05  # duration of the force ramp after an interruption (connection, bad reply, missing commands) [s]
 
 
 class ThreadedDevice(ThreadedDriver[Any, DeviceReading]):
     """A device of which each exchange takes a command, a force [N] along its axes, and gives a reading.
 
-    A command starts an exchange at once. Without commands the exchange continues with `rest`, which feeds the
-    device's own watchdog. After every interruption commands ramp up from zero over `RAMP_S`.
-
-    Args:
-        spec: of the device.
-        exchange: takes a command within the limits of the spec.
-        tick_period: [s].
-        bad_replies: number in a row that ends the session; nothing is displayed from the first.
-        reconnect: how long to look for the device when it is gone [s].
-        rest: the command that displays nothing.
-        share: gives a share of a command, 0 to 1.
+    A command starts an exchange at once. Without commands the exchange continues with `rest`, which displays nothing
+    and feeds the device's own watchdog. After every interruption commands ramp up from zero over `RAMP_S`; `share`
+    gives a share of one, 0 to 1. The exchange gets commands within the limits of `spec`. `bad_replies` in a row end the
+    session; nothing is displayed from the first. A device that is gone is looked for during `reconnect` [s].
     """
 
     FAULT = DeviceFault

@@ -33,8 +33,7 @@ class Wrist:
         self._compliance = 1.0 / oscillator.stiffness
         self._transition = (0.0, 1.0, 0.0, 0.0, 1.0)
         self.orientation: Quaternion = IDENTITY
-        self.velocity: Vector = ZERO
-        """[rad/s]"""
+        self.velocity: Vector = ZERO  # [rad/s]
 
     def advance(self, intended: Quaternion, felt: Vector, step: float) -> None:
         """Moves on by `step` [s] toward `intended` under the torque `felt` [N m]."""

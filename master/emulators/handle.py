@@ -5,11 +5,9 @@ from pydantic import Field
 from weberlink.geometry.vector import ZERO, Vector, add, distance, is_finite, subtract
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
 
-STEP = 0.001
-"""Longest step of the hand's model [s]."""
+STEP = 0.001  # longest step of the hand's model [s]
 
-CARRY_M_S = 0.25
-"""Speed at which a handle is carried [m/s]."""
+CARRY_M_S = 0.25  # speed at which a handle is carried [m/s]
 
 
 class HandleOptions(OperatorOptions):
@@ -32,10 +30,8 @@ class Handle:
         self._carried_to: Vector | None = None
         self._carried = False
         self._now: float | None = None
-        self.position = add(options.home_m, options.origin_m)
-        """[m]"""
-        self.force = ZERO
-        """Force of the last move [N]."""
+        self.position = add(options.home_m, options.origin_m)  # [m]
+        self.force = ZERO  # force of the last move [N]
 
     def advance(self, force: Vector, now: float) -> Vector:
         """Move on to `now` [s] under `force` [N] since the last call; gives the position.

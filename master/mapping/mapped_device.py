@@ -12,10 +12,8 @@ from weberlink.geometry.rotation import IDENTITY, Quaternion, inverse, product
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, scale, subtract, within
 from weberlink.master.devices.contract import Device, DeviceReading, DeviceSpec, TorqueDevice, check_finite
 
-Box = tuple[Vector, Vector]
-"""Lowest and highest corner."""
-LONGEST_PAUSE = 0.1
-"""After a longer pause between two commands [s], walls and force fade in again."""
+Box = tuple[Vector, Vector]  # lowest and highest corner
+LONGEST_PAUSE = 0.1  # after a longer pause between two commands [s], walls and force fade in again
 
 
 class FrameMap:

@@ -21,8 +21,7 @@ from weberlink.compiled import mypyc_attr
 from weberlink.protocol.events import Address
 from weberlink.protocol.wire import LONGEST_DATAGRAM
 
-Ancillary = list[tuple[int, int, bytes]]
-"""Level, kind and data of what the system gives or takes beside a datagram."""
+Ancillary = list[tuple[int, int, bytes]]  # level, kind and data of what the system gives or takes beside a datagram
 _NOTHING: Final[Ancillary] = []
 ANCILLARY_BYTES: Final = socket.CMSG_SPACE(20)
 """Enough for a class of service or a called address."""
@@ -30,17 +29,13 @@ ECN_BITS: Final = 2
 """Lowest bits of the type-of-service octet (RFC 3168); the class of service is above them (RFC 2474)."""
 SLICE_S: Final = 2e-4
 """Longest time spent on datagrams before the event loop does other work [s]; a single datagram may take longer."""
-MOST_S: Final = 2e-3
-"""Largest balance of the budget [s], for the datagrams of a peer that wait after a stall."""
-WAKE_S: Final = 5e-6
-"""What waking the event loop for a datagram costs beside taking it [s]."""
+MOST_S: Final = 2e-3  # largest balance of the budget [s], for the datagrams of a peer that wait after a stall
+WAKE_S: Final = 5e-6  # what waking the event loop for a datagram costs beside taking it [s]
 CLASS_LOOK_S: Final = 1.0
 """Time between two looks at what the system gives beside the datagrams of a connected socket [s]: a read without it
 takes half as long."""
-_LONGEST_READ: Final = LONGEST_DATAGRAM + 5
-"""More than the longest datagram in the header of a relay [bytes]."""
-_PKTINFO: Final = 8
-"""IP_PKTINFO of <netinet/in.h>, which Python 3.11 does not name."""
+_LONGEST_READ: Final = LONGEST_DATAGRAM + 5  # more than the longest datagram in the header of a relay [bytes]
+_PKTINFO: Final = 8  # IP_PKTINFO of <netinet/in.h>, which Python 3.11 does not name
 
 
 @mypyc_attr(native_class=False)

@@ -16,7 +16,7 @@ import sys
 from collections.abc import Callable
 from contextlib import suppress
 from math import inf
-from typing import Final, NamedTuple
+from typing import Final
 
 from weberlink.compiled import mypyc_attr
 from weberlink.protocol.aio.sockets import (
@@ -36,6 +36,7 @@ from weberlink.protocol.aio.sockets import (
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
+from weberlink.protocol.paths import LinkPath
 from weberlink.protocol.states import State
 
 PEER_SHARE: Final = 0.3
@@ -46,30 +47,6 @@ TIMER_STEP_S: Final = 1e-3
 """Resolution of the timers of uvloop [s]: rounded down, a timer would fire again and again until it is due."""
 LONGEST_HANDLING_S: Final = 1e-4
 """How long before a tick a datagram waits for it at most [s], as the newest one took as long."""
-
-
-class PathFacts(NamedTuple):
-    """A path in use, in words, for people: the page, the report, the metrics.
-
-    Args:
-        place: which of several it is.
-        route: "direct", "punched", "relayed", or "" while there is none.
-        via: name of the relay, or "".
-        interface: network interface of this host, or "".
-        remote: address of the peer or of the relay, host:port.
-        changes: how often this path was replaced by another one.
-        note: what is being done while there is no path, or why there will be none.
-        dscp: class of service with which datagrams of the peer arrive (RFC 2474); None while unknown.
-    """
-
-    place: int = 0
-    route: str = "direct"
-    via: str = ""
-    interface: str = ""
-    remote: str = ""
-    changes: int = 0
-    note: str = ""
-    dscp: int | None = None
 
 
 def peer_address(name: str) -> Address:
@@ -87,7 +64,7 @@ class Path:
         is_open: until `close`.
     """
 
-    def __init__(self, facts: PathFacts, bound: socket.socket, owner: "Paths", loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(self, facts: LinkPath, bound: socket.socket, owner: "Paths", loop: asyncio.AbstractEventLoop) -> None:
         """Listen on a bound socket; `facts` say which path it is."""
         self.remote: Address | None = None
         self.changes = 0
@@ -156,7 +133,7 @@ class Path:
         with suppress(OSError):
             self._bound.sendto(data, name)
 
-    def facts(self, note: str = "") -> PathFacts:
+    def facts(self, note: str = "") -> LinkPath:
         """The path in words."""
         remote = "" if self.remote is None else numeric(self.remote)
         return self._facts._replace(remote=remote, changes=self.changes, note=note, dscp=self._dscp)
@@ -199,7 +176,7 @@ class Paths:
         self.shell = shell
         self.endpoint = shell.endpoint
         self.address: Address = ("", 0)
-        self.facts: tuple[PathFacts, ...] = ()
+        self.facts: tuple[LinkPath, ...] = ()
         self.all: tuple[Path, ...] = ()
         self._numeric: Address | None = None
         """Address of the peer that the endpoint knows by a name."""
@@ -216,7 +193,7 @@ class Paths:
                 _, local = await resolve(loop, listen, family, passive=True)
         bound = bind(family, local)
         self.address = address_of(bound.getsockname())
-        self.all = (Path(PathFacts(), bound, self, loop),)
+        self.all = (Path(LinkPath(), bound, self, loop),)
 
     def read(self) -> bool:
         """Hand what the peer has sent to the endpoint, within the budget; returns whether there was anything."""
@@ -252,7 +229,7 @@ class Paths:
         """Say anew which paths are in use."""
         peer = self.endpoint.peer
         known = [path for path in self.all if path.remote is not None]
-        self.facts = tuple(path.facts() for path in known) or (PathFacts(remote="" if peer is None else numeric(peer)),)
+        self.facts = tuple(path.facts() for path in known) or (LinkPath(remote="" if peer is None else numeric(peer)),)
 
     def close(self) -> None:
         """Release all sockets; may be repeated."""
@@ -308,7 +285,7 @@ class UdpShell:
         return self._paths.address
 
     @property
-    def paths(self) -> tuple[PathFacts, ...]:
+    def paths(self) -> tuple[LinkPath, ...]:
         """The paths in use, in words; another tuple when there is news."""
         return self._paths.facts
 
@@ -400,5 +377,4 @@ class UdpShell:
             self._paths.follow()
 
 
-MakePaths = Callable[[UdpShell], Paths]
-"""What makes the paths of a shell."""
+MakePaths = Callable[[UdpShell], Paths]  # what makes the paths of a shell

@@ -71,8 +71,7 @@ class PressedPlane(NamedTuple):
         return None if left is None else (left, False)
 
 
-Face = tuple[list[Coordinate], list[Coordinate]]
-"""The depths of the active planes, and the gaps of those that the proxy can still reach."""
+Face = tuple[list[Coordinate], list[Coordinate]]  # Depths of the active planes, gaps of those still in reach
 
 
 class LinearContact:

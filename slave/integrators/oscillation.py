@@ -5,8 +5,7 @@ from math import atan2, cos, exp, expm1, inf, log1p, pi, sin, sqrt
 NEWTON_MOST = 64  # each halves the bracket at worst, so that the bits of a double run out first
 ROUNDING = 4e-16
 
-Transition = tuple[float, float, float, float]
-"""a, b, c, d of y(t) = rest + a (y - rest) + b v and v(t) = c (y - rest) + d v."""
+Transition = tuple[float, float, float, float]  # y(t) = rest + a (y - rest) + b v and v(t) = c (y - rest) + d v
 
 
 class Oscillation:
@@ -22,10 +21,8 @@ class Oscillation:
     """
 
     def __init__(self, mass: float, stiffness: float, damping: float) -> None:
-        self.squared = stiffness / mass
-        """k / m [1/s^2]."""
-        self.decay = damping / (2.0 * mass)
-        """s [1/s]."""
+        self.squared = stiffness / mass  # k / m [1/s^2]
+        self.decay = damping / (2.0 * mass)  # s [1/s]
         difference = self.squared - self.decay * self.decay
         self._frequency = sqrt(difference) if difference > 0.0 else 0.0
         self._half_period = pi / self._frequency if difference > 0.0 else inf

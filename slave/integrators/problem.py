@@ -18,10 +18,8 @@ from weberlink.slave.scenes.contact import Touch
 from weberlink.slave.scenes.proxy import multipliers
 from weberlink.slave.scenes.scene import Scene, SceneState
 
-ROUNDING = 1e-12
-"""Share of the energy that a step may gain."""
-RESOLVED = 0.01
-"""Share of the energy up to which a gain is the error of a step that resolves the motion."""
+ROUNDING = 1e-12  # Share of the energy that a step may gain
+RESOLVED = 0.01  # Share of the energy up to which a gain is the error of a step that resolves the motion
 
 
 class Stage(NamedTuple):
@@ -44,8 +42,7 @@ class MassInContact:
     def __init__(self, body: ControlledMass, scene: Scene) -> None:
         self.body = body
         self.scene = scene
-        self.end: Stage | None = None
-        """Of the last step, which the next one begins with."""
+        self.end: Stage | None = None  # Of the last step, which the next one begins with
         self._oscillations: dict[tuple[float, float], Oscillation] = {}
 
     def oscillation(self, stiffness: float = 0.0, damping: float = 0.0) -> Oscillation:

@@ -27,8 +27,7 @@ from weberlink.slave.integrators.problem import MassInContact, Stage, contact_fo
 from weberlink.slave.scenes.contact import RESTICK, FrictionCone, Touch
 from weberlink.slave.scenes.scene import FARTHEST, NOTHING, Facing, SceneState
 
-Local = tuple[float, complex]
-"""Depth, and the components along the surface."""
+Local = tuple[float, complex]  # Depth, and the components along the surface
 
 ITERATIONS = 8  # for the direction of a slip; each squares its error
 STRAIGHT = 1e-7  # sine of the largest angle between directions that count as one
@@ -53,10 +52,8 @@ class Phase(NamedTuple):
 
 
 FREE = Phase()
-Piece = tuple[Local, Local, float, Phase | None]
-"""Where a motion leads: position, velocity, its time [s], and the phase that follows; None at the end of the step."""
-Spring = tuple[complex, complex, complex]
-"""The tangential spring from the body to its anchor: value [m], rate [m/s] and resting point [m]."""
+Piece = tuple[Local, Local, float, Phase | None]  # Position, velocity and time [s] at its end; the phase that follows
+Spring = tuple[complex, complex, complex]  # From the body to its anchor: value [m], rate [m/s] and resting point [m]
 
 
 class StickSlip:

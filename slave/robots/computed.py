@@ -6,8 +6,7 @@ from weberlink.compiled import mypyc_attr
 from weberlink.geometry.vector import ZERO, Vector, within
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 
-LONGEST_GAP = 0.1
-"""Longest time that a mechanical model advances per reading [s]; the rest of a longer silence is skipped."""
+LONGEST_GAP = 0.1  # Longest time that a model advances per reading; the rest of a longer silence is skipped [s]
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

@@ -17,14 +17,11 @@ from weberlink.slave.scenes.scene import Scene
 AUTO = "auto"
 STEP_ANGLE = 0.2  # largest omega h and largest c h / m of a semi-implicit substep, for accuracy
 SUBSTEPS_MOST = 64
-BUDGET = 0.15
-"""Share of a tick that integration may take: the slave needs the rest for its network, codec and control, and for the
-jitter of its host."""
+BUDGET = 0.15  # Share of a tick for integration: network, codec, control and the jitter of the host need the rest
+# Stated time of a step of the exact scheme on tangent planes; `study precision` measures 54 to 64 us (2-core VM).
+# A run in virtual time must not depend on the machine and keeps this constant; a live daemon measures its own.
 SPLITTING_S = 60e-6
-"""Stated time of a step of the exact scheme on tangent planes; `study precision` measures 54 to 64 us (2-core VM).
-A run in virtual time must not depend on the machine and keeps this constant; a live daemon measures its own."""
-TIMED_STEPS = 31
-"""Steps whose median counts: some milliseconds at most."""
+TIMED_STEPS = 31  # Steps whose median counts: some milliseconds at most
 
 
 class SimulatedOptions(VirtualOptions):
@@ -55,7 +52,7 @@ class SimulatedRobot(ComputedRobot):
     def __init__(self, options: SimulatedOptions, scene: Scene | None, tick_period: float) -> None:
         """Raises ValueError where the named integrator would be unstable; `auto` never is."""
         super().__init__(virtual_spec("simulated", options, tick_period), options.home_m)
-        self._scene = scene
+        self._scene = scene = scene or Scene([])
         self._tick_period = tick_period
         stiffness = self.spec.stiffness_n_m
         critical = 2.0 * sqrt(stiffness * options.mass_kg)
@@ -65,13 +62,11 @@ class SimulatedRobot(ComputedRobot):
         self.integrator, self.substeps, self._reason = chosen(self.body, scene, tick_period, *self._named)
         self._solver: Integrator
         self._motion: MassState
-        self._restart()
+        self._reset()
 
     def measure_steps(self, stopwatch: Callable[[], float]) -> None:
         """Choose the substeps by what a step takes here and now; for a live loop, before `open`."""
         scene, edge = self._scene, self.spec.workspace_m[1][0]
-        if scene is None:
-            return
         grid = [edge * share for share in (0.0, -0.2, -0.5, -0.9, 0.2, 0.5, 0.9)]
         scene.touch(self._home)  # outside
         points = ((x, y, z) for x in grid for y in grid for z in grid)
@@ -90,14 +85,10 @@ class SimulatedRobot(ComputedRobot):
         )
         self._reset()
 
-    def _restart(self) -> None:
+    def _reset(self) -> None:
+        self._scene.reset()
         self._solver = INTEGRATORS[self.integrator].build(self.body, self._scene)
         self._motion = MassState(self._home, ZERO, ZERO)
-
-    def _reset(self) -> None:
-        if self._scene is not None:
-            self._scene.reset()
-        self._restart()
 
     def _advance(self, commanded: Vector, elapsed: float) -> tuple[Vector, Vector, Vector]:
         elapsed = min(elapsed, LONGEST_GAP)
@@ -149,18 +140,18 @@ def chosen(
     `splitting_s` is the time of a step of the exact scheme where contact has no closed form. Raises ValueError if the
     semi-implicit scheme was named and would be unstable, or an object of the scene moves.
     """
-    if scene is not None and scene.moves:
+    scene = scene or Scene([])
+    if scene.moves:
         raise ValueError(
             "scene: a robot with a mass cannot touch an object with motion (no integrator knows the velocity of its "
             "surface); expected robot: {driver: point}, or objects without motion"
         )
-    stiffness = body.stiffness + (0.0 if scene is None else scene.stiffness_n_m)
-    damping = body.damping + (0.0 if scene is None else scene.damping_n_s_m)
+    stiffness, damping = body.stiffness + scene.stiffness_n_m, body.damping + scene.damping_n_s_m
     angle = period * max(sqrt(stiffness / body.mass), damping / body.mass)
     resolving = max(1, ceil(angle / STEP_ANGLE))
     told = f"{stiffness:.3g} N/m is {period * sqrt(stiffness / body.mass):.2g} rad per tick"
     if integrator == AUTO:
-        if scene is None:
+        if not scene.objects:
             return IntegratorChoice("exact", substeps or 1, "no contact")
         if scene.closed_form:
             what = "friction on a flat face" if scene.rubs else "flat contact"

@@ -11,8 +11,7 @@ from weberlink.slave.robots.contract import RobotSpec
 
 SOFTEST, STIFFEST = 1e-3, 1e9
 """Range of the stiffness of a computed robot [N/m]."""
-UNSTATED = 2500.0
-"""Stiffness of a computed robot that is built without a device [N/m]."""
+UNSTATED = 2500.0  # Stiffness of a computed robot that is built without a device [N/m]
 
 
 class VirtualOptions(Options):

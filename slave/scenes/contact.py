@@ -11,8 +11,7 @@ from weberlink.options import Options
 from weberlink.slave.scenes.shape import Shape, UnitVector
 
 RESTICK = 0.5  # share of the dynamic cone
-FASTEST_M_S = 10.0
-"""Peak speed of a moving object: a centimetre per tick, faster than any robot or hand."""
+FASTEST_M_S = 10.0  # Peak speed of a moving object: a centimetre per tick, faster than any robot or hand
 
 
 class FrictionCone(Options):
@@ -96,8 +95,7 @@ class Touch(NamedTuple):
     grip: float  # stiffness of the drag against motion along the surface [N/m]; 0 while sliding or without friction
 
 
-ContactState = tuple[float, Vector | None, bool]
-"""Depth [m], anchor of friction [m], and whether it slides."""
+ContactState = tuple[float, Vector | None, bool]  # Depth [m], anchor of friction [m], and whether it slides
 
 
 class ObjectContact:
@@ -119,13 +117,11 @@ class ObjectContact:
         self._depth = 0.0
         self._anchor: Vector | None = None
         self._sliding = False
-        self.offset: Vector = ZERO
-        """Displacement of the object [m]: the anchor moves with it."""
+        self.offset: Vector = ZERO  # Displacement of the object [m]: the anchor moves with it
         self._stiffness = thing.stiffness_n_m
         self._damping = thing.damping_n_s_m
         self._cone = thing.friction
-        self.has_memory = self._damping is not None or self._cone is not None
-        """Whether `state` ever changes."""
+        self.has_memory = self._damping is not None or self._cone is not None  # Whether `state` ever changes
 
     @property
     def state(self) -> ContactState:

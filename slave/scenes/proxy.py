@@ -11,8 +11,7 @@ from math import inf, sqrt
 from weberlink.geometry.vector import Vector, distance, dot, interpolate
 from weberlink.slave.scenes.shape import Shape
 
-Push = tuple[int, float]
-"""Index of a constraint, and its multiplier lambda [m], the length of its push along the normal."""
+Push = tuple[int, float]  # Index of a constraint, and its multiplier lambda, the length of its push along the normal
 
 PARALLEL = 1e-9  # determinant below which normals count as dependent
 CONSTRAINTS_TRIED = 7
@@ -87,8 +86,7 @@ def multipliers(v: Sequence[float], n: Sequence[Vector]) -> tuple[float, ...] | 
     )
 
 
-ShapePress = tuple[int, float, Vector]
-"""Index of the shape that the probe is in, depth [m], and unit direction out of it."""
+ShapePress = tuple[int, float, Vector]  # Index of the shape that the probe is in, depth [m], unit direction out of it
 
 TOUCHING = 1e-7  # [m] closer than this counts as on the surface
 CONVERGED = 1e-10  # [m]
@@ -108,10 +106,8 @@ class Proxy:
 
     def __init__(self, shapes: Sequence[Shape]) -> None:
         self._shapes = tuple(shapes)
-        self.at: Vector | None = None
-        """Position; None until the first target, which it adopts even inside a solid."""
-        self.parts: Sequence[ShapePress] = ()
-        """The last presses, one for each plane; a concave corner of one shape has several."""
+        self.at: Vector | None = None  # Position; None until the first target, which it adopts even inside a solid
+        self.parts: Sequence[ShapePress] = ()  # The last presses, one for each plane, of which a corner has several
 
     def follow(self, target: Vector) -> tuple[Vector, Sequence[ShapePress]]:
         """Move toward the probe at `target` as far as the solids allow; no presses if it arrives."""

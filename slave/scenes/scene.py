@@ -61,15 +61,12 @@ class Scene:
 
     def __init__(self, objects: Sequence[SceneObject]) -> None:
         self.objects = tuple(objects)
-        self.flat = all(thing.shape.flat for thing in objects)
-        """Whether every object is a half-space, so that `facing` is the same from anywhere."""
+        self.flat = all(thing.shape.flat for thing in objects)  # `facing` is the same from anywhere
         self.rubs = any(thing.friction is not None and thing.friction.static > 0.0 for thing in objects)
-        """Whether any object has friction."""
+        # Between events a mass in contact moves in closed form. Not so with friction and a damper along the normal
+        # alone: the spring of friction then oscillates unlike the depth.
         self.closed_form = self.flat and (not self.rubs or (len(objects) == 1 and not objects[0].damping_n_s_m))
-        """Whether a mass in contact moves in closed form between events: flat, with friction on one undamped object
-        at most. A damper along the normal alone makes the spring of friction oscillate unlike the depth."""
-        self.stiffness_n_m = max((thing.stiffness_n_m for thing in objects), default=0.0)
-        """Of the stiffest object, which limits the step of an integrator."""
+        self.stiffness_n_m = max((thing.stiffness_n_m for thing in objects), default=0.0)  # Limits an integrator's step
         self.damping_n_s_m = max((thing.damping_n_s_m or 0.0 for thing in objects), default=0.0)
         self._contacts = [ObjectContact(thing) for thing in objects]
         self._remembering = [contact for contact in self._contacts if contact.has_memory]
@@ -79,14 +76,12 @@ class Scene:
             if thing.motion is not None:
                 shapes[index] = moving = DisplacedShape(thing.shape)
                 self._movers.append((thing.motion, moving, self._contacts[index]))
-        self.moves = bool(self._movers)
-        """Whether any object moves by itself."""
+        self.moves = bool(self._movers)  # Whether any object moves by itself
         self._shapes = shapes
         self._proxy = Proxy(shapes)
         self._touched: frozenset[int] = NOTHING
         self._place(0.0)
-        self.penetration_depth = 0.0
-        """Distance [m] between probe and proxy at the last call."""
+        self.penetration_depth = 0.0  # Distance [m] between probe and proxy at the last call
 
     @property
     def proxy(self) -> Vector | None:

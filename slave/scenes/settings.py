@@ -87,8 +87,7 @@ def object_model(name: str) -> type[ObjectSettings]:
     )
 
 
-SceneSettings = tuple[Annotated[ObjectSettings, ByShape(object_model)], ...]
-"""The `scene:` list of a configuration file."""
+SceneSettings = tuple[Annotated[ObjectSettings, ByShape(object_model)], ...]  # The `scene:` list of a file
 
 
 def build(objects: Sequence[ObjectSettings]) -> Scene:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from weberlink.codec.replay import Coded, code
     from weberlink.config import Configuration, ConfigurationError, load
     from weberlink.master.trace import Trace, read_trace
-    from weberlink.protocol import Endpoint, Role, UpdateLost, UpdateReceived
+    from weberlink.protocol import Endpoint, LocalEnd, Role, UpdateLost, UpdateReceived
     from weberlink.protocol.checksum import Checksum
     from weberlink.protocol.psk import PresharedKey
     from weberlink.session.simulation import simulate
@@ -35,6 +35,7 @@ __all__ = [
     "Endpoint",
     "EstimatedPredictor",
     "FittedPredictor",
+    "LocalEnd",
     "ModelParameters",
     "Predictor",
     "PresharedKey",
@@ -60,7 +61,7 @@ _PLACES = {
     "weberlink.codec.predictors": "PREDICTORS EstimatedPredictor FittedPredictor Predictor",
     "weberlink.codec.replay": "Coded code",
     "weberlink.master.trace": "Trace read_trace",
-    "weberlink.protocol": "Endpoint Role UpdateLost UpdateReceived",
+    "weberlink.protocol": "Endpoint LocalEnd Role UpdateLost UpdateReceived",
     "weberlink.protocol.checksum": "Checksum",
     "weberlink.protocol.psk": "PresharedKey",
     "weberlink.config": "Configuration ConfigurationError load",

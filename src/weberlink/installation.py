@@ -17,10 +17,8 @@ from shutil import which
 
 GUESTS = Path(__file__).with_name("guests.json")
 """Made by `make schema`: group of entry points, name, and the guest that has the entry; of files for `CONFIGS`."""
-NEEDED = "needed guests"
-"""What is listed beside the groups: by guest, the guests that it depends on."""
-CONFIGS = "weberlink.configs"
-"""The group of packages that hold configuration files; also the kernel's own."""
+NEEDED = "needed guests"  # what is listed beside the groups: by guest, the guests that it depends on
+CONFIGS = "weberlink.configs"  # the group of packages that hold configuration files; also the kernel's own
 
 
 @cache

@@ -59,8 +59,6 @@ class Servos:
         self.angles: Joints = angles or (0.0,) * spec.axes
         self.commands: list[Joints] = []
         self.torques: Joints = (0.0,) * spec.axes
-        self.load: Joints = self.torques
-        """Torque of something that the arm holds [N m]."""
         self.sag = sag
         self.is_open = False
 
@@ -72,14 +70,10 @@ class Servos:
 
     def command(self, values: Joints, now: float) -> None:
         self.commands.append(values)
-        free = [
-            angle - self.sag + load / k
-            for angle, load, k in zip(values, self.load, self.spec.stiffness_nm_rad, strict=True)
-        ]
+        free = [angle - self.sag for angle in values]
         self.angles = tuple(max(angle, wall) for angle, wall in zip(free, self.walls, strict=True))
         self.torques = tuple(
-            load + k * (there - angle)
-            for load, k, there, angle in zip(self.load, self.spec.stiffness_nm_rad, self.angles, free, strict=True)
+            k * (there - angle) for k, there, angle in zip(self.spec.stiffness_nm_rad, self.angles, free, strict=True)
         )
 
     def close(self) -> None:

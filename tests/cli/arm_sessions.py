@@ -13,8 +13,7 @@ from weberlink.telemetry.row import Row
 
 RATE = 1000.0
 NAMES = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
-PLACES = (0, 1, 2, 3, 4, 8)
-"""Columns of the joints and of the gripper."""
+PLACES = (0, 1, 2, 3, 4, 8)  # columns of the joints and of the gripper
 _CODEC = {
     "joints": {
         "names": list(NAMES),

@@ -1,28 +1,20 @@
-"""A device or robot that `weberlink device emulate` emulates in a process, for live sessions."""
+"""A device or robot on a serial port that `weberlink device emulate` emulates in a process, for live sessions."""
 
-import os
 import re
-import signal
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any, Self
 
-from tests.program import document
-from tests.wait import PATIENCE
+from tests.program import Program, document
 
 
-class Emulated:
+class Emulated(Program):
     """An emulator at work; its port is known within the `with`."""
 
     def __init__(self, name: str, folder: Path, *options: str) -> None:
         """Of a driver, its port and the FIFO of its faults in a folder; options are "key=value" each."""
         self._fifo = folder / f"{name}.faults"
-        sets = [argument for option in options for argument in ("--set", option)]
-        command = [sys.executable, "-m", "weberlink", "device", "emulate", name, "--faults", str(self._fifo), *sets]
-        self._process = subprocess.Popen(
-            command, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True
-        )
+        sets = [f"--set={option}" for option in options]
+        super().__init__("device", "emulate", name, "--link", folder / name, "--faults", self._fifo, *sets)
 
     def __enter__(self) -> Self:
         found = re.search(r" is at (\S+); configure it as", self.line())
@@ -30,16 +22,9 @@ class Emulated:
         self.port = found[1]
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self._process.kill()
-        self._process.communicate(timeout=PATIENCE)
-
     def line(self) -> str:
         assert self._process.stdout is not None
         return self._process.stdout.readline()
-
-    def send(self, number: signal.Signals) -> None:
-        os.kill(self._process.pid, number)
 
     def say(self, line: str) -> None:
         """Give a command of faults."""
@@ -51,7 +36,3 @@ class Emulated:
         while not (line := self.line()).startswith("{"):
             assert line, "the emulator has ended"
         return document(line)
-
-
-def norm(parts: list[float]) -> float:
-    return float(sum(part * part for part in parts) ** 0.5)

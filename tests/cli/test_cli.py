@@ -17,8 +17,7 @@ from weberlink.master.trace import read_trace
 from weberlink.session.simulation import simulate
 
 FILES = sorted(path.name for path in CONFIGS.glob("*.yaml"))
-HARDWARE = ("phantom.yaml",)
-"""Those whose drivers need hardware or its emulator."""
+HARDWARE = ("phantom.yaml",)  # those whose drivers need hardware or its emulator
 BETWEEN_HOSTS = ("lan.yaml",)
 MEMBERS = [f"{name} {member}" for name, group in COMMANDS.items() for member in getattr(group, "commands", ())]
 TAKE_A_FILE = ("check", "simulate", "master --duration 0", "slave --duration 0", "loopback --duration 0")
@@ -68,6 +67,7 @@ WRONG = {
     # What is to be written has no place; standard output is for --json and --log.
     f"simulate {LOOPBACK} --json /sys/out.json": "--json: /sys",
     f"simulate {LOOPBACK} --trace .": "--trace",
+    "loopback --duration 0 --log missing/log": "--log",
     f"simulate {FIG6} --duration 0 --trace -": "--trace",
     "keygen -": "out",
     "configs --out a.yaml": "--out",

@@ -11,7 +11,7 @@ import pytest
 from tests.program import document, weberlink
 from weberlink.cli import rules
 from weberlink.cli.devices import DeviceAccess, Survey, survey
-from weberlink.cli.rules import RulesError
+from weberlink.cli.output import CommandError
 from weberlink.hardware.discovery import PluggedDevice, UsbId
 from weberlink.installation import install_line
 from weberlink.master.devices import DEVICES, LEADERS
@@ -19,8 +19,7 @@ from weberlink.registry import Registry
 from weberlink.slave.robots import FOLLOWERS, ROBOTS
 
 RULES = rules.shipped()
-OPEN = DeviceAccess(accessible=lambda path: True, rules=())
-"""A host without rules where everything may be opened."""
+OPEN = DeviceAccess(accessible=lambda path: True, rules=())  # a host without rules where everything may be opened
 
 
 def driver(*found: str | PluggedDevice, **attributes: Any) -> Any:
@@ -126,7 +125,7 @@ def test_rules_are_installed_whether_udev_applies_them_or_not(udev: int | None, 
         program.write_text(f'#!/bin/sh\necho "$@" >> {log}\nexit {udev}\n')
         program.chmod(0o755)
     assert not rules.installed([folder])
-    (line,) = rules.install(folder, str(program))
+    line = rules.install(folder, str(program))
     assert line.startswith(str(folder / "49-weberlink.rules")) and ": installed" in line and part in line
     assert rules.installed([tmp_path / "none", folder])
     assert {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()} == RULES
@@ -135,5 +134,5 @@ def test_rules_are_installed_whether_udev_applies_them_or_not(udev: int | None, 
         reload, trigger = log.read_text().splitlines()
         assert (reload, trigger.split()[:2]) == ("control --reload", ["trigger", "--action=change"])
         assert all(f"--subsystem-match={name}" in trigger for name in ("hidraw", "tty", "usb"))
-    with pytest.raises(RulesError, match=r"^[^\n]*Not a directory[^\n]*$"):
+    with pytest.raises(CommandError, match=r"^[^\n]*Not a directory[^\n]*$"):
         rules.install(folder / "49-weberlink.rules" / "rules.d", "true")

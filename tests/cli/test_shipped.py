@@ -1,4 +1,4 @@
-"""The shipped files: all are listed, and a copy works as the file itself does, wherever it is."""
+"""The shipped files, also of the installed guests: all are listed, in the wheel, and copied with what they name."""
 
 import tomllib
 from collections.abc import Iterator
@@ -8,13 +8,17 @@ from typing import Any
 import pytest
 from pydantic import BaseModel
 
+from tests.program import ROOT, weberlink
 from tests.session.systems import CONFIGS
 from weberlink.cli.shipped import copy, listing
 from weberlink.config import Configuration, ConfigurationError, load
 from weberlink.installation import config_folders
+from weberlink.protocol.keys import generate
 
 SCHEMA = "weberlink.schema.json"
-SHIPPED = sorted(path for path in CONFIGS.rglob("*") if path.is_file() and path.suffix not in (".py", ".pyc"))
+PYTHON = (".py", ".pyc")
+FOLDERS = [CONFIGS, *(folder for folder in config_folders() if folder.parent.parent == ROOT / "plugins")]
+FILES = sorted(path for folder in FOLDERS for path in folder.glob("*.yaml"))
 
 
 def paths_in(settings: Any) -> Iterator[Path]:
@@ -33,30 +37,39 @@ def of_configuration(found: Configuration) -> list[Path]:
     return [path for settings in (found.system, *options) for path in paths_in(settings)]
 
 
-def test_the_wheel_has_every_file() -> None:
-    project = tomllib.loads((CONFIGS.parent / "pyproject.toml").read_text(encoding="utf-8"))
-    patterns = project["tool"]["setuptools"]["package-data"]["weberlink.configs"]
-    assert sorted({path for pattern in patterns for path in CONFIGS.glob(pattern) if path.is_file()}) == SHIPPED
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.parent.name)
+def test_the_wheel_has_every_file(folder: Path) -> None:
+    project = tomllib.loads((folder.parent / "pyproject.toml").read_text(encoding="utf-8"))
+    package = "weberlink" if folder == CONFIGS else f"weberlink_{folder.parent.name}"
+    patterns = project["tool"]["setuptools"]["package-data"][f"{package}.configs"]
+    files = {path for path in folder.rglob("*") if path.is_file() and not path.is_symlink()}
+    assert {path for pattern in patterns for path in folder.glob(pattern) if path.is_file()} == {
+        path for path in files if path.suffix not in PYTHON
+    }
 
 
 def test_every_file_and_folder_is_listed() -> None:
-    own = [path for folder in config_folders() for path in folder.iterdir() if path.suffix not in (".py", ".pyc")]
+    own = [path for folder in config_folders() for path in folder.iterdir() if path.suffix not in PYTHON]
     there = {path.stem if path.suffix == ".yaml" else f"{path.name}/" if path.is_dir() else path.name for path in own}
     assert {name for name, _ in listing()} == there - {"__pycache__/"}
 
 
-@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
-def test_copy_has_all_that_the_file_names(path: Path, tmp_path: Path) -> None:
-    written = copy(path.stem, tmp_path / "mine.yaml")
-    assert (tmp_path / "mine.yaml").read_bytes() == path.read_bytes()
-    assert set(written) == {each for each in tmp_path.rglob("*") if each.is_file()}
-    if path.read_text(encoding="utf-8").startswith("# yaml-language-server"):
-        assert (tmp_path / SCHEMA).read_bytes() == (CONFIGS / SCHEMA).read_bytes()
-    here, there = of_configuration(load(path)), of_configuration(load(tmp_path / "mine.yaml"))
-    for original, copied in zip(here, there, strict=True):
-        if original.is_file():
-            assert copied.is_relative_to(tmp_path)
-            assert copied.read_bytes() == original.read_bytes()
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_a_copy_is_valid_and_has_all_that_the_file_names(path: Path, tmp_path: Path) -> None:
+    key, mine = tmp_path / "key", tmp_path / "here" / "mine.yaml"
+    generate(key)
+    mine.parent.mkdir()
+    written = copy(path.stem, mine)
+    assert set(written) == {each for each in mine.parent.rglob("*") if each.is_file()}
+    for each in written:
+        folder = CONFIGS if each.name == SCHEMA else path.parent
+        original = path if each == mine else folder / each.relative_to(mine.parent)
+        assert each.read_bytes() == original.read_bytes()
+    assert (mine.with_name(SCHEMA) in written) is path.read_text(encoding="utf-8").startswith("# yaml-language-server")
+    for original, copied in zip(of_configuration(load(path)), of_configuration(load(mine)), strict=True):
+        assert copied in written or not original.is_file()
+    ended = weberlink("check", mine, "--set", f"link.key_file={key}")
+    assert (ended.status, ended.errors) == (0, "")
 
 
 def test_nothing_is_overwritten_and_nothing_written_in_vain(tmp_path: Path) -> None:

@@ -13,12 +13,10 @@ import numpy.typing as npt
 from weberlink.geometry.vector import ZERO, Vector, norm, scale, subtract
 
 Array = npt.NDArray[np.float64]
-Stream = list[tuple[Vector, Vector]]
-"""Per tick: force [N], commanded position [m]."""
+Stream = list[tuple[Vector, Vector]]  # Per tick: force [N], commanded position [m]
 Path = Callable[[float], tuple[float, float, float]]
 """Position of the hand at a time [s]: along two tangents and along the normal, below 0 inside the surface [m]."""
-NOISE = 2e-3
-"""Noise of a force sensor on each axis, rms [N]."""
+NOISE = 2e-3  # Noise of a force sensor on each axis, rms [N]
 
 
 def up(force: float) -> Vector:

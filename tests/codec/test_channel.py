@@ -1,5 +1,7 @@
 """Channels and the integers of their samples."""
 
+from collections.abc import Callable
+from functools import partial
 from math import inf, isnan, nan
 from operator import eq
 from typing import Any
@@ -11,7 +13,8 @@ from hypothesis import strategies as st
 from tests.codec.law import ESTIMATED, make_channel
 from weberlink.codec import force_channel, position_channel
 from weberlink.codec.channel import Smoothing
-from weberlink.codec.predictors import ADAPTIVE_BANK, HYBRID_BANK, PREDICTORS
+from weberlink.codec.predictors import ADAPTIVE_BANK, HYBRID_BANK, PREDICTORS, FitLimits
+from weberlink.codec.rate import UpdateRate
 from weberlink.codec.sample import Quantizer
 
 values = st.floats(-30.0, 30.0)
@@ -27,10 +30,26 @@ def test_only_the_named_predictors_are_in_the_bank() -> None:
     assert force_channel(predictor="hybrid").bank == force_channel().bank == HYBRID_BANK
 
 
-@pytest.mark.parametrize("bank", [[], ["zoh", "zoh"], ["zoh", "spline"], ["hybrid"], list(PREDICTORS) * 2])
-def test_refuses_an_invalid_bank(bank: list[str]) -> None:
-    with pytest.raises(ValueError, match="bank"):
-        force_channel(bank=bank)
+OUT_OF_RANGE: list[tuple[Callable[..., Any], dict[str, Any], dict[str, list[Any]]]] = [
+    (force_channel, {}, {"bank": [[], ["zoh", "zoh"], ["zoh", "spline"], ["hybrid"], list(PREDICTORS) * 2]}),
+    (partial(make_channel, "zoh"), {}, {"lookahead": [-1], "tick_period": [0.0, nan, inf]}),
+    (Quantizer, {"step": 1.0}, {"step": [0.0, -1.0, nan, inf], "axes": ["", "w", "zx", "xx"]}),
+    (Smoothing, {"ticks": 4}, {"ticks": [0, -3], "share": [-0.1, 0.91, nan]}),
+    (UpdateRate, {"per_tick": 0.1, "burst": 4.0}, {"per_tick": [0.0, -1.0, nan, inf], "burst": [3.9, inf]}),
+    (FitLimits, {}, {"stiffness": [(5.0, 5.0)], "radius": [(0.0, 1.0)], "least_angle_sine": [-1e-3], "misfit": [0.0]}),
+]
+"""What is made, with what; and values of arguments that are beyond their range."""
+
+
+@pytest.mark.parametrize(("make", "good", "beyond"), OUT_OF_RANGE)
+def test_refuses_what_is_out_of_range_by_name(
+    make: Callable[..., Any], good: dict[str, Any], beyond: dict[str, list[Any]]
+) -> None:
+    make(**good)
+    for name, values in beyond.items():
+        for bad in values:
+            with pytest.raises(ValueError, match=name):
+                make(**good | {name: bad})
 
 
 @pytest.mark.parametrize("predictor", [name for name, each in PREDICTORS.items() if each.geometric])
@@ -72,13 +91,6 @@ def test_an_update_carries_what_is_read(options: dict[str, Any], newest: list[tu
 # Quantizers.
 
 
-@given(value=st.tuples(values, values, values), step=st.floats(1e-3, 1.0))
-def test_round_trip_is_within_half_a_step(value: tuple[float, float, float], step: float) -> None:
-    quantizer = Quantizer(step)
-    for original, decoded in zip(value, quantizer.quantize(value)[1], strict=True):
-        assert abs(original - decoded) <= 0.5 * step * (1.0 + 1e-9)
-
-
 @given(levels=st.tuples(*[st.integers(-32_767, 32_767)] * 3))
 def test_levels_are_fixed_points(levels: tuple[int, int, int]) -> None:
     quantizer = Quantizer(1e-5)
@@ -108,23 +120,19 @@ def test_without_a_range_any_finite_value_has_a_level() -> None:
     assert quantizer.quantize((1e300, 0.0, -1e308))[1] == (quantizer.limit, 0.0, -quantizer.limit)
 
 
-@pytest.mark.parametrize(
-    ("step", "axes", "named"),
-    [
-        *((step, "xyz", "step") for step in (0.0, -1.0, nan, inf)),
-        *((1.0, axes, "axes") for axes in ("", "w", "zx", "xx")),
-    ],
+@given(
+    value=st.tuples(*[values | st.floats(allow_nan=False, allow_infinity=False)] * 3),
+    step=st.floats(1e-3, 1.0),
+    axes=axes_sets,
 )
-def test_refuses_an_invalid_step_or_axes(step: float, axes: str, named: str) -> None:
-    with pytest.raises(ValueError, match=named):
-        Quantizer(step, axes)
-
-
-@given(value=st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 3), axes=axes_sets)
-def test_the_sender_rounds_to_the_value_that_its_levels_decode_to(value: tuple[float, float, float], axes: str) -> None:
-    for quantizer in (Quantizer(1e-3, axes), Quantizer(1e-9, axes, largest_level=inf)):
+def test_the_sender_rounds_by_half_a_step_to_what_its_levels_decode_to(
+    value: tuple[float, float, float], step: float, axes: str
+) -> None:
+    for quantizer in (Quantizer(step, axes), Quantizer(1e-9, axes, largest_level=inf)):
         levels, rounded = quantizer.quantize(value)
         assert rounded == quantizer.value(levels)
+        for original, decoded in zip(quantizer.confine(value), rounded, strict=True):
+            assert abs(original - decoded) <= 0.5 * quantizer.step * (1.0 + 1e-9) + 1e-15 * abs(original)
 
 
 @given(value=st.tuples(anything, anything, anything), axes=axes_sets)

@@ -31,16 +31,19 @@ Kind = type[FrictionlessHypothesis] | type[FrictionalHypothesis] | type[MovingHy
 KINDS: list[Kind] = [FrictionlessHypothesis, FrictionalHypothesis, MovingHypothesis]
 
 
-def signal(least_contact: float = 0.04, limits: FitLimits | None = None) -> Signal:
-    return Signal(force_channel().grid, limits or FitLimits(), least_contact)
+def signal(limits: FitLimits | None = None) -> Signal:
+    return Signal(force_channel().grid, limits or FitLimits(), 0.04)
 
 
-def estimator(least_contact: float = 0.04) -> ContactEstimator:
-    return ContactEstimator(signal(least_contact))
-
-
-def follow(stream: Stream, found: ContactEstimator | None = None, *, skip: tuple[int, ...] = ()) -> ContactEstimator:
-    history, found = History(1e-3), found or estimator()
+def follow(
+    stream: Stream,
+    found: ContactEstimator | None = None,
+    *,
+    skip: tuple[int, ...] = (),
+    history: History | None = None,
+) -> ContactEstimator:
+    history = History(1e-3) if history is None else history  # an empty one is false
+    found = found or ContactEstimator(signal())
     for tick, (force, position) in enumerate(stream):
         if tick not in skip:
             history.add(tick, force, position, 0.1)
@@ -118,7 +121,7 @@ def press(force: float) -> tuple[Vector, Vector]:
 
 
 def test_a_contact_is_a_force_beyond_the_threshold() -> None:
-    found = estimator()
+    found = ContactEstimator(signal())
     assert follow([press(0.04)] * 5, found).age == 0
     assert follow([press(0.041)] * 5, found).age == 5
     assert follow([press(0.0)], found).age == 0
@@ -158,19 +161,11 @@ def stream_for(kind: Kind) -> Stream:
     return contact(GodObject(800.0, *((20.0,) if kind is FrictionlessHypothesis else (0.0, 0.3))), ticks=3100)
 
 
-def at_end(samples: Stream, signal: Signal) -> tuple[ContactEstimator, EncodeContext]:
-    """The estimates and the context when the last sample is to be sent."""
-    history, found = History(1e-3), signal.estimator(ContactEstimator)
-    for tick, (force, position) in enumerate(samples):
-        history.add(tick, force, position, 0.1)
-        found.follow(history)
-    return found, EncodeContext(Sample(len(samples) - 1, *samples[-1]), None, 0.1, history)
-
-
 def model_at_end(samples: Stream, kind: Kind, limits: FitLimits | None = None) -> SurfacePatch | None:
-    contact_signal = signal(limits=limits)
-    _, context = at_end(samples, contact_signal)
-    return kind(contact_signal).model(context)
+    """What the hypothesis makes of the last sample."""
+    of, history = signal(limits), History(1e-3)
+    follow(samples, of.estimator(ContactEstimator), history=history)
+    return kind(of).model(EncodeContext(Sample(len(samples) - 1, *samples[-1]), None, 0.1, history))
 
 
 @pytest.mark.parametrize(("kind", "allowed"), [*zip(KINDS, (0.1, 0.1, 0.25), strict=True)])

@@ -36,13 +36,16 @@ def test_extrapolation_without_end_is_confined_to_the_wire() -> None:
     assert (decoder.surface, decoder.record.kind) == (None, ModelKind.LINE)
 
 
+CHANNEL = force_channel(predictor="surface")
+NEWEST = (0, 0, 1000, 0, 0, -200)
+MODEL = SurfacePatch((0.0, 0.0, 1.0), ZERO, 10, 500.0, friction=0.3)
+RUBBING = Update(10, 0, NEWEST, SURFACE.packed(MODEL, CHANNEL.grid.sample(10, NEWEST), CHANNEL.grid))
+"""A plane with friction, normal z, of 500 N/m, 2 mm deep."""
+
+
 def sliding() -> Decoder:
-    """On a plane with friction, normal z, of 500 N/m, 2 mm deep."""
-    channel = force_channel(predictor="surface")
-    newest = channel.grid.sample(10, (0, 0, 1000, 0, 0, -200))
-    model = SurfacePatch((0.0, 0.0, 1.0), ZERO, 10, 500.0, friction=0.3)
-    decoder = Decoder(channel)
-    decoder.apply(Update(10, 0, (0, 0, 1000, 0, 0, -200), SURFACE.packed(model, newest, channel.grid)))
+    decoder = Decoder(CHANNEL)
+    decoder.apply(RUBBING)
     return decoder
 
 
@@ -68,31 +71,25 @@ def test_friction_pulls_back_and_a_new_update_forgets_how_far() -> None:
     assert decoder.value(11, (2e-4, 0.0, -0.002)) == pytest.approx((-0.1, 0.0, 1.0))
     assert decoder.value(12, (0.01, 0.0, -0.002)) == (-0.296875, 0.0, 1.0)
     assert decoder.state[0][3] == pytest.approx((0.01 - 0.296875 * 0.002, 0.0, 0.0))
-    decoder.apply(Update(20, 0, (0, 0, 1000, 0, 0, -200)))
+    decoder.apply(Update(20, 0, NEWEST))
     assert decoder.state[0][3] is None
     assert decoder.value(21, (0.01, 0.0, -0.002)) == (0.0, 0.0, 1.0)
 
 
 def test_a_repeat_of_an_update_does_not_rewind_the_memory_of_friction() -> None:
     """A datagram whose acknowledgement is late is repeated. The probe slides 10 mm and 1.2 mm back meanwhile."""
-    channel = force_channel(predictor="surface")
-    newest = channel.grid.sample(10, (0, 0, 1000, 0, 0, -200))
-    model = SurfacePatch((0.0, 0.0, 1.0), ZERO, 10, 500.0, friction=0.3)
-    update = Update(10, 0, (0, 0, 1000, 0, 0, -200), SURFACE.packed(model, newest, channel.grid))
-    repeated, other = Decoder(channel), Decoder(channel)
+    repeated, other = sliding(), sliding()
     for decoder in (repeated, other):
-        decoder.apply(update)
         decoder.value(11, (0.01, 0.0, -0.002))
-    repeated.apply(update)
+    repeated.apply(RUBBING)
     back = (0.0088, 0.0, -0.002)
     assert repeated.value(12, back) == other.value(12, back) == pytest.approx((0.296875, 0.0, 1.0))
 
 
 def test_parameters_without_a_normal_hold_the_sample() -> None:
-    channel = force_channel(predictor="surface")
-    widths = widths_of(channel.grid)
+    widths = widths_of(CHANNEL.grid)
     nothing = pack([0, 512, 512, 512, *[0] * (len(widths) - 4)], widths)
-    decoder = Decoder(channel)
+    decoder = Decoder(CHANNEL)
     decoder.apply(Update(5, 0, (0, 0, 1000, 0, 0, 0), ModelParameters(nothing)))
     assert decoder.model == Hold((0.0, 0.0, 1.0))
     assert decoder.value(50, (0.0, 0.0, 1.0)) == (0.0, 0.0, 1.0)

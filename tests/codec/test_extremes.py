@@ -23,8 +23,7 @@ Samples = Sequence[tuple[int, Vector, Vector]]
 """Tick, force [N] (position [m] on a position channel), commanded position [m]."""
 
 WEBER = 0.10
-FULL = 1e-3 * INT16_MAX
-"""Range of a force on one axis [N]."""
+FULL = 1e-3 * INT16_MAX  # Range of a force on one axis [N]
 
 NO_FLOOR = partial(force_channel, floor=0.0)
 
@@ -143,8 +142,7 @@ ticks = st.integers(0, 2**25) | st.integers(2**53 - 9, 2**53 + 9)
 numbers = st.floats(allow_nan=True, allow_infinity=True)
 axes_sets = st.sampled_from(["xyz", "xz", "z"])
 bodies = st.tuples(*[levels] * 6), st.integers(0, 65_535), st.tuples(*[levels] * 6), st.binary(max_size=20)
-LEAST_PARAMETERS = 2
-"""Every estimated predictor of one axis reads as many bytes of parameters."""
+LEAST_PARAMETERS = 2  # Every estimated predictor of one axis reads as many bytes of parameters
 probes = st.lists(st.tuples(ticks | numbers, st.tuples(numbers, numbers, numbers)), min_size=1, max_size=5)
 
 

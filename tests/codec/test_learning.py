@@ -19,12 +19,7 @@ from weberlink.codec.predictors.path import HORIZONS, STEP_S
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale, subtract, unit
 
 BOUND = 0.1
-Force = Callable[[float], float]
-"""Of a time [s]."""
-
-
-def learner(channel: Channel) -> PathLearner:
-    return PathLearner(Signal(channel.grid, channel.fit_limits, 0.04))
+Force = Callable[[float], float]  # Of a time [s]
 
 
 class Run:
@@ -32,7 +27,8 @@ class Run:
 
     def __init__(self, channel: Channel | None = None) -> None:
         channel = channel or force_channel(predictor="elastic")
-        self.history, self.learner, self.tick = History(channel.tick_period), learner(channel), 0
+        self.history, self.tick = History(channel.tick_period), 0
+        self.learner = PathLearner(Signal(channel.grid, channel.fit_limits, 0.04))
 
     def follow(self, stream: Stream, bounds: Sequence[float] = (), *, gap: int = 0) -> "Run":
         self.tick += gap

@@ -1,7 +1,6 @@
 """The contract of every predictor that is fitted to two samples, and the geometry that each fit must recover."""
 
 from math import inf, nan
-from typing import Any
 
 import pytest
 from hypothesis import assume, given
@@ -165,11 +164,3 @@ def test_a_model_that_cannot_be_trusted_holds(
 ) -> None:
     model = FITS[name].model(Sample(1, *newest), Sample(0, *previous), LIMITS)
     assert model == Hold(newest[0]), why
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"stiffness": (5.0, 5.0)}, {"radius": (0.0, 1.0)}, {"least_angle_sine": -1e-3}, {"misfit": 0.0}]
-)
-def test_refuses_invalid_fit_limits(wrong: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match=next(iter(wrong))):
-        FitLimits(**wrong)

@@ -1,7 +1,5 @@
 """A ramp within the deadband instead of a step: closed form, the law of the encoder, effect, and losses."""
 
-from math import nan
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -19,15 +17,6 @@ vectors = st.tuples(*[st.floats(-40.0, 40.0)] * 3)
 
 def held(tick: int, force: int) -> Update:
     return Update(tick, 0, (0, 0, force))
-
-
-@pytest.mark.parametrize(("ticks", "share", "what"), [
-    (0, 0.5, "ticks"), (-3, 0.5, "ticks"), (4, -0.1, "share"), (4, 0.91, "share"), (4, nan, "share"),
-])  # fmt: skip
-def test_refuses_numbers_out_of_range(ticks: int, share: float, what: str) -> None:
-    with pytest.raises(ValueError, match=what):
-        Smoothing(ticks, share)
-    assert (Smoothing(1, 0.0).ticks, Smoothing(4, 0.9).share) == (1, 0.9)
 
 
 @given(jump=vectors, bound=st.floats(0.0, 10.0), share=st.floats(0.0, 0.9))

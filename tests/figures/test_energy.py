@@ -4,58 +4,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from tests.figures.test_session import NONE, RATE, records
 from tests.session.systems import ARMS, configuration
 from weberlink.config import load
 from weberlink.control.axes import HANDLE, LEVER
 from weberlink.control.contract import AccountParameters
-from weberlink.figures.energy import PortWork, accounts_in
+from weberlink.figures.energy import accounts_in
 from weberlink.figures.session import Layout, Records, SessionScore
 from weberlink.figures.tree import to_json
 from weberlink.protocol.states import State
-from weberlink.telemetry.reader import DTYPE
-
-
-def port_records(force: np.ndarray, position: np.ndarray) -> Records:
-    made = np.zeros(len(force), DTYPE)
-    made["tick"] = np.arange(len(force))
-    made["output"], made["position"] = force, position
-    return made
-
-
-@given(st.integers(0, 2**32 - 1), st.integers(2, 50), st.integers(1, 20))
-def test_work_does_not_depend_on_the_pieces(seed: int, ticks: int, pieces: int) -> None:
-    rng = np.random.default_rng(seed)
-    made = port_records(rng.normal(size=(ticks, 3)), rng.normal(size=(ticks, 3)))
-    whole, parts = PortWork(), PortWork()
-    series = np.concatenate([parts.add(piece) for piece in np.array_split(made, pieces)])
-    assert series == pytest.approx(whole.add(made))
-    assert parts.total == pytest.approx(whole.total)
-    assert parts.least == pytest.approx(whole.least)
-    assert parts.least <= min(0.0, parts.total)
-
-
-def test_a_force_is_held_until_the_next_tick() -> None:
-    """1 N, then 3 N, over 1 m towards the force: 1 J."""
-    force, way = np.zeros((2, 3)), np.zeros((2, 3))
-    force[:, 0], way[:, 0] = (1.0, 3.0), (0.0, 1.0)
-    port = PortWork()
-    assert port.add(port_records(force, way)) == pytest.approx([0.0, -1.0])
-    assert port.least == -1.0
-
 
 OF_HAND = AccountParameters(allowance=0.02, refill=0.01, damping=1.0, rise=160.0)
 TICK = 1.0 / RATE
 
 
-def energy(master: Records, *accounts: AccountParameters, pieces: int = 1) -> dict[str, float]:
+def energy(master: Records, *accounts: AccountParameters) -> dict[str, float]:
     torque_bank = ("zoh",) if len(accounts) > 1 else None
     score = SessionScore(Layout(RATE, ("zoh",), torque_bank, accounts=accounts))
-    for piece in np.array_split(master, pieces):
-        score.add(piece, NONE)
+    score.add(master, NONE)
     found: dict[str, float] = to_json(score.figures().energy)
     return found
 
@@ -68,13 +35,12 @@ def pushed_out(force: float, speed: float, ticks: int = 1001) -> Records:
     return made
 
 
-@pytest.mark.parametrize("pieces", [1, 7])
-def test_every_term_is_allowed(pieces: int) -> None:
+def test_every_term_is_allowed() -> None:
     """1 s at 50 mm/s with 1 N: 50 mJ come out, evenly; the share is largest at the end."""
     made = pushed_out(1.0, 0.05)
     made["credit"][200:] = 0.003
     allowed = 0.02 + 0.01 * 1.0 + 1.0 * 0.05**2 * 1.0 + 0.003 + 0.05e-3
-    told = energy(made, OF_HAND, pieces=pieces)
+    told = energy(made, OF_HAND)
     assert told["generated_j"] == pytest.approx(0.05)
     assert told["bound_j"] == pytest.approx(allowed)
     assert told["bound_share"] == pytest.approx(0.05 / allowed)

@@ -12,19 +12,16 @@ import pytest
 
 from tests.figures.test_verdict import clean
 from tests.program import Records
-from tests.program import weberlink as command
 from tests.records import ticks as records_of
 from weberlink.figures.journal import Journal
-from weberlink.figures.paths import paths_of
-from weberlink.protocol.aio.udp import PathFacts
+from weberlink.protocol.paths import LinkPath
 from weberlink.protocol.states import State
 from weberlink.session.targets import LogFile
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
 
 RATE_HZ = 1000.0
-STARTED_S, WALL_OFFSET_S = 5000.0, 1_763_000_000.0
-"""On the clock of the records; and from there to the wall clock."""
+STARTED_S, WALL_OFFSET_S = 5000.0, 1_763_000_000.0  # on the clock of the records; and from there to the wall clock
 ENDED = replace(clean(), faults={"master": {"silence": 1}}, status=0)
 
 
@@ -128,10 +125,10 @@ def test_what_happens_is_told_with_its_tick(records: Records, expected: list[dic
 
 def test_paths_are_told_when_new_or_changed() -> None:
     log = Log()
-    first = PathFacts(remote="10.0.0.2:47000")
-    second = PathFacts(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)
-    for number, path in enumerate([PathFacts(), first, first, second, second]):
-        log.journal.add_paths("master", paths_of({"paths": [path._asdict()]}))
+    first = LinkPath(remote="10.0.0.2:47000")
+    second = LinkPath(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)
+    for number, path in enumerate([LinkPath(), first, first, second, second]):
+        log.journal.add_paths("master", [path])
         log.look(ticks(1500, first=1500 * number))
     told = log.lines
     assert [(line["event"], line["level"]) for line in told] == [
@@ -232,9 +229,3 @@ def test_a_full_disk_tears_no_line_that_comes_later(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-c", script, str(path)], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert path.read_text().splitlines() == ["x" * 9, "x" * 9, "x" * 5, "after"]
-
-
-def test_a_log_that_cannot_be_opened_is_one_line_and_status_2(tmp_path: Path) -> None:
-    status, output, errors = command("loopback", "--duration", 1, "--log", tmp_path / "missing" / "log")
-    assert (status, output, len(errors.splitlines())) == (2, "", 1)
-    assert "--log" in errors

@@ -7,36 +7,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.examples import examples
 from tests.figures.test_session import NONE, records, score
+from tests.records import ticks
 from weberlink.figures.link import AWAY, CONNECTED, UNCONNECTED, ConnectionScore
-from weberlink.figures.paths import LONGEST, MOST, LinkPath, finding, notable, paths_of
-from weberlink.figures.session import Records
-from weberlink.protocol.aio.udp import PathFacts
+from weberlink.protocol.paths import LONGEST, MOST, LinkPath, finding, notable, paths_of
 from weberlink.protocol.session import EXPIRY
 from weberlink.protocol.states import State
-from weberlink.telemetry.reader import DTYPE
 
 PERIOD = 0.01
 LISTENING, CONNECTING, ENGAGED, SILENT, CLOSED = (
     State.LISTENING, State.CONNECTING, State.ENGAGED, State.SILENT, State.CLOSED,
 )  # fmt: skip
 Stretch = tuple[State, float]
-
-
-def stretched(*stretches: Stretch) -> Records:
-    """Records of states, each for some seconds."""
-    states = [state.value for state, seconds in stretches for _ in range(round(seconds / PERIOD))]
-    made = np.zeros(len(states), DTYPE)
-    made["state"] = states
-    made["at"] = 5.0 + np.arange(len(states)) * PERIOD
-    return made
-
-
-def summary(*stretches: Stretch) -> dict[str, Any]:
-    score = ConnectionScore()
-    score.add(stretched(*stretches))
-    return vars(score.figures())
 
 
 @pytest.mark.parametrize(
@@ -64,27 +46,15 @@ def summary(*stretches: Stretch) -> dict[str, Any]:
     ids=["orderly", "left", "lost", "interrupted", "returned", "left_while_silent"],
 )
 def test_states_are_counted_by_what_they_mean(stretches: list[Stretch], ended: str, expected: dict[str, float]) -> None:
-    found = summary(*stretches)
+    states = [state.value for state, seconds in stretches for _ in range(round(seconds / PERIOD))]
+    score = ConnectionScore()
+    score.add(ticks(len(states), every=PERIOD, state=states))
+    found = vars(score.figures())
     assert found["ended"] == ended
     for key, value in expected.items():
         assert found[key] == pytest.approx(value, abs=2 * PERIOD), key
     seconds = sum(found[key] for key in ("waited_s", "connected_s", "unconnected_s", "away_s"))
     assert seconds == pytest.approx(sum(s for state, s in stretches if state is not CLOSED), abs=2 * PERIOD)
-
-
-@examples(50)
-@given(
-    st.lists(st.tuples(st.sampled_from(list(State)), st.floats(0.01, 4.0)), min_size=1, max_size=8), st.integers(1, 40)
-)
-def test_the_figures_do_not_depend_on_the_pieces(stretches: list[Stretch], pieces: int) -> None:
-    made = stretched(*stretches)
-    score = ConnectionScore()
-    for piece in np.array_split(made, pieces):
-        score.add(piece)
-    whole = summary(*stretches)
-    found = vars(score.figures())
-    assert found.pop("ended") == whole.pop("ended")
-    assert found == pytest.approx(whole)
 
 
 def test_each_way_is_measured_by_its_receiver() -> None:
@@ -125,24 +95,19 @@ def test_without_a_session_nothing_is_known() -> None:
         assert told["to_master"]["one_way_us"]["p50"] is None
 
 
-RELAYED = PathFacts(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)
-DIRECT = PathFacts(remote="10.0.0.2:47000")
-UNFOUND = PathFacts(route="", note="asking the mailbox")
+RELAYED = LinkPath(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)
+DIRECT = LinkPath(remote="10.0.0.2:47000")
+UNFOUND = LinkPath(route="", note="asking the mailbox")
 anything = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from([*PathFacts._fields, "dscp"]), inner),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(LinkPath._fields), inner),
     max_leaves=20,
 )
 
 
-def facts(*paths: PathFacts, **other: Any) -> list[LinkPath]:
-    """As a daemon publishes them, read again."""
-    return paths_of({"paths": [path._asdict() | other for path in paths]})
-
-
 def test_facts_of_the_daemon_come_through_whole() -> None:
-    assert facts(RELAYED, DIRECT, dscp=46) == [LinkPath(*path[:-1], 46) for path in (RELAYED, DIRECT)]
-    assert facts(RELAYED)[0].dscp is None
+    known = [RELAYED, DIRECT, UNFOUND._replace(dscp=46)]
+    assert paths_of({"paths": [path._asdict() for path in known]}) == known
     assert paths_of(None) == paths_of({}) == []
 
 
@@ -158,8 +123,8 @@ def test_a_strange_description_gives_words_all_the_same(found: Any) -> None:
 
 
 def test_notable_are_other_routes_and_changes() -> None:
-    assert list(notable([], facts(DIRECT, UNFOUND))) == []
-    assert list(notable([], facts(RELAYED))) == ["path: relayed by relay.example over wlan0, 1 change"]
-    assert list(notable(facts(RELAYED), facts(RELAYED, dscp=46))) == []
-    assert list(notable(facts(DIRECT), facts(DIRECT._replace(changes=1)))) == ["path: direct, 1 change"]
-    assert finding(facts(UNFOUND)) == "asking the mailbox" and finding(facts(UNFOUND, DIRECT)) == finding([]) == ""
+    assert list(notable([], [DIRECT, UNFOUND])) == []
+    assert list(notable([], [RELAYED])) == ["path: relayed by relay.example over wlan0, 1 change"]
+    assert list(notable([RELAYED], [RELAYED._replace(dscp=46)])) == []
+    assert list(notable([DIRECT], [DIRECT._replace(changes=1)])) == ["path: direct, 1 change"]
+    assert finding([UNFOUND]) == "asking the mailbox" and finding([UNFOUND, DIRECT]) == finding([]) == ""

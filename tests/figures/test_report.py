@@ -9,14 +9,13 @@ from rich.console import Console
 
 from tests.figures.test_session import NONE, records
 from tests.figures.test_verdict import clean, figures, put
-from weberlink.figures.paths import paths_of
 from weberlink.figures.report import WIDTH, session_report, status_line
 from weberlink.figures.tree import Energy, Figures
-from weberlink.protocol.aio.udp import PathFacts
+from weberlink.protocol.paths import LinkPath
 from weberlink.protocol.states import State
 
-FINDING = [PathFacts(route="", note="asking the mailbox")._asdict()]
-RELAYED = [PathFacts(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)._asdict()]
+FINDING = [LinkPath(route="", note="asking the mailbox")]
+RELAYED = [LinkPath(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)]
 
 
 def shown(figures: Figures) -> str:
@@ -47,7 +46,7 @@ def test_the_report_begins_with_the_verdict_and_has_what_is_known_of_energy_and_
 def test_the_report_of_a_master_that_met_nobody_says_why() -> None:
     made = records(5000)
     made["state"] = State.CONNECTING.value
-    found = replace(figures(made, NONE), outcome="terminated", paths={"master": paths_of({"paths": FINDING})})
+    found = replace(figures(made, NONE), outcome="terminated", paths={"master": FINDING})
     text = shown(found)
     assert "5.0 s" in text and "asking the mailbox" in text and "channel" not in text
 
@@ -57,8 +56,7 @@ def test_the_report_has_each_way_and_the_paths() -> None:
     made["rtt_us"], made["one_way_us"], made["jitter_us"] = 42e3, 30e3, 3e3
     made["datagrams_received"], made["datagrams_lost"] = 90, 10
     made["outgoing_loss"], made["peer_burst"] = 0.0123, 1.5
-    paths = {"master": paths_of({"paths": RELAYED})}
-    text = shown(replace(figures(made, NONE), outcome="completed", dscp=46, paths=paths))
+    text = shown(replace(figures(made, NONE), outcome="completed", dscp=46, paths={"master": RELAYED}))
     for figure in ("42.00 ms", "3.00 ms", "12.0", "1.23 %", "29.9", "10.00 %", "1.5", "relay.example"):
         assert figure in text
 
@@ -68,7 +66,7 @@ def test_the_report_has_each_way_and_the_paths() -> None:
     [
         ("master", State.CONNECTING, {}, "calling 10.0.0.2:47000"),
         ("slave", State.LISTENING, {}, "listening on 0.0.0.0:47000"),
-        ("slave", State.LISTENING, {"paths": {"slave": paths_of({"paths": FINDING})}}, "asking the mailbox"),
+        ("slave", State.LISTENING, {"paths": {"slave": FINDING}}, "asking the mailbox"),
         ("master", State.ENGAGED, {"addresses": {}}, "engaged with the peer"),
         ("slave", State.ENGAGED, {"peers": {"slave": {"name": "ann@desk"}}}, "engaged with ann@desk"),
         ("slave", State.SILENT, {"peers": {"slave": {"name": "ann@desk"}}}, "ann@desk silent"),

@@ -17,23 +17,21 @@ from weberlink.protocol import (
     DropReason,
     Endpoint,
     Event,
+    LocalEnd,
     PeerReturned,
     PeerSilent,
     Refused,
     Role,
     State,
-    Statistics,
     UpdateLost,
     UpdateReceived,
 )
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.emulation import EmulatedLink, Emulation
-from weberlink.protocol.handshake import PROTOCOL_VERSION, pack_agreement
 from weberlink.protocol.liveness import HeartbeatSchedule
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Protection, Security
-from weberlink.protocol.session import LocalEnd
-from weberlink.protocol.wire import DirectionLayout, Kind
+from weberlink.protocol.wire import Kind
 from weberlink.update import MAX_SELECTOR, PreviousSample, Update, UpdateForm
 
 MASTER: Address = ("192.0.2.1", 40_000)
@@ -106,20 +104,26 @@ def forms(*groups: int) -> tuple[UpdateForm, ...]:
     return (UpdateForm(groups, groups),) * (MAX_SELECTOR + 1)
 
 
-def make_endpoint(role: Role, *, seed: int = 0, **changes: object) -> Endpoint:
-    """An endpoint with plain values, except for `changes`."""
+def local_end(role: Role = Role.INITIATOR, *, seed: int = 0, **changes: object) -> LocalEnd:
+    """An end with plain values, except for `changes`."""
+    to_slave, to_master = (forms(3),), (forms(6),)
     arguments: dict[str, object] = {
-        "role": role,
         "agreement": AGREEMENT,
-        "outgoing": (forms(3),) if role is Role.INITIATOR else (forms(6),),
-        "incoming": (forms(6),) if role is Role.INITIATOR else (forms(3),),
+        "outgoing": to_slave if role is Role.INITIATOR else to_master,
+        "incoming": to_master if role is Role.INITIATOR else to_slave,
         "security": Checksum(),
         "entropy": Random(f"{seed} {role.value}").randbytes,
         "epoch": 0.0,
         "tick_period": TICK,
-        "peer": SLAVE if role is Role.INITIATOR else None,
     }
-    return Endpoint(**{**arguments, **changes})  # type: ignore[arg-type]
+    return LocalEnd(role, **{**arguments, **changes})  # type: ignore[arg-type]
+
+
+def make_endpoint(role: Role, *, seed: int = 0, **changes: object) -> Endpoint:
+    """An endpoint with plain values, except for `changes` of it or of its end."""
+    own: dict[str, object] = {"peer": SLAVE if role is Role.INITIATOR else None}
+    own |= {name: changes.pop(name) for name in ("peer", "take_over", "stamp", "asks") if name in changes}
+    return Endpoint(local_end(role, seed=seed, **changes), **own)  # type: ignore[arg-type]
 
 
 def exchanged(security: Security, seed: int = 1, prologue: bytes = b"") -> tuple[Protection, Protection]:
@@ -133,28 +137,6 @@ def exchanged(security: Security, seed: int = 1, prologue: bytes = b"") -> tuple
     opened = security.open(waiting, answered[0])
     assert opened is not None and opened[0] == b"welcome"
     return opened[1], answered[1]
-
-
-def local_end(**changes: object) -> LocalEnd:
-    """What the calls and sessions of an end share, with plain values except for `changes`."""
-    layout = DirectionLayout([forms(3)])
-    arguments: dict[str, object] = {
-        "security": Checksum(),
-        "entropy": Random(4).randbytes,
-        "agreement": pack_agreement(AGREEMENT),
-        "version": PROTOCOL_VERSION,
-        "name": "master",
-        "expects": "",
-        "calls": True,
-        "outgoing": layout,
-        "incoming": layout,
-        "epoch": 0.0,
-        "tick_period": TICK,
-        "silence": SILENCE,
-        "longest_round_trip": 0.4,
-        "statistics": Statistics(),
-    }
-    return LocalEnd(**{**arguments, **changes})  # type: ignore[arg-type]
 
 
 Tick = Callable[["Pair", float, int], None]

@@ -44,7 +44,6 @@ from weberlink.protocol.handshake import (
     HELLO_HEADER,
     INSTANCE_BYTES,
     LONGEST_INTERVAL,
-    PROTOCOL_VERSION,
     WELCOME_HEADER,
     Dialer,
     Hello,
@@ -52,9 +51,10 @@ from weberlink.protocol.handshake import (
     pack_hello,
     pack_map,
 )
+from weberlink.protocol.local_end import LONGEST_SILENCE, PROTOCOL_VERSION
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Security
-from weberlink.protocol.session import LONGEST_SILENCE, Session
+from weberlink.protocol.session import Session
 from weberlink.protocol.states import moved
 from weberlink.protocol.wire import Kind
 from weberlink.update import ModelParameters, PreviousSample, Update
@@ -389,7 +389,8 @@ def test_each_answer_to_a_call_has_its_outcome(security: Security) -> None:
 
 
 def test_an_agreement_too_deep_to_be_shown_is_dropped() -> None:
-    end = local_end(agreement=b"\x81\xa1a" + b"\x91" * 1000 + b"\x01")
+    end = local_end()
+    end.packed = b"\x81\xa1a" + b"\x91" * 1000 + b"\x01"
     hello = Dialer(end, bytes(INSTANCE_BYTES), stamp=lambda now: 1).hello(0.0)
     slave = make_endpoint(Role.RESPONDER)
     slave.connect(0.0)

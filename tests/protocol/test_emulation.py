@@ -1,3 +1,4 @@
+from collections import Counter
 from itertools import groupby
 from random import Random
 
@@ -44,8 +45,6 @@ def test_losses_have_their_rate_and_their_mean_length(loss: float, burst: float)
     if 0.0 < loss < 1.0:
         # Independent losses follow each other too: a run of them has 1 / (1 - loss) numbers.
         assert sum(runs) / len(runs) == pytest.approx(burst if burst > 1.0 else 1.0 / (1.0 - loss), rel=0.15)
-    assert (made.counters.sent, made.counters.lost) == (count, sum(runs))
-    assert made.counters.delivered == count - sum(runs)
 
 
 def test_reordered_datagrams_are_overtaken() -> None:
@@ -55,7 +54,7 @@ def test_reordered_datagrams_are_overtaken() -> None:
     order = [tag for _, tag in made.receive(10.0)]
     assert sorted(order) == list(range(1000))
     moved = [place - number for place, number in enumerate(order) if place > number]
-    assert made.counters.reordered == pytest.approx(200, abs=40)
+    assert len(moved) == pytest.approx(200, abs=40)
     assert max(moved) <= round(REORDER_HOLD / 0.001)
 
 
@@ -69,7 +68,6 @@ def test_rate_spaces_datagrams_and_drops_long_queues() -> None:
         made.receive(due)
     assert times == pytest.approx([0.01 * (number + 1) for number in range(len(times))])
     assert len(times) == pytest.approx(QUEUE_S / 0.01, abs=2)
-    assert made.counters.congested == 100 - len(times)
 
 
 def test_duplicates_come_twice_and_corruption_flips_one_bit() -> None:
@@ -77,10 +75,10 @@ def test_duplicates_come_twice_and_corruption_flips_one_bit() -> None:
     for number in range(1000):
         made.send(bytes(8), number, 0.0)
     arrived = made.receive(0.0)
-    assert len(arrived) == 1000 + made.counters.duplicated
-    assert made.counters.duplicated == pytest.approx(500, abs=60)
+    assert len({tag for _, tag in arrived}) == 1000 and max(Counter(tag for _, tag in arrived).values()) == 2
+    assert len(arrived) == pytest.approx(1500, abs=60)
     damaged = {tag for data, tag in arrived if data != bytes(8)}
-    assert len(damaged) == made.counters.corrupted == pytest.approx(500, abs=60)
+    assert len(damaged) == pytest.approx(500, abs=60)
     assert all(sum(byte.bit_count() for byte in data) == 1 for data, tag in arrived if tag in damaged)
     assert len({data for data, _ in arrived}) == 65
 
@@ -93,7 +91,6 @@ def test_nothing_gets_through_a_blackout_once_or_periodic(blackout: tuple[float,
     arrived = [tag for _, tag in made.receive(100.0)]
     gone = [number for number in range(200) if number >= 100 and (number - 100) % every < round(100 * blackout[1])]
     assert sorted(arrived + gone) == list(range(200))
-    assert made.counters.blacked_out == len(gone)
 
 
 @examples(60)

@@ -261,7 +261,7 @@ class World(Pair):
         assert told.drops == told.dropped.total() and told.overflowed == 0
         assert told.repeats <= 13 * sum(told.updates_sent) + 10.0 * self.now * self.streams
         counts = (
-            *(told.sent, told.bytes_sent, told.received, told.bytes_received, told.repeats, told.heartbeats),
+            *(told.sent, told.bytes_sent, told.received, told.repeats, told.heartbeats),
             *(*told.updates_sent, *told.updates_received, told.drops),
         )
         before, self.counts[endpoint] = self.counts.get(endpoint, counts), counts

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.protocol.harness import AGREEMENT
+from tests.protocol.harness import local_end
 from weberlink.protocol import Role
 from weberlink.protocol.handshake import (
     EPOCH_BYTES,
@@ -14,20 +14,19 @@ from weberlink.protocol.handshake import (
     HELLO_HEADER,
     INSTANCE_BYTES,
     OPTIONAL,
-    PADDED_HELLO,
     WELCOME_FIELDS,
     Hello,
     differences,
-    pack_agreement,
     pack_hello,
     pack_refusal,
     read_fields,
     read_map,
 )
 from weberlink.protocol.keys import LONGEST_NAME, check_name
+from weberlink.protocol.local_end import PADDED_HELLO
 
 HELLO = Hello(
-    pack_agreement(AGREEMENT),
+    local_end().packed,
     123_456,
     "ann@operator",
     bytes(range(INSTANCE_BYTES)),
@@ -100,7 +99,7 @@ AGREEMENTS = st.dictionaries(st.sampled_from(["a", "b.c", "b.d", "rate_hz"]), VA
 
 @given(AGREEMENTS, AGREEMENTS)
 def test_both_ends_say_the_same_about_a_difference(master: dict[str, object], slave: dict[str, object]) -> None:
-    assert read_map(pack_agreement(master)) == master
+    assert local_end(agreement=master).agreement == master
     said = differences(Role.INITIATOR, master, slave)
     assert said == differences(Role.RESPONDER, slave, master)
     assert (said == "") == (master == slave)
@@ -110,4 +109,4 @@ def test_both_ends_say_the_same_about_a_difference(master: dict[str, object], sl
 @pytest.mark.parametrize("value", [object(), {1, 2}, 2**70])
 def test_a_value_that_cannot_be_packed_is_named(value: object) -> None:
     with pytest.raises(ValueError, match=r"'codec\.x'"):
-        pack_agreement({"codec.x": value})
+        local_end(agreement={"codec.x": value})

@@ -17,11 +17,11 @@ from weberlink.protocol.handshake import (
     HELLO_HEADER,
     INSTANCE_BYTES,
     KNOWN_MASTERS,
-    PROTOCOL_VERSION,
     REFUSAL_PACE,
     STALE_PACE,
     Dialer,
 )
+from weberlink.protocol.local_end import PROTOCOL_VERSION
 from weberlink.protocol.wire import Kind
 
 

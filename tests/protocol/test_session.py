@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from tests.protocol.harness import exchanged, forms, local_end, sample_update, suites
-from weberlink.protocol import DropReason, Statistics
+from weberlink.protocol import DropReason, Role, Statistics
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.events import PeerClosed, UpdateReceived
 from weberlink.protocol.liveness import INTRODUCTIONS, Liveness
@@ -18,22 +18,15 @@ from weberlink.update import PreviousSample, Update
 
 def sessions(security: Security, first_sequence: int = 1, **changes: Any) -> tuple[Session, Session, Statistics]:
     """Both ends of a session without a round trip, and what the first one counts."""
-    counted = Statistics(), Statistics()
+    ends = [local_end(Role.RESPONDER, outgoing=(forms(3),), **changes) for _ in range(2)]
     first, second = (
-        Session(
-            local_end(calls=False, statistics=count, **changes),
-            protection,
-            0.0,
-            0.0,
-            longest_round_trip=0.4,
-            first_sequence=first_sequence,
-        )
-        for protection, count in zip(exchanged(security), counted, strict=True)
+        Session(end, protection, 0.0, 0.0, longest_round_trip=0.4, first_sequence=first_sequence)
+        for end, protection in zip(ends, exchanged(security), strict=True)
     )
     for session in (first, second):
         session.liveness.agree(0.0, 0.0)
         session.clock.learn(0.0, 0.0, 0.0)
-    return first, second, counted[0]
+    return first, second, ends[0].statistics
 
 
 def pair(security: Security, **changes: Any) -> tuple[Session, Session, Statistics]:

@@ -12,13 +12,13 @@ import pytest
 from weberlink.realtime.process import prepare
 
 ASK = """
-import json, os, sys
+import dataclasses, json, os, sys
 from weberlink.realtime.process import prepare
 
 grants = prepare(*json.loads(sys.argv[1]))
 status = dict(line.split(":", 1) for line in open("/proc/self/status"))
 print(json.dumps({
-    "grants": grants.as_dict(),
+    "grants": dataclasses.asdict(grants),
     "fifo": os.sched_getscheduler(0) == os.SCHED_FIFO,
     "priority": os.sched_getparam(0).sched_priority,
     "locked_kb": int(status["VmLck"].split()[0]),

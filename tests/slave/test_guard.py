@@ -164,75 +164,65 @@ def test_an_arm_that_sags_yields_to_what_presses_too_much_alone(
     assert axis(1.0, 10.0).bounded((target,), (0.0,), (angle,), (torque,), TICK)[0] == pytest.approx(goes)
 
 
-# How far a command goes in within a tick, where the largest press is 1.
+# How far a command goes in within a tick.
 
-
-@pytest.mark.parametrize(("wanted", "goes"), [(-0.3, -0.3), (0.6, 0.6), (0.61, 0.6), (5.0, 0.6)])
-def test_a_command_goes_as_deep_as_the_press_may_become(wanted: float, goes: float) -> None:
-    step = PressStep(1.0, 0.0)
-    assert step.allowed(wanted, 0.4, 0.4, 0.0, TICK) == pytest.approx(goes)
-    assert not step.catches_up
+EXCESS = (5.0, 1.5, 1.5, 0.0)
+"""What was wanted, the press and the one before, and how far the command went in since; the largest press is 1."""
 
 
 @pytest.mark.parametrize(
-    ("press", "before", "goes"), [(1.5, 1.5, -0.5), (1.5, 1.2, -0.2), (1.5, 0.9, 0.0), (9.0, 9.0, -8.0)]
-)
-@pytest.mark.parametrize("retreats", [True, False])
-def test_an_excess_stops_the_command_and_one_that_stays_takes_it_out(
-    press: float, before: float, goes: float, retreats: bool
-) -> None:
-    step = PressStep(1.0, 0.0)
-    assert step.allowed(5.0, press, before, 0.0, TICK, retreats=retreats) == pytest.approx(goes if retreats else 0.0)
-
-
-@pytest.mark.parametrize(("last", "now"), [(0.01, 0.0), (0.0, 0.01), (-0.02, 0.01), (0.01, -0.02), (-0.02, -0.03)])
-def test_after_an_excess_a_command_goes_in_at_twice_its_last_speed_at_most(last: float, now: float) -> None:
-    step = PressStep(1.0, 0.0)
-    step.allowed(5.0, 1.5, 1.5, last, TICK)
-    fastest = max(abs(last), abs(now))
-    assert step.allowed(5.0, 0.0, 0.0, now, TICK) == pytest.approx(2.0 * fastest + LEAST_STEP)
-    assert step.allowed(5.0, 0.0, 0.0, 9.0, TICK) == pytest.approx(1.0 / max(1.0, 2.0 * SPRING)), "of a spring"
-
-
-@pytest.mark.parametrize(("damping", "answers"), [(0.0, 1.0), (3.0, 4.0), (9.0, 5.0)])
-def test_a_press_that_follows_the_speed_of_a_command_slows_it_down(damping: float, answers: float) -> None:
-    """The press changes by five times the change of the speed; no more is believed than the largest damping gives."""
-    step = PressStep(1.0, damping * TICK)
-    step.allowed(5.0, 1.5, 1.5, 0.0, TICK)
-    goes = step.allowed(5.0, 0.5, 0.0, 0.1, TICK)
-    assert goes == pytest.approx(min(0.5 / (2.0 * answers), 0.2 + LEAST_STEP))
-    assert step.catches_up is (answers > 2.0)
-    step.rest()
-    assert not step.catches_up
-    assert step.allowed(5.0, 0.5, 0.5, 0.1, TICK) == 0.5, "of the contact, which is over"
-
-
-@pytest.mark.parametrize("most", [1.0, 0.5])
-@pytest.mark.parametrize(
-    ("went", "press", "answers"),
+    ("calls", "damping", "goes"),
     [
-        ((0.2, 0.5), (0.1, 0.7), 2.0),
-        ((0.0, 0.01), (0.92, 0.96), 4.0), ((0.0, -0.01), (0.96, 0.92), 4.0),
-        ((0.0, 0.01), (0.96, 0.98), None),  # less than the noise
-        ((0.0, -0.01), (0.92, 0.96), None), ((0.0, 0.01), (0.96, 0.92), None),  # against the motion
-        ((0.5, 0.51), (0.92, 0.96), None), ((0.1, 0.19), (0.5, 0.9), None),  # too little for the speed
-        ((0.1, 0.21), (0.5, 0.9), 0.4 / 0.11),
+        # As deep as the press may become.
+        *(([(wanted, 0.4, 0.4, 0.0)], 0.0, min(wanted, 0.6)) for wanted in (-0.3, 0.6, 0.61, 5.0)),
+        # An excess stops the command, and one that stays takes it out.
+        ([EXCESS], 0.0, -0.5), ([(5.0, 1.5, 1.2, 0.0)], 0.0, -0.2), ([(5.0, 1.5, 0.9, 0.0)], 0.0, 0.0),
+        ([(5.0, 9.0, 9.0, 0.0)], 0.0, -8.0),
+        # After an excess it goes in at twice its last speed at most, or as a spring lets it.
+        *(([(5.0, 1.5, 1.5, last), (5.0, 0.0, 0.0, now)], 0.0, 2.0 * max(abs(last), abs(now)) + LEAST_STEP)
+          for last, now in ((0.01, 0.0), (0.0, 0.01), (-0.02, 0.01), (0.01, -0.02), (-0.02, -0.03))),
+        ([EXCESS, (5.0, 0.0, 0.0, 9.0)], 0.0, 1.0 / max(1.0, 2.0 * SPRING)),
+        # A press that changes by five times the change of the speed slows it down: as far as a damping can do that.
+        ([EXCESS, (5.0, 0.5, 0.0, 0.1)], 0.0, 0.2 + LEAST_STEP), ([EXCESS, (5.0, 0.5, 0.0, 0.1)], 3.0, 0.5 / 8.0),
+        ([EXCESS, (5.0, 0.5, 0.0, 0.1)], 9.0, 0.5 / 10.0),
+        # That answer is measured where the speed changes enough, and with it the press by more than the noise.
+        *(([(5.0, 1.5, 1.5, went[0]), (5.0, press[1], press[0], went[1])], 9.0,
+           min((1.0 - press[1]) / max(1.0, 2.0 * answers), 2.0 * max(map(abs, went)) + LEAST_STEP))
+          for went, press, answers in (
+              ((0.2, 0.5), (0.1, 0.7), 2.0), ((0.0, 0.01), (0.92, 0.96), 4.0), ((0.0, -0.01), (0.96, 0.92), 4.0),
+              ((0.1, 0.21), (0.5, 0.9), 0.4 / 0.11), ((0.0, 0.01), (0.96, 0.98), SPRING),  # noise
+              ((0.0, -0.01), (0.92, 0.96), SPRING), ((0.0, 0.01), (0.96, 0.92), SPRING),  # against the motion
+              ((0.5, 0.51), (0.92, 0.96), SPRING), ((0.1, 0.19), (0.5, 0.9), SPRING),  # too little for the speed
+          )),
     ],
 )  # fmt: skip
-def test_the_answer_is_measured_where_the_speed_changes_enough(
-    most: float, went: tuple[float, float], press: tuple[float, float], answers: float | None
+@pytest.mark.parametrize("most", [1.0, 0.5])
+def test_how_far_a_command_may_go_in(most: float, calls: list[tuple[float, ...]], damping: float, goes: float) -> None:
+    step, still = PressStep(most, damping * TICK), PressStep(most, damping * TICK)
+    for wanted, press, before, went in calls:
+        scaled = [most * each for each in (wanted, press, before, went)]
+        found, kept = step.allowed(*scaled, TICK), still.allowed(*scaled, TICK, retreats=False)
+    assert found == pytest.approx(most * goes)
+    assert kept == pytest.approx(most * (goes if press <= 1.0 else 0.0))
+
+
+@pytest.mark.parametrize(("damping", "catches_up"), [(0.0, False), (3.0, True)])
+def test_a_command_that_a_damping_slowed_down_catches_up_until_the_contact_is_over(
+    damping: float, catches_up: bool
 ) -> None:
-    step = PressStep(most, 9.0 * TICK)
-    step.allowed(5.0, 1.5 * most, 1.5 * most, went[0] * most, TICK)
-    goes = step.allowed(5.0, press[1] * most, press[0] * most, went[1] * most, TICK)
-    share = 1.0 / max(1.0, 2.0 * (answers or SPRING))
-    fastest = max(map(abs, went))
-    assert goes == pytest.approx(most * min(share * (1.0 - press[1]), 2.0 * fastest + LEAST_STEP))
+    step = PressStep(1.0, damping * TICK)
+    step.allowed(*EXCESS, TICK)
+    assert not step.catches_up
+    step.allowed(5.0, 0.5, 0.0, 0.1, TICK)
+    assert step.catches_up is catches_up
+    step.rest()
+    assert not step.catches_up
+    assert step.allowed(5.0, 0.5, 0.5, 0.1, TICK) == 0.5
 
 
 def test_without_time_between_two_presses_the_answer_is_that_of_a_spring() -> None:
     step = PressStep(1.0, 9.0)
-    step.allowed(5.0, 1.5, 1.5, 0.0, 0.0)
+    step.allowed(*EXCESS, 0.0)
     assert step.allowed(5.0, 0.96, 0.92, 0.01, 0.0) == pytest.approx(0.04 / 2.0)
 
 
@@ -324,14 +314,10 @@ def test_in_every_state_commands_are_slow_and_inside_and_nothing_jumps(
 @both
 def test_what_is_felt_is_shown_from_the_end_of_the_approach_on(kind: str) -> None:
     guarded, goal = guard(kind), (0.0, 0.0, 0.001)
-    assert (guarded.share, guarded.ramping, guarded.clipped, guarded.arrived, guarded.tripped) == (
-        0,
-        True,
-        *[False] * 3,
-    )
+    assert (guarded.share, guarded.clipped, guarded.arrived, guarded.tripped) == (0, *[False] * 3)
     shown = [guarded.share for _ in range(70) if follow(guarded, goal)]
     assert shown == pytest.approx([*[0.0] * 3, *(min(1.0, 0.02 * tick) for tick in range(1, 68))])
-    assert (guarded.ramping, guarded.arrived) == (False, True)
+    assert guarded.arrived
     assert follow(guarded, (0.0, 0.0, 0.5))[2] == pytest.approx(0.002)
     assert guarded.clipped
     guarded.release()

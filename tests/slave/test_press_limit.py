@@ -20,10 +20,8 @@ from weberlink.slave.scenes.contact import SceneObject
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import PlaneShape
 
-SPEED = 2.0
-"""Largest speed of a command [m/s]."""
-HEIGHT = 0.005
-"""From which a tap begins [m]."""
+SPEED = 2.0  # Largest speed of a command [m/s]
+HEIGHT = 0.005  # From which a tap begins [m]
 
 
 @dataclass(frozen=True)
@@ -55,8 +53,7 @@ class Tap:
 class Outcome:
     contacts: int = 0
     peak: float = 0.0
-    last: float = 0.0
-    """Force at the end [N]."""
+    last: float = 0.0  # Force at the end [N]
 
 
 def tapped(

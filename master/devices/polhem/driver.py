@@ -23,8 +23,7 @@ from weberlink.registry import Tier
 BAD_REPLIES = 50
 """Bad replies in a row that are a fault; each takes 10 ms where nothing answers, and the motors get no current from the
 first on."""
-STALL_S = 0.05
-"""Currents computed longer ago than this [s] are not sent: the process has been stopped in between."""
+STALL_S = 0.05  # currents computed longer ago than this [s] are not sent: the process has been stopped in between
 REPLY_S = 0.01
 OPENING_S = 0.5
 """Longest time until a device gives good answers after its port was opened [s]: a board just plugged in is slow."""
@@ -39,10 +38,8 @@ class PolhemExchange(ABC):
     opens the port at a path.
     """
 
-    NAME: ClassVar[str]
-    """Of the driver."""
-    WATCHDOG_S: ClassVar[float]
-    """The board switches its motors off after this time without a message [s]."""
+    NAME: ClassVar[str]  # of the driver
+    WATCHDOG_S: ClassVar[float]  # the board switches its motors off after this time without a message [s]
 
     def __init__(
         self,
@@ -59,8 +56,7 @@ class PolhemExchange(ABC):
         self._parameters: MechanismParameters = options.wired()
         self._dialogue: LockStep | FreeRunning | None = None
         self._validator: PositionValidator | None = None
-        self._counts: Counts | None = None
-        """The last valid ones, relative to the home pose."""
+        self._counts: Counts | None = None  # the last valid ones, relative to the home pose
         self.orientation_trouble: str | None = None
         """Why readings lack the orientation although the device has sensors for it; None where they have it."""
 
@@ -164,12 +160,9 @@ class PolhemDevice(ThreadedDevice):
 
     TIER: ClassVar[Tier] = "emulated only"
     EXCHANGE: ClassVar[type[PolhemExchange]]
-    PORT: ClassVar[Any]
-    """Opens the port at a path."""
-    KIND: ClassVar[str]
-    """Option of which the signs depend besides those of the mechanism."""
-    BUTTONS: ClassVar[int] = 0
-    """On the handle."""
+    PORT: ClassVar[Any]  # opens the port at a path
+    KIND: ClassVar[str]  # option of which the signs depend besides those of the mechanism
+    BUTTONS: ClassVar[int] = 0  # on the handle
     SIGN_OPTIONS: ClassVar[Mapping[str, str]] = {
         **dict.fromkeys("xz", "encoder_directions of B and C, or home_counts"),
         "y": "the first of encoder_directions",

@@ -27,8 +27,7 @@ from weberlink.master.devices.polhem.protocol import (
 
 USAGE_PAGE = 0xFFAB
 UNREPORTED = 0
-SET_WITHIN_COUNTS = 100
-"""Largest motion of a held handle while the counters are set."""
+SET_WITHIN_COUNTS = 100  # largest motion of a held handle while the counters are set
 
 
 class HidLine(Line):
@@ -37,8 +36,7 @@ class HidLine(Line):
     def __init__(self, port: Any) -> None:
         self._port = port
         self._number = 0
-        self.size = LONG
-        """Bytes in a report of this device, as `find_size` found."""
+        self.size = LONG  # bytes in a report of this device, as `find_size` found
 
     def find_size(self) -> None:
         """Find the kind of device from the size of its first report, whose contents may be old; raises HardwareFault if

@@ -15,20 +15,13 @@ from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.devices.polhem.parameters import MechanismParameters
 from weberlink.master.devices.polhem.protocol import Sensors
 
-SPEED_M_S = 3.0
-"""Largest speed of a hand."""
-SLACK_M = 0.003
-"""Tolerance for inexact times."""
-SILENCE_S = 0.25
-"""After this time without an answer the device may have lost its power."""
-AWAY_M = 0.05
-"""Largest accepted motion of the handle while the device was unplugged."""
-SHIFT_M = 0.01
-"""Restarted counters are harmless within this distance of the home pose."""
-NEAR_COUNTS = 100
-"""Restarted counters are within this range at the next answer."""
-STILL_M = 0.5
-"""An encoder counts as broken when the handle moves this far without a change of its count."""
+SPEED_M_S = 3.0  # largest speed of a hand
+SLACK_M = 0.003  # tolerance for inexact times
+SILENCE_S = 0.25  # after this time without an answer the device may have lost its power
+AWAY_M = 0.05  # largest accepted motion of the handle while the device was unplugged
+SHIFT_M = 0.01  # restarted counters are harmless within this distance of the home pose
+NEAR_COUNTS = 100  # restarted counters are within this range at the next answer
+STILL_M = 0.5  # an encoder counts as broken when the handle moves this far without a change of its count
 
 Counts = tuple[int, ...]
 
@@ -128,14 +121,10 @@ def _nearer_zero(counts: Counts, before: Counts) -> bool:
     return max(map(abs, counts)) <= max(abs(a - b) for a, b in zip(counts, before, strict=True))
 
 
-PRESSED_WITHIN_COUNTS = 8
-"""Counters that were set to zero between two looks are within this range."""
-STEP_COUNTS = 40
-"""A jump to zero from at least this count is the button: no hand is that fast."""
-PAUSE_S = 0.002
-"""Pause between two looks [s]; shorter than every watchdog."""
-LONGEST_S = 0.02
-"""Looks farther apart than this [s] are ignored: the hand may have passed the home pose meanwhile."""
+PRESSED_WITHIN_COUNTS = 8  # counters that were set to zero between two looks are within this range
+STEP_COUNTS = 40  # a jump to zero from at least this count is the button: no hand is that fast
+PAUSE_S = 0.002  # pause between two looks [s]; shorter than every watchdog
+LONGEST_S = 0.02  # looks farther apart than this [s] are ignored: the hand may have passed the home pose meanwhile
 
 
 def await_press(

@@ -12,23 +12,16 @@ from typing import Any
 from weberlink.geometry.rotation import Quaternion, product
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale
 
-Triple = tuple[float, float, float]
-"""One value for each of the bodies A, B and C."""
-Angles = Triple
-"""Angles of the bodies A, B and C [rad]."""
-Jacobian = tuple[Vector, Vector, Vector]
-"""Rows x, y, z; columns A, B, C [m/rad]."""
-Counts = tuple[int, int, int]
-"""Encoder counts of the motors A, B and C, relative to the home pose."""
+Triple = tuple[float, float, float]  # one value for each of the bodies A, B and C
+Angles = Triple  # angles of the bodies A, B and C [rad]
+Jacobian = tuple[Vector, Vector, Vector]  # rows x, y, z; columns A, B, C [m/rad]
+Counts = tuple[int, int, int]  # encoder counts of the motors A, B and C, relative to the home pose
 Signs = tuple[int, int, int]
 
 GRAVITY_M_S2 = 9.81
-STEP_RAD = 1e-3
-"""Step of the central difference of the energy."""
-LEAST_SINE = 1e-3
-"""The linkage counts as at its dead point below this sine of the angle between coupler and forearm."""
-LEAST_DETERMINANT = 1e-5
-"""A pose counts as singular below this determinant [m^3]; in the middle it is 100 times larger."""
+STEP_RAD = 1e-3  # step of the central difference of the energy
+LEAST_SINE = 1e-3  # the linkage counts as at its dead point below this sine of the angle between coupler and forearm
+LEAST_DETERMINANT = 1e-5  # a pose counts as singular below this determinant [m^3]; in the middle it is 100 times larger
 MA_PER_A = 1e3
 
 
@@ -39,19 +32,13 @@ class SerialParallelogram:
     B and C are absolute angles from the vertical, so the upper arm does not turn the forearm:
 
         r = lb sin B + lc sin C,   x = r cos A - ox,   y = r sin A - oy,   z = ln + lb cos B - lc cos C - oz
-
-    Args:
-        ln: height of the shoulder [m].
-        lb: length of the upper arm [m].
-        lc: length of the forearm [m].
-        origin: middle of the workspace from the foot of the vertical axis [m].
-        masses: of upper arm and forearm [kg], and their centres from shoulder and elbow [m]; empty if not published.
     """
 
-    ln: float
-    lb: float
-    lc: float
-    origin: Vector
+    ln: float  # height of the shoulder [m]
+    lb: float  # length of the upper arm [m]
+    lc: float  # length of the forearm [m]
+    origin: Vector  # middle of the workspace from the foot of the vertical axis [m]
+    # Of upper arm and forearm [kg], and their centres from shoulder and elbow [m]; empty if not published.
     masses: Sequence[float] = ()
 
     def position(self, angles: Angles) -> Vector:
@@ -102,25 +89,16 @@ class SpatialFiveBar:
     crank at D = (-l0/2, 0) + l2 e(t3). The forearm goes from C = B - l4 e(lam) through B to the tip B + l5 e(lam), and
     the coupler between C and D has the length l3, which gives lam. Of its two solutions the one with the coupler behind
     the upper arm is built.
-
-    Args:
-        l0: between the two pivots on the body [m].
-        l1: upper arm [m].
-        l2: crank [m].
-        l3: coupler [m].
-        l4: forearm, behind its joint [m].
-        l5: forearm, before it [m].
-        origin: middle of the workspace from the middle between the pivots [m].
-        masses: of upper_arm, crank, coupler and forearm [kg], each with its centre along and across the link [m].
     """
 
-    l0: float
-    l1: float
-    l2: float
-    l3: float
-    l4: float
-    l5: float
-    origin: Vector
+    l0: float  # between the two pivots on the body [m]
+    l1: float  # upper arm [m]
+    l2: float  # crank [m]
+    l3: float  # coupler [m]
+    l4: float  # forearm, behind its joint [m]
+    l5: float  # forearm, before it [m]
+    origin: Vector  # middle of the workspace from the middle between the pivots [m]
+    # Of upper_arm, crank, coupler and forearm [kg], each with its centre along and across the link [m].
     masses: Mapping[str, Triple] = field(default_factory=dict)
 
     def position(self, angles: Angles) -> Vector:

@@ -27,8 +27,7 @@ Model = Literal["polhem", "vintage_phantom", "woodenhaptics"]
 
 BOARDS: dict[Board, str] = {"serial": "the serial board", "hid14": "14-byte reports", "hid8": "8-byte reports"}
 
-HID_CURRENT_LIMIT_MA = 3000
-"""The HID firmware has no limit; beyond this its amplifiers usually saturate."""
+HID_CURRENT_LIMIT_MA = 3000  # the HID firmware has no limit; beyond this its amplifiers usually saturate
 
 
 class PolhemOptions(ForceOptions, PortOptions):

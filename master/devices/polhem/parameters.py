@@ -49,10 +49,6 @@ class MechanismParameters:
     def without_gimbal(self) -> Self:
         return replace(self, mechanism=self.mechanism.driven(gimbal_counts_per_turn=(0, 0, 0)))
 
-    def on(self, board: Board) -> Self:
-        """With the signs published for a board; KeyError where there are none."""
-        return self.wired(self.wirings[board])
-
     def wired(self, wiring: Wiring) -> Self:
         return replace(self, mechanism=self.mechanism.driven(wiring=wiring))
 

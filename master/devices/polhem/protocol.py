@@ -13,11 +13,9 @@ from dataclasses import dataclass
 from struct import Struct
 from typing import NamedTuple
 
-HID_WATCHDOG_S, SERIAL_WATCHDOG_S = 0.5, 0.1
-"""A board switches its motors off after this time without a message [s]."""
+HID_WATCHDOG_S, SERIAL_WATCHDOG_S = 0.5, 0.1  # a board switches its motors off after this time without a message [s]
 
-Currents = tuple[int, int, int]
-"""[mA]"""
+Currents = tuple[int, int, int]  # [mA]
 Counts6 = tuple[int, int, int, int, int, int]
 NO_CURRENT: Currents = (0, 0, 0)
 
@@ -33,34 +31,23 @@ Message = Currents | SetCounters
 
 
 class Sensors(NamedTuple):
-    """What a board says of itself.
+    """What a board says of itself."""
 
-    Args:
-        counts: six, or three in a report of 8 bytes; in reports of 16 bits each.
-        button: whether that of the stylus is pressed; in reports of 14 bytes only.
-        calibrate: whether the calibration button was pressed since the counters were last set; likewise.
-        number: of a report of 8 bytes, 16 bits.
-        model: one of `MODELS`, over serial.
-        error: `ERRORS` or-ed together, over serial.
-    """
-
-    counts: tuple[int, ...]
-    button: bool = False
-    calibrate: bool = False
-    number: int = 0
-    model: int = 0
-    error: int = 0
+    counts: tuple[int, ...]  # six, or three in a report of 8 bytes; in reports of 16 bits each
+    button: bool = False  # whether that of the stylus is pressed; in reports of 14 bytes only
+    calibrate: bool = False  # whether the calibration button was pressed since the counters were last set; likewise
+    number: int = 0  # of a report of 8 bytes, 16 bits
+    model: int = 0  # one of `MODELS`, over serial
+    error: int = 0  # `ERRORS` or-ed together, over serial
 
 
 # --- HID
 
 BUTTON_ABOVE, BUTTON_OFFSET = 5000, 10_000
 """While the button of the stylus is pressed, the offset is added to the fourth counter."""
-CURRENTS, SET_COUNTERS = 0, 1
-"""What a report of 14 bytes commands."""
+CURRENTS, SET_COUNTERS = 0, 1  # what a report of 14 bytes commands
 _LONG, _SHORT = Struct("<7h"), Struct("<3hH")
-LONG, SHORT = _LONG.size, _SHORT.size
-"""Bytes in a report of the newer and of the older kind."""
+LONG, SHORT = _LONG.size, _SHORT.size  # bytes in a report of the newer and of the older kind
 
 
 def decode_sensors(report: bytes) -> Sensors:
@@ -87,15 +74,8 @@ def encode_sensors(sensors: Sensors) -> bytes:
 
 
 def encode_command(command: Message, size: int, number: int = 0) -> bytes:
-    """A report of `size` bytes, without the report number that hidapi wants in front.
-
-    Args:
-        command: currents [mA] within 16 bits, or counters to set.
-        size: `LONG` or `SHORT`.
-        number: of the report; goes into the older kind only.
-
-    Raises:
-        ValueError: if the older kind is to set counters, or there is no such kind.
+    """A report of `size` bytes, `LONG` or `SHORT`, without the report number that hidapi wants in front; `number` goes
+    into the older kind only. Raises ValueError if that is to set counters, or there is no such kind.
     """
     if size == SHORT and not isinstance(command, SetCounters):
         return _SHORT.pack(*command, number & 0xFFFF)
@@ -147,10 +127,8 @@ class Unwrapper:
 
 # --- serial
 
-CURRENT_LIMIT_MA = 6000
-"""Beyond this the firmware gives a motor no current at all."""
-LEAST_WRITE = 16
-"""Messages are padded with NUL to this length: shorter writes are slower, according to the maker."""
+CURRENT_LIMIT_MA = 6000  # beyond this the firmware gives a motor no current at all
+LEAST_WRITE = 16  # messages are padded with NUL to this length: shorter writes are slower, according to the maker
 MODELS = {1: "polhem", 2: "vintage_phantom", 3: "woodenhaptics"}
 ERRORS = {
     1: "gimbal sensor 1 does not answer",
@@ -163,10 +141,8 @@ ERRORS = {
     1024: "message that it cannot read",
 }
 """Bits of the last number of an answer."""
-GIMBAL_ERRORS = 1 | 2 | 4
-"""Errors after which the message was applied and the three main counts are valid."""
-LONGEST = 8 * 12 + 2
-"""Longest answer: eight numbers of 32 bits with separators."""
+GIMBAL_ERRORS = 1 | 2 | 4  # errors after which the message was applied and the three main counts are valid
+LONGEST = 8 * 12 + 2  # longest answer: eight numbers of 32 bits with separators
 
 _STATUS = re.compile(rb"\[(-?\d{1,10}(?:,-?\d{1,10}){7})\]")
 
@@ -187,8 +163,7 @@ class StatusReader:
 
     def __init__(self) -> None:
         self._rest = b""
-        self.malformed = 0
-        """Number of malformed answers."""
+        self.malformed = 0  # number of malformed answers
 
     def feed(self, data: bytes) -> list[Sensors]:
         """The answers that end in `data`, oldest first."""

@@ -26,8 +26,7 @@ from weberlink.master.devices.polhem.protocol import (
     encode_currents,
 )
 
-SENSORS = 3
-"""Sensors of the gimbal, of which the firmware reads one per message."""
+SENSORS = 3  # sensors of the gimbal, of which the firmware reads one per message
 REPORTS = "reports"
 STRANGER = ": it is no such device, or its firmware is older than 2.0; `weberlink device list` lists what there is"
 PORTS_BY_ID = Path("/dev/serial/by-id")

@@ -73,8 +73,7 @@ class PolhemBoard(FaultyDevice):
     went off without a message. Raises ValueError if it is to have a weight, and none is published.
     """
 
-    WATCHDOG_S: ClassVar[float]
-    """How long the amplifiers stay on after a message [s]."""
+    WATCHDOG_S: ClassVar[float]  # how long the amplifiers stay on after a message [s]
 
     OWN_FAULTS: ClassVar[Mapping[str, str]] = FAULTS
     fault_values: Mapping[str, range | float] = {
@@ -101,15 +100,13 @@ class PolhemBoard(FaultyDevice):
         self.largest_current_ma = 0.0
         self.enabled = False
         self.watchdog_trips = 0
-        self._button_pressed = False
-        """Whether the calibration button was pressed since the board last looked."""
+        self._button_pressed = False  # whether the calibration button was pressed since the board last looked
         self._weight = options.weight
         self._processing = options.processing_s
         self._motor_signs = options.motor_signs
         self._fed = True
         self._off_at: float | None = None
-        self._step_at: float | None = None
-        """When the board goes on: a message takes effect, or a report leaves."""
+        self._step_at: float | None = None  # when the board goes on: a message takes effect, or a report leaves
         self._leaving: list[bytes] = []
         self._now: float | None = None
         self._zero: Counts6 = (0, 0, 0, 0, 0, 0)

@@ -27,8 +27,7 @@ from weberlink.master.devices.polhem.protocol import (
 from weberlink.master.emulators.polhem.board import FAULTS, OFF, BoardOptions, PolhemBoard
 
 VENDOR, PRODUCT = 0x1234, 0x0006
-FRAME_S = 0.001
-"""Frame period of full-speed USB [s]."""
+FRAME_S = 0.001  # frame period of full-speed USB [s]
 LONG_LIMIT_MA, SHORT_LIMIT_MA = 3750.0, 3000.0
 
 

@@ -24,8 +24,7 @@ from weberlink.master.devices.polhem.protocol import (
 from weberlink.master.emulators.polhem.board import FAULTS, BoardOptions, Currents, PolhemBoard
 
 BUFFER = 127
-FILLING = b"\n\r\0"
-"""Bytes that are allowed around a message."""
+FILLING = b"\n\r\0"  # bytes that are allowed around a message
 TRAILING, FULL, NO_BEGINNING, NOT_THREE, UNREADABLE = 8, 128, 256, 512, 1024
 NUMBERS = {name: number for number, name in MODELS.items()}
 NO_COUNTS: Counts6 = (0, 0, 0, 0, 0, 0)
@@ -61,16 +60,13 @@ class PolhemSerialEmulator(PolhemBoard):
 
     def __init__(self, options: PolhemSerialEmulatorOptions | None = None) -> None:
         options = PolhemSerialEmulatorOptions() if options is None else options
-        self.model = self._true_model = NUMBERS[options.model]
-        """Model number that it reports."""
+        self.model = self._true_model = NUMBERS[options.model]  # model number that it reports
         super().__init__(options)
         self._waiting = b""
         self._buffer = b""
-        self._work = b"", 0
-        """The message that takes effect next, up to its closing bracket, and its error."""
+        self._work = b"", 0  # the message that takes effect next, up to its closing bracket, and its error
         self._loops = 0
-        self._counts = NO_COUNTS
-        """Counts as last read, which an answer with an error repeats."""
+        self._counts = NO_COUNTS  # counts as last read, which an answer with an error repeats
         self._gimbal_error = 0
 
     def receive(self, data: bytes, now: float) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from plugins.anywhere.tests import FILE
-from weberlink.cli.doctor import Grade
+from weberlink.cli.doctor.report import Grade
 from weberlink.config import ConfigurationError, load
 from weberlink.protocol.keys import KeyFileError
 from weberlink.session.simulation import simulate

@@ -15,7 +15,7 @@ from tests.test_child_process import executed
 from tests.wait import until
 from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError, load
 from weberlink.config.finders import finder_of, running
-from weberlink.protocol.aio.udp import PathFacts
+from weberlink.protocol.paths import LinkPath
 from weberlink.protocol.psk import Keyring, PresharedKey
 from weberlink.session import description
 from weberlink_anywhere import hand_over
@@ -109,7 +109,7 @@ def test_order_holds_what_the_file_says(store: PeerStore) -> None:
 def test_description_names_paths_and_no_secrets(store: PeerStore, tmp_path: Path) -> None:
     ring = tmp_path / "ring"
     published = description.Description(ring, description.describe(loaded(store, MASTER), MASTER))
-    published.publish({"name": "robot"}, [PathFacts(1, "relayed", "relay.example", "wlan0", "192.0.2.1:3478", dscp=0)])
+    published.publish({"name": "robot"}, [LinkPath(1, "relayed", "relay.example", "wlan0", "192.0.2.1:3478", dscp=0)])
     found = description.read(ring)
     assert found is not None and found["peer"] == {"name": "robot"}
     (path,) = found["paths"]

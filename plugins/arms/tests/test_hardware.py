@@ -1,10 +1,11 @@
 """A live session of real drivers with emulated hardware: only processes have ports, kernels and signals."""
 
+from math import hypot
 from pathlib import Path
 
 import pytest
 
-from tests.cli.emulated import Emulated, norm
+from tests.cli.emulated import Emulated
 from tests.program import Program, document
 from tests.wait import until
 from weberlink.master.devices.polhem.serial_device import PolhemSerialDevice
@@ -29,7 +30,7 @@ def test_phantom_feels_what_the_arm_touches_until_the_arm_fails(tmp_path: Path) 
         sets = [f"--set={each}" for each in (*ports, f"master.device.signs_checked={CHECKED}")]
         with Program("loopback", FILE, *PATIENT, *sets, "--json", "-") as program:
             program.engaged("slave")
-            until(lambda: norm(phantom.status()["force"]) > 0.5 < arm.status()["tip_force"][2], "force at both ends")
+            until(lambda: hypot(*phantom.status()["force"]) > 0.5 < arm.status()["tip_force"][2], "force at both ends")
             arm.say("overload 2")
             status, output, _ = program.finish()
         until(lambda: phantom.status()["force"] == STILL, "no force")

@@ -7,16 +7,15 @@ from random import Random
 
 import pytest
 
-from tests.protocol.harness import AGREEMENT, KEY, MASTER, SLAVE, TICK, Pair, Side, forms
+from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, Side, local_end
 from tests.session.systems import CONFIGS
-from weberlink.cli.doctor import DoctorReport, Grade
-from weberlink.cli.doctor.report import problem
+from weberlink.cli.doctor.report import DoctorReport, Grade, problem
 from weberlink.config import MASTER as LEADS
 from weberlink.config import load
 from weberlink.config.loading import Part
-from weberlink.protocol import Role, UpdateReceived
-from weberlink.protocol.aio.udp import PathFacts
+from weberlink.protocol import UpdateReceived
 from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.paths import LinkPath
 from weberlink.protocol.probing import Heard, ProbingEndpoint
 from weberlink.protocol.psk import PresharedKey
 from weberlink_link.examination import Way, WayOut, figures, judge, lost_answers, lost_questions
@@ -53,18 +52,8 @@ class MeasuredLink:
             on_tick=self._on_tick,
             every=5,
         )
-        endpoint = ProbingEndpoint(
-            role=Role.INITIATOR,
-            agreement=AGREEMENT,
-            outgoing=(forms(3),),
-            incoming=(forms(6),),
-            security=PresharedKey(KEY),
-            entropy=Random("doctor").randbytes,
-            epoch=0.0,
-            tick_period=TICK,
-            silence=silence,
-            peer=SLAVE,
-        )
+        own = local_end(security=PresharedKey(KEY), entropy=Random("doctor").randbytes, silence=silence)
+        endpoint = ProbingEndpoint(own, peer=SLAVE)
         self.pair.master = _Master(endpoint, MASTER)
         self.pair.slave.endpoint.connect(self.pair.slave.local(0.0))
         self.measurement = Measurement(endpoint, 0.0, seconds)
@@ -179,7 +168,7 @@ def report(trial: LinkTrial, way_out: WayOut, *overrides: str, finder: type | No
 
 def test_report_advises_settings_and_its_document_is_json() -> None:
     faults = Emulation(delay_s=0.02, jitter_s=0.005, loss=0.45, burst=3.0)
-    path = PathFacts(route="relayed", via="lab", interface="wifi", remote="a:1", dscp=0)
+    path = LinkPath(route="relayed", via="lab", interface="wifi", remote="a:1", dscp=0)
     result = MeasuredLink(faults, faults, seconds=2.0).measurement.result((path,), "in real time: yes")
     trial = received(**json.loads(json.dumps(asdict(result))))  # as it comes from its process
     found = report(trial, NONE, "control.scheme=none", "link.playout_ms=5")

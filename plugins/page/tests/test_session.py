@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from tests.cli import arm_sessions as arms
 from tests.figures.test_verdict import clean
 from tests.watching.sources import BANK, RATE, HandSource, description, pieces, records
-from weberlink.figures.paths import LinkPath
 from weberlink.figures.session import Layout
 from weberlink.figures.verdict import verdict
+from weberlink.protocol.paths import LinkPath
 from weberlink.telemetry.fault import Fault
 from weberlink_page.hello import hello
 from weberlink_page.report import figures_of

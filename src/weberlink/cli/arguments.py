@@ -145,8 +145,7 @@ class CommandGroup(TyperGroup):
     topics: ClassVar[Mapping[str, Mapping[str, str]]] = {}
     """By topic: functions with typer annotations, or typer apps, as "module:attribute", each a command, or a group of
     them, of its name. Only the one that is asked for is imported."""
-    extended_by: str | None = None
-    """Group of entry points of other distributions that add such commands."""
+    extended_by: str | None = None  # group of entry points of other distributions that add such commands
 
     @cached_property
     def _others(self) -> Mapping[str, "EntryPoint"]:

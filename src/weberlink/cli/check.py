@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from weberlink.codec import Channel
 from weberlink.config import Configuration, System
 from weberlink.config.joints import AngleCodecSettings, JointTorqueCodecSettings
-from weberlink.config.model import ControlSettings, MappingSettings
+from weberlink.config.model import MappingSettings
 from weberlink.config.settings import PredictedSettings
 from weberlink.control.table import SCHEMES
 from weberlink.master.devices.contract import Device
@@ -153,10 +153,7 @@ def _link(system: System) -> Iterator[str]:
     if link.emulate is not None:
         changed = link.emulate.model_dump(exclude_defaults=True)
         yield f"          emulated: {', '.join(f'{name} {value}' for name, value in changed.items()) or 'no faults'}"
-    yield from _control(system.control, turns=system.codec.rotation is not None)
-
-
-def _control(control: ControlSettings, *, turns: bool) -> Iterator[str]:
+    control, turns = system.control, system.codec.rotation is not None
     yield f"control   {control.scheme}: {SCHEMES[control.scheme].does}"
     if control.scheme == "none":
         yield "          nothing bounds the energy"

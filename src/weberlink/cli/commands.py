@@ -21,8 +21,7 @@ from weberlink.cli.output import fail, failing, tell, write
 from weberlink.order import COMPLETED, FAILED, INTERRUPTED, MISCONFIGURED, SIDES
 from weberlink.session.targets import STANDARD_OUTPUT
 
-LOOK_S, TELL_S = 0.002, 0.5
-"""Of a stop: time between two looks for an answer, and until it is said that there is none."""
+LOOK_S, TELL_S = 0.002, 0.5  # of a stop: time between two looks for an answer, and until it is said that there is none
 
 
 class Bridges(CommandGroup):
@@ -100,7 +99,7 @@ def doctor(
     """
     from rich.console import Console  # noqa: PLC0415
 
-    from weberlink.cli.doctor import EXAMINATIONS, Grade, Needs, advised, examine  # noqa: PLC0415
+    from weberlink.cli.doctor.report import EXAMINATIONS, Grade, Needs, advised, examine  # noqa: PLC0415
     from weberlink.config import load  # noqa: PLC0415
 
     overrides, sides = set_ or [], SIDES if side is None else (side,)
@@ -187,7 +186,7 @@ def device_rules() -> None:
     """Install the udev rules, which give access without root."""
     from weberlink.cli.rules import install  # noqa: PLC0415
 
-    typer.echo("\n".join(install()))
+    typer.echo(install())
 
 
 def guardian(

@@ -29,12 +29,7 @@ from weberlink.registry import is_hardware
 from weberlink.session.composition.link import build_driver
 from weberlink.slave.robots.contract import Robot, RobotFault, RobotReading, RobotSpec
 
-RATE_HZ = 1000.0
-"""Rate of the loop that the driver is built for, if there is no file."""
-
-
-class DeviceTestError(CommandError):
-    """The test failed."""
+RATE_HZ = 1000.0  # rate of the loop that the driver is built for, if there is no file
 
 
 def run(name: str, dialog: Dialog, file: Path | None = None, overrides: Sequence[str] = ()) -> None:
@@ -43,7 +38,7 @@ def run(name: str, dialog: Dialog, file: Path | None = None, overrides: Sequence
 
     Raises:
         ConfigurationError: there is no such driver, or its options are wrong.
-        DeviceTestError: the test failed, or the person stopped. The force is zero and the device closed.
+        CommandError: the test failed, or the person stopped. The force is zero and the device closed.
     """
     if any(name in each for each in ARMS.values()):
         raise ConfigurationError(
@@ -57,8 +52,7 @@ def run(name: str, dialog: Dialog, file: Path | None = None, overrides: Sequence
         known = ", ".join(name for each in SIDES.values() for name in sorted(each))
         raise ConfigurationError(f"{name}: there is no such driver; there are {known}")
     section = SECTIONS[side]
-    overrides = [text.removeprefix(f"{section}.") for text in overrides]
-    part, tick_period = _alone(name, side, overrides) if file is None else _of(file, name, side, overrides)
+    part, tick_period = _part(name, side, file, [text.removeprefix(f"{section}.") for text in overrides])
     driver, options = part.driver, part.options
     try:
         if side == MASTER:
@@ -66,32 +60,30 @@ def run(name: str, dialog: Dialog, file: Path | None = None, overrides: Sequence
         else:
             try_robot(driver, lambda: build_driver(section, driver, options, None, tick_period), dialog)
     except (DeviceFault, RobotFault) as fault:
-        raise DeviceTestError(str(fault)) from None
+        raise CommandError(str(fault)) from None
     except (StoppedByUser, KeyboardInterrupt):
         dialog.tell("")
         left = "; the force is off" if side == MASTER else ""
-        raise DeviceTestError(f"{name}: stopped before the end{left}") from None
+        raise CommandError(f"{name}: stopped before the end{left}") from None
 
 
-def _of(file: Path, name: str, side: str, overrides: Sequence[str]) -> tuple[Part, float]:
-    """The driver of a configuration, and its tick period [s]."""
+def _part(name: str, side: str, file: Path | None, overrides: Sequence[str]) -> tuple[Part, float]:
+    """The driver of a configuration, or with its defaults, and the tick period [s]."""
     section = SECTIONS[side]
+    if file is None:
+        content: dict[str, Any] = {}
+        for text in overrides:
+            override(content, text)
+        settings = DriverSettings(driver=name, **content)
+        return load_part(SIDES[side], settings, section, Path.cwd(), ()), 1.0 / RATE_HZ
     loaded = load(file, [f"{section}.{text}" for text in overrides], sides=[side])
-    settings = loaded.system.master.device if side == MASTER else loaded.system.slave.robot
-    part = loaded.device if side == MASTER else loaded.robot
+    is_master, system = side == MASTER, loaded.system
+    part = loaded.device if is_master else loaded.robot
     assert part is not None
-    if settings.driver != name:
-        raise ConfigurationError(f"{file}: {section}.driver: is {settings.driver}, not {name}")
+    named = (system.master.device if is_master else system.slave.robot).driver
+    if named != name:
+        raise ConfigurationError(f"{file}: {section}.driver: is {named}, not {name}")
     return part, loaded.system.tick_period
-
-
-def _alone(name: str, side: str, overrides: Sequence[str]) -> tuple[Part, float]:
-    """A driver with its defaults and the overrides."""
-    content: dict[str, Any] = {}
-    for text in overrides:
-        override(content, text)
-    settings = DriverSettings(driver=name, **content)
-    return load_part(SIDES[side], settings, SECTIONS[side], Path.cwd(), ()), 1.0 / RATE_HZ
 
 
 def described(spec: DeviceSpec | RobotSpec) -> Iterator[str]:
@@ -105,29 +97,20 @@ def described(spec: DeviceSpec | RobotSpec) -> Iterator[str]:
 
 # --- a haptic device
 
-Frame = Mapping[str, str]
-"""Direction of each positive axis, as the person before the device sees it."""
-FRAME: Frame = {"x": "toward you", "y": "to the right", "z": "up"}
-"""The default; drivers may give another."""
+Frame = Mapping[str, str]  # direction of each positive axis, as the person before the device sees it
+FRAME: Frame = {"x": "toward you", "y": "to the right", "z": "up"}  # the default; drivers may give another
 UNITS: Mapping[str, Vector] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-LEAST_M = 0.015
-"""Shorter motions are ignored: a hand that holds still moves by millimetres."""
-MAINLY = 0.8
-"""Share of the motion that one axis must have: within 37 degrees of it."""
-TRIES = 3
-"""Unclear motions in a row until the test fails."""
-PUSH_N = 0.3
-"""Felt by everybody, and too weak to hurt or to throw a handle that is held."""
+LEAST_M = 0.015  # shorter motions are ignored: a hand that holds still moves by millimetres
+MAINLY = 0.8  # share of the motion that one axis must have: within 37 degrees of it
+TRIES = 3  # unclear motions in a row until the test fails
+PUSH_N = 0.3  # felt by everybody, and too weak to hurt or to throw a handle that is held
 RAMP_S = 0.5
 HOLD_S = 0.5
-GIVES_WAY_M = 0.03
-"""A handle that nobody holds moves farther; the push ends there."""
+GIVES_WAY_M = 0.03  # a handle that nobody holds moves farther; the push ends there
 READY = "Move the handle to its start pose of a session."
+# Option of drivers that give no force until a person has checked their directions. Its value is printed only after the
+# last axis was felt: a correct position does not show that the motors are correct.
 SIGNS = "signs_checked"
-"""Option of drivers that give no force until a person has checked their directions.
-
-Its value is printed only after the last axis was felt: a correct position does not show that the motors are correct.
-"""
 
 
 def try_master(driver: Any, options: BaseModel, build: Callable[[BaseModel], Device], dialog: Dialog) -> None:
@@ -238,13 +221,13 @@ def _check_signs(device: Device, frame: Frame, options: Mapping[str, str], dialo
         dialog.tell(f"  +{each.asked} ({frame[each.asked]}): {each.way_m * 1e3:+.0f} mm along {each.axis}: {what}")
     crossed = [f"{each.asked} comes out as {each.axis}" for each in motions if each.axis != each.asked]
     if crossed:
-        raise DeviceTestError(
+        raise CommandError(
             f"{device.spec.name}: axes are interchanged ({', '.join(crossed)}), so there must be no force: "
             "check that the options name the right model, and the cables"
         )
     flips = [f"{each.asked} ({options.get(each.asked, 'its direction')})" for each in motions if not each.right]
     if flips:
-        raise DeviceTestError(
+        raise CommandError(
             f"{device.spec.name}: moves the wrong way, so there must be no force; in the options, reverse "
             f"{', '.join(flips)}, and test it again"
         )
@@ -259,7 +242,7 @@ def _motion(axis: str, device: Device, frame: Frame, dialog: Dialog) -> Observed
         if isinstance(found, ObservedMotion):
             return found
         dialog.tell(found)
-    raise DeviceTestError(
+    raise CommandError(
         f"{device.spec.name}: no clear motion along {axis}; check that it is at its home pose when it is "
         "homed, and that the options name the right model"
     )
@@ -268,7 +251,7 @@ def _motion(axis: str, device: Device, frame: Frame, dialog: Dialog) -> Observed
 def _check_force(
     device: Device, push_n: float, frame: Frame, options: Mapping[str, str], dialog: Dialog, gives_way: float
 ) -> None:
-    """Push a little along every axis. Raises DeviceTestError if that was felt in another direction, or not at all."""
+    """Push a little along every axis. Raises CommandError if that was felt in another direction, or not at all."""
     spec, wrong = device.spec, []
     for axis in spec.axes:
         answer = "r"
@@ -280,7 +263,7 @@ def _check_force(
             wrong.append(axis)
     if wrong:
         advice = ", ".join(f"{axis} ({options.get(axis, 'the direction of its motor')})" for axis in wrong)
-        raise DeviceTestError(
+        raise CommandError(
             f"{spec.name}: the force is wrong along {', '.join(wrong)}: leave signs_checked out of the file; check "
             f"that the options name the right model; where it pushes the other way, reverse {advice}, and test it again"
         )
@@ -314,12 +297,9 @@ def _push(force: Vector, device: Device, gives_way: float, dialog: Dialog) -> No
 
 WAY_M = 0.01
 LEG_S = 1.0
-REST_S = 0.5
-"""Pause at either end, for the robot to arrive."""
-FOLLOWS = 0.5
-"""Least share of the way that counts as following."""
-FORCE_CHANGE_N = 5.0
-"""A larger change is a contact; the motion ends there."""
+REST_S = 0.5  # pause at either end, for the robot to arrive
+FOLLOWS = 0.5  # least share of the way that counts as following
+FORCE_CHANGE_N = 5.0  # a larger change is a contact; the motion ends there
 
 
 def try_robot(driver: Any, build: Callable[[], Robot], dialog: Dialog) -> None:
@@ -346,7 +326,7 @@ def try_robot(driver: Any, build: Callable[[], Robot], dialog: Dialog) -> None:
 
 
 def _check_motion(robot: Robot, dialog: Dialog) -> None:
-    """Move a little along every axis and back. Raises DeviceTestError if it does not follow, or meets something."""
+    """Move a little along every axis and back. Raises CommandError if it does not follow, or meets something."""
     spec = robot.spec
     dialog.tell("", f"Check of motion: {WAY_M * 1e3:g} mm along each axis and back, {LEG_S:g} s each way.")
     if not dialog.agrees("Is the workspace free? Type yes to move it: "):
@@ -357,7 +337,7 @@ def _check_motion(robot: Robot, dialog: Dialog) -> None:
     went = {axis: _out_and_back("xyz".index(axis), sign, robot, dialog) for axis, sign in signs.items()}
     wrong = [axis for axis, way_m in went.items() if way_m < FOLLOWS * WAY_M]
     if wrong:
-        raise DeviceTestError(
+        raise CommandError(
             f"{spec.name}: does not follow along {', '.join(wrong)}; check that the file describes this robot"
         )
     dialog.tell("The motion is right.")
@@ -378,7 +358,7 @@ def _out_and_back(index: int, sign: float, robot: Robot, dialog: Dialog) -> floa
         change_n = max(change_n, norm(subtract(reading.force, start.force)))
         if change_n > FORCE_CHANGE_N:
             robot.command(reading.position, now)
-            raise DeviceTestError(f"{robot.spec.name}: met {change_n:.1f} N along {'xyz'[index]} and was stopped")
+            raise CommandError(f"{robot.spec.name}: met {change_n:.1f} N along {'xyz'[index]} and was stopped")
         elapsed = now - began  # minimum jerk out, rest, back, rest
         along = elapsed / LEG_S if elapsed < LEG_S + REST_S else (2.0 * LEG_S + REST_S - elapsed) / LEG_S
         share = min(1.0, max(0.0, along))
@@ -395,12 +375,12 @@ def _out_and_back(index: int, sign: float, robot: Robot, dialog: Dialog) -> floa
 
 
 def _direction(index: int, position: Vector, spec: RobotSpec) -> float:
-    """Direction with room in the workspace, +1 or -1. Raises DeviceTestError if there is none."""
+    """Direction with room in the workspace, +1 or -1. Raises CommandError if there is none."""
     there, lower, upper = (vector[index] for vector in (position, *spec.workspace_m))
     for sign in (1.0, -1.0):
         if lower <= there + sign * WAY_M <= upper:
             return sign
-    raise DeviceTestError(
+    raise CommandError(
         f"{spec.name}: is at {there * 1e3:.0f} mm along {'xyz'[index]}, outside of its workspace of "
         f"{lower * 1e3:.0f} to {upper * 1e3:.0f} mm: move it inside by hand, or set another workspace"
     )

@@ -25,22 +25,19 @@ UNSEEN = "cannot be listed"
 NO_PERMISSION = "no permission"
 NO_RULES = "rules not installed"
 NO_EXTRA = "extra missing"
-ABSENT = "not installed"
-"""Of a driver of a guest of this project."""
+ABSENT = "not installed"  # of a driver of a guest of this project
 UNUSABLE = "not usable"
 BROKEN = "broken"
 COLOURS = {READY: "green", NOTHING: "dim", UNSEEN: "dim"}
 
-LATENCY_MS = 1
-"""Value that the rules set the latency timer of an FTDI chip to."""
+LATENCY_MS = 1  # value that the rules set the latency timer of an FTDI chip to
 
 
 SIDES: Mapping[str, Registry[Any]] = {"master": DEVICES, "slave": ROBOTS}
 ARMS: Mapping[str, Registry[Any]] = {"master": LEADERS, "slave": FOLLOWERS}
 """Drivers of arms led and followed joint by joint."""
 TABLES: Mapping[str, Sequence[Registry[Any]]] = {side: (SIDES[side], ARMS[side]) for side in SIDES}
-SECTIONS = {"master": "master.device", "slave": "slave.robot"}
-"""Where a configuration names the driver of a side."""
+SECTIONS = {"master": "master.device", "slave": "slave.robot"}  # where a configuration names the driver of a side
 
 
 @dataclass(frozen=True)

@@ -15,14 +15,10 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-REFRESH_S = 0.1
-"""Period of a live display on a terminal."""
-PLAIN_S = 0.5
-"""Period of lines where there is no terminal,"""
-PLAIN_LINES = 4
-"""and how many of them."""
-POLL_S = 0.001
-"""Pause between two readings of a device, as in a loop of 1 kHz."""
+REFRESH_S = 0.1  # period of a live display on a terminal
+PLAIN_S = 0.5  # period of lines where there is no terminal,
+PLAIN_LINES = 4  # and how many of them
+POLL_S = 0.001  # pause between two readings of a device, as in a loop of 1 kHz
 WINDOW_S = 1.0
 
 
@@ -51,8 +47,7 @@ class Dialog:
         self._yes = yes
         self._pause = pause
         self._poll = poll
-        self.now = clock
-        """The time [s]."""
+        self.now = clock  # the time [s]
 
     def tell(self, *lines: str) -> None:
         self._screen.write("".join(f"{line}\n" for line in lines))

@@ -28,17 +28,12 @@ from weberlink.realtime.process import prepare
 from weberlink.testing.serving import PtyDevice, ServedDevice
 from weberlink.testing.umockdev import Testbed, TestbedNode
 
-PORT = "{port}"
-"""Placeholder for the port in the arguments of the command."""
-PRIORITY = 60
-"""Above the daemons, since a real device has its own processor."""
-LOOK_S = 0.2
-"""Period of checking that the emulator still runs."""
-STOP_LIMIT_S = 3.0
-"""Time from SIGTERM to SIGKILL."""
+PORT = "{port}"  # placeholder for the port in the arguments of the command
+PRIORITY = 60  # above the daemons, since a real device has its own processor
+LOOK_S = 0.2  # period of checking that the emulator still runs
+STOP_LIMIT_S = 3.0  # time from SIGTERM to SIGKILL
 CHUNK = 4096
-OF_THE_KERNEL = ("hid", "evdev")
-"""Transports of devices that only a command in their testbed sees."""
+OF_THE_KERNEL = ("hid", "evdev")  # transports of devices that only a command in their testbed sees
 
 
 def run(
@@ -122,15 +117,13 @@ def _build(name: str, overrides: Sequence[str]) -> Any:
 
 def _connect(stack: ExitStack, name: str, emulator: Any, link: Path | None) -> tuple[ServedDevice, str, dict[str, str]]:
     """The device, its port, and the environment of processes that use it."""
-
-    def hurry() -> None:
-        """Raise the priority of the thread that answers for the device, if permitted."""
-        prepare(PRIORITY, lock_memory=False, cpu=None)
-
+    hurry = partial(prepare, PRIORITY, lock_memory=False, cpu=None)  # the thread that answers for the device
     verb = "plugged in" if emulator.transport in OF_THE_KERNEL else "served"
     try:
         if emulator.transport == "serial":
-            port = _terminal_path(link or Path(f"weberlink-{name}"))
+            port = Path.cwd() / (link or f"weberlink-{name}")
+            if port.is_symlink() and port.readlink().is_relative_to("/dev/pts") and not port.exists():
+                port.unlink()  # a process that was killed left it there
             return stack.enter_context(PtyDevice(emulator, port, begin=hurry)), str(port), dict(os.environ)
         if emulator.transport in OF_THE_KERNEL:
             testbed = stack.enter_context(Testbed(PRIORITY))
@@ -145,14 +138,6 @@ def _connect(stack: ExitStack, name: str, emulator: Any, link: Path | None) -> t
         raise ConfigurationError(f"{what or f'{name}: cannot be {verb}'}: {error.strerror}") from None
     except HardwareFault as fault:
         raise ConfigurationError(f"{name}: {fault}") from None
-
-
-def _terminal_path(path: Path) -> Path:
-    """The whole path; a link that a killed process left there is removed."""
-    path = Path.cwd() / path
-    if path.is_symlink() and path.readlink().is_relative_to("/dev/pts") and not path.exists():
-        path.unlink()
-    return path
 
 
 @contextmanager
@@ -274,8 +259,11 @@ class FaultCommands:
             "plug": ("connect it again", lambda _: None if device.plugged else device.plug()),
             **{word: (what, partial(emulator.inject, word)) for word, what in emulator.OWN_FAULTS.items()},
             "status": ("print the state of the device as JSON", lambda _: self.say(json.dumps(self.status()))),
-            "help": ("list the commands", lambda _: self._help()),
+            "help": ("list the commands", lambda _: self.say(helped)),
         }
+        width = max(map(len, self._words))
+        helped = "\n".join(f"{word:{width}}  {what}" for word, (what, _) in self._words.items())
+        helped += "\na number may follow a fault; the default is 1"
 
     def say(self, text: str) -> None:
         with suppress(BrokenPipeError):  # nobody reads the answers
@@ -295,11 +283,6 @@ class FaultCommands:
         except (ValueError, OSError, HardwareFault) as error:
             said = str(error)
             self.say(said if said.startswith(f"{word}:") else f"{word}: {said}")
-
-    def _help(self) -> None:
-        width = max(map(len, self._words))
-        self.say("\n".join(f"{word:{width}}  {what}" for word, (what, _) in self._words.items()))
-        self.say("a number may follow a fault; the default is 1")
 
     def status(self) -> dict[str, Any]:
         """State of the device: the public attributes and properties of its emulator that are plain values."""

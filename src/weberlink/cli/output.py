@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 
     from weberlink.figures.tree import Figures
 
-PROGRESS_EVERY_S = 10.0
-"""Least time between two lines about the progress of a command without a terminal [s]."""
+PROGRESS_EVERY_S = 10.0  # least time between two lines about the progress of a command without a terminal [s]
 
 
 class CommandError(Exception):

@@ -15,8 +15,7 @@ from weberlink.session.composition.link import build_endpoint, live_context
 from weberlink.session.daemon import emulated_link
 from weberlink.text import one_line
 
-PATIENCE_S, PATH_S = 5.0, 40.0
-"""For the answer, and in all where a path is to be found first."""
+PATIENCE_S, PATH_S = 5.0, 40.0  # for the answer, and in all where a path is to be found first
 LOOK_S = 0.002
 
 

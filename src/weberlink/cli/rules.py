@@ -22,16 +22,9 @@ from weberlink.cli.output import CommandError
 from weberlink.installation import CONFIGS, config_folders
 
 RULES_DIR = Path("/etc/udev/rules.d")
-FOLDERS = (RULES_DIR, Path("/usr/lib/udev/rules.d"), Path("/lib/udev/rules.d"))
-"""Folders that udev reads rules from."""
-SUBSYSTEMS = ("hidraw", "tty", "usb")
-"""Subsystems of the devices that the rules cover."""
-SUDO_FOLDERS = ("/usr/local/bin", "/usr/bin", "/bin")
-"""Folders that sudo searches for programs."""
-
-
-class RulesError(CommandError):
-    """The rules cannot be installed."""
+FOLDERS = (RULES_DIR, Path("/usr/lib/udev/rules.d"), Path("/lib/udev/rules.d"))  # folders that udev reads rules from
+SUBSYSTEMS = ("hidraw", "tty", "usb")  # subsystems of the devices that the rules cover
+SUDO_FOLDERS = ("/usr/local/bin", "/usr/bin", "/bin")  # folders that sudo searches for programs
 
 
 def shipped() -> dict[str, str]:
@@ -58,8 +51,8 @@ def installed(folders: Sequence[Path] = FOLDERS) -> bool:
     return all(any(has(folder / name, text) for folder in folders) for name, text in shipped().items())
 
 
-def install(folder: Path = RULES_DIR, udevadm: str | None = None) -> list[str]:
-    """Copy the rules and let udev apply them to plugged devices; returns lines to show. Raises RulesError if they
+def install(folder: Path = RULES_DIR, udevadm: str | None = None) -> str:
+    """Copy the rules and let udev apply them to plugged devices; returns what to show. Raises CommandError if they
     cannot be written; no file is left half written.
     """
     rules = shipped()
@@ -68,8 +61,8 @@ def install(folder: Path = RULES_DIR, udevadm: str | None = None) -> list[str]:
     problem = _apply(udevadm or shutil.which("udevadm"))
     paths = " and ".join(str(folder / name) for name in rules)
     if problem is None:
-        return [f"{paths}: installed, and applied to plugged devices"]
-    return [f"{paths}: installed; {problem}, so unplug the devices and plug them in again, or restart"]
+        return f"{paths}: installed, and applied to plugged devices"
+    return f"{paths}: installed; {problem}, so unplug the devices and plug them in again, or restart"
 
 
 def _write(target: Path, text: str) -> None:
@@ -80,9 +73,9 @@ def _write(target: Path, text: str) -> None:
         draft.chmod(0o644)
         draft.replace(target)
     except PermissionError:
-        raise RulesError(f"{target.parent}: only root may write there; run: {install_line()}") from None
+        raise CommandError(f"{target.parent}: only root may write there; run: {install_line()}") from None
     except OSError as error:
-        raise RulesError(f"{target}: cannot be written: {error.strerror}") from None
+        raise CommandError(f"{target}: cannot be written: {error.strerror}") from None
     finally:
         with suppress(OSError):
             draft.unlink(missing_ok=True)

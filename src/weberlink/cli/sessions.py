@@ -36,7 +36,8 @@ def loopback(
 ) -> None:
     """Run both sides as two processes over UDP on 127.0.0.1."""
     path = file or Path(str(files("weberlink.configs") / "loopback.yaml"))
-    _live("loopback", path, set_, lambda: one_host(path, set_ or ()), SIDES, duration, json_out, record, log)
+    given = set_ or []
+    _live("loopback", path, lambda: [*given, *one_host(path, given)], duration, json_out, record, log)
 
 
 def master(
@@ -55,8 +56,11 @@ def master(
     peer: PeerLabel = None,
 ) -> None:
     """Run the operator side."""
-    added = partial(acquainted, file, set_ or (), MASTER, peer, pairs=join)
-    _live("master", file, set_, added, [MASTER], duration, json_out, record, log, take_over=take_over)
+    given = set_ or []
+    _live(
+        "master", file, lambda: [*given, *acquainted(file, given, MASTER, peer, pairs=join)],
+        duration, json_out, record, log, take_over=take_over,
+    )  # fmt: skip
 
 
 def slave(
@@ -79,8 +83,12 @@ def slave(
     peer: PeerLabel = None,
 ) -> None:
     """Run the teleoperator side."""
-    added = partial(acquainted, file, set_ or (), SLAVE, peer, pairs=invite, accept=accept, right=right)
-    _live("slave", file, set_, added, [SLAVE], duration, json_out, record, log)
+    given = set_ or []
+    _live(
+        "slave", file,
+        lambda: [*given, *acquainted(file, given, SLAVE, peer, pairs=invite, accept=accept, right=right)],
+        duration, json_out, record, log,
+    )  # fmt: skip
 
 
 def acquainted(
@@ -208,9 +216,7 @@ def simulate(
 def _live(
     name: str,
     path: Path,
-    given: Sequence[str] | None,
-    added: Callable[[], list[str]],
-    sides: Any,
+    find_overrides: Callable[[], list[str]],
     duration: float | None,
     json_out: Path | None,
     record: Path | None,
@@ -220,6 +226,7 @@ def _live(
 ) -> None:
     from weberlink.session.waiting import WaitingDaemon  # noqa: PLC0415
 
+    sides: Any = [name] if name in SIDES else SIDES
     with ExitStack() as stack, journals_to(log, json_out) as journal_at:
         # Their imports take as long as ours, which follow.
         waiting = {side: stack.enter_context(WaitingDaemon(side)) for side in sides}
@@ -229,7 +236,7 @@ def _live(
         from weberlink.telemetry.runtime_directory import directory  # noqa: PLC0415
 
         with errors(lambda trace: None if journal_at is None else journal_at(0.0).trace(trace)):
-            overrides = [*(given or ()), *added()]
+            overrides = find_overrides()
             configuration = load(path, overrides, sides)
             parts = dry_run(configuration)
             directory()

@@ -26,8 +26,7 @@ OTHERS = {
     SCHEMA: "schema of configuration files, for editors",
 }
 """What is no configuration: files and folders, and what they are for; guests say it in the package of theirs."""
-SHORTEST, LONGEST = 30, 100
-"""Characters of a sentence that says enough alone, and of one that is cut at its colon."""
+SHORTEST, LONGEST = 30, 100  # characters of a sentence that says enough alone, and of one that is cut at its colon
 
 
 def listing() -> list[tuple[str, str]]:

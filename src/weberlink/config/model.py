@@ -31,10 +31,9 @@ from weberlink.config.settings import (
 )
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.table import SchemeName
-from weberlink.protocol.endpoint import MOST_TICKS
 from weberlink.protocol.keys import check_name
+from weberlink.protocol.local_end import LONGEST_SILENCE, MOST_TICKS
 from weberlink.protocol.negotiation import LONGEST as LONGEST_ROUND_TRIP
-from weberlink.protocol.session import LONGEST_SILENCE
 from weberlink.slave.scenes.settings import SceneSettings
 from weberlink.update import MAX_SELECTOR
 

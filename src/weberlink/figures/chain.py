@@ -9,8 +9,7 @@ from collections.abc import Mapping
 from hashlib import sha256
 from typing import Any
 
-START = "0" * 64
-"""The hash before the first line of a session."""
+START = "0" * 64  # the hash before the first line of a session
 
 
 class Chain:

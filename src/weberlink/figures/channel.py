@@ -16,11 +16,9 @@ from weberlink.geometry.joints import Joints
 from weberlink.protocol.states import State
 from weberlink.telemetry.record import JOINTS
 
-Records = NDArray[Any]
-"""Structured array of telemetry records."""
+Records = NDArray[Any]  # structured array of telemetry records
 Series = NDArray[np.float64]
-GRIPPER = slice(len(JOINTS) - 1, len(JOINTS))
-"""Place of the gripper in the vectors of a record."""
+GRIPPER = slice(len(JOINTS) - 1, len(JOINTS))  # place of the gripper in the vectors of a record
 
 
 class Thresholds(NamedTuple):

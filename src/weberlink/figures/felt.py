@@ -18,10 +18,8 @@ from weberlink.figures.tree import Quality
 
 Array = NDArray[np.float64]
 
-REACH_S = 1.0
-"""Longest lag that is looked at [s]."""
-MARGIN_S = 0.1
-"""By which the lag may exceed the round trip [s]: look-ahead, play-out, and a robot that answers late."""
+REACH_S = 1.0  # longest lag that is looked at [s]
+MARGIN_S = 0.1  # by which the lag may exceed the round trip [s]: look-ahead, play-out, and a robot that answers late
 
 
 class AlignedError:
@@ -121,8 +119,7 @@ Perception and Psychophysics 49, 1991); 0.11 for the wrist, 0.13 for the elbow a
 others, IEEE Transactions on Haptics 6(3), 309-319, 2013)."""
 ABSOLUTE_THRESHOLD_N = 0.04
 """The smallest force that is noticed [N]: mean over wrist, elbow and shoulder (Feyzabadi and others, 2013)."""
-_PER_JND = 1e4
-"""A `Distribution` resolves numbers from 1 to 6e8; so jumps are resolved from 1e-4 to 6e4 JND."""
+_PER_JND = 1e4  # a `Distribution` resolves numbers from 1 to 6e8; so jumps are resolved from 1e-4 to 6e4 JND
 
 
 @dataclass(frozen=True)

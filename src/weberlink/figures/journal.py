@@ -16,26 +16,21 @@ import numpy as np
 
 from weberlink.figures.channel import Records, engaged
 from weberlink.figures.distribution import Distribution
-from weberlink.figures.paths import LinkPath
 from weberlink.figures.tree import Figures, to_json
 from weberlink.figures.wording import words
+from weberlink.protocol.paths import LinkPath
 from weberlink.protocol.states import State
 from weberlink.telemetry.fault import Fault, name_of
 from weberlink.telemetry.record import RELEASED
 
 Fields = dict[str, Any]
 
-QUIET_S = 1.0
-"""Least time between two lines of one kind and side."""
+QUIET_S = 1.0  # least time between two lines of one kind and side
 SUMMARY_S = 60.0
-SESSION = "session"
-"""`side` of lines about both sides."""
-LONGEST_OUTCOME = 1000
-"""Characters of an outcome that are written: a line must fit into a pipe."""
-LONGEST_TEXT = 500
-"""Characters of the words of an event."""
-LONGEST_ENTRY = 1000
-"""Characters of a piece of a trace: a frame with its line of code has less."""
+SESSION = "session"  # `side` of lines about both sides
+LONGEST_OUTCOME = 1000  # characters of an outcome that are written: a line must fit into a pipe
+LONGEST_TEXT = 500  # characters of the words of an event
+LONGEST_ENTRY = 1000  # characters of a piece of a trace: a frame with its line of code has less
 KEPT = ("status", "verdict", "duration_s", "faults", "drops", "realtime", "host")
 """Keys of the report in the line `ended`, beside its outcome and the packets."""
 COUNTED = {
@@ -118,10 +113,8 @@ class _Side:
         self.wall_offset_s = wall_offset_s
         self.interval = _Interval(first)
         self.kinds: dict[str, _Kind] = {}
-        self.paths: dict[int, LinkPath] = {}
-        """By place, as last told."""
-        self.peer: Fields = {}
-        """What was last told of the peer."""
+        self.paths: dict[int, LinkPath] = {}  # by place, as last told
+        self.peer: Fields = {}  # what was last told of the peer
         self._fault_at_s = float(first["at"])
 
     def events(self, records: Records) -> Iterator[_Event]:
@@ -194,8 +187,7 @@ class Journal:
         self._summary_s = summary_s
         self._sides: dict[str, _Side] = {}
         self._ended = False
-        self.lost_lines = 0
-        """Lines that could not be written since the last one that was, which reports them."""
+        self.lost_lines = 0  # lines that could not be written since the last one that was, which reports them
 
     def add(self, side: str, records: Records, wall_offset_s: float) -> None:
         """Take the next records of a side, in their order, shape (n,); may be empty. The offset is that from the clock

@@ -85,8 +85,7 @@ class WayScore:
     outward: Distribution = field(default_factory=Distribution)
     jitter: Distribution = field(default_factory=Distribution)
     reported: tuple[float, int] = (0.0, 0)
-    bursts: tuple[float, int] = (0.0, 0)
-    """Sum and number of reported losses, and of runs of lost datagrams."""
+    bursts: tuple[float, int] = (0.0, 0)  # sum and number of reported losses, and of runs of lost datagrams
     received: int = 0
     lost: int = 0
     ticks: int = 0

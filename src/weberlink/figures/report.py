@@ -13,10 +13,10 @@ from rich.table import Table
 from rich.text import Text
 
 from weberlink.figures.environment import footer
-from weberlink.figures.paths import LinkPath, finding
 from weberlink.figures.tree import DEGRADED, FAILURE, GOOD, Channel, Energy, Figures, Median, Quality, Ticks
 from weberlink.figures.verdict import FAILED_OUTCOME, percent, verdict
 from weberlink.order import MASTER
+from weberlink.protocol.paths import LinkPath, finding
 from weberlink.protocol.states import State
 from weberlink.telemetry.record import RELEASED
 
@@ -64,10 +64,8 @@ TICK_COLUMNS: dict[str, Callable[[Ticks], str]] = {
 }
 WAITS = {"waited": "waited_s", "unconnected": "unconnected_s", "peer away": "away_s"}
 COLOURS = {GOOD: "green", DEGRADED: "yellow", FAILURE: "red"}
-SHOWN_S = 1.0
-"""Shorter times without a session are not shown: daemons do not start and end at the same moment [s]."""
-STALE_S = 1.0
-"""Age of the newest record at which the status line shows it [s]; a daemon writes one each tick."""
+SHOWN_S = 1.0  # shorter times without a session are not shown: daemons do not start and end at the same moment [s]
+STALE_S = 1.0  # age of the newest record at which the status line shows it [s]; a daemon writes one each tick
 
 
 def session_report(figures: Figures, title: str, console: Console, environment: dict[str, Any] | None = None) -> None:

@@ -38,8 +38,7 @@ from weberlink.telemetry.fault import Fault, name_of
 
 __all__ = ["Layout", "Records", "SessionScore", "nearest_ticks", "score_of"]
 
-LONGEST_WAIT_S = 10.0
-"""How long a record waits for its counterpart."""
+LONGEST_WAIT_S = 10.0  # how long a record waits for its counterpart
 MARGIN_S = 1.0
 """Records of the slave belong to the session from this long before the first one of the master to this long after the
 last."""

@@ -7,13 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
-from weberlink.figures.paths import LinkPath
 from weberlink.order import COMPLETED, FAILED
+from weberlink.protocol.paths import LinkPath
 
-GOOD, DEGRADED, FAILURE = "good", "degraded", "failed"
-"""The word of a verdict."""
-FLAT = {"flat": True}
-"""Metadata of a field whose own fields stand in its place in the document."""
+GOOD, DEGRADED, FAILURE = "good", "degraded", "failed"  # the word of a verdict
+FLAT = {"flat": True}  # metadata of a field whose own fields stand in its place in the document
 
 
 @dataclass(frozen=True)
@@ -139,8 +137,7 @@ class Way:
     one_way_us: Median
     loss: float | None
     is_reported: bool
-    burst: float | None
-    """Mean run of lost datagrams."""
+    burst: float | None  # mean run of lost datagrams
 
 
 @dataclass(frozen=True)
@@ -255,8 +252,7 @@ class Figures:
     seed: int | None = None
     interrupted: bool | None = None
     verdict: Verdict | None = None
-    status: int | None = None
-    """Exit status of the command that ran the session."""
+    status: int | None = None  # exit status of the command that ran the session
 
     @property
     def felt(self) -> Channel:
@@ -280,6 +276,8 @@ class Figures:
 
 def to_json(value: Any) -> Any:
     """Numbers, texts, lists and dictionaries, from any part of the tree."""
+    if isinstance(value, LinkPath):
+        return value._asdict()
     if is_dataclass(value):
         document: dict[str, Any] = {}
         for each in fields(value):

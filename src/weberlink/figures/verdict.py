@@ -7,33 +7,27 @@
 from collections.abc import Iterator
 
 from weberlink.config.model import is_placeholder, split_address
-from weberlink.figures.paths import finding
 from weberlink.figures.tree import DEGRADED, FAILURE, GOOD, Cause, Figures, Verdict
 from weberlink.order import EMERGENCY, MASTER, SLAVE
+from weberlink.protocol.paths import finding
 
-FAILED_OUTCOME = "failed: "
-"""How the outcome of a failed run begins; the reason follows."""
+FAILED_OUTCOME = "failed: "  # how the outcome of a failed run begins; the reason follows
 
 WAIT_S = 1.0
 """A run without a session that ends later than this has failed [s]: a slave that is there answers within 0.1 s."""
-CALL_S = 3.0
-"""The same while it runs [s]: the slave may be about to start."""
+CALL_S = 3.0  # the same while it runs [s]: the slave may be about to start
 LOST_S = 1.0
 """A peer that was not heard for so long at the end was lost [s]; a goodbye may be lost too, and that shows earlier."""
-AWAY_S = 1.0
-"""A master without the slave for so long after its goodbye is degraded [s]; less is an orderly end of both."""
+AWAY_S = 1.0  # a master without the slave for so long after its goodbye is degraded [s]; less is an orderly end of both
 MISSED_SHARE = 0.01
 """Share of missed ticks. Each holds the force for one period more; 1 % lies below the updates of a quiet session."""
 FORCE_SHARE = 0.01
 """Share of the engaged ticks at the force limit, in which the operator feels less than the robot touches."""
 FELT_SHARE = 0.05
 """Share of ticks outside the deadband, beyond the delay's; without delay and loss the shipped scenes stay below."""
-DELAY_SHARE = 0.05
-"""Share of ticks outside the deadband that the delay alone explains."""
-LOSS_SHARE = 0.05
-"""Share of lost datagrams; updates are repeated, so that single losses are not felt."""
-LOSS_COUNT = 20
-"""Fewer lost datagrams say nothing about a share."""
+DELAY_SHARE = 0.05  # share of ticks outside the deadband that the delay alone explains
+LOSS_SHARE = 0.05  # share of lost datagrams; updates are repeated, so that single losses are not felt
+LOSS_COUNT = 20  # fewer lost datagrams say nothing about a share
 
 _ENDINGS = (
     ("device", "device fault"),

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from weberlink.config import MASTER, SLAVE
-from weberlink.figures.paths import path_in
 from weberlink.figures.tree import DEGRADED, GOOD
+from weberlink.protocol.paths import path_in
 
 INFO, WARN, ALARM = "info", "warn", "alarm"
 """Levels of an event: all is well; worth a look; the session does not do its work."""

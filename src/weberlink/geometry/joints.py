@@ -10,10 +10,8 @@ from weberlink.geometry.vector import Vector
 
 Joints = tuple[float, ...]
 
-PART = 3
-"""Axes of a part."""
-MOST_JOINTS = 8
-"""Largest number of joints of an arm, without its gripper."""
+PART = 3  # Axes of a part
+MOST_JOINTS = 8  # Largest number of joints of an arm, without its gripper
 
 
 def is_finite(values: Joints) -> bool:

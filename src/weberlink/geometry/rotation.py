@@ -19,10 +19,8 @@ Quaternion = tuple[float, float, float, float]
 
 IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
-LONGEST = 3.27
-"""Largest length of a rotation vector [rad]; it fits into 16 bits in steps of 1e-4 rad."""
-_SMALL = 1e-8
-"""Below this half angle [rad], its sine is the angle itself, to the last bit."""
+LONGEST = 3.27  # Largest length of a rotation vector [rad]; it fits into 16 bits in steps of 1e-4 rad
+_SMALL = 1e-8  # Below this half angle [rad], its sine is the angle itself, to the last bit
 
 
 def vector(orientation: Quaternion, near: Vector = ZERO) -> Vector:

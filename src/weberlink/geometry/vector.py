@@ -13,8 +13,7 @@ Vector = tuple[float, float, float]
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 
-_LEAST_SQUARE = 2.0**-900
-"""Above this sum of squares, a component whose square underflows changes no bit of the length."""
+_LEAST_SQUARE = 2.0**-900  # Above this sum of squares, a component whose square underflows changes no bit of the length
 _UP, _DOWN = 2.0**600, 2.0**-600
 """Powers of two: scaling by them is exact."""
 

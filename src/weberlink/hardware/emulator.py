@@ -59,8 +59,7 @@ class Emulator(Protocol):
 class FaultyDevice(ABC):
     """The faults of an emulator: those of its wire, and its own, which happen when it is advanced next."""
 
-    OWN_FAULTS: ClassVar[Mapping[str, str]] = {}
-    """What each of its own does, and what its value means."""
+    OWN_FAULTS: ClassVar[Mapping[str, str]] = {}  # what each of its own does, and what its value means
     fault_values: Mapping[str, range | float] = {}
     """The whole numbers that a fault takes, or the limit of its values either way; any number if there is none."""
 

@@ -22,16 +22,11 @@ SOCKET = "/run/weberlink-guardian/socket"
 """Of the service; `$WEBERLINK_GUARDIAN` names another one, which must answer, or none where it is empty."""
 OF_THE_HOST = {"pid": 0xEFFFFFFC, "cgroup": 0xEFFFFFFB}
 """Numbers of the namespaces that no container has made (<linux/proc_ns.h>)."""
-LEASE_S = 0.05
-"""Longest time that a force may stand after its command [s]."""
-START_S = 5.0
-"""Longest time for the guardian to start [s]."""
-END_S = 0.5
-"""Longest time for the guardian to end [s]."""
-SILENT_S = 0.25
-"""Longest time without a sign of life while there is force [s]; the guardian gives one every 20 ms."""
-DEAD_S = 0.04
-"""Time without a sign of life before its process state is checked [s]."""
+LEASE_S = 0.05  # longest time that a force may stand after its command [s]
+START_S = 5.0  # longest time for the guardian to start [s]
+END_S = 0.5  # longest time for the guardian to end [s]
+SILENT_S = 0.25  # longest time without a sign of life while there is force [s]; the guardian gives one every 20 ms
+DEAD_S = 0.04  # time without a sign of life before its process state is checked [s]
 SHARED = (
     "the guardian of the device could not leave the cgroup of this session: what kills all of it at once leaves the "
     "force on. `weberlink guardian` as a service does not (docs/operation/services.md)\n"
@@ -56,8 +51,7 @@ class Guardian:
     """
 
     def __init__(self, zero: bytes, rests: tuple[bytes, ...] = ()) -> None:
-        self.zero = zero
-        """May be changed before `watch`, like `rests`."""
+        self.zero = zero  # may be changed before `watch`, like `rests`
         self.rests = rests
         self._all_rests = (zero, *rests)
         self._connection: socket | None = None

@@ -38,23 +38,16 @@ the guardian's, `APART` whether it is in a cgroup of its own, `DEVICE` the numbe
 WORDS_SIZE = 8 * 8
 SLOT_SIZE = 2048
 """Each of the two messages behind the words, its `HEAD` in front. The client writes the one that is not in use."""
-HEAD = Struct("<HI")
-"""Length and checksum of a message."""
+HEAD = Struct("<HI")  # length and checksum of a message
 MEMORY_SIZE = WORDS_SIZE + 2 * SLOT_SIZE
-HELLO = Struct("<q")
-"""What a client begins with: its time [ns, CLOCK_MONOTONIC]. The device's descriptor comes along."""
-HELLO_S = 1.0
-"""Longest time from a connection to that [s]."""
-OLDEST_NS = 5_000_000_000
-"""Greatest age of that time; no greater than a client waits."""
+HELLO = Struct("<q")  # what a client begins with: its time [ns, CLOCK_MONOTONIC]. The device's descriptor comes along
+HELLO_S = 1.0  # longest time from a connection to that [s]
+OLDEST_NS = 5_000_000_000  # greatest age of that time; no greater than a client waits
 OTHER_CLOCK = b"runs by another clock than this host (a time namespace), so no lease can be kept"
 
-PAUSE_NS = 20_000_000
-"""Longest time between two checks of the lease; every lease must be longer."""
-REPEATS = 10
-"""Number of messages at that pace."""
-SLOW_NS = 1_000_000_000
-"""Pause between later messages: nobody reads the answers of the device."""
+PAUSE_NS = 20_000_000  # longest time between two checks of the lease; every lease must be longer
+REPEATS = 10  # number of messages at that pace
+SLOW_NS = 1_000_000_000  # pause between later messages: nobody reads the answers of the device
 LAST_WRITES = 2
 LAST_PAUSE_S = 0.01
 CGROUP = "weberlink-guardian"
@@ -95,7 +88,9 @@ def serve(path: str) -> None:
     listener.listen()
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    _say_ready()
+    if address := os.environ.get("NOTIFY_SOCKET"):  # tell systemd that clients may come
+        with socket(AF_UNIX, SOCK_DGRAM) as notify:
+            notify.sendto(b"READY=1", address.replace("@", "\0", 1))
     while True:
         connection, _ = listener.accept()
         with connection, suppress(OSError):  # no more processes: the client is refused, the others stay guarded
@@ -267,13 +262,6 @@ def _go_first() -> None:
     except OSError:
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, 0, -10)
-
-
-def _say_ready() -> None:
-    """Tell systemd that clients may come."""
-    if address := os.environ.get("NOTIFY_SOCKET"):
-        with socket(AF_UNIX, SOCK_DGRAM) as notify:
-            notify.sendto(b"READY=1", address.replace("@", "\0", 1))
 
 
 if __name__ == "__main__":

@@ -17,10 +17,8 @@ from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.guardian import Guardian
 
 CHUNK = 4096
-WRITING_S = 0.05
-"""Longest time that a port may accept no data [s]."""
-LEAVING_S = 0.05
-"""Longest wait for pending data before the port is closed [s]."""
+WRITING_S = 0.05  # longest time that a port may accept no data [s]
+LEAVING_S = 0.05  # longest wait for pending data before the port is closed [s]
 
 
 class SerialPort:

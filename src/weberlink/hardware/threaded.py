@@ -13,8 +13,7 @@ class ThreadedDriver(Generic[Command, Sample]):
     before the first `open` of each session.
     """
 
-    FAULT: ClassVar[type[Exception]]
-    """What the contract of its family raises."""
+    FAULT: ClassVar[type[Exception]]  # what the contract of its family raises
 
     def __init__(self, name: str, exchange: Exchange[Command, Sample], worker: Worker[Command, Sample]) -> None:
         self._name = name

@@ -22,8 +22,7 @@ Sample_co = TypeVar("Sample_co", covariant=True)
 RETRY_S = 0.05
 LOST_S = 1.0
 """Longest time of bad replies in a row before they are a fault, however few they are [s]: a slow device sends few."""
-JOIN_S = 1.0
-"""Longest wait of `stop` for an exchange that hangs, and again at the end of the program [s]."""
+JOIN_S = 1.0  # longest wait of `stop` for an exchange that hangs, and again at the end of the program [s]
 
 
 class Exchange(Protocol[Command_contra, Sample_co]):
@@ -85,14 +84,10 @@ class Worker(Generic[Command, Sample]):
         self._stopping = Event()
         self._thread: Thread | None = None
         self._left: tuple[Thread, int] | None = None
-        self.fault: str | None = None
-        """Why there are no more samples; None while they come."""
-        self._error: Exception | None = None
-        """An error of the exchange's own code, which ended the thread."""
-        self.trouble: str | None = None
-        """The error of the last exchange; None if there was none."""
-        self.round_trip = 0.0
-        """Time that the last exchange took [s]."""
+        self.fault: str | None = None  # why there are no more samples; None while they come
+        self._error: Exception | None = None  # an error of the exchange's own code, which ended the thread
+        self.trouble: str | None = None  # the error of the last exchange; None if there was none
+        self.round_trip = 0.0  # time that the last exchange took [s]
         self._share = 0.0
         self._began = 0.0
 

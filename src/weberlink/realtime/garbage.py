@@ -3,8 +3,9 @@
 import gc
 from time import perf_counter
 
-CAUTION = 2.0
-"""A pass is expected to take up to this many times as long as the one before it."""
+FULL_EVERY = 100  # one pass in so many looks at all generations; the others are young ones
+PATIENCE = 10  # intervals after which a pass is forced: one late tick is better than memory that grows without end
+CAUTION = 2.0  # a pass is expected to take up to this many times as long as the one before it
 FIRST_GUESS_S = 1e-4
 
 
@@ -31,29 +32,12 @@ class Passes:
 
 
 class GarbageSchedule:
-    """Runs a pass when one is due and fits into the slack.
+    """Runs a pass every `every_ticks` [ticks], when it fits into the slack, or when it has waited for too long."""
 
-    A pass that never fits runs anyway after `patience` intervals: one late tick is better than memory that grows until
-    the process dies.
+    __slots__ = ("_due", "_waited", "full", "young")
 
-    Args:
-        every_ticks: interval between passes [ticks], >= 1.
-        full_every: one pass in so many is a full one, >= 1; the others are young ones.
-        patience: intervals after which a pass is forced, >= 1.
-
-    Raises:
-        ValueError: naming the argument.
-    """
-
-    __slots__ = ("_due", "_full_every", "_overdue", "_waited", "full", "young")
-
-    def __init__(self, every_ticks: int, *, full_every: int = 100, patience: int = 10) -> None:
-        for name, value in (("every_ticks", every_ticks), ("full_every", full_every), ("patience", patience)):
-            if value < 1:
-                raise ValueError(f"{name} must be at least 1, got {value}")
+    def __init__(self, every_ticks: int) -> None:
         self._due = every_ticks
-        self._overdue = every_ticks * patience
-        self._full_every = full_every
         self._waited = 0
         self.young = Passes(0)
         self.full = Passes(2)
@@ -63,9 +47,9 @@ class GarbageSchedule:
         self._waited += 1
         if self._waited < self._due:
             return
-        full = (self.young.count + self.full.count + 1) % self._full_every == 0
+        full = (self.young.count + self.full.count + 1) % FULL_EVERY == 0
         passes = self.full if full else self.young
-        if slack_s < CAUTION * passes.last_s and self._waited < self._overdue:
+        if slack_s < CAUTION * passes.last_s and self._waited < PATIENCE * self._due:
             return
         began = perf_counter()
         gc.collect(passes.generation)

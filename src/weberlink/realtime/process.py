@@ -8,7 +8,7 @@ import errno
 import os
 import resource
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from signal import Signals
 
 # <sys/prctl.h>, <sys/mman.h>
@@ -56,10 +56,6 @@ class Grants:
     cpu: Grant
     timer_slack: Grant
     wakeful: Grant
-
-    def as_dict(self) -> dict[str, dict[str, bool | str]]:
-        """For a report: field name to `granted` and `detail`."""
-        return asdict(self)
 
 
 def prepare(priority: int, lock_memory: bool, cpu: int | None, *, wakeful: bool = False) -> Grants:

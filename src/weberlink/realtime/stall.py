@@ -4,12 +4,10 @@ from math import inf
 
 LEAST_STALL = 0.02
 """No shorter pause counts as a stall [s]: a busy host delays a tick by some milliseconds now and then."""
-STALL_TICKS = 10
-"""Ticks that must be missed in a row to count as a stall, where that is longer."""
+STALL_TICKS = 10  # ticks that must be missed in a row to count as a stall, where that is longer
 SETTLING_TICKS = 5
 """Ticks from a stall on in which a side does not lead, so that the peer is told before a new command reaches it."""
-LONGEST_STEP = 2
-"""A late tick moves ramps, slew limits and speed limits on by at most this many tick periods."""
+LONGEST_STEP = 2  # a late tick moves ramps, slew limits and speed limits on by at most this many tick periods
 
 
 class StallDetector:

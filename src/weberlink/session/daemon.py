@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import asdict
 from pathlib import Path
 from random import Random
 from signal import SIG_SETMASK, SIG_UNBLOCK, SIGHUP, Signals, pthread_sigmask, signal
@@ -26,7 +27,6 @@ from weberlink.protocol.aio.udp import UdpShell
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.protocol.events import Address
 from weberlink.realtime.garbage import GarbageSchedule
-from weberlink.realtime.loop import REASONS, AfterTick, TickLoop
 from weberlink.realtime.process import die_with_parent, prepare
 from weberlink.registry import fault_of, in_words
 from weberlink.session import description
@@ -36,6 +36,7 @@ from weberlink.session.control_socket import ControlSocket
 from weberlink.session.description import DaemonOrder, failure
 from weberlink.session.key_watch import key_watch
 from weberlink.session.side import Side
+from weberlink.session.tick_loop import REASONS, AfterTick, TickLoop
 from weberlink.session.waiting import received
 from weberlink.telemetry.ring import RingWriter
 
@@ -145,7 +146,7 @@ def serve(order: DaemonOrder, configuration: Configuration, control_socket: int)
             raise StartError(str(fault)) from fault
         except Stopped as stopped:
             side.close()
-            return failure(str(stopped)) | {"failed": str(stopped) == EMERGENCY, "realtime": grants.as_dict()}
+            return failure(str(stopped)) | {"failed": str(stopped) == EMERGENCY, "realtime": asdict(grants)}
         stack.callback(side.close)
         stack.callback(control.close)
         on_open = [control.open]
@@ -171,7 +172,7 @@ def serve(order: DaemonOrder, configuration: Configuration, control_socket: int)
         "drops": side.drops,
         "peer": side.peer._asdict(),
         "paths": [path._asdict() for path in udp.paths],
-        "realtime": grants.as_dict(),
+        "realtime": asdict(grants),
     }
 
 

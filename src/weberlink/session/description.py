@@ -22,7 +22,7 @@ from weberlink.session.composition.link import default_name, live_choices
 from weberlink.telemetry.runtime_directory import open_file
 
 if TYPE_CHECKING:
-    from weberlink.protocol.aio.udp import PathFacts
+    from weberlink.protocol.paths import LinkPath
 
 LONGEST = 1_000_000
 """Largest description [bytes]; the shipped configurations take up to 10 kB."""
@@ -87,7 +87,7 @@ class Description:
         self._path = path_beside(ring)
         self._text = json.dumps(described)
 
-    def publish(self, peer: dict[str, str] | None = None, paths: "Iterable[PathFacts]" = ()) -> None:
+    def publish(self, peer: dict[str, str] | None = None, paths: "Iterable[LinkPath]" = ()) -> None:
         """Write the file atomically, readable by this user only; may be called in a tick, for some 50 us."""
         news = json.dumps({"peer": peer, "paths": [path._asdict() for path in paths]})
         fd, draft = mkstemp(prefix=f"{self._path.name}.", dir=self._path.parent)

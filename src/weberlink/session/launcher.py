@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING, Any, Self
 
 from weberlink.child_process import Child, python
 from weberlink.config import MASTER, SIDES, SLAVE, Configuration
-from weberlink.figures.paths import LinkPath, notable, paths_of
 from weberlink.figures.verdict import verdict
 from weberlink.master.devices import target_link
 from weberlink.order import MISCONFIGURED, NOTE, STOP_SIGNALS
 from weberlink.protocol.keys import generate
+from weberlink.protocol.paths import LinkPath, notable, paths_of
 from weberlink.session import control_socket, description
 from weberlink.session.composition.channels import lookahead_ms
 from weberlink.session.description import DaemonOrder, failure

@@ -11,9 +11,9 @@ inherits from the contract of its family, and gives it a bench:
 """
 
 import sys
+from pkgutil import iter_modules
 
 if "pytest" in sys.modules:
     import pytest
 
-    pytest.register_assert_rewrite("weberlink.testing.arms")
-    pytest.register_assert_rewrite(*(f"weberlink.testing.{name}" for name in ("devices", "messages", "robots")))
+    pytest.register_assert_rewrite(*(f"{__name__}.{module.name}" for module in iter_modules(__path__)))

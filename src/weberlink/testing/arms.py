@@ -11,6 +11,7 @@ from weberlink.arms.contract import ArmFault, ArmReading
 from weberlink.geometry.joints import Joints, is_finite
 from weberlink.master.devices import LEADERS
 from weberlink.slave.robots import FOLLOWERS
+from weberlink.testing.contract import FaultContract
 from weberlink.testing.time import until
 
 
@@ -110,17 +111,10 @@ class FollowerContract(_ArmContract):
         return (first.angles[0] + 0.25, *first.angles[1:])
 
 
-class _HardwareArmContract(_ArmContract):
+class _HardwareArmContract(FaultContract, _ArmContract):
     """What an arm with motors keeps besides: its faults end a session."""
 
-    FAULTS: ClassVar[Sequence[str]]
-    """Those of its bench that do."""
-    HOLDS: ClassVar[bool]
-    """Whether the motors have their torque on after a session."""
-
-    def pytest_generate_tests(self, metafunc: pytest.Metafunc) -> None:
-        if "fault" in metafunc.fixturenames:
-            metafunc.parametrize("fault", self.FAULTS)
+    HOLDS: ClassVar[bool]  # whether the motors have their torque on after a session
 
     def test_motors_after_a_session(self, bench: ArmBench) -> None:
         bench.arm.open(bench.tick())

@@ -24,13 +24,12 @@ from weberlink.master.devices.contract import Device, DeviceFault, TorqueDevice
 from weberlink.master.devices.threaded_device import RAMP_S
 from weberlink.session.composition.master import check_force_ends
 from weberlink.testing import pushing_host
+from weberlink.testing.contract import FaultContract, assert_is_read_while_open
 from weberlink.testing.time import TICK, ahead_of_other_work, real_time, running_time, until
 
 PUSH: Vector = (0.0, 1.0, 0.0)
-HOST_N = 0.8
-"""With which the process of `StoppedHostContract` pushes along y [N]."""
-SLACK_S = 0.02
-"""For which a machine that stalls may hold up what a board hears [s]."""
+HOST_N = 0.8  # with which the process of `StoppedHostContract` pushes along y [N]
+SLACK_S = 0.02  # for which a machine that stalls may hold up what a board hears [s]
 FORCES: Sequence[Vector] = ((0.5, 0.0, 0.0), (0.0, -0.5, 0.0), (0.3, 0.3, 0.3))
 
 
@@ -110,8 +109,7 @@ def armed(name: str, /, *, checked: bool = True, **options: Any) -> Device:
 class BenchedDevice:
     """A driver under test; a test class overrides `make_bench`."""
 
-    NAME: ClassVar[str]
-    """Of the driver, as its entry point."""
+    NAME: ClassVar[str]  # of the driver, as its entry point
 
     def make_bench(self, folder: Path, /, **options: Any) -> AbstractContextManager[DeviceBench]:
         """A bench with a device that is not open; closes the device at the end.
@@ -128,8 +126,7 @@ class DeviceContract(BenchedDevice):
 
     REFUSED: ClassVar[Sequence[tuple[Mapping[str, Any], str]]] = ()
     """Options that no type alone refuses, and a pattern of the complaint or its place."""
-    TAKEN: ClassVar[Sequence[Mapping[str, Any]]] = ()
-    """Options at the limit."""
+    TAKEN: ClassVar[Sequence[Mapping[str, Any]]] = ()  # options at the limit
 
     @pytest.fixture
     def bench(self, tmp_path: Path) -> Iterator[DeviceBench]:
@@ -163,20 +160,7 @@ class DeviceContract(BenchedDevice):
             assert search(named, told), told
 
     def test_only_open_device_is_read_close_is_idempotent(self, bench: DeviceBench) -> None:
-        device = bench.device
-        device.close()
-        with pytest.raises(DeviceFault, match=self.NAME):
-            device.latest(bench.tick())
-        device.command(ZERO, bench.tick())
-        for _ in range(2):  # a second session is like the first
-            now = bench.tick()
-            device.open(now)
-            assert device.latest(bench.tick()).at >= now
-            device.close()
-            device.close()
-            device.command(ZERO, bench.tick())
-            with pytest.raises(DeviceFault, match=self.NAME):
-                device.latest(bench.tick())
+        assert_is_read_while_open(bench.device, ZERO, bench.tick, DeviceFault)
 
     def test_readings_advance_without_jumps(self, bench: DeviceBench) -> None:
         device, is_virtual = bench.device, bench.felt is None
@@ -211,7 +195,7 @@ class DeviceContract(BenchedDevice):
         assert is_finite(bench.device.latest(bench.tick()).position)
 
 
-class ForceDeviceContract(DeviceContract):
+class ForceDeviceContract(FaultContract, DeviceContract):
     """What a driver of hardware with force feedback keeps besides, before an emulated device.
 
     The bench knows the force that is `felt`. Its faults are those of `FAULTS`, and `flicker`: some bad answers that
@@ -219,20 +203,12 @@ class ForceDeviceContract(DeviceContract):
     `fingerprint` has no force before its check of signs: then `make_bench` takes `checked` as well.
     """
 
-    FAULTS: ClassVar[Sequence[str]]
-    """Those of its bench that end a session."""
     UNHEARD: ClassVar[Sequence[str]] = ()
     """Those of them behind which nothing reaches a board without a watchdog, which holds its last force."""
-    MISPLACED: ClassVar[Sequence[str]] = ("restart",)
-    """Those after which the device takes another place for its home."""
-    OPTIONS: ClassVar[Mapping[str, Any]] = {}
-    """Options without which there is no force at all."""
+    MISPLACED: ClassVar[Sequence[str]] = ("restart",)  # those after which the device takes another place for its home
+    OPTIONS: ClassVar[Mapping[str, Any]] = {}  # options without which there is no force at all
     SIGNS: ClassVar[Sequence[Mapping[str, Any]]] = ()
     """Options that turn an axis, each of which needs a check of signs of its own."""
-
-    def pytest_generate_tests(self, metafunc: pytest.Metafunc) -> None:
-        if "fault" in metafunc.fixturenames:
-            metafunc.parametrize("fault", self.FAULTS)
 
     def test_motors_follow_commands_within_limit_until_close(self, bench: DeviceBench) -> None:
         felt, spec = bench.felt, bench.device.spec
@@ -349,8 +325,7 @@ class StoppedHostContract(BenchedDevice):
     """
 
     LIMIT_S: ClassVar[float] = 0.5
-    PATIENT: ClassVar[Mapping[str, Any]] = {}
-    """Options with which a driver waits longest."""
+    PATIENT: ClassVar[Mapping[str, Any]] = {}  # options with which a driver waits longest
 
     def test_force_ends_while_the_host_does_nothing(self, tmp_path: Path) -> None:
         with ahead_of_other_work(), self.make_bench(tmp_path, **self.PATIENT) as bench:

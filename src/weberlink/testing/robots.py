@@ -1,17 +1,17 @@
 """The contract that every robot driver keeps, those of hardware before emulated hardware."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from itertools import pairwise
 from time import monotonic
-from typing import Any, ClassVar
+from typing import Any
 
 import pytest
 
 from weberlink.geometry.vector import Vector, distance, dot, is_finite, norm
 from weberlink.slave.robots import ROBOTS
 from weberlink.slave.robots.contract import OrientedRobot, Robot, RobotFault
+from weberlink.testing.contract import FaultContract, assert_is_read_while_open
 from weberlink.testing.time import PATIENCE, until
 
 
@@ -68,20 +68,7 @@ class RobotContract:
         assert "\n" not in spec.note
 
     def test_only_open_robots_are_read(self, bench: RobotBench) -> None:
-        robot = bench.robot
-        robot.close()
-        with pytest.raises(RobotFault, match=bench.robot.spec.name):
-            robot.latest(bench.tick())
-        robot.command(bench.above, bench.tick())
-        for _ in range(2):  # a second session is like the first
-            now = bench.tick()
-            robot.open(now)
-            assert robot.latest(bench.tick()).at >= now
-            robot.close()
-            robot.close()
-            robot.command(bench.above, bench.tick())
-            with pytest.raises(RobotFault, match=bench.robot.spec.name):
-                robot.latest(bench.tick())
+        assert_is_read_while_open(bench.robot, bench.above, bench.tick, RobotFault)
 
     def test_readings_are_monotonic_and_reproducible(self, bench: RobotBench) -> None:
         robot = bench.opened()
@@ -106,10 +93,11 @@ class RobotContract:
         approach(bench, bench.above)
         x, y, z = bench.above
         for goal in ((x + 0.015, y, z), (x, y - 0.015, z + 0.015)):
-            until(partial(self._arrives, bench, goal), "it to arrive", pause=0.0)
 
-    def _arrives(self, bench: RobotBench, goal: Vector) -> bool:
-        return distance(approach(bench, goal), goal) <= bench.tolerance_m
+            def arrives(goal: Vector = goal) -> bool:
+                return distance(approach(bench, goal), goal) <= bench.tolerance_m
+
+            until(arrives, "it to arrive", pause=0.0)
 
     def test_the_ground_pushes_back_up(self, bench: RobotBench) -> None:
         robot = bench.opened()
@@ -136,15 +124,8 @@ class RobotContract:
         assert is_finite(robot.latest(bench.tick()).position)
 
 
-class HardwareRobotContract(RobotContract):
+class HardwareRobotContract(FaultContract, RobotContract):
     """What a driver of hardware keeps besides, before an emulated robot: its faults end a session."""
-
-    FAULTS: ClassVar[Sequence[str]]
-    """Those of its bench that do."""
-
-    def pytest_generate_tests(self, metafunc: pytest.Metafunc) -> None:
-        if "fault" in metafunc.fixturenames:
-            metafunc.parametrize("fault", self.FAULTS)
 
     def test_fault_stops_robot_with_reason(self, fault: str, bench: RobotBench) -> None:
         robot = bench.opened()

@@ -10,8 +10,7 @@ from weberlink.hardware.worker import Worker
 class VirtualTime:
     def __init__(self) -> None:
         self.now = 100.0
-        self.stall_s = 0.0
-        """How much longer than asked for the next pause lasts [s]."""
+        self.stall_s = 0.0  # how much longer than asked for the next pause lasts [s]
 
     def clock(self) -> float:
         return self.now
@@ -34,12 +33,9 @@ class VirtualPort:
         self._emulator, self._time = emulator, time
         self.latency = latency
         self.closed = False
-        self.broken: Exception | None = None
-        """What every access raises."""
-        self.killed_after: int | None = None
-        """Messages that still get out before the host is gone; None for all."""
-        self.sent: list[bytes] = []
-        """All messages."""
+        self.broken: Exception | None = None  # what every access raises
+        self.killed_after: int | None = None  # messages that still get out before the host is gone; None for all
+        self.sent: list[bytes] = []  # all messages
         emulator.advance(time.now)
 
     def write(self, data: bytes) -> None:

@@ -12,8 +12,7 @@ import pytest
 T = TypeVar("T")
 
 TICK = 0.001
-PATIENCE = 180.0
-"""Until a test gives up on what must come [s]; says nothing about how fast the program has to be."""
+PATIENCE = 180.0  # until a test gives up on what must come [s]; says nothing about how fast the program has to be
 PAUSE = 0.01
 
 

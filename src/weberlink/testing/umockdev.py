@@ -26,16 +26,13 @@ from weberlink.testing.serving import PtyDevice, serve
 
 LONGEST_DESCRIPTOR = 4096
 WRAPPER = "umockdev-wrapper"
-SYSTEM_PYTHON = "/usr/bin/python3"
-"""Not the one of a virtual environment: the bindings come with the distribution."""
+SYSTEM_PYTHON = "/usr/bin/python3"  # not the one of a virtual environment: the bindings come with the distribution
 PRELOAD = "libumockdev-preload.so.0"
 ADVICE = "to emulate devices of the kernel, install umockdev: apt-get install umockdev gir1.2-umockdev-1.0 python3-gi"
 END_S, PAUSE_S = 5.0, 0.1
 
-QUEUE = 64
-"""Reports that the kernel keeps for a reader; later ones are lost."""
-TORN_S = 0.05
-"""After this time the rest of a report is not expected any more [s]."""
+QUEUE = 64  # reports that the kernel keeps for a reader; later ones are lost
+TORN_S = 0.05  # after this time the rest of a report is not expected any more [s]
 LITERAL, END = b"\x16", b"\x04"
 
 BUS = "/devices/pci0000:00/0000:00:14.0/usb1"
@@ -117,8 +114,7 @@ class Testbed:
         self._instances = 0
         self._plugged: dict[int, TestbedEntry] = {}
         self._described: dict[int, Any] = {}
-        self.root = Path()
-        """Replaces / for the processes that see the testbed."""
+        self.root = Path()  # replaces / for the processes that see the testbed
 
     @property
     def environment(self) -> dict[str, str]:
@@ -209,8 +205,7 @@ class TestbedNode(PtyDevice):
     def __init__(self, testbed: Testbed, emulator: Any, *, begin: Callable[[], object] = lambda: None) -> None:
         self._number = testbed.free_number()
         self._identity = emulator.identity
-        self.node = entry_of(self._identity, self._number, 0).node
-        """Its path for processes that see the testbed."""
+        self.node = entry_of(self._identity, self._number, 0).node  # its path for processes that see the testbed
         super().__init__(emulator, testbed.root / self.node.removeprefix("/"), begin=begin)
         self._testbed = testbed
 

@@ -17,8 +17,7 @@ from weberlink.testing.devices import DeviceBench, armed
 from weberlink.testing.serving import PtyDevice, ServedDevice
 from weberlink.testing.time import ahead_of_other_work, real_time
 
-FLICKER = 3
-"""Bad answers that pass."""
+FLICKER = 3  # bad answers that pass
 
 
 def emulated(name: str, **options: Any) -> Any:

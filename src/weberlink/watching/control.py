@@ -11,8 +11,7 @@ from weberlink.session.emergency import NO_SESSION
 from weberlink.watching.rings import RingSource
 from weberlink.watching.session import WatchedSession
 
-ANSWER_S = 2.0
-"""How long a daemon may take to answer."""
+ANSWER_S = 2.0  # how long a daemon may take to answer
 LINK_KEYS = frozenset({"delay_ms", "jitter_ms", "loss"})
 """Settings of the emulated link: each side applies them to what it sends."""
 

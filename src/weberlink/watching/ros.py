@@ -14,8 +14,7 @@ from weberlink.config import MASTER
 from weberlink.figures.channel import ArmLayout
 from weberlink.telemetry.message import CODES, SEPARATOR, Rows, aligned, fields_in
 
-FIXED_FRAME: Final = "weberlink"
-"""The frame of the robot, in which all positions are."""
+FIXED_FRAME: Final = "weberlink"  # the frame of the robot, in which all positions are
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,7 @@ from typing import Any
 
 from weberlink.slave.scenes.height_field import bumps, read_heights
 
-MOST_HEIGHTS = 161
-"""Most rows or columns of a height field to send."""
+MOST_HEIGHTS = 161  # most rows or columns of a height field to send
 _KEYS = {
     "plane": ("point_m", "normal"),
     "sphere": ("center_m", "radius_m"),

@@ -11,18 +11,17 @@ import numpy as np
 
 from weberlink.config import MASTER, SLAVE
 from weberlink.figures.journal import Fields, Journal
-from weberlink.figures.paths import LinkPath, paths_of
 from weberlink.figures.session import Layout, Records, SessionScore, TickPairs, joined
 from weberlink.figures.tree import DEGRADED, FAILURE, Cause
 from weberlink.figures.verdict import verdict
 from weberlink.figures.wording import ALARM, Words, fault_words, words
+from weberlink.protocol.paths import LinkPath, paths_of
 from weberlink.telemetry.fault import Fault, name_of
 from weberlink.telemetry.reader import DTYPE
 from weberlink.watching.rings import RingSource
 from weberlink.watching.rows import Pace
 
-UNSCORED_S = 1.0
-"""How many records wait to be scored while no figures are needed."""
+UNSCORED_S = 1.0  # how many records wait to be scored while no figures are needed
 UNNAMED = tuple(f"predictor {number}" for number in range(16))
 MOST_EVENTS = 500
 """Events that are kept; older ones are dropped."""

@@ -9,10 +9,10 @@ import pytest
 
 from tests.cli.device_test.people import Clock, sitting
 from tests.session.systems import CONFIGS
-from weberlink.cli.device_test import DeviceTestError, run, uninterrupted
+from weberlink.cli.device_test import run, uninterrupted
+from weberlink.cli.output import CommandError
 
 FILE = CONFIGS / "loopback.yaml"
-OVERRIDES = ["force_n=2.5", "master.device.workspace_m=0.05"]
 
 
 def test_ctrl_c_waits_while_a_device_is_made_safe() -> None:
@@ -49,5 +49,5 @@ def test_simulated_part_passes_with_overrides_of_the_file(
     screen = io.StringIO()
     run(name, sitting(Clock(), screen, *lines)[0], FILE, overrides)
     assert [part for part in parts if part not in screen.getvalue()] == []
-    with pytest.raises(DeviceTestError, match=f"^{name}: stopped before the end"):
+    with pytest.raises(CommandError, match=f"^{name}: stopped before the end"):
         run(name, sitting(Clock(), io.StringIO(), "")[0], None, [])

@@ -9,7 +9,8 @@ import pytest
 from pydantic import BaseModel
 
 from tests.cli.device_test.people import Clock, sitting
-from weberlink.cli.device_test import GIVES_WAY_M, PUSH_N, DeviceTestError, StoppedByUser, try_master
+from weberlink.cli.device_test import GIVES_WAY_M, PUSH_N, StoppedByUser, try_master
+from weberlink.cli.output import CommandError
 from weberlink.geometry.vector import ZERO, Vector, add, norm, scale
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
 
@@ -82,22 +83,20 @@ def moved(x: float, y: float, z: float) -> tuple[Callable[[], None], str]:
 CENTRE = moved(0.0, 0.0, 0.0)
 SIGNS = (CENTRE, moved(0.05, 0.004, 0.0), CENTRE, moved(0.0, 0.05, -0.01), CENTRE, moved(0.01, 0.0, 0.05))
 """The hand goes to the middle and along an axis, three times."""
-OPEN = ("", "")
-"""Enter to open, Enter to go on."""
-PUSHES = ("yes", "", "", "y", "", "y", "", "y")
-"""Agree, open, and three times Enter and the answer."""
+OPEN = ("", "")  # enter to open, Enter to go on
+PUSHES = ("yes", "", "", "y", "", "y", "", "y")  # agree, open, and three times Enter and the answer
 ALL = (*OPEN, *SIGNS, *PUSHES)
 
 
 def outcome_of(
     *lines: Any, driver: Any = Handle, clock: Clock | None = None, yes: bool = False
-) -> tuple[str, DeviceTestError | None]:
+) -> tuple[str, CommandError | None]:
     """The screen of a person who types this, and the error at the end; force and device are off then."""
     screen, error = io.StringIO(), None
     dialog, keyboard = sitting(clock or Clock(), screen, *lines, yes=yes)
     try:
         try_master(driver, driver.Options(), driver, dialog)
-    except DeviceTestError as caught:
+    except CommandError as caught:
         error = caught
         assert "\n" not in str(error)
     assert keyboard.left == []

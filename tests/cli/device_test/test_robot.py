@@ -9,7 +9,8 @@ from typing import Any, ClassVar
 import pytest
 
 from tests.cli.device_test.people import Clock, sitting
-from weberlink.cli.device_test import WAY_M, DeviceTestError, try_robot
+from weberlink.cli.device_test import WAY_M, try_robot
+from weberlink.cli.output import CommandError
 from weberlink.geometry.vector import Vector, distance
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.slave.robots.contract import RobotReading, RobotSpec
@@ -60,7 +61,7 @@ def outcome_of(*lines: str) -> tuple[str, str]:
     dialog, keyboard = sitting(Clock(), screen, *lines)
     try:
         try_robot(Arm, Arm, dialog)
-    except DeviceTestError as caught:
+    except CommandError as caught:
         error = str(caught)
     assert [kind for kind, _ in Arm.log if kind != "command"] == ["open", "close"]
     assert keyboard.left == []

@@ -4,9 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from weberlink.cli.doctor import CHECKS, Finding, Machine, Needs, examine
-from weberlink.cli.doctor.machine import Unreadable
-from weberlink.cli.doctor.report import USUAL
+from weberlink.cli.doctor.machine import Machine, Unreadable
+from weberlink.cli.doctor.report import CHECKS, USUAL, Finding, Needs, examine
 from weberlink.cli.doctor.trial import HostTrial, RightsTrial, SessionTrial, Stretch
 from weberlink.config import SIDES
 

@@ -24,8 +24,9 @@ from tests.cli.doctor.machines import (
     machine,
 )
 from weberlink.cli.devices import NO_RULES, READY, DriverStatus
-from weberlink.cli.doctor import CHECKS, Grade, Machine, Needs, examine
+from weberlink.cli.doctor.machine import Machine
 from weberlink.cli.doctor.network import CHARGED_BYTES
+from weberlink.cli.doctor.report import CHECKS, Grade, Needs, examine
 from weberlink.cli.doctor.trial import HostTrial, RightsTrial, SessionTrial
 from weberlink.config.model import DriverSettings
 from weberlink.hardware.discovery import PluggedDevice
@@ -148,7 +149,6 @@ CASES = [
     Case("rate", OK, "hold 5000 Hz", needs=asking(rate_hz=5000.0), answers=sessions(1e5)),
     Case("rate", ADVICE, "top -H", answers=sessions(1e5, missed=0.011)),
     Case("rate", ADVICE, "at 500 Hz: late p99 600 us", needs=asking(rate_hz=500.0), answers=sessions(100.0)),
-    Case("rate", UNKNOWN, "no port", answers={"session_trial": lambda **_: SessionTrial(failure="no port")}),
     Case("punctuality", OK, answers=rights(p99=200.0)),
     Case("punctuality", ADVICE, "top -H", answers=rights(p99=300.0)),
     Case("punctuality", PROBLEM, answers=rights(p99=1200.0)),

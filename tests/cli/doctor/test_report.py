@@ -14,7 +14,8 @@ from tests.cli.doctor.machines import FILES, HOST, asking, machine
 from tests.examples import examples
 from tests.program import document, weberlink
 from tests.session.systems import CONFIGS
-from weberlink.cli.doctor import CHECKS, Check, Finding, Grade, Machine, Needs, advised, examine
+from weberlink.cli.doctor.machine import Machine
+from weberlink.cli.doctor.report import CHECKS, Check, Finding, Grade, Needs, advised, examine
 from weberlink.cli.doctor.trial import SessionTrial
 from weberlink.config import load
 

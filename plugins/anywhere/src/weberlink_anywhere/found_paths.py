@@ -5,8 +5,9 @@ import socket
 from typing import Final
 
 from weberlink.protocol.aio.sockets import WorkBudget
-from weberlink.protocol.aio.udp import PEER_SHARE, STRANGER_SHARE, Path, PathFacts, Paths, UdpShell, peer_address
+from weberlink.protocol.aio.udp import PEER_SHARE, STRANGER_SHARE, Path, Paths, UdpShell, peer_address
 from weberlink.protocol.events import Address, DropReason
+from weberlink.protocol.paths import LinkPath
 from weberlink.protocol.states import Role, State
 from weberlink_anywhere import hand_over
 from weberlink_anywhere.hand_over import PathFound, PathLost, PathNews, PathSilent, SessionState, StunReceived
@@ -46,7 +47,7 @@ class FoundPath(Path):
     def __init__(
         self, found: PathFound, bound: socket.socket, owner: "FoundPaths", loop: asyncio.AbstractEventLoop
     ) -> None:
-        super().__init__(PathFacts(found.place, found.route, found.via, found.interface), bound, owner, loop)
+        super().__init__(LinkPath(found.place, found.route, found.via, found.interface), bound, owner, loop)
         self.found = found
         self.address = peer_address(found.peer)
         self.channel = b"" if found.channel is None else found.channel.to_bytes(2, "big")
@@ -289,5 +290,5 @@ class FoundPaths(Paths):
             key=lambda path: path.found.place,
         )
         self.facts = tuple(path.facts(self._note) for path in shown) or (
-            PathFacts(route="", note=self._note if self._finds else FINDER_ENDED),
+            LinkPath(route="", note=self._note if self._finds else FINDER_ENDED),
         )

@@ -18,9 +18,9 @@ from weberlink.config.finders import finder_of
 from weberlink.config.model import LinkSettings, split_address
 from weberlink.protocol.aio.sockets import numeric
 from weberlink.protocol.liveness import HeartbeatSchedule
+from weberlink.protocol.local_end import LONGEST_SILENCE
 from weberlink.protocol.negotiation import LONGEST, in_ms, rounded_up
 from weberlink.protocol.probing import Heard
-from weberlink.protocol.session import LONGEST_SILENCE
 from weberlink.protocol.timing import LONGEST_RTT
 from weberlink.session.advice import AHEAD, DryRun, added_delays, uncontrolled_delay
 from weberlink_link.trial import LinkTrial, build_probe, run_link_trial

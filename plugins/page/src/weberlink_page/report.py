@@ -7,6 +7,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from weberlink.figures.report import UNITS
 from weberlink.figures.tree import Figures
+from weberlink.protocol.paths import LinkPath
 
 
 def figures_of(document: Mapping[str, Any]) -> Figures:
@@ -21,6 +22,8 @@ def _of_json(kind: Any, document: Any) -> Any:
     origin, arguments = get_origin(kind), get_args(kind)
     if origin is UnionType:  # with None
         return None if document is None else _of_json(arguments[0], document)
+    if kind is LinkPath:
+        return LinkPath(**document)
     if isinstance(kind, type) and is_dataclass(kind):
         types, values = get_type_hints(kind), {}
         for each in fields(kind):

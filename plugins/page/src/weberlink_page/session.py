@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from weberlink.config import MASTER, SLAVE
-from weberlink.figures.paths import finding
 from weberlink.figures.session import Records, joined
+from weberlink.protocol.paths import finding
 from weberlink.protocol.states import State
 from weberlink.watching.rings import RingSource
 from weberlink.watching.rows import felt_message
@@ -128,7 +128,7 @@ class PageSession(WatchedSession):
             "button": self._button,
             "ways_now": ways_now(last),
             "paths": [
-                asdict(path) | {"side": name, "words": path.route_words, "class": path.dscp_words(dscp)}
+                path._asdict() | {"side": name, "words": path.route_words, "class": path.dscp_words(dscp)}
                 for name, of_side in paths.items()
                 for path in of_side
             ],

@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import Any
 
 from weberlink.figures.journal import Journal
-from weberlink.figures.paths import paths_of
+from weberlink.protocol.paths import paths_of
 from weberlink.session import description
 from weberlink.telemetry.message import Rows
 from weberlink.telemetry.reader import RingReader

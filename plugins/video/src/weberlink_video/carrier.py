@@ -16,7 +16,7 @@ from typing import Any, Final
 from weberlink.config import MASTER, SLAVE, Configuration
 from weberlink.config.finders import PathFinder, finder_of, finding
 from weberlink.config.model import split_address
-from weberlink.protocol import Endpoint, Event, Role
+from weberlink.protocol import Endpoint, Event, LocalEnd, Role
 from weberlink.protocol.aio.udp import UdpShell, peer_address
 from weberlink.protocol.events import Connected, Refused, TakenOver, UpdateReceived
 from weberlink.protocol.keys import HeldKey, Right
@@ -106,21 +106,22 @@ class Carrier:
             "tick_period": TICK_S,
             "silence": SILENCE_S,
             "longest_round_trip": LONGEST_ROUND_TRIP_S,
-            "stamp": lambda _now: time_ns(),
         }
         finder = self._finder
         if self._side == SLAVE:
             self._security, self._keys = robots_security(self._configuration, finder, watches=self._place > 0)
             own = link.names.slave or (finder.own if finder else default_name(SLAVE, link.listen))
-            return Endpoint(
-                role=Role.RESPONDER, outgoing=pictures, incoming=reports, security=self._security, name=own, **common
+            robot = LocalEnd(
+                Role.RESPONDER, outgoing=pictures, incoming=reports, security=self._security, name=own, **common
             )
+            return Endpoint(robot)
         security, own, expects = acquaintance(self._configuration, MASTER, finder)
         peer = peer_address(expects) if self._configuration.finds_path else self._address(link.slave)
-        return Endpoint(
-            role=Role.INITIATOR, outgoing=reports, incoming=pictures, security=security, peer=peer,
-            name=link.names.master or own, expects=link.names.slave or expects, take_over=self._place == 0, **common,
+        operator = LocalEnd(
+            Role.INITIATOR, outgoing=reports, incoming=pictures, security=security, name=link.names.master or own,
+            expects=link.names.slave or expects, **common,
         )  # fmt: skip
+        return Endpoint(operator, peer=peer, take_over=self._place == 0, stamp=lambda _now: time_ns())
 
     def _address(self, of_link: str) -> tuple[str, int]:
         return split_address(of_link)[0], self._options.port + self._place

@@ -2,28 +2,3 @@
 
 from weberlink.cli.doctor import kernel as _kernel  # noqa: F401 - the first checks of the table
 from weberlink.cli.doctor import network as _network  # noqa: F401 - and the others
-from weberlink.cli.doctor.machine import Machine
-from weberlink.cli.doctor.report import (
-    CHECKS,
-    EXAMINATIONS,
-    Check,
-    DoctorReport,
-    Finding,
-    Grade,
-    Needs,
-    advised,
-    examine,
-)
-
-__all__ = [
-    "CHECKS",
-    "EXAMINATIONS",
-    "Check",
-    "DoctorReport",
-    "Finding",
-    "Grade",
-    "Machine",
-    "Needs",
-    "advised",
-    "examine",
-]

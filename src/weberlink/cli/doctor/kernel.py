@@ -16,8 +16,7 @@ from weberlink.telemetry.runtime_directory import Places
 # --- kernel and clocks
 
 DYNAMIC = "/sys/kernel/debug/sched/preempt"
-LEAST_SHARE = 0.5
-"""Of a processor that real-time tasks should get: two daemons may share one."""
+LEAST_SHARE = 0.5  # of a processor that real-time tasks should get: two daemons may share one
 SOURCES = "/sys/devices/system/clocksource/clocksource0"
 SLOW = {"hpet", "acpi_pm", "jiffies", "refined-jiffies", "pit"}
 """Clock sources read over a bus, or no finer than the kernel's tick; a daemon reads the clock several times a tick."""
@@ -120,8 +119,7 @@ def wall_clock(machine: Machine, _needs: Needs) -> Finding:
 
 CPUS = "/sys/devices/system/cpu"
 GOVERNORS = f"{CPUS}/cpu*/cpufreq/scaling_governor"
-WAKE_SHARE = 0.1
-"""Share of a tick that waking up from an idle state may take."""
+WAKE_SHARE = 0.1  # share of a tick that waking up from an idle state may take
 
 
 @check("processors", "processors")
@@ -234,15 +232,12 @@ PUNCTUAL, LATE = 0.25, 1.0
 OTHER_LOAD = "fix the problems above first; then look for other load: top -H -d 1"
 RATES_HZ = (4000.0, 2000.0, 1000.0)
 """Rates at which a session is tried, from the highest to the first that this machine holds."""
-TOLERATED = 0.01
-"""Share of ticks that may be missed, or of processor time that the host may take."""
-FIRST_PERSON = 1000
-"""User ids below are those of the system (Debian, login.defs)."""
+TOLERATED = 0.01  # share of ticks that may be missed, or of processor time that the host may take
+FIRST_PERSON = 1000  # user ids below are those of the system (Debian, login.defs)
 ROOM = 4
 """A limit should allow so many times the memory at the start: a ring, a robot's library and threads come on top."""
 MEGABYTE = 1e6
-CAP_IPC_LOCK = 14
-"""Number of the capability that overrides the limit of locked memory."""
+CAP_IPC_LOCK = 14  # number of the capability that overrides the limit of locked memory
 
 
 @check("rights", "rights")
@@ -357,8 +352,7 @@ def _idle_latency(machine: Machine, needs: Needs, trial: RightsTrial) -> Finding
 
 # --- the host of a virtual machine
 
-LATENESS_MARGIN = 0.05
-"""Difference of the 99th percentiles of lateness that counts, as a share of a tick."""
+LATENESS_MARGIN = 0.05  # difference of the 99th percentiles of lateness that counts, as a share of a tick
 STEAL_MARGIN = 0.02
 """Difference of steal that counts; the kernel counts in steps of 10 ms, about this share of a stretch."""
 

@@ -21,11 +21,10 @@ from typing import Any
 
 from weberlink.cli.devices import DriverStatus, survey
 from weberlink.cli.doctor import trial
-from weberlink.cli.doctor.trial import HostTrial, RightsTrial, SessionTrial, run_child
+from weberlink.cli.doctor.trial import HostTrial, RightsTrial, run_child
 from weberlink.compiled import is_compiled
 
-LOOK_UP_LIMIT_S = 3.0
-"""How long a name service may take to answer."""
+LOOK_UP_LIMIT_S = 3.0  # how long a name service may take to answer
 TOOL_LIMIT_S = 10.0
 CLOCK_UNSYNCHRONISED = 5  # TIME_ERROR of <sys/timex.h>
 TIMEX_BYTES = 1024  # more than struct timex has anywhere
@@ -94,7 +93,7 @@ class Machine:
     is_compiled = staticmethod(is_compiled)
     rights_trial = staticmethod(partial(run_child, trial.__name__, RightsTrial, "rights"))
     host_trial = staticmethod(partial(run_child, trial.__name__, HostTrial, "host"))
-    session_trial = staticmethod(partial(run_child, trial.__name__, SessionTrial, "session"))
+    session_trial = staticmethod(trial.session_trial)
 
     def affinity(self) -> frozenset[int]:
         """Processors that this process may run on."""

@@ -91,12 +91,9 @@ class Grade(StrEnum):
     """How well the machine suits a session in one respect."""
 
     OK = "ok"
-    ADVICE = "advice"
-    """A session runs, but the fix would make it more punctual or easier to operate."""
-    PROBLEM = "problem"
-    """The session does not work as configured, or not in time."""
-    UNKNOWN = "unknown"
-    """It could not be read; the text says why."""
+    ADVICE = "advice"  # a session runs, but the fix would make it more punctual or easier to operate
+    PROBLEM = "problem"  # the session does not work as configured, or not in time
+    UNKNOWN = "unknown"  # it could not be read; the text says why
 
 
 COLOURS = {Grade.OK: "green", Grade.ADVICE: "yellow", Grade.PROBLEM: "bold red", Grade.UNKNOWN: "magenta"}
@@ -179,8 +176,7 @@ class Check:
     fix: str | None = None  # of advice and problems for which `judge` names no other
 
 
-CHECKS: list[Check] = []
-"""In the order of the report, filled by `check`."""
+CHECKS: list[Check] = []  # in the order of the report, filled by `check`
 
 
 def check(area: str, name: str, fix: str | None = None) -> Callable[[Judge], Judge]:

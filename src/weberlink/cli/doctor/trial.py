@@ -2,17 +2,17 @@
 punctual a session is at a rate.
 
 The first child imports the same modules and makes the same calls as a daemon, then wakes up at its rate for half a
-second. The second wakes up on each processor, with processors kept awake and not, in turns. The third runs a session of
-two simulated ends. Run as a program, this file is such a child: the name of a trial and its arguments as JSON on the
-command line, a JSON result on standard output.
+second. The second wakes up on each processor, with processors kept awake and not, in turns. Run as a program, this file
+is one of these two: the name of a trial and its arguments as JSON on the command line, a JSON result on standard
+output. The third child runs a session of two simulated ends.
 """
 
 import json
 import os
 import subprocess
 import sys
-import threading
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
 from math import ceil
 from pathlib import Path
@@ -28,8 +28,7 @@ Stretch = dict[str, float | None]
 """One stretch of wake-ups: `p99_us` (lateness), `missed` (share of ticks), `steal` (share; None if not counted)."""
 
 MEASURE_S = 0.5
-LIMIT_S = 30.0
-"""Time limit for a child that hangs."""
+LIMIT_S = 30.0  # time limit for a child that hangs
 IMPORTS = (
     "asyncio",
     "uvloop",
@@ -39,16 +38,12 @@ IMPORTS = (
     "weberlink.session.composition.slave",
 )
 """Modules that every daemon imports."""
-MOST_PROCESSORS = 8
-"""Threads that wake up at once take turns in the interpreter, some 10 us each."""
+MOST_PROCESSORS = 8  # threads that wake up at once take turns in the interpreter, some 10 us each
 PAIRS = 4
-STRETCH_S = 0.3
-"""Of each stretch: some hundred wake-ups of each processor, and 2.4 s in total."""
-LEAD_S = 0.01
-"""From the start of the threads to the first deadline."""
+STRETCH_S = 0.3  # of each stretch: some hundred wake-ups of each processor, and 2.4 s in total
+LEAD_S = 0.01  # from the start of the threads to the first deadline
 SESSION_S = 1.0
-AWAKE_US = 0
-"""Latency that keeps processors out of all idle states."""
+AWAKE_US = 0  # latency that keeps processors out of all idle states
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +99,7 @@ def rights_trial(
     """Take the rights that a configuration asks for, and measure wake-ups."""
     for name in (*IMPORTS, *(["weberlink.protocol.psk"] if encrypted else [])):
         __import__(name)
-    grants = prepare(priority, lock_memory, cpu, wakeful=wakeful).as_dict()
+    grants = asdict(prepare(priority, lock_memory, cpu, wakeful=wakeful))
     period = 1.0 / rate_hz
     first = monotonic() + period
     seen = list(wake_ups(first, period, first + max(MEASURE_S, 2.0 * period)))
@@ -152,18 +147,14 @@ def host_trial(priority: int, processors: Sequence[int], rate_hz: float) -> Host
 def stretch(processors: Sequence[int], period: float) -> Stretch:
     """One stretch of wake-ups on each processor at once."""
     first = monotonic() + LEAD_S
-    seen: list[WakeUp] = []
 
-    def watch(processor: int) -> None:
+    def watch(processor: int) -> list[WakeUp]:
         os.sched_setaffinity(0, {processor})  # of this thread
-        seen.extend(list(wake_ups(first, period, first + STRETCH_S)))
+        return list(wake_ups(first, period, first + STRETCH_S))
 
     before = Steal.read(processors)
-    watchers = [threading.Thread(target=watch, args=(processor,)) for processor in processors]
-    for watcher in watchers:
-        watcher.start()
-    for watcher in watchers:
-        watcher.join()
+    with ThreadPoolExecutor(len(processors)) as threads:
+        seen = [wake_up for each in threads.map(watch, processors) for wake_up in each]
     after = Steal.read(processors)
     missed = missed_by(seen, period)
     return {
@@ -177,7 +168,12 @@ def session_trial(settings: Mapping[str, object]) -> SessionTrial:
     """Run the default session with these settings of its file."""
     line = python("-m", "weberlink", "loopback", "--duration", f"{SESSION_S:g}", "--json", "-")
     line += [word for name, value in settings.items() for word in ("--set", f"{name}={json.dumps(value)}")]
-    done = subprocess.run(line, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)  # noqa: S603
+    try:
+        done = subprocess.run(  # noqa: S603
+            line, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=LIMIT_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return SessionTrial(failure=f"a session cannot be tried: {error}")
     if not done.stdout:
         return SessionTrial(failure=(done.stderr.strip().splitlines() or ["a session ended without a report"])[-1])
     sides = json.loads(done.stdout)["ticks"].values()
@@ -186,5 +182,5 @@ def session_trial(settings: Mapping[str, object]) -> SessionTrial:
 
 
 if __name__ == "__main__":
-    TRIALS: dict[str, Callable[..., Any]] = {"rights": rights_trial, "host": host_trial, "session": session_trial}
-    sys.stdout.write(json.dumps(asdict(TRIALS[sys.argv[1]](**json.loads(sys.argv[2])))))
+    trials: dict[str, Callable[..., Any]] = {"rights": rights_trial, "host": host_trial}
+    sys.stdout.write(json.dumps(asdict(trials[sys.argv[1]](**json.loads(sys.argv[2])))))

@@ -22,6 +22,7 @@ from weberlink.protocol import Role
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
 from weberlink.protocol.keys import LONGEST_NAME, HeldKey, KeyFileError, Right, load
+from weberlink.protocol.local_end import LocalEnd
 from weberlink.protocol.security import Security
 from weberlink.registry import check_contract, fault_of
 from weberlink.session.channels import IncomingChannel, OutgoingChannel
@@ -199,7 +200,7 @@ def build_endpoint(system: System, side: str, context: Context, kind: type[Endpo
     own, other = system.link.names.master, system.link.names.slave
     if side == SLAVE:
         own, other = other, own
-    return kind(
+    end = LocalEnd(
         role=Role.INITIATOR if side == MASTER else Role.RESPONDER,
         agreement=agreement(system),
         outgoing=[channel.forms for channel in outgoing],
@@ -210,14 +211,11 @@ def build_endpoint(system: System, side: str, context: Context, kind: type[Endpo
         tick_period=system.tick_period,
         silence=system.link.silence_ms * 1e-3,
         longest_round_trip=system.link.longest_round_trip_ms * 1e-3,
-        peer=context.peer,
         carries_credit=SCHEMES[system.control.scheme].carries_credit and system.codec.joints is None,
         name=own or context.name,
         expects=other or context.expects,
-        take_over=context.take_over,
-        stamp=context.stamp,
-        asks=context.asks,
     )
+    return kind(end, peer=context.peer, take_over=context.take_over, stamp=context.stamp, asks=context.asks)
 
 
 @with_file_name

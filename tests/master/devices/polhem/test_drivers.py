@@ -15,7 +15,7 @@ from tests.master.devices.polhem.boards import ScriptedHidBoard, Teensy, hid_dev
 from tests.wait import until
 from weberlink.geometry.vector import ZERO, norm
 from weberlink.master.devices.polhem.driver import PolhemDevice
-from weberlink.master.devices.polhem.options import PolhemSerialOptions
+from weberlink.master.devices.polhem.options import PolhemHidOptions, PolhemSerialOptions
 from weberlink.master.devices.polhem.parameters import PARAMETERS
 from weberlink.master.devices.polhem.protocol import LONG, SHORT, SetCounters
 from weberlink.master.devices.polhem.serial_device import BracketExchange, PolhemSerialDevice
@@ -26,7 +26,7 @@ from weberlink.testing.stepping import VirtualPort, VirtualTime
 from weberlink.testing.time import TICK
 
 MIDDLE = (*PARAMETERS["woodenhaptics_2015"].mechanism.counts_at(ZERO), 0, 0, 0)
-HID_WOODY = PARAMETERS["woodenhaptics_2015"].on("hid14").mechanism
+HID_WOODY = PolhemHidOptions(parameters="woodenhaptics_2015").wired().mechanism
 HID_MIDDLE = (*HID_WOODY.counts_at(ZERO), 0, 0, 0)
 AWAY = (900, -70, 5, 1, 2, 3)
 HOME = pytest.approx((0.025, 0.0, 0.205))
@@ -260,7 +260,7 @@ def test_the_older_kind_is_homed_on_the_host_and_has_no_button(hid: Make) -> Non
 
 def test_counters_are_followed_beyond_16_bits(hid: Make) -> None:
     """A device that turns on and on, its home pose far away: 32767 is followed by -32768."""
-    mechanism = PARAMETERS["polhem_v2"].on("hid14").mechanism
+    mechanism = PolhemHidOptions(parameters="polhem_v2").wired().mechanism
     near, home = mechanism.counts_at(ZERO), mechanism.drive.wiring.home_counts
     shift = 32_760 - near[2]
     board = ScriptedHidBoard((near[0], near[1], near[2] + shift, 0, 0, 0))

@@ -154,7 +154,8 @@ def test_each_gimbal_axis_turns_the_handle(
     name: str, board: Board, gimbal: tuple[int, ...], orientation: Quaternion
 ) -> None:
     """In the middle of the workspace, from the straight gimbal on."""
-    mechanism = PARAMETERS[name].on(board).mechanism
+    parameters = PARAMETERS[name]
+    mechanism = parameters.wired(parameters.wirings[board]).mechanism
     home = mechanism.drive.wiring.gimbal_home_counts
     found = mechanism.orientation((*mechanism.counts_at(ORIGIN), *(a - b for a, b in zip(gimbal, home, strict=True))))
     assert found == pytest.approx(orientation, abs=1e-4)

@@ -21,8 +21,8 @@ def test_limits_are_plausible_and_every_board_has_the_same_home_pose(parameters:
     assert 500.0 <= parameters.stiffness_n_m <= 2000.0
     assert 0.1 <= parameters.radius_m <= 0.15
     # Other signs come with other home counts: where a sign of one is wrong, the pose is another.
-    for board in parameters.wirings:
-        pose = parameters.on(board).mechanism.drive.angles((0, 0, 0))
+    for wiring in parameters.wirings.values():
+        pose = parameters.wired(wiring).mechanism.drive.angles((0, 0, 0))
         assert pose == pytest.approx(parameters.mechanism.drive.angles((0, 0, 0)), abs=1e-9)
 
 

@@ -335,23 +335,24 @@ def _files_table(rows: "DataFrame", notes: list[str]) -> RenderableType:
     rest = judged(rows).groupby(keys, sort=False)
     table = table.assign(
         turned=np.rad2deg(rest.turned_rad.max()), bound=rest.bound_share.max(), contacts=rest.contacts.max()
-    )
+    ).reset_index()
+    table["scene"] = table.scene.where(table.link == "clean", table.scene + ", " + table.link)
     notes = [
-        "impulse felt over that pressed, by the delay each way; the largest of bound (share got out, %), contacts",
-        "  (begins and ends), turn (command apart from the hand of the delay before, mean of the last second, deg)",
+        "impulse felt over that pressed, by the delay each way in ms",
+        "the largest of: bound, share got out, %; contacts, begins and ends;",
+        "  turn, command apart from the hand of the delay before, deg",
         *(f"{row.scene}, {row.delay_ms} ms: {row.failure}" for row in rows[rows.failure != ""].itertuples()),
         *notes,
     ]
     columns: dict[Any, Column] = {
         "scene": Column("file"),
-        "scheme": COLUMNS["scheme"],
-        "link": Column("link", left=True),
-        **{delay: Column(f"{delay} ms", "{:.2f}") for delay in FILE_DELAYS_MS if delay in table},
+        **({"scheme": COLUMNS["scheme"]} if rows.scheme.nunique() > 1 else {}),
+        **{delay: Column(f"{delay}", "{:.2f}") for delay in FILE_DELAYS_MS if delay in table},
         "bound": COLUMNS["bound"],
         "contacts": COLUMNS["contacts"],
         "turned": Column("turn", "{:.2f}"),
     }
-    return frame_table(table.reset_index(), columns, notes=notes)
+    return frame_table(table, columns, notes=notes)
 
 
 def _plots(options: DisplayOptions, rows: "DataFrame", folder: Path, caption: str) -> None:

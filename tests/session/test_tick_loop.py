@@ -8,7 +8,7 @@ import signal
 import pytest
 
 from weberlink.realtime.garbage import GarbageSchedule
-from weberlink.realtime.loop import TickLoop
+from weberlink.session.tick_loop import TickLoop
 
 PERIOD = 0.001
 
@@ -48,9 +48,10 @@ class Transport:
         self.journal = journal
         self.opening = opening
 
-    def open(self, loop):
+    async def open(self, loop):
         self.journal.append("open")
-        return None if self.opening is None else self.opening(loop)
+        if self.opening is not None:
+            await self.opening(loop)
 
     def service(self, now):
         self.journal.append("service")
@@ -143,7 +144,11 @@ def test_an_own_fault_stops_at_once_with_zero_force_and_propagates(place):
     assert not {"service", "tick"} & set(side.journal[side.journal.index("fail") :])
 
 
-@pytest.mark.parametrize("opening", [raise_fault, lambda loop: loop.call_soon(raise_fault) and None])
+async def fail_later(loop):
+    loop.call_soon(raise_fault)
+
+
+@pytest.mark.parametrize("opening", [raise_fault, fail_later])
 @pytest.mark.parametrize("fails_again", [False, True])
 def test_a_fault_of_the_opening_or_of_a_callback_is_an_own_fault_that_no_further_one_hides(opening, fails_again):
     side = Side()

@@ -1,38 +1,31 @@
-"""The paths that a link takes, as a daemon describes them (`weberlink.protocol.aio.udp.PathFacts`), in words.
+"""The paths that a link takes, as a daemon describes them, and in words.
 
 `paths_of` reads them from a description, which another release or another host may have written.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 DIRECT, RELAYED = "direct", "relayed"
-MOST, LONGEST = 8, 200
-"""Paths that are read, and characters of each of their texts."""
+MOST, LONGEST = 8, 200  # paths that are read, and characters of each of their texts
 
 
-@dataclass(frozen=True)
-class LinkPath:
-    """One path: by which route, over which interface, to which address; how often it was replaced by another one.
+class LinkPath(NamedTuple):
+    """A path in use, in words, for people: the page, the report, the metrics."""
 
-    `route` is empty where there is none yet; `note` then says what is being done. `dscp` is the class of service with
-    which datagrams came; None while unknown.
-    """
-
-    place: int
-    route: str
-    via: str
-    interface: str
-    remote: str
-    changes: int
-    note: str
-    dscp: int | None
+    place: int = 0  # which of several it is
+    route: str = DIRECT  # "direct", "punched", "relayed", or "" while there is none
+    via: str = ""  # name of the relay
+    interface: str = ""  # network interface of this host
+    remote: str = ""  # address of the peer or of the relay, host:port
+    changes: int = 0  # how often this path was replaced by another one
+    note: str = ""  # what is being done while there is no path, or why there will be none
+    dscp: int | None = None  # class of service with which datagrams of the peer arrive (RFC 2474); None while unknown
 
     @property
     def as_event(self) -> "LinkPath":
         """That of it whose change is worth an event; the class of service is measured now and then."""
-        return replace(self, dscp=None)
+        return self._replace(dscp=None)
 
     @property
     def route_words(self) -> str:

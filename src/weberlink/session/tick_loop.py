@@ -1,60 +1,27 @@
 """The event loop of a daemon: ticks, signals, and how a run ends."""
 
 import asyncio
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from math import inf
 from signal import SIG_UNBLOCK, SIGHUP, SIGINT, SIGTERM, Signals, pthread_sigmask
 from time import monotonic
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import uvloop
 
+from weberlink.protocol.aio.udp import UdpShell
 from weberlink.realtime.garbage import GarbageSchedule, freeze_garbage, thaw_garbage
 from weberlink.realtime.ticker import Ticker
+from weberlink.session.side import Side
 
 REASONS = {SIGINT: "interrupted", SIGHUP: "hung up"}
 AfterTick = Callable[[int, float, float, float], None]
 """Receives the deadlines missed so far, deadline and now [s], and the time from now to the end of `flush` [us]."""
 
 
-class Ticking(Protocol):
-    """What the loop needs of a `weberlink.session.side.Side`. Times are of `time.monotonic` [s]."""
-
-    @property
-    def stopped(self) -> bool:
-        """Whether it has come to rest; the run ends after this tick."""
-
-    @property
-    def outcome(self) -> str | None: ...
-
-    def tick(self, index: int, deadline: float, now: float) -> None: ...
-
-    def stop(self, now: float, reason: str) -> None:
-        """Begin an orderly stop; ticks go on until `stopped`."""
-
-    def fail(self, now: float, error: BaseException) -> None:
-        """Command zero force at once; no tick follows."""
-
-
-class Transport(Protocol):
-    """What carries datagrams and fires the timers that belong to them."""
-
-    def open(self, loop: asyncio.AbstractEventLoop) -> Awaitable[None] | None:
-        """Claim sockets; may be a coroutine."""
-
-    def service(self, now: float) -> None:
-        """Before each tick: timers that are due, datagrams that have arrived."""
-
-    def flush(self, now: float, tick_at: float | None = None) -> None:
-        """After each tick: hand over what is to be sent. Does not block. The next tick is due at `tick_at`."""
-
-    def close(self) -> None:
-        """Release what `open` claimed, also if that did not finish."""
-
-
 class Run(NamedTuple):
-    """How the run ended, and whether without `Ticking.fail`."""
+    """How the run ended, and whether without `Side.fail`."""
 
     outcome: str | None
     orderly: bool
@@ -80,8 +47,8 @@ class TickLoop:
 
     def __init__(
         self,
-        side: Ticking,
-        transport: Transport,
+        side: Side,
+        transport: UdpShell,
         period: float,
         *,
         duration_s: float | None = None,
@@ -137,9 +104,7 @@ class TickLoop:
         try:
             for begin in self._on_open:
                 begin(loop)
-            opening = self._transport.open(loop)
-            if opening is not None:
-                await self._unless_stopped(opening)
+            await self._open(loop)
             if not self._done.is_set():
                 await self._live()
         except BaseException as error:
@@ -150,9 +115,9 @@ class TickLoop:
                 loop.remove_signal_handler(number)
             self._transport.close()
 
-    async def _unless_stopped(self, opening: Awaitable[None]) -> None:
-        """Wait for the transport, unless a stop comes first: looking up a host may take long."""
-        ready, ended = asyncio.ensure_future(opening), asyncio.ensure_future(self._done.wait())
+    async def _open(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Open the transport, unless a stop comes first: looking up a host may take long."""
+        ready, ended = loop.create_task(self._transport.open(loop)), loop.create_task(self._done.wait())
         try:
             await asyncio.wait((ready, ended), return_when=asyncio.FIRST_COMPLETED)
             if ready.done():
