@@ -8,7 +8,7 @@ from weberlink.config import load
 from weberlink.figures.session import Records
 from weberlink.protocol.states import State
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.record import JOINTS, RECORD
+from weberlink.telemetry.record import ALL, JOINTS, RECORD
 from weberlink.telemetry.row import Row
 
 RATE = 1000.0
@@ -70,7 +70,7 @@ def record(side: str, tick: int, *, began: float = 10.0, lead_from: int = 0) -> 
         row.joint_position, row.joint_output = angles(tick, 8), angles(tick, 4)
         row.joint_raw = row.joint_predicted = torques(tick)
         row.joint_decoded = torques(tick, 0.95)
-    return np.frombuffer(RECORD.pack(*row.values()), DTYPE)
+    return np.frombuffer(RECORD.pack(*ALL.values(row)), DTYPE)
 
 
 def records(side: str, ticks: int, **other: float) -> Records:

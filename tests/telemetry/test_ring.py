@@ -168,7 +168,7 @@ def test_fields_of_parts_that_a_session_lacks_read_as_zero(path):
         setattr(row, field.name, 1 if field.axes == 1 else (1.0,) * field.axes)
     kept = layout(1)
     with RingWriter.create(path, side="slave", rate_hz=4000.0, capacity=8, records=kept) as writer:
-        writer.write(row.values(kept))
+        writer.write(kept.values(row))
         with closing(RingReader(path)) as reader:
             (record,) = reader.read()
     for field in FIELDS:

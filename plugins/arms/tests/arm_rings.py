@@ -7,6 +7,7 @@ from time import monotonic
 from typing import Any
 
 from weberlink.session.description import Description
+from weberlink.telemetry.record import ALL
 from weberlink.telemetry.ring import RingWriter
 from weberlink.telemetry.row import Row
 
@@ -44,7 +45,7 @@ class ArmRings:
         row.joint_predicted = (0.0,) * 9
         row.position, row.output, row.raw = (0.25, 0.5, 0.75), (1.0, 2.0, 3.0), (4.0, 5.0, 6.0)
         for writer in self._writers.values():
-            writer.write(row.values())
+            writer.write(ALL.values(row))
 
     def end(self, side: str) -> None:
         self._writers[side].close(unlink=False)

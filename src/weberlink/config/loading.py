@@ -13,10 +13,10 @@ from weberlink.config.document import override, parse
 from weberlink.config.errors import ConfigurationError, require_package, validated
 from weberlink.config.finders import FINDERS
 from weberlink.config.model import DriverSettings, System
-from weberlink.master.devices import DEVICES
+from weberlink.master.devices import DEVICES, LEADERS
 from weberlink.order import MASTER, SIDES, SLAVE
 from weberlink.registry import Registry, is_hardware
-from weberlink.slave.robots import ROBOTS
+from weberlink.slave.robots import FOLLOWERS, ROBOTS
 
 __all__ = ["MASTER", "SIDES", "SLAVE", "Configuration", "Part", "load", "load_device", "load_part"]
 
@@ -91,12 +91,7 @@ def load_device(configuration: Configuration) -> Part:
 
 def _tables(system: System) -> tuple[Registry[Any], Registry[Any]]:
     """The drivers of each side: devices and robots, or arms led and followed joint by joint."""
-    if system.codec.joints is None:
-        return DEVICES, ROBOTS
-    from weberlink.master.devices import LEADERS  # noqa: PLC0415 - for arms alone
-    from weberlink.slave.robots import FOLLOWERS  # noqa: PLC0415 - likewise
-
-    return LEADERS, FOLLOWERS
+    return (DEVICES, ROBOTS) if system.codec.joints is None else (LEADERS, FOLLOWERS)
 
 
 def _refuse_hardware(where: str, settings: DriverSettings, part: Part | None) -> None:
@@ -116,8 +111,8 @@ def load_part(
     try:
         driver = table.load(name)
     except ValueError as error:
-        is_arm = name in _arms(table)
-        why = f"{name} is an arm, and needs its joints: codec.joints (docs/arms/)" if is_arm else error
+        arms = LEADERS if table is DEVICES else FOLLOWERS if table is ROBOTS else ()
+        why = f"{name} is an arm, and needs its joints: codec.joints (docs/arms/)" if name in arms else error
         raise ConfigurationError(f"{field}: {why}") from None
     except ImportError as error:
         raise ConfigurationError(f"{field}: {name} needs a package that is not installed: {error.name}") from None
@@ -129,14 +124,6 @@ def load_part(
         require_package(package, extra, f"{field}: {name}")
     options = validated(driver.Options, settings.options, *where.split("."))
     return Part(driver, make_absolute(options, folder, overridden, where))
-
-
-def _arms(table: Registry[Any]) -> Collection[str]:
-    """Names of the arms of a side, where its table is that of other drivers."""
-    from weberlink.master.devices import LEADERS  # noqa: PLC0415 - for a message
-    from weberlink.slave.robots import FOLLOWERS  # noqa: PLC0415 - likewise
-
-    return LEADERS if table is DEVICES else FOLLOWERS if table is ROBOTS else ()
 
 
 def make_absolute(value: Any, folder: Path, overridden: Collection[str], where: str = "") -> Any:

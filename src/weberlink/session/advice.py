@@ -11,17 +11,19 @@ A wall is displayed a tick after the position that it answers, so the passivity 
 
 import os
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from math import ceil, floor, inf, isinf, log10
 from operator import mul, truediv
 from statistics import median
-from time import perf_counter
+from timeit import repeat
 from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import urlsplit
 
 from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.config import Configuration, ConfigurationError, System
+from weberlink.config.joints import per_axis
 from weberlink.config.loading import Part
 from weberlink.config.model import (
     PERCEPTUAL_WEBER_LIMIT,
@@ -134,31 +136,26 @@ def _device(parts: DryRun) -> Iterator[str]:
     if parts.device is None:
         return
     spec, turns = parts.device.spec, parts.system.codec.rotation is not None
-    pushes = f"the force resists its rate, and a full deflection holds {spec.push_n:g} N"
-    for applies, what in (
-        (spec.push_n > 0.0, f"{spec.name} has no force feedback; {pushes}"),
-        (spec.push_n == 0.0 and not spec.force_feedback, f"{spec.name} has no force feedback; nothing is felt"),
-        (
-            turns and spec.torque_n_m == 0.0,
-            f"{spec.name} has no torque feedback; it turns the tool and feels no torque",
-        ),
-        (spec.note, spec.note),
-    ):
-        if applies:
-            yield f"master.device: {what}"
+    if spec.push_n > 0.0 or not spec.force_feedback:
+        pushes = f"the force resists its rate, and a full deflection holds {spec.push_n:g} N"
+        felt = pushes if spec.push_n > 0.0 else "nothing is felt"
+        yield f"master.device: {spec.name} has no force feedback; {felt}"
+    if turns and spec.torque_n_m == 0.0:
+        yield f"master.device: {spec.name} has no torque feedback; it turns the tool and feels no torque"
+    if spec.note:
+        yield f"master.device: {spec.note}"
 
 
 def _robot(parts: DryRun) -> Iterator[str]:
     if parts.robot is None:
         return
     spec = parts.robot.spec
-    for applies, what in (
-        (not spec.force_sensing, f"{spec.name} senses no force; nothing is felt"),
-        (spec.note, spec.note),
-        (isinf(spec.stiffness_n_m), f"{spec.name} states no stiffness, so slave.limits.contact_n cannot act"),
-    ):
-        if applies:
-            yield f"slave.robot: {what}"
+    if not spec.force_sensing:
+        yield f"slave.robot: {spec.name} senses no force; nothing is felt"
+    if spec.note:
+        yield f"slave.robot: {spec.note}"
+    if isinf(spec.stiffness_n_m):
+        yield f"slave.robot: {spec.name} states no stiffness, so slave.limits.contact_n cannot act"
 
 
 def _arms(parts: DryRun) -> Iterator[str]:
@@ -288,8 +285,6 @@ def _angles(parts: DryRun) -> Iterator[str]:
     spec = parts.follower
     if spec is None:
         return
-    from weberlink.config.joints import per_axis  # noqa: PLC0415 - for arms alone
-
     joints, gripper = parts.system.codec.joints, parts.system.codec.gripper
     assert joints is not None
     count = len(joints.names)
@@ -472,15 +467,8 @@ def measured_tick_s(configuration: Configuration) -> float | None:
             simulation = build_simulation(candidate)
         except ConfigurationError:
             continue
-        times = []
-        try:
-            for _ in range(TICKS):
-                began = perf_counter()
-                simulation.step()
-                times.append(perf_counter() - began)
-        finally:
-            simulation.close()
-        return median(times)
+        with closing(simulation):
+            return median(repeat(simulation.step, number=1, repeat=TICKS))
     return None
 
 

@@ -287,18 +287,17 @@ class LiveRun:
 
     def _look(self) -> None:
         if not self._begun:
-            self._begun = any(daemon.begun for daemon in self.daemons.values())
-            if not self._begun:
+            if not any(daemon.begun for daemon in self.daemons.values()):
                 return
+            self._begun = True
             self._watch = self._stack.enter_context(self.display())
         records = {side: daemon.records() for side, daemon in self.daemons.items()}
-        self._look_at_cameras()
+        self._tell_what_ended()
         has_key = (path.exists() for path in self._cameras)
         if self._key is not None and all((*has_key, *(daemon.begun for daemon in self.daemons.values()))):
             self._key.unlink(missing_ok=True)
             self._key = None
         self._host.add(records)
-        self._look_at_recorder()
         none = next(iter(records.values()))[:0]
         self.score.add(records.get(MASTER, none), records.get(SLAVE, none))
         if self.journal is not None:
@@ -316,15 +315,12 @@ class LiveRun:
         if self._watch is not None:
             self._watch(self.score.state, self._figures())
 
-    def _look_at_cameras(self) -> None:
-        """Say once that the pictures have ended; the session goes on."""
+    def _tell_what_ended(self) -> None:
+        """Say once, at once, that the pictures or the recorder ended before the daemons; the session goes on."""
         for path, child in list(self._cameras.items()):
             if not child.running:
                 del self._cameras[path]
                 self.tell(f"no more pictures: their process {child.how_it_ended}")
-
-    def _look_at_recorder(self) -> None:
-        """Say once, at once, that the recorder ended before the daemons."""
         recorder = self._recorder
         if recorder is None or recorder.running or self._recording_ended:
             return

@@ -28,7 +28,7 @@ from weberlink.protocol.events import (
 from weberlink.protocol.states import State
 from weberlink.realtime.stall import StallDetector, Watchdog
 from weberlink.session.channels import IncomingChannel, OutgoingChannel, Rows
-from weberlink.session.tuning import MARGIN_TICKS, LiveSettings, Tuning, change_margin
+from weberlink.session.tuning import MARGIN_TICKS, Tuning, change_margin
 from weberlink.telemetry.fault import Fault, FaultLedger
 from weberlink.telemetry.record import ALL
 from weberlink.telemetry.row import Row
@@ -99,35 +99,26 @@ class Side:
         """Replaced when there is news."""
         self.pace = StallDetector(tick_period)
         self._leads = port.leads
-        self._tick_period = tick_period
-        self._horizon = horizon
-        self._watchdog = watchdog
-        self._stopwatch = stopwatch
+        self._tick_period, self._horizon = tick_period, horizon
+        self._watchdog, self._stopwatch = watchdog, stopwatch
         self._stopping: str | None = None
         self._faults = FaultLedger()
         self._opened_at = 0.0
-        self._session = 0
-        """Number of the session, as the endpoint counts them; 0 before the first."""
+        self._session = 0  # number of the session, as the endpoint counts them; 0 before the first
         self._encodes = False
         self._is_fresh = self._is_first = True
         self._is_paused = False
         self._is_unfounded, self._undelivered = False, 0
         self._last_reading_at = nan
         self._peer_tick = 0.0
-        self._credit = 0
-        """Energy that this end has told the peer of, or will."""
+        self._credit = 0  # energy that this end has told the peer of, or will
         self._playout = playout
-        self._waiting: deque[tuple[float, UpdateReceived]] = deque()
-        """Updates that are not to be used yet."""
+        self._waiting: deque[tuple[float, UpdateReceived]] = deque()  # updates that are not to be used yet
         self._row = Row()
         self._rows = Rows(outgoing, incoming, port)
         self.layout = self._rows.layout
         """Of the records of this side."""
-        self._datagrams = -1
-        """Sent, received and refused, as in the row."""
-        self._state: State | None = None
-        """The one in the row, and so `_settings`."""
-        self._settings: LiveSettings | None = None
+        self._datagrams = -1  # sent, received and refused, as in the row
         self.send_at_once: Callable[[float], None] | None = None
         """Sends what the endpoint has ready at a time [s], so that an update leaves before the rest of the tick."""
         endpoint.told, endpoint.on_update = self.told, self._on_update
@@ -237,7 +228,7 @@ class Side:
     def fail(self, now: float, error: BaseException) -> None:
         """Zero force or hold, and leave, at once; no tick follows."""
         self.port.halt(now)
-        self._close(now, f"failed: {error}")
+        self._leave(now, f"failed: {error}")
 
     def told(self) -> dict[str, object]:
         """What who watches over the link is told of this end, besides the session."""
@@ -290,20 +281,12 @@ class Side:
         known = endpoint.credit.known
         row.energy = port.controls[0].energy
         row.credit = CREDIT_STEP * (known if known > self._credit else self._credit)
-        if endpoint.state is not self._state:
-            self._state = endpoint.state
-            row.state = endpoint.state.value
-        row.fault = self._faults.active
-        if self.tuning.settings is not self._settings:
-            self._settings = self.tuning.settings
-            row.weber, row.settings = self._settings.weber, self.tuning.generation & 0xFF
+        row.state, row.fault = endpoint.state.value, self._faults.active
+        row.weber, row.settings = self.tuning.settings.weber, self.tuning.generation & 0xFF
         port.report(row, is_led=self.engaged or self.pace.settling or endpoint.state is not _ENGAGED)
 
     def _leave(self, now: float, reason: str) -> None:
-        self._close(now, reason)
         self.stopped = True
-
-    def _close(self, now: float, reason: str) -> None:
         if self.endpoint.state is not State.CLOSED:  # a refusal has closed it already
             self.endpoint.close(now, reason)
 

@@ -12,6 +12,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError
 from weberlink.config.model import EmulationSettings
@@ -284,16 +285,19 @@ class TraceRecorder:
         self._pieces: list[Records] = []
 
     def add(self, master: Records, slave: Records) -> None:  # noqa: ARG002 - an observer gets both
-        """Take the next records of both sides."""
         self._pieces.append(slave[slave["state"] == State.ENGAGED.value])
+
+    def _rows(self) -> NDArray[np.float64]:
+        records = np.concatenate([np.empty(0, np.dtype(DESCRIPTION)), *self._pieces])
+        time = records["at"] - (records["at"][0] if len(records) else 0.0)
+        return np.column_stack((time, records["output"], records["raw"]))
 
     @property
     def trace(self) -> "Trace":
         """The unrounded trace; needs at least one engaged tick."""
         from weberlink.master.trace import as_trace  # noqa: PLC0415 - where one is asked for
 
-        records = np.concatenate(self._pieces)
-        return as_trace(np.column_stack((records["at"] - records["at"][0], records["output"], records["raw"])))
+        return as_trace(self._rows())
 
     def save(self, path: Path) -> int:
         """Write the trace with all digits, so that the same numbers are read back; returns the number of rows. Raises
@@ -301,9 +305,7 @@ class TraceRecorder:
         """
         from weberlink.master.trace import COLUMNS  # noqa: PLC0415 - where one is asked for
 
-        records = np.concatenate([np.empty(0, np.dtype(DESCRIPTION)), *self._pieces])
-        time = records["at"] - (records["at"][0] if len(records) else 0.0)
-        rows = np.column_stack((time, records["output"], records["raw"])).tolist()
+        rows = self._rows().tolist()
         lines = [",".join(COLUMNS), *(",".join(map(repr, row)) for row in rows)]
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-        return len(records)
+        return len(rows)

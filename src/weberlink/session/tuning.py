@@ -88,11 +88,6 @@ class Tuning:
         """Settings that are agreed and not yet in effect; None if there are none."""
         return self.settings._replace(**self.agreed[-1][2]) if self.agreed else None
 
-    @property
-    def is_busy(self) -> bool:
-        """Whether a change is proposed by this side, or agreed and not yet in effect."""
-        return self._proposes or bool(self.agreed)
-
     def reset(self) -> None:
         """Begin a new session: return to the settings of the file and drop any open change."""
         if self._proposes or any(not of_peer for _, of_peer, _ in self.agreed):
@@ -104,7 +99,7 @@ class Tuning:
 
     def complaint(self, change: Mapping[str, object]) -> str | None:
         """Why a change cannot be made; None if it can."""
-        return self._refusal(change) or (BUSY if self.is_busy else None)
+        return self._refusal(change) or (BUSY if self._proposes or self.agreed else None)
 
     def _refusal(self, change: Mapping[str, object]) -> str | None:
         """What is wrong with the content of a change."""

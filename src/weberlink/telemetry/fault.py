@@ -81,10 +81,6 @@ class FaultLedger:
         self._met[fault] += 1
         self._choose()
 
-    def has(self, fault: Fault) -> bool:
-        """Whether a fault is active."""
-        return fault in self._lasting
-
     def note(self, fault: Fault) -> None:
         """Count a fault that is over at once."""
         self._met[fault] += 1

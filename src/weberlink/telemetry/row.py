@@ -2,7 +2,7 @@
 
 from weberlink.geometry.joints import MOST_JOINTS, Joints
 from weberlink.geometry.vector import ZERO
-from weberlink.telemetry.record import ALL, JOINTS, NAMES, Layout
+from weberlink.telemetry.record import JOINTS, NAMES
 
 _UNUSED = (0.0,) * len(JOINTS)
 
@@ -41,7 +41,3 @@ class Row:
         self.rotation_selected = self.rotation_sent = self.widened = self.rotation_widened = 0
         self.joint_position = self.joint_raw = self.joint_predicted = self.joint_decoded = self.joint_output = _UNUSED
         self.gripper_updates_sent = self.gripper_updates_received = self.gripper_sent = 0
-
-    def values(self, layout: Layout = ALL) -> tuple[float, ...]:
-        """The values of a record, flat, in the order of its fields."""
-        return layout.values(self)

@@ -38,7 +38,7 @@ def build_leading(configuration: Configuration, endpoint: Endpoint) -> Parts:
     least, delay = tuple(max(LEAST_CONTACT * LEVER, floor) for floor in floors), signal_delay(system)
     bounds = []
     for sensor in sensors:
-        limiter = ContactLimiter(max(sensor.part(most)), FREE_FORCE * LEVER, longest_round_trip(system) + delay)
+        limiter = ContactLimiter(max(sensor.part(most)), FREE_FORCE * LEVER, longest_round_trip(system))
         contact = ContactWatch(limiter, endpoint, sensor.part(least), delay)
         ramp = system.master.limits.ramp_ms * 1e-3
         bounds.append(Bound(sensor.part(most), sensor.part(slew), ramp, width=1, contact=contact))

@@ -101,15 +101,15 @@ def least_contact(system: System) -> float:
     return max(LEAST_CONTACT, system.codec.force.floor_n)
 
 
-def longest_round_trip(system: System) -> float:
-    """Round trip of the link beyond which no session goes on, at whatever age its loop is [s]."""
-    return (system.link.silence_ms + system.link.longest_round_trip_ms) * 1e-3
-
-
 def signal_delay(system: System) -> float:
     """What look-ahead and play-out of both directions add to the round trip of the signals [s]."""
     ahead = sum(channels[0].lookahead for channels in streams(system))
     return (ahead + 2 * playout_ticks(system)) * system.tick_period
+
+
+def longest_round_trip(system: System) -> float:
+    """Round trip of the signals beyond which no session goes on, at whatever age its loop is [s]."""
+    return (system.link.silence_ms + system.link.longest_round_trip_ms) * 1e-3 + signal_delay(system)
 
 
 def lookahead_ms(system: System) -> dict[str, float]:

@@ -15,13 +15,13 @@ from weberlink.codec.predictors import BANKS
 from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError, System
 from weberlink.config.finders import PathFinder, finder_of
 from weberlink.config.model import split_address
-from weberlink.control.contract import FREE_FORCE, SchemeParameters
+from weberlink.control.contract import SchemeParameters
 from weberlink.control.port import Port
 from weberlink.control.table import SCHEMES
 from weberlink.protocol import Role
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
-from weberlink.protocol.keys import LONGEST_NAME, HeldKey, KeyFileError, Right, load
+from weberlink.protocol.keys import KEY_BYTES, LONGEST_NAME, HeldKey, KeyFileError, Right, load
 from weberlink.protocol.local_end import LocalEnd
 from weberlink.protocol.security import Security
 from weberlink.registry import check_contract, fault_of
@@ -106,7 +106,6 @@ def build_security(configuration: Configuration) -> Security:
         from weberlink.protocol.checksum import Checksum  # noqa: PLC0415
 
         return Checksum()
-    from weberlink.protocol.keys import KEY_BYTES  # noqa: PLC0415
     from weberlink.protocol.psk import Keyring, PresharedKey  # noqa: PLC0415
     from weberlink.realtime.process import forbid_core_dumps  # noqa: PLC0415
 
@@ -236,14 +235,9 @@ def build_control(
         coupling=coupling,
         account=account(system.control, system.master.mapping),
         delay=signal_delay(system),
-        longest=longest_round_trip(system) + signal_delay(system),
+        longest=longest_round_trip(system),
     )
     return cast(ControlEnd, build_driver("control.scheme", build, system.control.scheme, settings))
-
-
-def free_force(system: System) -> float:
-    """Largest force without a contact, as the robot's frame has it [N]: `FREE_FORCE` on the hand."""
-    return FREE_FORCE / system.master.frame_map.force_scale
 
 
 def build_driver(where: str, driver: Any, *arguments: Any, contract: type | None = None) -> Any:

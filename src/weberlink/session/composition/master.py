@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.sample import INT16_MAX
 from weberlink.config import Configuration, ConfigurationError, System
+from weberlink.control.contract import FREE_FORCE
 from weberlink.control.sent import SentCommands
 from weberlink.control.table import build_master_control
 from weberlink.geometry.vector import Vector
@@ -32,7 +33,6 @@ from weberlink.session.composition.link import (
     build_driver,
     build_tuning,
     check_axes,
-    free_force,
     with_file_name,
 )
 
@@ -76,7 +76,8 @@ def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
         relative = tuning.settings.weber * force
         return relative if relative > floor else floor
 
-    free, longest = free_force(system), longest_round_trip(system) + signal_delay(system)
+    # The largest force without a contact, in the robot's frame.
+    free, longest = FREE_FORCE / system.master.frame_map.force_scale, longest_round_trip(system)
     hand = HandPosition(control, force_bound, free)
     contact = HandContact(
         ContactLimiter(force_limit, free, longest),
