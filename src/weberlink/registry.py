@@ -157,8 +157,7 @@ class Registry(Mapping[str, T], Generic[T]):
         return {} if self.group is None else _installed(self.group, tuple(sys.path))
 
 
-_TABLES: list[Registry[Any]] = []
-"""All of this process."""
+_TABLES: list[Registry[Any]] = []  # all of this process
 
 
 @lru_cache

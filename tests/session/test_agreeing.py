@@ -108,9 +108,6 @@ def test_another_predictor_is_in_use_at_both_ends_from_the_first_send_on() -> No
     [
         (["control.live_changes=false"], {"weber": 0.2}),
         (["codec.force.predictor=plane"], {"predictor": "zoh"}),
-        ([], {"scheme": "none"}),
-        ([], {"weber": 1.0}),
-        ([], {"weber": -0.1}),
         (["link.emulate.loss=1"], {"weber": 0.2}),
     ],
 )

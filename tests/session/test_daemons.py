@@ -16,6 +16,7 @@ from tests.wait import until
 from weberlink.cli import app
 from weberlink.protocol.states import State
 from weberlink.session.launcher import sweep
+from weberlink.session.waiting import WaitingDaemon, received
 from weberlink.telemetry.fault import Fault
 
 RIGHT, WRONG = "right.key", "wrong.key"
@@ -149,3 +150,19 @@ def test_what_killed_processes_left_is_removed_when_it_is_old(tmp_path: Path) ->
             os.utime(path, (0, 0))
     sweep([tmp_path])
     assert {path.name for path in tmp_path.iterdir()} == {*names[4:], fresh.name, other.name}
+
+
+# --- daemons that wait for their order
+
+
+def test_the_death_of_the_launcher_is_no_order() -> None:
+    ours, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    ours.close()
+    assert received(its.detach()) is None
+
+
+def test_a_daemon_without_an_order_is_not_left_behind() -> None:
+    with WaitingDaemon("slave") as waiting:
+        child = waiting.child
+        assert child.running
+    assert not child.running

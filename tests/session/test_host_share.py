@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 from time import sleep
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from hypothesis import strategies as st
 
 from conftest import may_use_fifo
 from tests.examples import examples
-from tests.program import PATIENT, Program, Telemetry, document
+from tests.program import PATIENT, Program, document
 from tests.wait import until
 from weberlink.realtime.host import WakeUp
 from weberlink.session.host_watch import Gap, HostShare, missed_by_host
@@ -126,39 +125,25 @@ while time.monotonic() < end: pass
 ARGUMENTS = ("--json", "-", *PATIENT, "--set", f"realtime.cpus={PROCESSORS}")
 
 
-def watched(program: Program) -> Telemetry:
-    """The telemetry of the master, once the watcher of the host is at work."""
-    master = program.engaged("master")
-    program.engaged("slave")
-    until(program.watcher, "the watcher of the host")
-    sleep(0.5)
-    return master
-
-
-def finished(program: Program) -> tuple[dict[str, Any], dict[str, int], dict[str, int]]:
-    """The host's part of the report; missed ticks of each side, and those that are the host's."""
-    program.send(signal.SIGTERM)
-    status, output, errors = program.finish()
-    assert (status, errors) == (0, "")
-    summary = document(output)
-    return (
-        summary["host"],
-        {side: ticks["missed"] for side, ticks in summary["ticks"].items()},
-        summary["host"]["missed"],
-    )
-
-
 @pytest.mark.realtime
 @two_processors
 @fifo
 def test_ticks_on_a_processor_that_was_taken_away_are_the_hosts() -> None:
     with Program("loopback", *ARGUMENTS) as program:
-        master = watched(program)
+        master = program.engaged("master")
+        program.engaged("slave")
+        until(program.watcher, "the watcher of the host")
+        sleep(0.5)
         before = int(master.last["ticks_missed"])
         subprocess.run([sys.executable, "-S", "-c", HOG], check=True)
         until(lambda: master.last["ticks_missed"] > before + 50, "missed ticks")
         sleep(0.2)
-        facts, missed, of_host = finished(program)
+        program.send(signal.SIGTERM)
+        status, output, errors = program.finish()
+    assert (status, errors) == (0, "")
+    summary = document(output)
+    facts, of_host = summary["host"], summary["host"]["missed"]
+    missed = {side: ticks["missed"] for side, ticks in summary["ticks"].items()}
     assert facts["unknown"] is None
     assert facts["longest_ms"] >= 900 * TAKEN_S
     assert 900 * TAKEN_S <= of_host["master"] <= missed["master"]

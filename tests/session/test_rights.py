@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable
+from concurrent.futures import Future
 from pathlib import Path
 from time import monotonic
 
@@ -98,8 +99,10 @@ class Loop:
     def __init__(self) -> None:
         self.later: list[Callable[[], None]] = []
 
-    def run_in_executor(self, _executor: None, work: Callable[[], object]) -> "Done":
-        return Done(work())
+    def run_in_executor(self, _executor: None, work: Callable[[], object]) -> Future[object]:
+        done: Future[object] = Future()
+        done.set_result(work())
+        return done
 
     def call_later(self, delay: float, work: Callable[[], None]) -> None:
         assert delay == LOOK_S
@@ -107,20 +110,6 @@ class Loop:
 
     def look(self) -> None:
         self.later.pop()()
-
-
-class Done:
-    def __init__(self, result: object) -> None:
-        self._result = result
-
-    def add_done_callback(self, then: Callable[["Done"], None]) -> None:
-        then(self)
-
-    def cancelled(self) -> bool:
-        return False
-
-    def result(self) -> object:
-        return self._result
 
 
 class Watched:

@@ -1,4 +1,4 @@
-"""The way of a force sample, as docs/architecture.md tells it, is the way that it takes."""
+"""The way of a force sample is the one of docs/architecture.md; an update leaves, and is applied, between its parts."""
 
 import re
 import sys
@@ -11,7 +11,7 @@ from tests.program import ROOT
 from weberlink.compiled import is_compiled
 from weberlink.config import load
 from weberlink.protocol.aio import sockets, udp
-from weberlink.session.simulation import Simulation, build_simulation
+from weberlink.session.simulation import MASTER_ADDRESS, Simulation, build_simulation
 
 SETTLE_TICKS = 1500
 TICKS = 6000
@@ -77,3 +77,41 @@ def test_a_force_goes_the_way_of_the_table_and_no_module_between() -> None:
         way.append(made[last])
     modules = {call[1][0] for call in way} | set(TICK)
     assert {of for _, callers in way for of in callers} <= modules
+
+
+def by_hand(*overrides: str) -> Simulation:
+    """Tick the master alone until it has sent an update, and carry that to the slave."""
+    simulation = build_simulation(load(ROOT / "configs" / "loopback.yaml", overrides))
+    for _ in range(SETTLE_TICKS):
+        simulation.step()
+    master, slave = simulation.master, simulation.slave
+    for index in range(SETTLE_TICKS, SETTLE_TICKS + TICKS):
+        now = 0.001 * index
+        master.tick(index, now, now)
+        for data, _ in master.endpoint.datagrams_to_send():
+            slave.endpoint.receive_datagram(data, MASTER_ADDRESS, now)
+        if master.outgoing[0].update is not None:
+            return simulation
+        slave.tick(index, now, now)
+    raise AssertionError("no position was sent")
+
+
+@pytest.mark.parametrize("playout_ms", [0, 20])
+def test_an_update_is_applied_as_it_comes_unless_it_is_to_be_played_out(playout_ms: int) -> None:
+    simulation = by_hand(f"link.playout_ms={playout_ms}")
+    update, newest = simulation.master.outgoing[0].update, simulation.slave.incoming[0].decoder.newest
+    assert update is not None
+    assert newest is not None
+    assert (newest.tick == update.tick) is (playout_ms == 0)
+
+
+@pytest.mark.skipif(is_compiled(), reason="compiled code calls without Python frames")
+def test_an_update_leaves_before_the_hand_is_commanded() -> None:
+    def sending(simulation: Simulation) -> list[str]:
+        master = simulation.master
+        master.send_at_once = lambda _now: None
+        return [name.rpartition(".")[2] for name, _ in calls(simulation.step)]
+
+    simulation = by_hand()
+    made = next(made for _ in range(TICKS) if "<lambda>" in (made := sending(simulation)))
+    assert made.index("_send") < made.index("<lambda>") < made.index("_actuate")

@@ -66,6 +66,7 @@ def _unreadable(path: Path, error: OSError | UnicodeDecodeError) -> str:
             return f"cannot be read: {error.strerror}"
 
 
+# What the commonest mistakes are, by what the parser says of them; {} is the character that it stops at.
 _WORDS = {
     "mapping values are not allowed": 'a value holds ": " or a key; put the value in quotes, or begin a line',
     "could not find expected ':'": "expected key: value",
@@ -77,7 +78,6 @@ _WORDS = {
     "found unexpected end of stream": "a quote is not closed",
     "found another document": "a second document begins here; a file holds one",
 }
-"""What the commonest mistakes are, by what the parser says of them; {} is the character that it stops at."""
 
 
 def _mistake(text: str, error: yaml.MarkedYAMLError) -> tuple[int, int, str]:

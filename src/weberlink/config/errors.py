@@ -139,6 +139,7 @@ def _forms(node: dict[str, Any], definitions: dict[str, Any], document: Any) -> 
         yield node
 
 
+# What a value should be, by the type of error of pydantic, whose own words name its classes.
 _EXPECTED = {
     "tuple_type": "should be a list",
     "list_type": "should be a list",
@@ -156,7 +157,6 @@ _EXPECTED = {
     "bool_parsing": "should be true or false",
     "union_tag_not_found": "shape is missing",
 }
-"""What a value should be, by the type of error of pydantic, whose own words name its classes."""
 
 
 def _expectation(error: ErrorDetails) -> str:

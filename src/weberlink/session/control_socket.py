@@ -194,15 +194,14 @@ class ControlSocket:
     def __init__(
         self, listener: socket.socket, side: "Side", link: "LiveLink | None" = None, ordered_at: float = 0.0
     ) -> None:
-        self._socket: socket.socket | None = listener
-        self._path = Path(listener.getsockname())
+        self._socket, self._path = listener, Path(listener.getsockname())
         self._side: Side | _Opening = side
         self._link = link
         self._ordered_at = ordered_at
         self._is_stopped = False
         self._loop: asyncio.AbstractEventLoop | None = None
+        # Who waits for the answer of the peer: one at most, because there is one change at a time.
         self._waiting: str | bytes | None = None
-        """Who waits for the answer of the peer; there is one at most, because there is one change at a time."""
 
     @contextmanager
     def opening(self, stopped: type[Exception]) -> Iterator[None]:
@@ -210,7 +209,6 @@ class ControlSocket:
 
         The kernel signals each question, since no loop runs yet.
         """
-        assert self._socket is not None
         side, standing = self._side, _Opening(self._side.tuning)
         descriptor, flags = self._socket.fileno(), fcntl(self._socket, F_GETFL)
 
@@ -233,24 +231,16 @@ class ControlSocket:
 
     def open(self, loop: "asyncio.AbstractEventLoop") -> None:
         """Answer in this loop from now on."""
-        assert self._socket is not None
         self._loop = loop
         loop.add_reader(self._socket.fileno(), self._on_questions)
 
     def close(self) -> None:
-        """Stop listening; may be repeated."""
-        if self._socket is None:
-            return
-        if self._loop is not None and not self._loop.is_closed():
-            self._loop.remove_reader(self._socket.fileno())
+        """Stop listening, when no loop runs any more; may be repeated."""
         self._socket.close()
-        self._socket = None
         self._path.unlink(missing_ok=True)
 
     def _on_questions(self) -> None:
         for _ in range(QUESTIONS_A_LOOK):
-            if self._socket is None:
-                return
             try:
                 data, sender = self._socket.recvfrom(LONGEST_QUESTION + 1)
             except OSError:
@@ -309,7 +299,7 @@ class ControlSocket:
     def _look(self) -> None:
         """Answer who waits, now or as soon as the peer has answered."""
         self._answer_waiting()
-        if self._waiting is not None and self._loop is not None and self._socket is not None:
+        if self._waiting is not None and self._loop is not None:
             self._loop.call_later(LOOK_S, self._look)
 
     def _answer_waiting(self) -> None:
@@ -329,6 +319,5 @@ class ControlSocket:
             "pending": None if tuning.pending is None else tuning.pending._asdict(),
             "link": None if self._link is None else self._link.in_force,
         }
-        if self._socket is not None:
-            with suppress(OSError):  # the asker has ended, or does not read
-                self._socket.sendto(json.dumps(content | in_force).encode(), sender)
+        with suppress(OSError):  # the asker has ended, or does not read
+            self._socket.sendto(json.dumps(content | in_force).encode(), sender)

@@ -68,7 +68,11 @@ class EmergencyStop:
         """
         if now >= self._find_at:
             self._find_at = now + FIND_S
-            self._find()
+            found = [path for path in control_sockets() if self._scope.holds(path)]
+            named = [path for path in found if session_of(path) == self._name]
+            for path in named or ([] if self._name in self.stopped else found):
+                if path not in self._sides:
+                    self._sides[path] = _Side(path)
         is_due = now >= self._tell_at
         if is_due:
             self._tell_at = now + REPEAT_S
@@ -79,7 +83,11 @@ class EmergencyStop:
 
     def answer(self) -> dict[str, Any]:
         """How it stands: `accepted`, and `sessions` that are stopped, or `why` not."""
-        waiting = [f"{path.stem.removeprefix('weberlink-')}: {side.why}" for path, side in self._waiting()]
+        waiting = [
+            f"{path.stem.removeprefix('weberlink-')}: {side.why}"
+            for path, side in self._sides.items()
+            if not side.is_done
+        ]
         if waiting or not self.stopped:
             return {"accepted": False, "why": "; ".join(waiting) or NO_SESSION}
         return {"accepted": True, "sessions": sorted(self.stopped)}
@@ -88,16 +96,6 @@ class EmergencyStop:
         """Give up on what has not acknowledged."""
         for side in self._sides.values():
             side.close()
-
-    def _waiting(self) -> list[tuple[Path, "_Side"]]:
-        return [(path, side) for path, side in self._sides.items() if not side.is_done]
-
-    def _find(self) -> None:
-        found = [path for path in control_sockets() if self._scope.holds(path)]
-        named = [path for path in found if session_of(path) == self._name]
-        for path in named or ([] if self._name in self.stopped else found):
-            if path not in self._sides:
-                self._sides[path] = _Side(path)
 
 
 class _Side:

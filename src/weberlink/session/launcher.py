@@ -148,8 +148,8 @@ class LiveRun:
     on_delay: Callable[[float], str | None] = lambda _: None
     waiting: Mapping[str, WaitingDaemon] = field(default_factory=dict)  # those that were started before, by side
     daemons: dict[str, Daemon] = field(default_factory=dict)
+    # Processes of pictures, by the socket that each serves once it has read its key.
     _cameras: dict[Path, Child] = field(default_factory=dict)
-    """Processes of pictures, by the socket that each serves once it has read its key."""
     _signals: list[Signals] = field(default_factory=list)
     _stack: ExitStack = field(default_factory=ExitStack)
     _recorder: "Recorder | None" = None

@@ -293,10 +293,8 @@ class Side:
     # --- what the peer says
 
     def _on_update(self, event: UpdateReceived) -> bool:
-        """Apply an update as it comes, so that the next tick needs no time for it; False if it must wait for the tick.
-
-        A tick does nothing before it takes the updates, so it does the same: what a decoder holds is not looked at in
-        between."""
+        """Apply an update as it comes, so that the next tick needs no time for it; False if it must wait for that."""
+        # A tick does nothing before it takes the updates, so what a decoder holds is not looked at in between.
         if self._playout or self.endpoint.sessions != self._session:
             return False
         self._apply(event)
@@ -367,11 +365,8 @@ class Side:
             return None
 
     def _on_bad_contents(self) -> None:
-        """The one boundary to a peer that holds the keys and does not keep to what it has agreed to.
-
-        Whatever its contents raise is its fault, is counted, and the loop goes on: this end drops all that it holds of
-        the peer, and asks for a complete state.
-        """
+        """The one boundary to a peer that holds the keys and does not keep to what it has agreed to."""
+        # Whatever its contents raise is its fault, and the loop goes on without all that it holds of the peer.
         self._faults.note(Fault.UPDATE)
         self._forget()
         self.endpoint.request_full_state()
@@ -469,11 +464,9 @@ class Side:
         self.stop(now, self.failure)
 
     def _engage(self, now: float) -> None:
-        """Decide whether this tick may encode, and act on the peer's updates; begin afresh when either begins again.
-
-        To begin afresh is to send complete updates and to fade in from zero. A stall ends both for some ticks, so that
-        the peer is told.
-        """
+        """Decide whether this tick may encode, and act on the peer's updates; begin afresh when either begins again."""
+        # To begin afresh is to send complete updates and to fade in from zero. A stall ends both for some ticks, so
+        # that the peer is told.
         pace, port, undelivered = self.pace, self.port, self.endpoint.undelivered(now)
         if undelivered != self._undelivered:
             self._undelivered = undelivered

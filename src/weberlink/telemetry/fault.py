@@ -44,6 +44,7 @@ def name_of(kind: type[Enum], number: Any) -> str:
         return str(number)
 
 
+# Of several active faults, a record names the first of these.
 _RANKED = (
     Fault.DEVICE,
     Fault.TAKEN_OVER,
@@ -58,7 +59,6 @@ _RANKED = (
     Fault.UNDELIVERED_SECOND,
     Fault.UPDATE,
 )
-"""Of several active faults, a record names the first of these."""
 
 
 class FaultLedger:

@@ -78,8 +78,7 @@ def aligned(columns: tuple[tuple[str, Any, int], ...]) -> np.dtype[np.void]:
 TOPICS = {"master": "/weberlink/master", "slave": "/weberlink/slave"}
 SIDES = {topic: side for side, topic in TOPICS.items()}
 
-_FARTHEST_NS = 9e18
-"""From 1970 to the end of 64-bit nanoseconds with a sign."""
+_FARTHEST_NS = 9e18  # from 1970 to the end of 64-bit nanoseconds with a sign
 
 
 @dataclass(frozen=True)

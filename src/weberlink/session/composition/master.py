@@ -152,15 +152,13 @@ def _force_slew(system: System, device: Device) -> float:
 
 
 def _torque_slew(system: System, device: Device) -> float:
-    """Fastest change of torque, in the robot's frame [N m/s].
-
-    No device tells how stiff a rotation it displays; so torque rises to its largest in the time in which force does.
-    """
+    """Fastest change of torque, in the robot's frame [N m/s]."""
     limit, spec = system.master.limits.slew_nm_s, device.spec
     if limit is not None:
         return limit / system.master.frame_map.force_scale
     if not (spec.torque_n_m > 0.0 and spec.force_n > 0.0):
         return inf
+    # No device tells how stiff a rotation it displays; so torque rises to its largest in the time in which force does.
     return spec.torque_n_m * _force_slew(system, device) / spec.force_n
 
 
