@@ -4,10 +4,8 @@ import json
 from math import isfinite
 from typing import Any
 
-DEEPEST = 32
-"""Largest nesting of lists and objects; a description of a session has 8."""
-LONGEST_NUMBER = 32
-"""Most characters of a number."""
+DEEPEST = 32  # largest nesting of lists and objects; a description of a session has 8
+LONGEST_NUMBER = 32  # most characters of a number
 
 
 def parse(data: bytes, longest: int) -> Any:

@@ -6,11 +6,9 @@ COMPLETED, FAILED, MISCONFIGURED = 0, 1, 2
 INTERRUPTED = 130
 """Exit statuses of every command; the last one where Ctrl-C ends work that has an end of its own."""
 
-EMERGENCY = "emergency stop"
-"""Outcome of a run that somebody ended in this way."""
+EMERGENCY = "emergency stop"  # outcome of a run that somebody ended in this way
 
-NOTE = "note: "
-"""How a line of advice on standard error begins."""
+NOTE = "note: "  # how a line of advice on standard error begins
 
 MASTER, SLAVE = "master", "slave"
 SIDES = (MASTER, SLAVE)

@@ -4,10 +4,8 @@ from typing import Final, NamedTuple
 
 MAX_GAP: Final = 65_535
 """Longest time between the two samples of an update [ticks], 65 s at 1 kHz; an older sample is not sent."""
-MAX_SELECTOR: Final = 7
-"""Largest selector: it has three bits on the wire."""
-MOST_PARAMETER_BYTES: Final = 48
-"""Largest size of the parameters of a model [bytes]."""
+MAX_SELECTOR: Final = 7  # largest selector: it has three bits on the wire
+MOST_PARAMETER_BYTES: Final = 48  # largest size of the parameters of a model [bytes]
 
 
 class UpdateForm(NamedTuple):

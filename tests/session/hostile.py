@@ -18,8 +18,7 @@ from weberlink.session.composition.link import Context, build_endpoint, build_se
 from weberlink.session.simulation import MASTER_ADDRESS, SLAVE_ADDRESS, as_array, build_simulation
 from weberlink.update import Payload, PreviousSample, Update
 
-CONNECTS_WITHIN = 40
-"""Ticks after which a peer that begins is in a session."""
+CONNECTS_WITHIN = 40  # ticks after which a peer that begins is in a session
 
 
 @dataclass(frozen=True)

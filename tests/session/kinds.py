@@ -19,11 +19,8 @@ from weberlink.slave.robots.point import PointRobot
 from weberlink.telemetry.fault import Fault
 
 TICK = 1e-3
-SILENCE = 0.1
-RAMP = 0.05
-"""Of the default configuration [s]."""
-STEP = TICK / RAMP
-"""By which share a fade goes on in a tick."""
+SILENCE, RAMP = 0.1, 0.05  # of the default configuration [s]
+STEP = TICK / RAMP  # by which share a fade goes on in a tick
 Values = NDArray[Any]
 
 

@@ -10,10 +10,8 @@ from weberlink.config.loading import Part
 from weberlink.session.simulation import Simulation, build_simulation
 
 CONFIGS = Path(__file__).parents[2] / "configs"
-ARMS = Path(__file__).parents[1] / "arms" / "arms.yaml"
-"""Two computed arms; no file of arms is shipped with the kernel."""
-HAS_ARMS = find_spec("weberlink_mujoco") is not None
-"""Whether what computes them is installed."""
+ARMS = Path(__file__).parents[1] / "arms" / "arms.yaml"  # two computed arms; no file of arms is shipped with the kernel
+HAS_ARMS = find_spec("weberlink_mujoco") is not None  # whether what computes them is installed
 
 
 def configuration(

@@ -30,8 +30,7 @@ from weberlink.session.composition.coupling import FIT_MARGIN, coupling, press_l
 from weberlink.session.composition.slave import build_robot
 from weberlink.slave.robots.virtual import STIFFEST
 
-DISPLAYED = 3000.0
-"""Stiffness that its device displays [N/m]."""
+DISPLAYED = 3000.0  # stiffness that its device displays [N/m]
 
 
 def notes(*overrides: str) -> list[str]:

@@ -15,8 +15,7 @@ from weberlink.protocol.negotiation import PACE, PACE_SHARE
 from weberlink.session.simulation import Simulation
 from weberlink.session.tuning import MARGIN_TICKS
 
-LOSTS = 20
-"""Exchanges that may be lost in a row: with a loss of 30 % each way, more are lost once in a million changes."""
+LOSTS = 20  # exchanges that may be lost in a row: with a loss of 30 % each way, more are lost once in a million changes
 
 
 @pytest.mark.parametrize("seed", [0, 5, *(pytest.param(each, marks=pytest.mark.hunt) for each in range(20))])

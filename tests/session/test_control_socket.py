@@ -25,8 +25,7 @@ from weberlink.session.launcher import STOP_LIMIT_S
 from weberlink.session.tuning import LiveSettings, Tuning
 from weberlink.telemetry.runtime_directory import listening_socket
 
-ORDERED_AT = 1000.0
-"""When the run of these daemons was ordered [s]."""
+ORDERED_AT = 1000.0  # when the run of these daemons was ordered [s]
 
 
 class Unchanging:
@@ -71,8 +70,7 @@ def test_no_question_ends_a_daemon(tmp_path: Path, question: bytes) -> None:
         assert ask(ring, {}, PATIENCE)["settings"] == {"weber": 0.1, "predictor": "zoh"}
 
 
-FILE = {"delay_ms": 1.0, "jitter_ms": 0.0, "loss": 0.1}
-"""Of the emulated link, beside a burst of 3."""
+FILE = {"delay_ms": 1.0, "jitter_ms": 0.0, "loss": 0.1}  # of the emulated link, beside a burst of 3
 REQUESTS: list[tuple[dict[str, Any], bool, list[str] | None]] = [
     ({"stop": "the page was closed"}, True, ["the page was closed"]),
     ({"stop": "x" * 100}, True, ["x" * 100]),

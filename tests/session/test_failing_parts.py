@@ -35,8 +35,7 @@ def angles(reading: Any) -> Any:
     return reading._replace(angles=(*reading.angles[:-1], nan))
 
 
-GRACE_TICKS = 20
-"""Without a usable reading, until a side leaves."""
+GRACE_TICKS = 20  # without a usable reading, until a side leaves
 DEVICES = [
     ("hand", unplugged(DeviceFault), 0, "unplugged"),
     ("hand", says(position=(nan, 0.0, 0.0)), GRACE_TICKS, "position"),

@@ -27,8 +27,7 @@ from weberlink.telemetry.ring import default_path, process_started
 
 pytestmark = pytest.mark.realtime
 
-LIMIT, RAMP, SLOW_RAMP, WEBER = 10.0, 0.05, 1.5, 0.1
-"""Of the default configuration and of `SETTINGS` [N], [s], [1]."""
+LIMIT, RAMP, SLOW_RAMP, WEBER = 10.0, 0.05, 1.5, 0.1  # of the default configuration and of `SETTINGS` [N], [s], [1]
 DELAY_MS = 20
 SETTINGS = (
     "link.security=session", f"link.emulate={{delay_ms: {DELAY_MS}, seed: 1}}", "link.silence_ms=2000",

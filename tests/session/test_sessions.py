@@ -44,8 +44,7 @@ BAD = (
 ENGAGED = State.ENGAGED.value
 HEARTBEAT_BYTES = 20
 FORCE_STEP = 0.5e-3 * sqrt(3.0) * (1 + 1e-6)
-TORQUE_STEP = 0.5e-4 * sqrt(3.0) * (1 + 1e-6) + 1e-6
-"""Rounding of a force or torque on the wire, and that of a record."""
+TORQUE_STEP = 0.5e-4 * sqrt(3.0) * (1 + 1e-6) + 1e-6  # both are the rounding on the wire, and this that of a record
 
 
 def bad(seed: int = 1, burst: int = 5) -> str:

@@ -17,11 +17,9 @@ SETTLE_TICKS = 1500
 TICKS = 6000
 SOCKETS = {"Paths.send": udp.Paths.send, "ReceiveQueue.read": sockets.ReceiveQueue.read}
 """In virtual time the emulated link is in their place."""
-TICK = ("session/side.py", "session/simulation.py")
-"""Call the parts of a tick; what they pass on is in no other object."""
+TICK = ("session/side.py", "session/simulation.py")  # call the parts of a tick; what they pass on is in no other object
 
-Call = tuple[str, list[str]]
-"""A function, and the modules of its callers up to the tick."""
+Call = tuple[str, list[str]]  # a function, and the modules of its callers up to the tick
 
 
 def told() -> list[str]:

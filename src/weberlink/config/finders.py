@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from weberlink.protocol.keys import HeldKey
     from weberlink.protocol.security import Security
 
-ENDS_S = 2.0
-"""Time that the process of a finder has to end, after which it is killed [s]."""
+ENDS_S = 2.0  # time that the process of a finder has to end, after which it is killed [s]
 
 
 class PathFinder(Protocol):

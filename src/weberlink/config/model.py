@@ -91,8 +91,7 @@ def _host_and_port(text: str) -> str:
     return text
 
 
-Address = Annotated[str, AfterValidator(_host_and_port)]
-"""host:port."""
+Address = Annotated[str, AfterValidator(_host_and_port)]  # host:port
 Probability = Annotated[float, Field(ge=0, le=1)]
 Start = Annotated[float, Field(ge=0)]
 Duration = Annotated[float, Field(gt=0)]
@@ -109,8 +108,7 @@ LOOKAHEAD_SHARE = 0.5
 LookaheadMs = Annotated[float, Field(ge=0, le=LONGEST_LOOKAHEAD_MS)]
 
 
-JOINT_SCHEMES = ("none", "bounded")
-"""Control schemes for arms led joint by joint."""
+JOINT_SCHEMES = ("none", "bounded")  # control schemes for arms led joint by joint
 
 
 class DirectionFaults(Settings):

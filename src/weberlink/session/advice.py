@@ -50,18 +50,14 @@ from weberlink.slave.scenes.settings import ObjectSettings
 if TYPE_CHECKING:
     from weberlink.arms.contract import ArmSpec
 
-AHEAD = ("force", "position")
-"""Channels that may look ahead."""
-LOOP_TICKS = 1
-"""Delay of the loop without a network, in ticks."""
+AHEAD = ("force", "position")  # channels that may look ahead
+LOOP_TICKS = 1  # delay of the loop without a network, in ticks
 ROUNDING = 1.0 + 1e-9
-SILENCE_TICKS = 5
-"""Ticks that the silence limit should span: both ends look at the link in ticks."""
+SILENCE_TICKS = 5  # ticks that the silence limit should span: both ends look at the link in ticks
 USUAL_RATE_HZ = 1000.0
 UNKNOWN_BORNE = 0.008
 """Round trip that a usual hand bears on a usual wall without control [s]: 8 N s/m on 500 N/m, with a margin of two."""
-TICKS = 600
-"""Whose run time is measured, in 0.1 s or less."""
+TICKS = 600  # whose run time is measured, in 0.1 s or less
 TICK_SHARE = 1 / 3
 """Share of a period that the work of a tick may take; the rest is for a late start, and for all else that runs."""
 

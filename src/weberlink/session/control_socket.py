@@ -30,14 +30,10 @@ if TYPE_CHECKING:  # who only asks needs no event loop
     from weberlink.session.side import Side
     from weberlink.session.tuning import Tuning
 
-LONGEST_QUESTION = 1024
-LONGEST_ANSWER = 4096
-"""Both in bytes."""
-LOOK_S = 0.01
-"""Time between two checks for the peer's answer [s]."""
+LONGEST_QUESTION, LONGEST_ANSWER = 1024, 4096  # bytes
+LOOK_S = 0.01  # time between two checks for the peer's answer [s]
 QUESTIONS_A_LOOK = 8
-LONGEST_REASON = 100
-"""Characters of an outcome."""
+LONGEST_REASON = 100  # characters of an outcome
 AT_ONCE = frozenset({"emergency", "stop", "delay_ms", "jitter_ms", "loss"})
 """Requests that concern one side alone, and are done when they are answered."""
 NO_EMULATION = "this session emulates no link: add emulate: {} under link in its file"

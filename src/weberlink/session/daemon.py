@@ -40,8 +40,7 @@ from weberlink.session.tick_loop import REASONS, AfterTick, TickLoop
 from weberlink.session.waiting import received
 from weberlink.telemetry.ring import RingWriter
 
-LINK_SETTINGS = ("delay_ms", "jitter_ms", "loss")
-"""What may be changed of an emulated link; as of `link.emulate`."""
+LINK_SETTINGS = ("delay_ms", "jitter_ms", "loss")  # what may be changed of an emulated link; as of `link.emulate`
 RING_SECONDS = 10.0
 GARBAGE_EVERY_S = 1.0
 STOP_SLACK_S, STOP_FADES = 1.0, 2.0

@@ -24,8 +24,7 @@ from weberlink.telemetry.runtime_directory import open_file
 if TYPE_CHECKING:
     from weberlink.protocol.paths import LinkPath
 
-LONGEST = 1_000_000
-"""Largest description [bytes]; the shipped configurations take up to 10 kB."""
+LONGEST = 1_000_000  # largest description [bytes]; the shipped configurations take up to 10 kB
 RANGE = ("lower_rad", "upper_rad")
 """Of an arm: least and largest angles that the follower is commanded, axis by axis; where they are known."""
 

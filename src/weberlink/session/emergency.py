@@ -13,8 +13,7 @@ from weberlink.bounded_json import parse
 from weberlink.session.control_socket import IS_NEWER, LONGEST_ANSWER, connect, control_sockets, session_of
 
 REPEAT_S = 0.02
-FIND_S = 0.1
-"""Time between two searches for sides that are being started."""
+FIND_S = 0.1  # time between two searches for sides that are being started
 NO_SESSION = "there is no running session on this host"
 
 

@@ -23,14 +23,10 @@ from weberlink.realtime.process import HIGHEST_PRIORITY
 INTERVAL_S = 0.002
 """Time between two wake-ups of a watcher, about; each costs some 25 us. A stall of this length and half a tick is
 always seen, a shorter one in part of the cases. Many stalls last 1 to 5 ms, so 5 ms would be too long."""
-LATE_TICKS = 0.5
-"""Lateness of a watcher that counts as a stall, in ticks: a daemon is not late by so much without one."""
-SETTLED_S = 0.5
-"""Time from the end of a stall to its arrival here, at most [s]."""
-KEPT_S = 10.0
-"""How long a stall waits for the record of the tick after it [s]: as long as the telemetry holds."""
-LEAD_S = 0.05
-"""From the start of the program to its first deadline, at least [s]."""
+LATE_TICKS = 0.5  # lateness of a watcher that counts as a stall, in ticks: a daemon is not late by so much without one
+SETTLED_S = 0.5  # time from the end of a stall to its arrival here, at most [s]
+KEPT_S = 10.0  # how long a stall waits for the record of the tick after it [s]: as long as the telemetry holds
+LEAD_S = 0.05  # from the start of the program to its first deadline, at least [s]
 STOP_LIMIT_S = 1.0
 TOO_SHORT = "the session was too short"
 

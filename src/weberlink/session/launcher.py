@@ -42,23 +42,19 @@ if TYPE_CHECKING:
 
 Watch = Callable[[dict[str, Any], "Figures"], None]
 
-LOOK_S = 0.1
-"""Time between two looks at the telemetry."""
+LOOK_S = 0.1  # time between two looks at the telemetry
 LEFT_BEHIND = re.compile(
     r"weberlink-(\d+)(?:-(?:master|slave)\.(?:ring|json|ask|pictures)|\.(?:key|pointer|leader|pose))"
 )
 LEFT_FOR_S = 3600.0
 """Age at which files without a writer are removed [s]; until then their last records can be read."""
-CAMERAS_END_S = 1.0
-"""For the process of the pictures to end after SIGTERM [s]."""
-TELL_S = 0.5
-"""Time between two looks at what is to be told at once."""
+CAMERAS_END_S = 1.0  # for the process of the pictures to end after SIGTERM [s]
+TELL_S = 0.5  # time between two looks at what is to be told at once
 MEASURED_S = 2.0
 """Time in a session after which the median round trip is that of the link: a process that stalls lengthens it too."""
 TOLD_AT_ONCE = ("key", "refused", "no_answer", "lost")
 """Causes of a verdict that a person can remove while the session runs; a recording that ends is told with its path."""
-STOP_LIMIT_S = 15.0
-"""Time from a request to stop to a kill: a robot may be moving to its rest position."""
+STOP_LIMIT_S = 15.0  # time from a request to stop to a kill: a robot may be moving to its rest position
 
 
 class Daemon:

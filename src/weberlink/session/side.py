@@ -33,8 +33,7 @@ from weberlink.telemetry.fault import Fault, FaultLedger
 from weberlink.telemetry.record import ALL
 from weberlink.telemetry.row import Row
 
-CONNECT_PATIENCE = 1.0
-"""A run that ends without a session after longer than this has failed, not completed [s]."""
+CONNECT_PATIENCE = 1.0  # a run that ends without a session after longer than this has failed, not completed [s]
 
 _ENGAGED = State.ENGAGED
 _WITHOUT_SESSION = (State.CONNECTING, State.LISTENING)
@@ -86,17 +85,13 @@ class Side:
         self._sensors = tuple(channel.sensor for channel in outgoing)
         self.tuning = tuning
         self.endpoint = endpoint
-        self.failure: str | None = None
-        """Why the run ends otherwise than by request; None while it does not."""
+        self.failure: str | None = None  # why the run ends otherwise than by request; None while it does not
         self.stopped = False
         self.index = 0
         self.deadline = 0.0
-        self.codec_time = 0.0
-        """Time that the codec took since the last record [s]."""
-        self.engaged = False
-        """Whether the updates of the peer are acted on."""
-        self.peer = PeerFacts()
-        """Replaced when there is news."""
+        self.codec_time = 0.0  # time that the codec took since the last record [s]
+        self.engaged = False  # whether the updates of the peer are acted on
+        self.peer = PeerFacts()  # replaced when there is news
         self.pace = StallDetector(tick_period)
         self._leads = port.leads
         self._tick_period, self._horizon = tick_period, horizon
@@ -116,8 +111,7 @@ class Side:
         self._waiting: deque[tuple[float, UpdateReceived]] = deque()  # updates that are not to be used yet
         self._row = Row()
         self._rows = Rows(outgoing, incoming, port)
-        self.layout = self._rows.layout
-        """Of the records of this side."""
+        self.layout = self._rows.layout  # of the records of this side
         self._datagrams = -1  # sent, received and refused, as in the row
         self.send_at_once: Callable[[float], None] | None = None
         """Sends what the endpoint has ready at a time [s], so that an update leaves before the rest of the tick."""

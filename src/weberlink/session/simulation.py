@@ -35,10 +35,8 @@ if TYPE_CHECKING:
 
 MASTER_ADDRESS = ("master", 1)
 SLAVE_ADDRESS = ("slave", 2)
-CHUNK = 1000
-"""Ticks after which the observers get the records."""
-DEFAULT_DURATION = 60.0
-"""Of a device that never ends by itself [s]."""
+CHUNK = 1000  # ticks after which the observers get the records
+DEFAULT_DURATION = 60.0  # of a device that never ends by itself [s]
 
 Link = EmulatedLink[tuple[str, int]]
 Values = tuple[float, ...]

@@ -13,12 +13,9 @@ from typing import Any, Self
 
 from weberlink.figures.chain import Chain
 
-STANDARD_OUTPUT = Path("-")
-"""For the options that can write there."""
-BLOCK = bytes(4096)
-"""Written on trial, since a file system that is full still creates empty files."""
-LONGEST_LINE = 4096
-"""A pipe that accepts data takes so many bytes at once (PIPE_BUF of Linux, pipe(7))."""
+STANDARD_OUTPUT = Path("-")  # for the options that can write there
+BLOCK = bytes(4096)  # written on trial, since a file system that is full still creates empty files
+LONGEST_LINE = 4096  # a pipe that accepts data takes so many bytes at once (PIPE_BUF of Linux, pipe(7))
 
 
 class TargetError(ValueError):
@@ -95,8 +92,7 @@ class LogFile:
     """
 
     def __init__(self, target: Path) -> None:
-        self.lost = 0
-        """Lines that could not be written."""
+        self.lost = 0  # lines that could not be written
         self._own = target != STANDARD_OUTPUT
         self._torn = False
         self._chain = Chain()

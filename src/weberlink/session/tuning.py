@@ -16,12 +16,9 @@ from weberlink.bounded_json import parse
 MARGIN, ROUND_TRIPS, JITTERS = 0.01, 1.5, 2.0
 """Time from a proposal to the tick of the change: a constant [s], and multiples of round trip and jitter. By the pace
 of `weberlink.protocol.negotiation`, five exchanges at least fit in, of which one must succeed."""
-MARGIN_TICKS = 4
-"""Ticks in addition: each message waits for the next one of its sender and of its receiver."""
-UNMEASURED_RTT = 0.1
-"""Round trip that is assumed while it is unknown [s]."""
-LONGEST_CHANGE = 256
-"""Bytes of a change, more than a datagram has room for."""
+MARGIN_TICKS = 4  # ticks in addition: each message waits for the next one of its sender and of its receiver
+UNMEASURED_RTT = 0.1  # round trip that is assumed while it is unknown [s]
+LONGEST_CHANGE = 256  # bytes of a change, more than a datagram has room for
 BUSY = "another change is on its way"
 LATE = "the proposal came too late; ask again"
 FIXED = {

@@ -12,8 +12,7 @@ from typing import Self
 from weberlink.child_process import Child, python
 from weberlink.order import STOP_SIGNALS
 
-LONGEST_ORDER = 1 << 17
-"""Bytes; about what a command line may have."""
+LONGEST_ORDER = 1 << 17  # bytes; about what a command line may have
 
 
 class WaitingDaemon:

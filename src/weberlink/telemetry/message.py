@@ -25,8 +25,7 @@ Rows = NDArray[np.void]
 
 CODES = {"float64": "<f8", "float32": "<f4", "uint64": "<u8", "uint32": "<u4", "int32": "<i4", "uint8": "u1"}
 """Numpy's formats of the numbers of ROS."""
-SEPARATOR = "=" * 80
-"""Between a definition and those that it consists of."""
+SEPARATOR = "=" * 80  # between a definition and those that it consists of
 _VECTOR = "geometry_msgs/Vector3"
 _TYPES = {code: kind for kind, code in CODES.items()}
 

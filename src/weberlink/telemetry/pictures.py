@@ -12,12 +12,9 @@ from typing import Final, NamedTuple
 
 from weberlink.child_process import Order
 
-HEAD: Final = Struct("<dHHI")
-"""Moment, and the bytes of name, note and JPEG that follow."""
-LONGEST_TEXT: Final = 500
-"""Of a name or a note [bytes]."""
-LARGEST: Final = 2**21
-"""Of a JPEG [bytes]."""
+HEAD: Final = Struct("<dHHI")  # moment, and the bytes of name, note and JPEG that follow
+LONGEST_TEXT: Final = 500  # of a name or a note [bytes]
+LARGEST: Final = 2**21  # of a JPEG [bytes]
 
 
 class Picture(NamedTuple):

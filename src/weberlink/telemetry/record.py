@@ -15,14 +15,11 @@ from weberlink.geometry.joints import MOST_JOINTS
 AXES = ("x", "y", "z")
 JOINTS = (*map(str, range(1, MOST_JOINTS + 1)), "gripper")
 """Places of an arm's axes in the vectors of a joint session: the joints in order, the gripper always last."""
-UNKNOWN = (nan, nan, nan)
-"""A vector that is not known."""
+UNKNOWN = (nan, nan, nan)  # a vector that is not known
 
-RELEASED = 2
-"""Value of `ramping` while the operator does not hold the button that lets the robot follow."""
+RELEASED = 2  # value of `ramping` while the operator does not hold the button that lets the robot follow
 
-MOST_RECEIVED = 255
-"""Largest value of `received`: a peer may send any number of updates between two ticks."""
+MOST_RECEIVED = 255  # largest value of `received`: a peer may send any number of updates between two ticks
 
 # numpy's names of the types (little endian) beside those of struct.
 CODES = {"<f8": "d", "<f4": "f", "<u8": "Q", "u1": "B"}
@@ -123,8 +120,7 @@ FIELDS = (
 )
 
 NAMES = tuple(field.name for field in FIELDS)
-COUNTERS = tuple(field.name for field in FIELDS if field.kind == "<u8" and field.name != "tick")
-"""Cumulative fields."""
+COUNTERS = tuple(field.name for field in FIELDS if field.kind == "<u8" and field.name != "tick")  # cumulative fields
 FINITE = (
     *("position", "raw", "decoded", "coded", "output"),
     *("rotation_raw", "rotation_decoded", "rotation_output"),

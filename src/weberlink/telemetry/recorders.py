@@ -12,8 +12,7 @@ from weberlink.registry import Registry, check_contract
 
 BEGUN, DURING = "begun", "during the session"
 """A fact of a recording that leaves out the beginning of its session, so that counters do not start at 0."""
-COMPLETE = "complete"
-"""The outcome of a recording that nothing has cut short."""
+COMPLETE = "complete"  # the outcome of a recording that nothing has cut short
 
 
 class Recorder(Protocol):

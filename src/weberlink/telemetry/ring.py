@@ -37,8 +37,7 @@ RECORDS_AT = 192
 CHECK = Struct("<I")
 NUMBER_BYTES = 8
 SIDE_BYTES = 32
-LARGEST_FILE = 128 * 2**20
-"""Of a ring that is made or opened [bytes]; ten seconds at 10 kHz take 62 MB."""
+LARGEST_FILE = 128 * 2**20  # of a ring that is made or opened [bytes]; ten seconds at 10 kHz take 62 MB
 
 
 def body_of(records: Layout) -> Struct:

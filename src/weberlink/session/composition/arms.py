@@ -15,8 +15,7 @@ from weberlink.session.channels import IncomingChannel, OutgoingChannel
 from weberlink.session.composition.channels import account, longest_round_trip, signal_delay, streams
 from weberlink.session.composition.link import Parts, build_driver, build_tuning, with_file_name
 
-SLEW_S = 0.05
-"""Time in which the torque of a leader may rise to its largest, where the file does not say otherwise [s]."""
+SLEW_S = 0.05  # time in which the torque of a leader may rise to its largest, where the file does not say otherwise [s]
 
 
 def build_leading(configuration: Configuration, endpoint: Endpoint) -> Parts:

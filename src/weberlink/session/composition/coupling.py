@@ -16,8 +16,7 @@ from weberlink.slave.robots.virtual import STIFFEST, UNSTATED
 
 FIT_MARGIN = 1.2
 """Stiffness of the device over that of the robot. A fit of the contact may err by so much and is still displayed."""
-STATED = "stiffness_n_m"
-"""Option of a robot driver that states its stiffness towards the command [N/m]."""
+STATED = "stiffness_n_m"  # option of a robot driver that states its stiffness towards the command [N/m]
 
 
 def coupling(configuration: Configuration, device: Device | None = None) -> float:

@@ -39,8 +39,7 @@ from weberlink.session.composition.link import (
 if TYPE_CHECKING:
     from weberlink.arms.contract import Arm, ArmSpec
 
-FASTEST_TOUCH = 1.0
-"""Speed of a hand that meets a wall [m/s], from which the default slew limit follows."""
+FASTEST_TOUCH = 1.0  # speed of a hand that meets a wall [m/s], from which the default slew limit follows
 
 
 def operator_port(
