@@ -59,9 +59,8 @@ def test_both_roles_interoperate_byte_for_byte(seed: int) -> None:
 
 
 @pytest.mark.parametrize("public", [bytes(32), b"\x01" + bytes(31)])
-def test_another_key_or_prologue_or_a_public_key_of_low_order_makes_no_session(public: bytes) -> None:
+def test_a_public_key_of_low_order_makes_no_session(public: bytes) -> None:
     hello, waiting = noise.call(PSK, PROLOGUE, bytes([7] * PRIVATE_BYTES), b"payload")
-    assert noise.hear(PSK, b"other", hello) is noise.hear(shared_key(bytes(PSK_BYTES)), PROLOGUE, hello) is None
     heard = noise.hear(PSK, PROLOGUE, hello)
     assert heard is not None
     assert noise.open_answer(waiting, public + bytes(30)) is None

@@ -39,6 +39,8 @@ def test_offset_and_delay_of_a_link(offset: float) -> None:
     assert clock.peer_time(3.0) == pytest.approx(3.0 + offset)
     assert clock.age(offset + 2.0, 3.0) == pytest.approx(1.0)
     assert clock.age(offset + 4.0, 3.0) == 0.0
+    clock.record(offset + 3.0 - 0.025, 3.0)
+    assert (clock.one_way, clock.rtt) == (pytest.approx(0.025), pytest.approx(0.035))
     asymmetric = Clock(0.0, offset - 0.03, 0.0)
     assert asymmetric.rtt is asymmetric.one_way is None
     assert asymmetric.peer_time(1.0) is asymmetric.age(5.0, 1.0) is asymmetric.arrival_bound(1.0) is None

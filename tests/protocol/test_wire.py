@@ -221,17 +221,3 @@ def test_what_no_peer_of_these_layouts_sends_is_refused() -> None:
             tick = 3 if kind == Kind.CHANGE else None
             with pytest.raises(ValueError, match=f"{size} bytes"):
                 read(direction, wire.pack(ENVELOPE, kind, bytes(size), tick=tick))
-
-
-@given(st.lists(st.one_of(LEVEL.map(lambda level: (level,)), LEVELS), max_size=6))
-def test_groups_come_back_and_take_the_bits_they_need(groups: list[tuple[int, ...]]) -> None:
-    counts, numbers = [len(group) for group in groups], sum(groups, ())
-    made = wire.pack_groups(1, counts, numbers)
-    size = sum(4 + len(each) * (1 + max((~n if n < 0 else n).bit_length() for n in each)) for each in groups)
-    data = wire.to_bytes(made)
-    assert len(data) == -(-size // 8)
-    found, left = wire.read_groups(int.from_bytes(data, "big"), 8 * len(data), counts)
-    assert (found, left) == (numbers, 8 * len(data) - size)
-    for cut in range(1, size + 1):
-        with pytest.raises(ValueError):
-            wire.read_groups(made >> cut, size - cut, counts)

@@ -45,13 +45,8 @@ async def change(session: WatchedSession | None, request: Mapping[str, Any]) -> 
 def _ask_sides(session: WatchedSession, request: dict[str, Any]) -> dict[RingSource, Answer]:
     """The answers of the sides of a session that run on this host; they are asked at the same time."""
     running = [source for source in session.sources.values() if not source.drained]
-    if not running:
-        return {}
-    *others, last = running
-    with ThreadPoolExecutor(max(1, len(others))) as threads:  # the last one in this thread
-        asked = {each: threads.submit(ask_daemon, each.ring, request) for each in others}
-        answer = ask_daemon(last.ring, request)
-        return {each: future.result() for each, future in asked.items()} | {last: answer}
+    with ThreadPoolExecutor(2) as threads:
+        return dict(zip(running, threads.map(lambda each: ask_daemon(each.ring, request), running), strict=True))
 
 
 def _joined(answers: Mapping[RingSource, Answer]) -> Answer:
