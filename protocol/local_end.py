@@ -88,8 +88,9 @@ class LocalEnd:
             except (TypeError, ValueError, OverflowError) as problem:
                 raise ValueError(f"agreement {key!r}: {value!r} cannot be sent to the peer ({problem})") from None
         self.packed = msgpack.packb(dict(self.agreement))
-        if len(self.packed) > (most := LONGEST_DATAGRAM - PADDED_HELLO):
-            raise ValueError(f"the agreement takes {len(self.packed)} bytes, more than {most}")
+        size, room = len(self.packed), LONGEST_DATAGRAM - PADDED_HELLO
+        if size > room:
+            raise ValueError(f"the agreement takes {size} bytes, more than {room}")
         self.agreement = msgpack.unpackb(self.packed)
         self.calls = self.role is Role.INITIATOR
         self.statistics = Statistics()
