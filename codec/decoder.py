@@ -50,6 +50,7 @@ class Decoder:
         self._late = channel.lookahead
         self.is_arm = channel.joints > 0
         self._places = channel.position_quantizer
+        self._lowest, self._highest = channel.value_quantizer.lowest, channel.value_quantizer.highest
         self.parts: list[Decoder] = [self, *[Decoder(part) for part in channel.more]]
         # Levels of each part in those of an update; what the last part gets too much, it refuses.
         starts = range(0, PART * len(self.parts), PART)
@@ -177,7 +178,9 @@ class Decoder:
                 if self._noted is None or self._noted[0] != tick:
                     self._noted = tick, self._memory
                 value, self._memory = model.advance(tick, position, self._memory)
-            value = channel.displayable(value, newest)
+            (x, y, z), low, high = value, self._lowest, self._highest
+            if not (low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]):
+                value = channel.displayable(value, newest)
         ramp, smoothing = self._ramp, self._smoothing
         if ramp is None or smoothing is None:
             return value

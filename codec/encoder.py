@@ -77,7 +77,7 @@ class Encoder:
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
-        self._joints, self._axes = channel.joints, channel.joints or 3
+        self._joints = channel.joints
         self._reads_value = channel.position_quantizer is None  # A deadband reads the motion of the value itself
         self._lookahead = channel.lookahead
         self._predictors = channel.predictors
@@ -122,7 +122,7 @@ class Encoder:
         rest: Joints | None = self._channel.rest
         if self._joints:
             rest = self.mirror.joints(0.0)
-        self.coded: Joints = rest or (0.0,) * self._axes
+        self.coded: Joints = rest or (0.0,) * (self._joints or 3)
         self.predicted: Joints | None = None
         self.held: Joints | None = None
         self._forced = False
@@ -179,20 +179,19 @@ class Encoder:
         Raises:
             ValueError: the sample has another number of values than the channel.
         """
-        if len(value) != self._axes:
-            raise ValueError(f"a sample has {len(value)} axes, expected {self._axes}")
-        if not (is_finite(value) and is_finite(position)):
+        if self._joints:
+            return self._encode_axes(tick, value, most)
+        first, (x, y, z), (u, v, w) = self._parts[0], value, position
+        if not (x - x == y - y == z - z == u - u == v - v == w - w == 0.0):  # not finite
             self.rejected += 1
             return self.decide(tick)
-        for part, each in zip(self._parts, parts(value), strict=True):
-            part.actual = part.quantizer.confine(each)
+        first.actual = actual = first.quantizer.confine((x, y, z))
         if self._lookahead == 0:
             return self._code(tick, tick, value, position, most, NOTHING)
         pending = self._pending
         if pending and tick <= pending[-1].tick:  # the sender's ticks began anew
             pending.clear()
-        first, moved = self._parts[0], 0.0
-        deadband, actual = first.deadband, first.actual
+        deadband, moved = first.deadband, 0.0
         if deadband.reads_motion:
             place = actual if self._reads_value else position
             moved, self._arrived = distance(place, self._arrived if self._arrived is not None else place), place
@@ -201,6 +200,16 @@ class Encoder:
             self._choice.learn(tick, actual, self._channel.place(position), bound)
         pending.append(PendingSample(tick, value, actual, position, most, bound))
         return self.decide(tick)
+
+    def _encode_axes(self, tick: int, value: Joints, most: float) -> Update | None:
+        if len(value) != self._joints:
+            raise ValueError(f"a sample has {len(value)} axes, expected {self._joints}")
+        if not is_finite(value):
+            self.rejected += 1
+            return None
+        for part, each in zip(self._parts, parts(value), strict=True):
+            part.actual = part.quantizer.confine(each)
+        return self._code(tick, tick, value, ZERO, most, NOTHING)
 
     def decide(self, tick: int) -> Update | None:
         """Code the sample of L ticks ago in a tick that has none itself, as `encode` does.

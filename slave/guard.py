@@ -200,13 +200,12 @@ class PressLimit:
             return target
         out = self._out
         depth, press = _along(target, where, out), _along(held, where, out)
-        before, went = _along(former, left, out), _along(held, former, out)
         if depth <= 0.0 and not touches:
             self._left = 0.0
             self._step.rest()
             return target
         self._left -= elapsed
-        wanted = depth - press
+        wanted, before, went = depth - press, _along(former, left, out), _along(held, former, out)
         retreats = length >= self._retreats_from
         excess = wanted - self._step.allowed(wanted, press, before, went, elapsed, retreats=retreats)
         if excess <= 0.0:
@@ -218,8 +217,8 @@ def _along(start: Joints, end: Joints, direction: Joints) -> float:
     """How far the way from one place to another goes in a direction."""
     if len(direction) == 1:
         return (end[0] - start[0]) * direction[0]
-    a, b, c = direction
-    return (end[0] - start[0]) * a + (end[1] - start[1]) * b + (end[2] - start[2]) * c
+    (a, b, c), (x, y, z), (u, v, w) = direction, start, end
+    return (u - x) * a + (v - y) * b + (w - z) * c
 
 
 def axis_press_limit(most: float, stiffness: float, noise: float) -> PressLimit:
@@ -295,6 +294,8 @@ class Guard(Follower):
 
     def is_overloaded(self, force: Joints) -> bool:
         """Whether a force of the environment is above its limit."""
+        if len(self._trips) == 1:
+            return hypot(*force) > self._trips[0]
         for (first, last), most in zip(self._spans, self._trips):  # noqa: B905, SIM110 - strict and any() cost as much as the loop
             if hypot(*force[first:last]) > most:
                 return True
@@ -375,6 +376,11 @@ class Guard(Follower):
         return held
 
     def _inside(self, place: Joints) -> Joints:
+        for value, low, high in zip(place, self.lower, self.upper):  # noqa: B905 - strict costs as much as the loop
+            if value < low or value > high:
+                break
+        else:
+            return place
         inside = [
             low if value < low else high if value > high else value
             for value, low, high in zip(place, self.lower, self.upper)  # noqa: B905 - strict costs as much as the loop
