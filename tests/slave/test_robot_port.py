@@ -135,6 +135,7 @@ def test_after_any_interruption_the_robot_holds_and_the_next_command_is_approach
         {"release": lambda: port.release(retreat=True), "reset": port.reset, "settle": lambda: port.settle(0.0)}[
             interruption
         ]()
+        assert (port.shown(UP) == ZERO) == (interruption != "release"), "the beginning of a session shows nothing"
     for _ in range(ticks):
         assert following.tick(None, None, engaged=interruption != "idle") == (0.0105, 0.0, 0.0)
     assert ticks == 0 or port.shown(UP) == ZERO
@@ -275,7 +276,9 @@ def test_it_is_a_port_and_its_record_says_what_it_did() -> None:
     following.tick(following.port.applied, (0.0, 0.0, 2.0))
     assert following.row().clipped, "the tool is limited"
     shown = following.port.shown(UP)
+    told = len(following.robot.commands)
     following.port.halt(following.now)
+    assert following.robot.commands[told:] == [following.port.applied]
     assert following.robot.turns[-1] == following.robot.turns[-2] and following.robot.stays
     assert following.port.shown(UP) == shown
     port.close()
