@@ -17,22 +17,21 @@ from weberlink.master.position import HandPosition
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.retransmission import copies_needed
 
+# Time beyond the round trip for which the robot's end may leave a force without a contact [s]: for a robot that lags
+# behind its command, and an update that comes late. 5 ms below what the law allows: a contact that a model claims
+# counts as younger than it may be by so much (`HandContact`).
 PATIENCE = 0.045
-"""Time beyond the round trip for which the robot's end may leave a force without a contact [s]: for a robot that lags
-behind its command, and an update that comes late. 5 ms below what the law allows: a contact that a model claims counts
-as younger than it may be by so much (`HandContact`)."""
+# Last part of it, in which the bound falls to what needs no contact [s]; jitter may delay the news of one until then.
 FALL = 0.015
-"""Last part of it, in which the bound falls to what needs no contact [s]; jitter may delay the news of one until then.
-"""
 FADE = 0.1  # time in which what is left falls to zero [s]
+# Time after which what still asks for a force is at fault [s]: a scheme fades out what it was told to let go of.
 GRACE = 0.05
-"""Time after which what still asks for a force is at fault [s]: a scheme fades out what it was told to let go of."""
+# A force lasts for so long until the received model is asked for a contact, and a correction of the model is waited for
+# so much longer than the round trip and its jitter [s].
 LOOK_S = 0.005
-"""A force lasts for so long until the received model is asked for a contact, and a correction of the model is waited
-for so much longer than the round trip and its jitter [s]."""
+# A contact lasts for so long until the robot's end is asked whether it has corrected the model: the answer comes before
+# the bound falls [s].
 ASK_S = 0.015
-"""A contact lasts for so long until the robot's end is asked whether it has corrected the model: the answer comes
-before the bound falls [s]."""
 MOST_COPIES = 2  # how often it is asked again on a lossy link, `LOOK_S` apart: later answers would come too late
 ROUNDING = 1.0 + 1e-9
 

@@ -21,8 +21,8 @@ LARGEST_ARRAYS = 1 << 30  # bytes of an npz file when unpacked: five hours at 1 
 Array = NDArray[np.float64]
 Side = Literal["master", "slave"]
 
+# Position and force of each side: commanded and measured of the robot, measured and displayed of the device.
 SIGNALS = {"slave": ("output", "raw"), "master": ("position", "output")}
-"""Position and force of each side: commanded and measured of the robot, measured and displayed of the device."""
 
 
 class TraceError(ValueError):

@@ -20,13 +20,13 @@ from weberlink.master.devices.polhem.protocol import NO_CURRENT, Message, Sensor
 from weberlink.master.devices.threaded_device import ThreadedDevice, fingerprint
 from weberlink.registry import Tier
 
+# Bad replies in a row that are a fault; each takes 10 ms where nothing answers, and the motors get no current from the
+# first on.
 BAD_REPLIES = 50
-"""Bad replies in a row that are a fault; each takes 10 ms where nothing answers, and the motors get no current from the
-first on."""
 STALL_S = 0.05  # currents computed longer ago than this [s] are not sent: the process has been stopped in between
 REPLY_S = 0.01
+# Longest time until a device gives good answers after its port was opened [s]: a board just plugged in is slow.
 OPENING_S = 0.5
-"""Longest time until a device gives good answers after its port was opened [s]: a board just plugged in is slow."""
 
 Answer = TypeVar("Answer")
 

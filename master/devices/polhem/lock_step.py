@@ -16,8 +16,8 @@ from weberlink.master.devices.polhem.protocol import NO_CURRENT, Message, Sensor
 
 QUIET_S = 0.25  # owed answers count as lost after this silence [s]
 SLICE_S = 0.01  # the longest wait for what is owed in one `ask` [s]
+# Time in which a probe must get exactly one answer [s]; longer than from a message to the rest after it.
 PROBE_S = 0.025
-"""Time in which a probe must get exactly one answer [s]; longer than from a message to the rest after it."""
 UNKNOWN = 1_000_000  # number of owed answers after an unexpected one
 SILENT, LATE = "does not answer", "answers late"
 

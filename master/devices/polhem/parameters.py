@@ -56,8 +56,7 @@ class MechanismParameters:
 LINKAGES: Mapping[str, Callable[..., Linkage]] = {"parallelogram": SerialParallelogram, "five_bar": SpatialFiveBar}
 
 
-def signs(text: str) -> Signs:
-    """Three directions, written as `+-+`."""
+def _signs(text: str) -> Signs:
     a, b, c = (1 if each == "+" else -1 for each in text)
     return (a, b, c)
 
@@ -66,7 +65,7 @@ def _wiring(
     encoder: str, motor: str, home: list[int], _source: str, gimbal: str = "+++", gimbal_home: Sequence[int] = (0, 0, 0)
 ) -> Wiring:
     (a, b, c), (d, e, f) = home, gimbal_home
-    return Wiring(signs(encoder), signs(motor), (a, b, c), signs(gimbal), (d, e, f))
+    return Wiring(_signs(encoder), _signs(motor), (a, b, c), _signs(gimbal), (d, e, f))
 
 
 def _parameters(name: str, row: dict[str, Any]) -> MechanismParameters:
@@ -88,5 +87,5 @@ PARAMETERS = {
 }
 """All published sets by name, from `parameters.yaml`."""
 
+# The set of a device by the model number that it gives on the serial port.
 MODEL_SETS = {1: "polhem_v3", 2: "vintage_phantom", 3: "woodenhaptics_2015"}
-"""The set of a device by the model number that it gives on the serial port."""

@@ -43,8 +43,8 @@ class Sensors(NamedTuple):
 
 # --- HID
 
+# While the button of the stylus is pressed, the offset is added to the fourth counter.
 BUTTON_ABOVE, BUTTON_OFFSET = 5000, 10_000
-"""While the button of the stylus is pressed, the offset is added to the fourth counter."""
 CURRENTS, SET_COUNTERS = 0, 1  # what a report of 14 bytes commands
 _LONG, _SHORT = Struct("<7h"), Struct("<3hH")
 LONG, SHORT = _LONG.size, _SHORT.size  # bytes in a report of the newer and of the older kind

@@ -53,8 +53,7 @@ class PolhemHidEmulator(PolhemBoard):
     WATCHDOG_S = HID_WATCHDOG_S
     OWN_FAULTS: ClassVar[Mapping[str, str]] = {**FAULTS, "stylus": "the button of the stylus is pressed; 0: let go"}
 
-    def __init__(self, options: PolhemHidEmulatorOptions | None = None) -> None:
-        options = PolhemHidEmulatorOptions() if options is None else options
+    def __init__(self, options: PolhemHidEmulatorOptions) -> None:
         super().__init__(options)
         self.identity = HidIdentity(
             VENDOR, PRODUCT, "HID DEVICE", descriptor(options.report), options.report,

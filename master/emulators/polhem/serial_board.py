@@ -58,8 +58,7 @@ class PolhemSerialEmulator(PolhemBoard):
         "wrong_model": "it says to be model 1, 2 or 3; 0: what it is",
     }
 
-    def __init__(self, options: PolhemSerialEmulatorOptions | None = None) -> None:
-        options = PolhemSerialEmulatorOptions() if options is None else options
+    def __init__(self, options: PolhemSerialEmulatorOptions) -> None:
         self.model = self._true_model = NUMBERS[options.model]  # model number that it reports
         super().__init__(options)
         self._waiting = b""

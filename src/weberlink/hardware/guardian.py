@@ -18,10 +18,10 @@ from weberlink.hardware import guardian_process
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.guardian_process import APART, BEATS, HELLO, LEASE, MEMORY_SIZE, PID, WRITES, put_message
 
+# Of the service; `$WEBERLINK_GUARDIAN` names another one, which must answer, or none where it is empty.
 SOCKET = "/run/weberlink-guardian/socket"
-"""Of the service; `$WEBERLINK_GUARDIAN` names another one, which must answer, or none where it is empty."""
+# Numbers of the namespaces that no container has made (<linux/proc_ns.h>).
 OF_THE_HOST = {"pid": 0xEFFFFFFC, "cgroup": 0xEFFFFFFB}
-"""Numbers of the namespaces that no container has made (<linux/proc_ns.h>)."""
 LEASE_S = 0.05  # longest time that a force may stand after its command [s]
 START_S = 5.0  # longest time for the guardian to start [s]
 END_S = 0.5  # longest time for the guardian to end [s]

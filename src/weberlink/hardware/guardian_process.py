@@ -36,8 +36,8 @@ LEASE, BEATS, WRITES, SLOT, PID, APART, DEVICE = range(7)
 the guardian's, `APART` whether it is in a cgroup of its own, `DEVICE` the number of the device node, 0 for a socket.
 """
 WORDS_SIZE = 8 * 8
+# Each of the two messages behind the words, its `HEAD` in front. The client writes the one that is not in use.
 SLOT_SIZE = 2048
-"""Each of the two messages behind the words, its `HEAD` in front. The client writes the one that is not in use."""
 HEAD = Struct("<HI")  # length and checksum of a message
 MEMORY_SIZE = WORDS_SIZE + 2 * SLOT_SIZE
 HELLO = Struct("<q")  # what a client begins with: its time [ns, CLOCK_MONOTONIC]. The device's descriptor comes along

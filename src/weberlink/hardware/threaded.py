@@ -17,14 +17,10 @@ class ThreadedDriver(Generic[Command, Sample]):
 
     def __init__(self, name: str, exchange: Exchange[Command, Sample], worker: Worker[Command, Sample]) -> None:
         self._name = name
+        self.guarded = getattr(exchange, "guardian", None) is not None  # by a process, when this one stops
         self._start_afresh = getattr(exchange, "start_afresh", None)
         self._worker = worker
         self._is_open = False
-
-    @property
-    def guarded(self) -> bool:
-        """Whether a guardian process takes the force off when this process stops."""
-        return self._worker.guarded
 
     @property
     def trouble(self) -> str | None:

@@ -20,8 +20,8 @@ Command_contra = TypeVar("Command_contra", contravariant=True)
 Sample_co = TypeVar("Sample_co", covariant=True)
 
 RETRY_S = 0.05
+# Longest time of bad replies in a row before they are a fault, however few they are [s]: a slow device sends few.
 LOST_S = 1.0
-"""Longest time of bad replies in a row before they are a fault, however few they are [s]: a slow device sends few."""
 JOIN_S = 1.0  # longest wait of `stop` for an exchange that hangs, and again at the end of the program [s]
 
 
@@ -75,8 +75,8 @@ class Worker(Generic[Command, Sample]):
 
     def __post_init__(self) -> None:
         self._guardian: Guardian | None = getattr(self.exchange, "guardian", None)
+        # The last command, its time, and the number of gaps before it.
         self._command: tuple[Command, float, int] = (self.rest, -inf, 0)
-        """The last command, its time, and the number of gaps before it."""
         self._gaps_met = 0
         self._called_at = inf
         self._newest: tuple[Sample, float] | None = None
@@ -90,11 +90,6 @@ class Worker(Generic[Command, Sample]):
         self.round_trip = 0.0  # time that the last exchange took [s]
         self._share = 0.0
         self._began = 0.0
-
-    @property
-    def guarded(self) -> bool:
-        """Whether a guardian process takes the force off when this process stops."""
-        return self._guardian is not None
 
     def check(self, kind: Callable[[str], Exception]) -> None:
         """Raise `fault`, as the error that `kind` makes of it; an error of the exchange's own code as it is."""

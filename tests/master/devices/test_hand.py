@@ -24,24 +24,13 @@ grasps = st.builds(
 )
 
 
-@examples(30)
-@given(options=hands, step=st.floats(1e-4, 100.0))
-def test_no_step_makes_it_gain_energy(options: HandOptions, step: float) -> None:
-    hand = modelled_hand(options, (0.01, 0.0, 0.0))
-    energy = hand.stored(ZERO)
-    for _ in range(20):
-        hand.advance(ZERO, ZERO, step)
-        assert hand.stored(ZERO) <= energy * (1.0 + 1e-9) + 1e-18
-        energy = hand.stored(ZERO)
-
-
 def critical(damping: float) -> HandOptions:
     """Critically damped at 20 N s/m."""
     return HandOptions(mass_kg=0.25, damping_n_s_m=damping, stiffness_n_m=400.0)
 
 
 @examples(60)
-@given(options=hands, grasp=st.none() | grasps, step=st.floats(1e-4, 1.0), force=st.floats(-10.0, 10.0))
+@given(options=hands, grasp=st.none() | grasps, step=st.floats(1e-4, 100.0), force=st.floats(-10.0, 10.0))
 @example(critical(0.0), None, 0.1, 1.0)
 @example(critical(19.99999), None, 0.1, 1.0)
 @example(critical(20.0), None, 0.1, 1.0)
