@@ -7,12 +7,17 @@ import sys
 import tomllib
 from collections import defaultdict
 from pathlib import Path
+from typing import Any
 
 import pytest
+from typer import Context
+from typer.main import get_command
 
 from tests.hardware.test_guardian import TAKE_OFF
 from tests.program import COMMANDS, Program, document
 from tests.test_repository import GENERATED
+from weberlink.cli import app
+from weberlink.cli.arguments import CommandGroup
 from weberlink.figures import wording
 from weberlink.hardware.guardian import SOCKET
 from weberlink.installation import guests
@@ -45,15 +50,24 @@ def unit(path: Path) -> Unit:
     return settings
 
 
-def commands() -> dict[str, set[str]]:
-    """Every command with its options."""
-    return {name: {option for parameter in each.params for option in parameter.opts} for name, each in COMMANDS.items()}
+def options_of(words: list[str]) -> set[str] | None:
+    """Those of the command that some words begin with; None if it is of a guest that is not installed."""
+    found: Any = get_command(app)
+    for word in words:
+        if not isinstance(found, CommandGroup) or word.startswith("-"):
+            break
+        member = found.get_command(Context(found), word)
+        if member is None:
+            assert word in guests(found.extended_by), words
+            return None
+        found = member
+    return {option for parameter in found.params for option in parameter.opts}
 
 
 def assert_starts_a_command(path: Path) -> None:
-    program, command, *arguments = unit(path)["ExecStart"][0].split()
+    program, *words = unit(path)["ExecStart"][0].split()
     assert program == PROGRAM
-    assert {word for word in arguments if word.startswith("--")} <= commands()[command]
+    assert {word for word in words if word.startswith("--")} <= (options_of(words) or set())
 
 
 @pytest.mark.parametrize("name", SIDES)
@@ -136,20 +150,6 @@ def test_what_the_container_copies_is_there_and_is_all_that_is_needed() -> None:
     assert {"src", *links} <= {source.rstrip("/") for source in copied}
     needed = {PROJECT["project"]["readme"], *PROJECT["project"]["license-files"], "pyproject.toml"}
     assert {name for name in needed if not name.startswith("src/")} <= set(copied)
-
-
-def options_of(words: list[str]) -> set[str] | None:
-    """Those of the command that some words begin with; None if it is of a guest that is not installed."""
-    group, found = {**COMMANDS}, None
-    for word in words:
-        if word not in group:
-            break
-        found = group[word]
-        group = getattr(found, "commands", {})
-    if found is None:
-        assert words[0] in guests("weberlink.commands"), words
-        return None
-    return {option for parameter in found.params for option in parameter.opts}
 
 
 def test_commands_and_options_of_all_pages_are_there() -> None:

@@ -55,8 +55,7 @@ Set = Annotated[
     list[str] | None, typer.Option("--set", metavar="PATH.TO.KEY=VALUE", help="Override a key; may be repeated.")
 ]
 Duration = Annotated[
-    float | None,
-    typer.Option("--duration", metavar="S", min=0.0, callback=finite, help="Length of the run [s]."),
+    float | None, typer.Option("--duration", metavar="S", min=0.0, callback=finite, help="Length of the run [s].")
 ]
 Json = Annotated[
     Path | None,
@@ -65,20 +64,17 @@ Json = Annotated[
     ),
 ]
 Record = Annotated[
-    Path | None,
-    typer.Option("--record", metavar="OUT", help="Record every tick as MCAP (weberlink-recording)."),
+    Path | None, typer.Option("--record", metavar="OUT", help="Record every tick as MCAP (weberlink-recording).")
 ]
 Log = Annotated[
-    Path | None,
-    typer.Option("--log", metavar="OUT", help="Append events as JSON lines; - for standard output only."),
+    Path | None, typer.Option("--log", metavar="OUT", help="Append events as JSON lines; - for standard output only.")
 ]
 Listen = Annotated[
     str, typer.Option(metavar="ADDRESS", help="Address to serve; one that other hosts can reach needs --public.")
 ]
 Public = Annotated[bool, typer.Option("--public", help="Allow other hosts, without encryption.")]
 SessionName = Annotated[
-    str | None,
-    typer.Option("--session", metavar="ID", help="Follow one session only, by its launcher's process id."),
+    str | None, typer.Option("--session", metavar="ID", help="Follow one session only, by its launcher's process id.")
 ]
 
 

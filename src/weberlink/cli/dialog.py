@@ -16,8 +16,7 @@ from rich.live import Live
 from rich.text import Text
 
 REFRESH_S = 0.1  # period of a live display on a terminal
-PLAIN_S = 0.5  # period of lines where there is no terminal,
-PLAIN_LINES = 4  # and how many of them
+PLAIN_S, PLAIN_LINES = 0.5, 4  # period and number of lines where there is no terminal
 POLL_S = 0.001  # pause between two readings of a device, as in a loop of 1 kHz
 WINDOW_S = 1.0
 

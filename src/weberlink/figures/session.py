@@ -73,19 +73,19 @@ class Layout:
         rate_hz: float,
         bank: Sequence[str],
         torque_bank: Sequence[str] | None,
-        on_unknown: Callable[[ValueError], None] | None = None,
+        *,
+        is_lenient: bool = False,
     ) -> Self:
         """That of the dump of a `System`, as descriptions and recordings hold it. A part that is missing or of another
-        release is told to `on_unknown`, and left out; without that, ValueError.
+        release is left out if lenient, else a ValueError.
         """
 
         def known(read: Callable[[Mapping[str, Any]], Known], unknown: Known) -> Known:
             try:
                 return read(dump)
-            except ValueError as error:
-                if on_unknown is None:
+            except ValueError:
+                if not is_lenient:
                     raise
-                on_unknown(error)
                 return unknown
 
         return cls(

@@ -129,7 +129,7 @@ class WatchedSession:
         described = first.description or {}
         bank, torque_bank = described.get("bank") or UNNAMED, described.get("torque_bank")
         # Of another release, as much is shown as can be.
-        self.layout = Layout.of(described.get("system", {}), first.rate_hz, bank, torque_bank, lambda _: None)
+        self.layout = Layout.of(described.get("system", {}), first.rate_hz, bank, torque_bank, is_lenient=True)
         self._score = SessionScore(self.layout)
         self._unscored: dict[str, list[Records]] = {MASTER: [], SLAVE: []}
         """Records that wait to be scored: the cost of scoring is per call, not per record."""
