@@ -16,7 +16,7 @@ import numpy as np
 
 from weberlink.figures.channel import Records, engaged
 from weberlink.figures.distribution import Distribution
-from weberlink.figures.tree import Figures, to_json
+from weberlink.figures.tree import Figures
 from weberlink.figures.wording import words
 from weberlink.protocol.paths import LinkPath
 from weberlink.protocol.states import State
@@ -44,14 +44,12 @@ COUNTED = {
 
 
 class _Event(NamedTuple):
-    """What to write, and the first record that shows it; events of one kind replace each other, so that the last is
-    written.
-    """
+    """What to write, and the first record that shows it; of the events of one kind that wait, the last is written."""
 
     record: Any
-    kind: str
     name: str
     fields: Fields
+    kind: str
 
 
 @dataclass
@@ -108,7 +106,8 @@ class _Interval:
 class _Side:
     """One side: its newest record, its interval, and the lines of each kind."""
 
-    def __init__(self, first: Any, wall_offset_s: float) -> None:
+    def __init__(self, name: str, first: Any, wall_offset_s: float) -> None:
+        self.name = name
         self.last = first
         self.wall_offset_s = wall_offset_s
         self.interval = _Interval(first)
@@ -130,22 +129,21 @@ class _Side:
 
     def _between(self, before: Any, record: Any) -> Iterator[_Event]:
         if record["state"] != before["state"]:
-            yield _Event(record, "state", name_of(State, record["state"]), {"before": name_of(State, before["state"])})
+            yield _Event(record, name_of(State, record["state"]), {"before": name_of(State, before["state"])}, "state")
         if record["fault"] != before["fault"]:
             at = float(record["at"])
             if int(before["fault"]):
                 lasted = round(at - self._fault_at_s, 6)
-                yield _Event(
-                    record, "fault", "recovered", {"fault": name_of(Fault, before["fault"]), "lasted_s": lasted}
-                )
+                fields = {"fault": name_of(Fault, before["fault"]), "lasted_s": lasted}
+                yield _Event(record, "recovered", fields, "fault")
             if int(record["fault"]):
                 self._fault_at_s = at
-                yield _Event(record, "fault", "fault", {"fault": name_of(Fault, record["fault"])})
+                yield _Event(record, "fault", {"fault": name_of(Fault, record["fault"])}, "fault")
         if record["settings"] != before["settings"]:
             fields = {"generation": int(record["settings"]), "weber": round(float(record["weber"]), 6)}
-            yield _Event(record, "settings", "settings", fields)
+            yield _Event(record, "settings", fields, "settings")
         if (record["ramping"] == RELEASED) != (before["ramping"] == RELEASED):
-            yield _Event(record, "button", "released" if record["ramping"] == RELEASED else "held", {})
+            yield _Event(record, "released" if record["ramping"] == RELEASED else "held", {}, "button")
 
     def count(self, records: Records) -> None:
         """Count missed deadlines and limited outputs, which are too many for a line each."""
@@ -159,7 +157,7 @@ class _Side:
             if total:
                 kind = self.kinds.setdefault(name, _Kind())
                 kind.ticks += total
-                kind.waiting = _Event(records[int(np.flatnonzero(ticks)[-1])], name, name, {})
+                kind.waiting = _Event(records[int(np.flatnonzero(ticks)[-1])], name, {}, name)
 
 
 class Journal:
@@ -198,19 +196,19 @@ class Journal:
         known = self._sides.get(side)
         if known is None:
             first = records[0]
-            known = self._sides[side] = _Side(first, wall_offset_s)
+            known = self._sides[side] = _Side(side, first, wall_offset_s)
             fields = {"state": name_of(State, first["state"]), "rate_hz": self._rate_hz}
-            self._write_event(side, known, _Event(first, "started", "started", fields))
+            self._write_event(known, first, "started", fields)
             if int(first["fault"]):
-                self._offer(side, known, _Event(first, "fault", "fault", {"fault": name_of(Fault, first["fault"])}))
+                self._offer(known, _Event(first, "fault", {"fault": name_of(Fault, first["fault"])}, "fault"))
         known.count(records)
         for event in known.events(records):
-            self._offer(side, known, event)
+            self._offer(known, event)
         known.interval.add(records)
         at = float(known.last["at"])
-        self._flush(side, known, at)
+        self._flush(known, at)
         if at - float(known.interval.first["at"]) >= self._summary_s:
-            self._summarise(side, known)
+            self._summarise(known)
 
     def add_peer(self, side: str, peer: Mapping[str, Any] | None) -> None:
         """Take what a side knows of its peer (`weberlink.session.side.PeerFacts`), as `add_paths` takes the paths."""
@@ -218,7 +216,7 @@ class Journal:
         told = {name: str(value)[:LONGEST_OUTCOME] for name, value in (peer or {}).items() if value}
         if known is not None and told and told != known.peer:
             known.peer = told
-            self._offer(side, known, _Event(known.last, "peer", "peer", told))
+            self._offer(known, _Event(known.last, "peer", told, "peer"))
 
     def add_paths(self, side: str, paths: Sequence[LinkPath]) -> None:
         """Take the present paths of a side; another one is an event of its newest record.
@@ -233,9 +231,8 @@ class Journal:
             is_idle = told.route and not told.remote
             if not is_idle and known.paths.get(told.place) != told:
                 known.paths[told.place] = told
-                fields = to_json(told)
-                del fields["dscp"]
-                self._offer(side, known, _Event(known.last, f"path {told.place}", "path", fields))
+                fields = {name: value for name, value in told._asdict().items() if name != "dscp"}
+                self._offer(known, _Event(known.last, "path", fields, f"path {told.place}"))
 
     def trace(self, entries: Sequence[str], side: str = SESSION) -> None:
         """Write the trace of an error, a line for each piece (`traceback.format_exception`)."""
@@ -244,8 +241,8 @@ class Journal:
 
     def flush(self) -> None:
         """Write the changes that wait for their second."""
-        for name, side in self._sides.items():
-            self._flush(name, side, np.inf)
+        for side in self._sides.values():
+            self._flush(side, np.inf)
 
     def end(self, figures: Figures) -> None:
         """Write what is waiting, the figures since the last summary, and the outcome. May be repeated."""
@@ -253,8 +250,8 @@ class Journal:
             return
         self._ended = True
         self.flush()
-        for name, side in self._sides.items():
-            self._summarise(name, side)
+        for side in self._sides.values():
+            self._summarise(side)
         report = figures.to_json()
         told = {key: report[key] for key in KEPT if key in report}
         told["outcome"] = str(figures.outcome)[:LONGEST_OUTCOME]
@@ -265,18 +262,18 @@ class Journal:
         }
         self._line(self._now(), SESSION, "ended", told)
 
-    def _offer(self, name: str, side: _Side, event: _Event) -> None:
+    def _offer(self, side: _Side, event: _Event) -> None:
         """Write an event now if a line of its kind is due, else keep it in place of an older one."""
         kind = side.kinds.setdefault(event.kind, _Kind())
         at = float(event.record["at"])
         if kind.waiting is None and at - kind.last_s >= QUIET_S:
             kind.last_s = at
-            self._write_event(name, side, event)
+            self._write_event(side, *event[:3])
             return
         kind.suppressed += kind.waiting is not None
         kind.waiting = event
 
-    def _flush(self, name: str, side: _Side, now_s: float) -> None:
+    def _flush(self, side: _Side, now_s: float) -> None:
         """Write waiting events whose time has come."""
         for kind in side.kinds.values():
             if kind.waiting is None or now_s - kind.last_s < QUIET_S:
@@ -284,16 +281,16 @@ class Journal:
             event, counts = kind.waiting, {"ticks": kind.ticks, "suppressed": kind.suppressed}
             fields = event.fields | {name: count for name, count in counts.items() if count}
             kind.last_s, kind.waiting, kind.suppressed, kind.ticks = now_s, None, 0, 0
-            self._write_event(name, side, event._replace(fields=fields))
+            self._write_event(side, event.record, event.name, fields)
 
-    def _summarise(self, name: str, side: _Side) -> None:
-        self._write_event(name, side, _Event(side.last, "summary", "summary", side.interval.figures(side.last)))
+    def _summarise(self, side: _Side) -> None:
+        self._write_event(side, side.last, "summary", side.interval.figures(side.last))
         side.interval = _Interval(side.last)
 
-    def _write_event(self, name: str, side: _Side, event: _Event) -> None:
-        at = float(event.record["at"])
-        place = {"tick": int(event.record["tick"]), "at_s": round(at, 6)}
-        self._line(at + side.wall_offset_s, name, event.name, place | event.fields)
+    def _write_event(self, side: _Side, record: Any, name: str, fields: Fields) -> None:
+        at = float(record["at"])
+        place = {"tick": int(record["tick"]), "at_s": round(at, 6)}
+        self._line(at + side.wall_offset_s, side.name, name, place | fields)
 
     def _line(self, wall_s: float, side: str, event: str, fields: Fields) -> None:
         try:
