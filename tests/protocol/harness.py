@@ -40,6 +40,7 @@ STRANGER: Address = ("203.0.113.9", 9)
 KEY = bytes(range(32))
 AGREEMENT = {"rate_hz": 1000, "codec.force.weber": 0.1, "codec.force.predictor": "hybrid"}
 TICK = 0.001
+CLEAR = Emulation(delay_s=0.001)
 SILENCE = 0.1
 GAP = HeartbeatSchedule(0.0, silence=SILENCE, tick_period=TICK).max_gap
 """Longest between two datagrams over a path without delay [s]."""
@@ -61,6 +62,8 @@ class Side:
     sessions: int = 0
     renewals: int = 0
     """Events after which the owner must send a new state."""
+    renewed: int = 0
+    """How many of them `renew` has answered."""
     silences: int = 0
     """Events after which what the peer has sent counts no more."""
 
@@ -83,6 +86,12 @@ class Side:
         """Send the update of a tick; returns the tick."""
         assert self.endpoint.send_update(self.local(world), sample_update(tick), stream)
         return tick
+
+    def renew(self, world: float, tick: int) -> None:
+        """Send a new state where one is needed, as an owner does."""
+        if self.endpoint.state is State.ENGAGED and self.renewals > self.renewed:
+            self.renewed = self.renewals
+            self.send(world, tick)
 
     def refusal(self) -> str:
         """The message of its only refusal."""
@@ -148,7 +157,7 @@ class Pair:
     def __init__(
         self,
         *,
-        forward: Emulation | None = None,
+        link: Emulation = CLEAR,
         backward: Emulation | None = None,
         seed: int = 1,
         master: Mapping[str, object] | None = None,
@@ -161,6 +170,7 @@ class Pair:
         """Build both ends.
 
         Args:
+            link: faults of both directions, or of that to the slave alone where `backward` has those of the other.
             offsets: local time of master and slave at world time 0 [s].
             drifts: relative error of the rate of each clock.
             on_tick: called with the pair, world time and the number of the tick after each tick that is a multiple of
@@ -177,7 +187,7 @@ class Pair:
                 Role, (master, slave), (MASTER, SLAVE), offsets, drifts, strict=True
             )
         )
-        self.forward, self.backward = self.link(forward), self.link(backward)
+        self.forward, self.backward = self.link(link), self.link(backward or link)
         self.guests: list[Side] = []
         """Further masters, over the same links."""
         self.tap: list[tuple[float, Side, bytes]] = []
@@ -187,9 +197,9 @@ class Pair:
         self.swallow: Callable[[Side, bytes], bool] = lambda side, data: False
         """Whether to drop a datagram of this sender, in addition to the faults of the links."""
 
-    def link(self, emulation: Emulation | None) -> EmulatedLink[tuple[Address, Address]]:
+    def link(self, emulation: Emulation) -> EmulatedLink[tuple[Address, Address]]:
         self.seed += 1
-        return EmulatedLink(emulation or Emulation(delay_s=0.001), Random(self.seed).random, 0.0)
+        return EmulatedLink(emulation, Random(self.seed).random, 0.0)
 
     @property
     def sides(self) -> tuple[Side, Side]:

@@ -117,7 +117,7 @@ def test_a_call_is_answered_however_long_or_lossy_the_path(one_way: float, longe
     """HELLOs are repeated before the first answer is back; the slave keeps the session of each that long."""
     for seed in range(8 if loss else 1):
         link = Emulation(delay_s=one_way, jitter_s=0.03 * loss, loss=loss, duplicate=0.5 * loss, reorder=0.5 * loss)
-        pair = Pair(forward=link, backward=link, seed=seed, **both(longest_round_trip=longest))
+        pair = Pair(link=link, seed=seed, **both(longest_round_trip=longest))
         pair.connect().run(3.0 if loss else 3.2 * one_way)
         assert states(pair) == ENGAGED, f"seed {seed}"
         assert loss or len(pair.slave.of(Connected)) == 1

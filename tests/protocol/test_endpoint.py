@@ -1,6 +1,5 @@
 """Two endpoints in a session: what counts as heard, how soon and how much is sent, and the clocks."""
 
-from collections import Counter
 from itertools import pairwise
 from random import Random
 
@@ -77,8 +76,7 @@ def test_an_update_that_is_refused_for_its_loop_age_is_no_sign_of_the_encoder() 
 @pytest.mark.parametrize("deaf", [0, 1])
 def test_one_way_cut_silences_both_and_tells_who_is_heard(deaf: int, delay: float) -> None:
     """The end that hears nothing falls silent after one limit, the other after both; then the other way is cut too."""
-    slow = Emulation(delay_s=delay)
-    pair = Pair(forward=slow, backward=slow).connect().run(3.0)
+    pair = Pair(link=Emulation(delay_s=delay)).connect().run(3.0)
     dark = [pair.sides[1 - deaf].endpoint]
     pair.swallow = lambda side, data: side.endpoint in dark
     cut = pair.now
@@ -120,7 +118,7 @@ def test_newest_updates_arrive_in_time_after_any_pattern_of_losses(
                 newest[stream] = [pair.master.send(pair.now, pair.ticks, stream)]
 
     ends = both(outgoing=(forms(3),) * 2, incoming=(forms(3),) * 2)
-    pair = Pair(seed=seed, forward=link, backward=link, on_tick=on_tick, **ends).engage()
+    pair = Pair(seed=seed, link=link, on_tick=on_tick, **ends).engage()
     left = {side.endpoint: iter(fate) for side, fate in zip(pair.sides, fates, strict=True)}
     pair.swallow = lambda side, data: pair.now < ends_at and next(left[side.endpoint], False)
     pair.run(ends_at - pair.now)
@@ -146,8 +144,7 @@ def test_heartbeats_keep_their_gap() -> None:
 
 @pytest.mark.parametrize(("loss", "delay"), [(0.02, 0.15), (0.3, 0.0005)])
 def test_losses_are_measured_and_cause_no_silence(loss: float, delay: float) -> None:
-    lossy = Emulation(delay_s=delay, loss=loss)
-    pair = Pair(forward=lossy, backward=lossy, seed=21).connect().run(10.0)
+    pair = Pair(link=Emulation(delay_s=delay, loss=loss), seed=21).connect().run(10.0)
     before = [side.silences for side in pair.sides]
     pair.run(15.0)
     assert [side.silences for side in pair.sides] == before, "seed 21"
@@ -171,7 +168,7 @@ def sending(every: int, after: float = 0.2) -> dict[str, object]:
 def test_rare_updates_are_mended_before_there_is_evidence(delay: float) -> None:
     """One update in 300 ms: nearly all are there within a few repeats 5 ms apart, although the round trip is longer."""
     lossy = Emulation(delay_s=delay, loss=0.2)
-    pair = Pair(forward=lossy, backward=lossy, seed=1, **sending(300, 3.0)).connect().run(33.0)  # type: ignore[arg-type]
+    pair = Pair(link=lossy, seed=1, **sending(300, 3.0)).connect().run(33.0)  # type: ignore[arg-type]
     waits = {event.update.tick: at - 1e-3 * event.update.tick - delay for at, event in reversed(pair.slave.received_at)}
     prompt = [wait for wait in waits.values() if wait <= 3.5 * SHORTEST_PACE]
     assert len(prompt) > 0.95 * pair.master.endpoint.statistics.updates_sent[0]
@@ -180,7 +177,7 @@ def test_rare_updates_are_mended_before_there_is_evidence(delay: float) -> None:
 def test_repeats_end_where_they_fill_the_link() -> None:
     """A narrow link: the updates fit, their repeats do not. They fill its queue, and cease; what is needed goes on."""
     links = Emulation(delay_s=0.02, loss=0.1, rate_bit_s=42_000.0), Emulation(delay_s=0.02)
-    pair = Pair(forward=links[0], backward=links[1], seed=5, **both(silence=1.0), **sending(20, 0.0))  # type: ignore[arg-type]
+    pair = Pair(link=links[0], backward=links[1], seed=5, **both(silence=1.0), **sending(20, 0.0))  # type: ignore[arg-type]
     pair.connect().run(16.0)
     before, start = pair.master.endpoint.statistics.repeats, pair.now
     pair.run(10.0)
@@ -193,8 +190,7 @@ def test_repeats_end_where_they_fill_the_link() -> None:
 @pytest.mark.parametrize("darkness", [0.09, 30.0])
 def test_no_storm_in_a_blackout_and_after_it(darkness: float) -> None:
     """What is sent in the 200 ms after it is no more than two directions of heartbeats and one update can explain."""
-    lossy = Emulation(delay_s=0.001, loss=0.1)
-    pair = Pair(forward=lossy, backward=lossy).engage().run(5.0)
+    pair = Pair(link=Emulation(delay_s=0.001, loss=0.1)).engage().run(5.0)
     pair.swallow = lambda side, data: True
     pair.master.send(pair.now, pair.ticks)
     start = len(pair.tap)
@@ -296,29 +292,18 @@ def test_a_session_begins_with_an_empty_queue() -> None:
 # --- what both ends must know before anything is followed
 
 
-class Encoding:
-    """Owners whose encoders run, and send a new state where one is needed."""
-
-    def __init__(self) -> None:
-        self.pair = Pair(**both(outgoing=(forms(3),), incoming=(forms(3),)), on_tick=self.tick)
-        self.renewals = [0, 0]
-        self.is_watched = False
-        """Whether both ends must follow in every tick."""
-
-    def tick(self, pair: Pair, now: float, tick: int) -> None:
-        for index, side in enumerate(pair.sides):
-            side.endpoint.report_encoding(now, is_encoding=True)
-            if side.renewals > self.renewals[index]:
-                self.renewals[index] = side.renewals
-                side.send(now, tick)
-            assert not self.is_watched or side.endpoint.may_follow(now)
-
-
 def test_a_change_that_is_repeated_does_not_stand_for_heartbeats() -> None:
     """It says nothing of an encoder: both ends would stop following on a link that loses nothing."""
-    owners = Encoding()
-    pair = owners.pair.engage()
-    owners.is_watched = True
+    is_watched = False
+
+    def on_tick(pair: Pair, now: float, tick: int) -> None:
+        for side in pair.sides:
+            side.endpoint.report_encoding(now, is_encoding=True)
+            side.renew(now, tick)
+            assert not is_watched or side.endpoint.may_follow(now)
+
+    pair = Pair(**both(outgoing=(forms(3),), incoming=(forms(3),)), on_tick=on_tick).engage()
+    is_watched = True
     pair.swallow = lambda side, data: side is pair.slave and kind_of(data) == Kind.CHANGE
     assert pair.master.endpoint.propose_change(pair.now, pair.ticks + 1000, b"change")
     pair.run(1.0)
@@ -327,17 +312,12 @@ def test_a_change_that_is_repeated_does_not_stand_for_heartbeats() -> None:
 
 @pytest.mark.parametrize("lasts", [0.12, 0.3])
 def test_what_ends_a_silence_counts_so_that_the_robot_is_led_again_within_two_round_trips(lasts: float) -> None:
-    renewed: Counter[str] = Counter()
-
     def renew(pair: Pair, now: float, _tick: int) -> None:
         for side in pair.sides:
-            if side.endpoint.state is State.ENGAGED and side.renewals > renewed[side.address[0]]:
-                renewed[side.address[0]] = side.renewals
-                side.send(now, round(now / TICK) + 1)
+            side.renew(now, round(now / TICK) + 1)
 
-    late = Emulation(delay_s=0.02)
     to_master, by_slave = {"incoming": (forms(3),)}, {"outgoing": (forms(3),)}
-    pair = Pair(forward=late, backward=late, on_tick=renew, master=to_master, slave=by_slave).connect().run(0.6)
+    pair = Pair(link=Emulation(delay_s=0.02), on_tick=renew, master=to_master, slave=by_slave).connect().run(0.6)
     pair.swallow = lambda side, data: side is pair.master
     pair.run(lasts)
     assert not pair.slave.endpoint.may_follow(pair.now)

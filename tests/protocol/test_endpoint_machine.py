@@ -303,9 +303,7 @@ class Endpoints(RuleBasedStateMachine):
         }
         link = Emulation(delay_s=delay)
         self.kinds, self.runs = kinds, seed
-        self.world = World(
-            streams, forward=link, backward=link, seed=seed, master=kinds, slave=kinds, offsets=(offset, 0.0)
-        )
+        self.world = World(streams, link=link, seed=seed, master=kinds, slave=kinds, offsets=(offset, 0.0))
         self.link = link
         self.is_bad = False
         """Whether the link loses or damages datagrams."""

@@ -128,8 +128,7 @@ def test_change_too_far_ahead_or_back_is_dropped(ahead: int, is_told: bool) -> N
 
 
 def over(delay: float, **changes: object) -> Pair:
-    link = Emulation(delay_s=delay)
-    return Pair(forward=link, backward=link, **both(**changes))
+    return Pair(link=Emulation(delay_s=delay), **both(**changes))
 
 
 def agreed(pair: Pair) -> list[float]:
@@ -162,15 +161,14 @@ def test_an_opening_session_drives_nothing_until_something_was_confirmed() -> No
             if side.endpoint.state is State.ENGAGED and tick % 10 == 0:
                 side.endpoint.send_update(now, Update(tick, 0, (tick % 100,) * (3, 6)[place]))
 
-    link = Emulation(delay_s=0.15)
-    Pair(forward=link, backward=link, on_tick=on_tick).connect().run(2.0)
+    Pair(link=Emulation(delay_s=0.15), on_tick=on_tick).connect().run(2.0)
     assert min(seen) > 0
 
 
 @pytest.mark.parametrize(("own", "other"), [(0.4, 0.4), (0.3, 2.0), (2.0, 0.3)])
 def test_a_link_beyond_the_smaller_limit_never_engages_and_both_ends_say_why(own: float, other: float) -> None:
-    link = Emulation(delay_s=0.23)
-    pair = Pair(forward=link, backward=link, master={"longest_round_trip": own}, slave={"longest_round_trip": other})
+    limits = {"master": {"longest_round_trip": own}, "slave": {"longest_round_trip": other}}
+    pair = Pair(link=Emulation(delay_s=0.23), **limits)
     pair.connect().run(5.0)
     said = [side.of(Refused)[0] for side in pair.sides]
     assert said[0] == said[1]
@@ -246,8 +244,7 @@ def test_next_value_waits_until_no_datagram_of_the_one_before_counts() -> None:
 @examples(40)
 def test_after_a_cut_both_ends_are_silent_within_both_limits(delay: float, cut: int, after: float, seed: int) -> None:
     """At any time of a session, also while it opens; none drives later."""
-    link = Emulation(delay_s=delay)
-    pair = Pair(forward=link, backward=link, seed=seed).connect().run(3.0 * delay + 0.01 + after)
+    pair = Pair(link=Emulation(delay_s=delay), seed=seed).connect().run(3.0 * delay + 0.01 + after)
     longest = max(agreed(pair))
     dark = Emulation(loss=1.0)
     if cut & 1:

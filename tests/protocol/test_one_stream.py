@@ -35,7 +35,7 @@ def test_datagrams_equal_the_recorded_ones(suite: str, carries_credit: bool) -> 
     security: Security = Checksum() if suite == "checksum" else PresharedKey(KEY)
     faulty = Emulation(delay_s=0.003, jitter_s=0.002, loss=0.1, reorder=0.05, duplicate=0.05)
     changes = {"security": security, "carries_credit": carries_credit, "incoming": (forms(3),), "outgoing": (forms(3),)}
-    pair = Pair(forward=faulty, backward=faulty, master=changes, slave=changes, on_tick=drive, seed=11)
+    pair = Pair(link=faulty, master=changes, slave=changes, on_tick=drive, seed=11)
     pair.connect().run(1.5)
     for side in pair.sides:
         side.endpoint.close(side.local(pair.now), "completed")

@@ -79,7 +79,7 @@ def test_a_watcher_is_told_who_is_served_and_disturbs_nothing() -> None:
 def test_a_stop_is_repeated_until_the_robots_end_has_stopped_and_is_answered_then(loss: float) -> None:
     for seed in range(10):
         link = Emulation(delay_s=0.02, jitter_s=0.01, loss=loss)
-        pair = pair_of(Right.STOP, Right.STOP, forward=link, backward=link, seed=seed, on_tick=close_when_asked)
+        pair = pair_of(Right.STOP, Right.STOP, link=link, seed=seed, on_tick=close_when_asked)
         pair.run(0.5 if loss == 0.0 else 5.0)
         assert pair.slave.endpoint.state is State.CLOSED
         assert pair.master.of(Told) or loss  # of three answers all may be lost

@@ -44,7 +44,7 @@ class MeasuredLink:
         self, to_slave: Emulation, to_master: Emulation, *, seconds: float = 10.0, silence: float = 1.0, **slave: object
     ) -> None:
         self.pair = Pair(
-            forward=to_slave,
+            link=to_slave,
             backward=to_master,
             seed=1,
             slave={"silence": silence, "security": PresharedKey(KEY), **slave},
