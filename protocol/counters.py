@@ -11,8 +11,8 @@ _LOSS_MEMORY: Final = 256
 _LOSS_MASK: Final = (1 << _LOSS_MEMORY) - 1
 _FAST: Final = 1 / 32
 _SLOW: Final = 1 / 1024
+# Average below which the bursts are too few for a mean: one or two blackouts make no bursty link.
 _LEAST_BURSTS: Final = 2.5 * _SLOW
-"""Average below which the bursts are too few for a mean: one or two blackouts make no bursty link."""
 
 
 def expand(truncated: int, bits: int, near: int) -> int:

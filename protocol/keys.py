@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 KEY_BYTES = 32
-LONGEST_NAME = 64
-"""Characters of the name of an end."""
+LONGEST_NAME = 64  # characters of the name of an end
 _LABEL = "weberlink-key-1"
 _LONGEST_FILE = 65_536
 

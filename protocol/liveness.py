@@ -39,8 +39,7 @@ from typing import Final
 DEAF: Final = 255  # the echo of an end that has heard nothing within the limit
 UNITS: Final = 64  # units of the echo in S + R; the loop age is overestimated by at most one
 _MODULUS: Final = 255
-FADE_SHARE: Final = 0.8
-"""Share of the silence limit at which owners begin to fade force out."""
+FADE_SHARE: Final = 0.8  # share of the silence limit at which owners begin to fade force out
 HORIZON_SHARE: Final = 0.6
 """Share of the silence limit for which a motion is extrapolated after the peer's encoder was last known to run."""
 

@@ -19,13 +19,12 @@ from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey, X
 from cryptography.hazmat.primitives.ciphers.aead import AESGCM
 
 NAME: Final = b"Noise_NNpsk0_25519_AESGCM_SHA256"
+# InitializeSymmetric: a name of up to 32 bytes is its own hash, padded with zeros.
 _FIRST: Final = NAME.ljust(32, b"\0")
-"""InitializeSymmetric: a name of up to 32 bytes is its own hash, padded with zeros."""
 PSK_BYTES: Final = 32
 PRIVATE_BYTES: Final = 32
 PUBLIC_BYTES: Final = 32
-OVERHEAD: Final = PUBLIC_BYTES + 16
-"""Bytes that each message adds to its payload: the public key and the tag."""
+OVERHEAD: Final = PUBLIC_BYTES + 16  # bytes that each message adds to its payload: the public key and the tag
 _NONCE: Final = bytes(12)  # section 12.3; each key encrypts one payload, so the counter is always 0
 
 

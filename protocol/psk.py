@@ -34,8 +34,7 @@ _CCM_KEY: Final = 16
 _SALT: Final = 5
 _TAG: Final = 8
 _PADS: Final = Struct("<16H")  # of a hash, for as many numbers
-_VALUES: Final = bytes((0, *range(3, PHASE)))
-"""What the first byte hides: 7 bits, but no handshake."""
+_VALUES: Final = bytes((0, *range(3, PHASE)))  # what the first byte hides: 7 bits, but no handshake
 
 
 def _turned(by: int) -> bytes:
@@ -49,8 +48,8 @@ def _of_both_phases(values: bytes) -> bytes:
 
 
 _TURNS: Final = tuple(map(_turned, range(len(_VALUES))))
+# How often this process was copied since its beginning: a copy would seal other datagrams under the same numbers.
 _copies: Final = [0]
-"""How often this process was copied since its beginning: a copy would seal other datagrams under the same numbers."""
 
 
 def _on_copied() -> None:

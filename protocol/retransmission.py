@@ -22,8 +22,7 @@ UNHELD_SHARE: Final = 1.0 / 16.0
 """How exactly the age of what the peer lacks is known, as a share of the silence limit; it is never underestimated."""
 
 MOST_COPIES: Final = 6
-RESIDUAL: Final = 0.02
-"""Share of updates that may stay lost although they were sent again early."""
+RESIDUAL: Final = 0.02  # share of updates that may stay lost although they were sent again early
 
 LEAST_EARLY_PER_S: Final = 6.0
 MOST_EARLY_PER_S: Final = 150.0
@@ -157,8 +156,8 @@ class OutgoingStream:
         self._acknowledged_by = -1
         self.is_held = False
         self.unheld_since = inf
+        # Of a few updates in a row: departure of the first, number of the last.
         self._unheld: deque[tuple[float, int]] = deque(maxlen=_MOST_UNHELD)
-        """Of a few updates in a row: departure of the first, number of the last."""
         self._silence = silence
         self._urgent_at = inf
         self._newest = 0

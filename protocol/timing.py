@@ -21,8 +21,7 @@ WINDOW: Final = 4.0  # length of the minimum filter [s]
 _BUCKETS: Final = 8
 _BUCKET: Final = WINDOW / _BUCKETS
 STAMP_BITS: Final = 23
-STAMP_UNIT: Final = 1e-5
-"""Resolution of the time stamps [s]; 23 bits of it wrap every 84 s."""
+STAMP_UNIT: Final = 1e-5  # resolution of the time stamps [s]; 23 bits of it wrap every 84 s
 _STAMP_MASK: Final = (1 << STAMP_BITS) - 1
 _STAMPS_PER_S: Final = 1e5
 

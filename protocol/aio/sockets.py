@@ -23,8 +23,7 @@ from weberlink.protocol.wire import LONGEST_DATAGRAM
 
 Ancillary = list[tuple[int, int, bytes]]  # level, kind and data of what the system gives or takes beside a datagram
 _NOTHING: Final[Ancillary] = []
-ANCILLARY_BYTES: Final = socket.CMSG_SPACE(20)
-"""Enough for a class of service or a called address."""
+ANCILLARY_BYTES: Final = socket.CMSG_SPACE(20)  # enough for a class of service or a called address
 ECN_BITS: Final = 2
 """Lowest bits of the type-of-service octet (RFC 3168); the class of service is above them (RFC 2474)."""
 SLICE_S: Final = 2e-4
@@ -194,8 +193,7 @@ class ReceiveQueue:
         self._on_datagrams = on_datagrams
         self._source = source
         self._look_at = -inf
-        self._looks = True
-        """Whether the next read is one with what the system gives beside."""
+        self._looks = True  # whether the next read is one with what the system gives beside
         self._resume: asyncio.TimerHandle | None = None
         waiting = select.poll()
         waiting.register(bound.fileno(), select.POLLIN)

@@ -73,8 +73,8 @@ class Path:
         self._owner = owner
         self._loop = loop
         self._dscp: int | None = None
+        # Sender of the newest datagram, and which address of this host it called; then the same of the peer.
         self._called: list[tuple[Address, str, Ancillary]] = []
-        """Sender of the newest datagram, and which address of this host it called; then the same of the peer."""
         self._bound = bound
         bound.setblocking(False)
         set_option(bound, socket.IP_TOS, socket.IPV6_TCLASS, owner.shell.dscp << ECN_BITS)
@@ -178,8 +178,7 @@ class Paths:
         self.address: Address = ("", 0)
         self.facts: tuple[LinkPath, ...] = ()
         self.all: tuple[Path, ...] = ()
-        self._numeric: Address | None = None
-        """Address of the peer that the endpoint knows by a name."""
+        self._numeric: Address | None = None  # address of the peer that the endpoint knows by a name
         self._guarded: Address | None = None
         self.tell()
 
@@ -275,8 +274,8 @@ class UdpShell:
         self._timer: asyncio.TimerHandle | None = None
         self._timer_at = inf
         self._tick_at = inf
+        # When the loop was woken for the newest datagram, and how long that took then [s].
         self._woken_at = self._handling = 0.0
-        """When the loop was woken for the newest datagram, and how long that took then [s]."""
         self._paths = paths(self)
 
     @property

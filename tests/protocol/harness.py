@@ -62,10 +62,8 @@ class Side:
     sessions: int = 0
     renewals: int = 0
     """Events after which the owner must send a new state."""
-    renewed: int = 0
-    """How many of them `renew` has answered."""
-    silences: int = 0
-    """Events after which what the peer has sent counts no more."""
+    renewed: int = 0  # how many of them `renew` has answered
+    silences: int = 0  # events after which what the peer has sent counts no more
 
     def local(self, world: float) -> float:
         return self.offset + world * (1.0 + self.drift)
@@ -188,12 +186,9 @@ class Pair:
             )
         )
         self.forward, self.backward = self.link(link), self.link(backward or link)
-        self.guests: list[Side] = []
-        """Further masters, over the same links."""
-        self.tap: list[tuple[float, Side, bytes]] = []
-        """Everything sent: world time, sender, bytes."""
-        self.sent_to: list[tuple[Address, int]] = []
-        """Target and kind of the same."""
+        self.guests: list[Side] = []  # further masters, over the same links
+        self.tap: list[tuple[float, Side, bytes]] = []  # everything sent: world time, sender, bytes
+        self.sent_to: list[tuple[Address, int]] = []  # target and kind of the same
         self.swallow: Callable[[Side, bytes], bool] = lambda side, data: False
         """Whether to drop a datagram of this sender, in addition to the faults of the links."""
 

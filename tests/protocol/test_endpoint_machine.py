@@ -60,8 +60,7 @@ OF_THE_CONTENT = {
 }  # fmt: skip
 """Why an authentic datagram of the present session may be dropped."""
 
-Key = tuple[Endpoint, int]
-"""An endpoint and the number of its session."""
+Key = tuple[Endpoint, int]  # an endpoint and the number of its session
 
 
 class Sent(NamedTuple):

@@ -21,8 +21,7 @@ from weberlink.child_process import Order
 from weberlink.realtime.process import die_with_parent, prepare
 
 STATISTICS = Path("/proc/stat")
-BUSY_COLUMNS = 8
-"""Columns of /proc/stat up to steal; those after it are parts of earlier ones (proc_stat(5))."""
+BUSY_COLUMNS = 8  # columns of /proc/stat up to steal; those after it are parts of earlier ones (proc_stat(5))
 
 
 class WakeUp(NamedTuple):

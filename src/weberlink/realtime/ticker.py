@@ -13,16 +13,16 @@ SHORTEST_PERIOD_S = 1e-5
 LARGEST_ADVANCE_S, LARGEST_ADVANCE_SHARE = 1e-4, 0.2
 """Bounds of the timer's advance: a time [s] and a share of the period. So busy waiting is short; on a machine that
 takes longer to wake up, ticks are late."""
+# Wake-ups until the advance is first set, and the time between two revisions [s].
 _FIRST_REVISION, _REVISED_EVERY_S = 50, 1.0
-"""Wake-ups until the advance is first set, and the time between two revisions [s]."""
 POLL_REST_SHARE = 0.1
 """Share of the period in which a polling ticker sleeps after each tick. The kernel leaves real-time tasks 95 % of a
 processor unless told otherwise, and stops one that takes more for the rest of a second."""
 _LAST_POLL_NS = 20_000
 """Time before a deadline from which a polling ticker watches only the clock, longer than the loop takes to come round
 [ns]."""
+# Share of wake-ups that come within the advance: with a larger one, more CPU time goes into busy waiting.
 _WOKEN_BY = 0.5
-"""Share of wake-ups that come within the advance: with a larger one, more CPU time goes into busy waiting."""
 
 
 class Ticker:

@@ -25,8 +25,7 @@ class RingFile(NamedTuple):
     side: str
     path: Path
     inode: int
-    changed: float
-    """Wall clock time of its last change of status [s]."""
+    changed: float  # wall clock time of its last change of status [s]
 
 
 def find_rings(where: Path | None) -> dict[str, dict[str, RingFile]]:

@@ -92,8 +92,7 @@ class _WatchedSide:
         self.gripper_pace = Pace("gripper_updates_sent")
         self.last: Any = None
         self.end_is_told = False
-        self.paths: list[LinkPath] = []
-        """As its description says."""
+        self.paths: list[LinkPath] = []  # as its description says
         self._described: dict[str, Any] | None = None
 
     def read(self) -> Records:
@@ -131,8 +130,8 @@ class WatchedSession:
         # Of another release, as much is shown as can be.
         self.layout = Layout.of(described.get("system", {}), first.rate_hz, bank, torque_bank, is_lenient=True)
         self._score = SessionScore(self.layout)
+        # Records that wait to be scored: the cost of scoring is per call, not per record.
         self._unscored: dict[str, list[Records]] = {MASTER: [], SLAVE: []}
-        """Records that wait to be scored: the cost of scoring is per call, not per record."""
         self._sides: dict[str, _WatchedSide] = {}
         self._pairs = TickPairs(first.rate_hz)
         self.log = EventLog(first.rate_hz, first.began)
