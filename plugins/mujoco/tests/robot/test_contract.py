@@ -9,8 +9,6 @@ from plugins.mujoco.tests.robot.models import gantry, robot, wall
 from weberlink.testing.robots import RobotBench, RobotContract
 from weberlink.testing.time import virtual_time
 
-CONFIGS = Path(__file__).parents[2] / "configs"
-
 
 class TestMujoco(RobotContract):
     @pytest.fixture
