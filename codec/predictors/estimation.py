@@ -70,11 +70,6 @@ class Signal:
         self.least_contact = least_contact
         self.estimators: dict[Callable[[Signal], Any], Any] = {}
 
-    @property
-    def has_positions(self) -> bool:
-        """Whether each value has a position that the receiver knows too."""
-        return self.grid.position is not None
-
     def estimator(self, kind: Callable[["Signal"], Kind]) -> Kind:
         """The estimator of a kind for this signal, the same for all who ask."""
         if kind not in self.estimators:

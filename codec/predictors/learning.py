@@ -236,14 +236,14 @@ class PathLearner:
     def __init__(self, signal: Signal) -> None:
         period = signal.grid.period
         self._lags = sorted({_ticks(lag, period) for lag in LAGS_S})
-        self._motion = [_ticks(lag, period) for lag in MOTION_S] if signal.has_positions else []
+        self._has_positions = has_positions = signal.grid.position is not None
+        self._motion = [_ticks(lag, period) for lag in MOTION_S] if has_positions else []
         self._turn = _ticks(STATE_S, period)
         self._step = _ticks(STEP_S, period)
         self._threshold = signal.least_contact * signal.least_contact
-        self._has_positions = signal.has_positions
         self._forget = exp(-self._step * period / MEMORY_S)
         self._kept = max(*self._lags, *self._motion, self._turn) + 1
-        motion, kinds = 2 * len(self._lags) - 1, 3 if signal.has_positions else 1
+        motion, kinds = 2 * len(self._lags) - 1, 3 if has_positions else 1
         self._states = [State(motion + len(self._motion) + 1, motion, kinds) for _ in range(STATES)]
         self._begin()
 
@@ -271,7 +271,10 @@ class PathLearner:
         for place in range(count * phase // self._step, count * (phase + 1) // self._step):
             work = _WORK[place]
             if work == _NOTE:
-                self._note()
+                slot, noted = self._steps % _SLOTS, self._expect()
+                noted.keep(self._bound)
+                self._noted[slot : slot + 1] = [noted]  # appended until there are so many
+                self._steps += 1
             elif work == _SOLVE:
                 self._states[self._noted[self._steps % _SLOTS - 1].state].solve()
                 self._newest = None
@@ -317,16 +320,6 @@ class PathLearner:
                 state = 1 if (u - a) * x + (v - b) * y + (w - c) * z > 0.0 else 2
         found.append((VALUE * x, VALUE * y, VALUE * z))
         return found, state
-
-    def _note(self) -> None:
-        """Store the newest sample and what is expected after it."""
-        slot, noted = self._steps % _SLOTS, self._expect()
-        noted.keep(self._bound)
-        if slot == len(self._noted):
-            self._noted.append(noted)
-        else:
-            self._noted[slot] = noted
-        self._steps += 1
 
     def _compare(self, index: int) -> None:
         """Compare the stored sample with what was expected of it at a horizon."""

@@ -24,7 +24,7 @@ from weberlink.slave.integrators.contract import MassState
 from weberlink.slave.integrators.linear_contact import EVENTS_MOST
 from weberlink.slave.integrators.oscillation import Oscillation
 from weberlink.slave.integrators.problem import MassInContact, Stage, contact_force
-from weberlink.slave.scenes.contact import RESTICK, FrictionCone, Touch
+from weberlink.slave.scenes.contact import RESTICK, UNTOUCHED, FrictionCone, Touch
 from weberlink.slave.scenes.scene import FARTHEST, NOTHING, Facing, SceneState
 
 Local = tuple[float, complex]  # Depth, and the components along the surface
@@ -119,7 +119,7 @@ class StickSlip:
     def _end(self, x: Local, v: Local, phase: Phase) -> Stage:
         position, velocity, scene = self._global(x, self._gap), self._global(v, 0.0), self._problem.scene
         if phase.anchor is None:
-            scene.restore(SceneState(position, NOTHING, ((0.0, None, False),), 0.0))
+            scene.restore(SceneState(position, NOTHING, (UNTOUCHED,), 0.0))
             return Stage(MassState(position, velocity, ZERO), (), 0.0)
         n, k, depth = self._normal, self._stiffness, x[0]
         proxy = (position[0] + depth * n[0], position[1] + depth * n[1], position[2] + depth * n[2])

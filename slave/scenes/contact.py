@@ -96,6 +96,7 @@ class Touch(NamedTuple):
 
 
 ContactState = tuple[float, Vector | None, bool]  # Depth [m], anchor of friction [m], and whether it slides
+UNTOUCHED: ContactState = (0.0, None, False)
 
 
 class ObjectContact:
@@ -129,10 +130,6 @@ class ObjectContact:
 
     def restore(self, state: ContactState) -> None:
         self._depth, self._anchor, self._sliding = state
-
-    def release(self) -> None:
-        """The probe has left the object: forget the contact."""
-        self.restore((0.0, None, False))
 
     def touch(self, index: int, depth: float, normal: Vector, proxy: Vector) -> Touch:
         """The contact without its damping force; friction moves on as in `force`."""

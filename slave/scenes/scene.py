@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from weberlink.geometry.vector import ZERO, Vector, add, distance, interpolate, norm, subtract
-from weberlink.slave.scenes.contact import ContactState, ObjectContact, SceneObject, Sway, Touch
+from weberlink.slave.scenes.contact import UNTOUCHED, ContactState, ObjectContact, SceneObject, Sway, Touch
 from weberlink.slave.scenes.proxy import Proxy, ShapePress, traced
 from weberlink.slave.scenes.shape import Shape, Tangent
 
@@ -196,7 +196,7 @@ class Scene:
 
     def _hold(self, touched: frozenset[int]) -> None:
         for index in self._touched - touched:
-            self._contacts[index].release()
+            self._contacts[index].restore(UNTOUCHED)
         self._touched = touched
 
 
