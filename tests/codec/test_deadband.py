@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.codec.signals import up
-from weberlink.codec import Encoder, force_channel, position_channel
+from weberlink.codec import Encoder, force_channel
 from weberlink.codec.deadband import DEADBANDS, Deadband, DeadbandSetup, ForceDeadband, PositionDeadband
 from weberlink.codec.deadband.cone import ConeDeadband
 from weberlink.codec.deadband.level_crossing import POWERS, LevelCrossingDeadband, level_after, level_below, past_level
@@ -117,10 +117,6 @@ def test_a_position_bound_grows_with_the_distance_moved_in_a_tick() -> None:
     deadband = PositionDeadband(0.1, 2e-4)
     assert deadband.bound((0.01, 0.0, 0.0), ZERO, ZERO, 0.0) == 2e-4
     assert deadband.bound((0.01, 0.0, 0.0), ZERO, ZERO, 0.01) == pytest.approx(2e-4 + 0.1 * 0.01)
-    encoder = Encoder(position_channel(weber=0.1, bound=2e-4))
-    encoder.encode(0, ZERO, (5.0, 0.0, 0.0))
-    encoder.encode(1, (0.0, 0.0, 0.01), ZERO)
-    assert encoder.bound == pytest.approx(2e-4 + 0.1 * 0.01)
 
 
 @pytest.mark.parametrize(("speed", "expected"), [(0.0, 0.10), (0.1, 0.15), (0.2, 0.20), (0.3, 0.25), (5.0, 0.25)])
