@@ -26,7 +26,6 @@ from weberlink.order import COMPLETED, EMERGENCY, FAILED, MISCONFIGURED, STOP_SI
 from weberlink.protocol.aio.udp import UdpShell
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.protocol.events import Address
-from weberlink.realtime.garbage import GarbageSchedule
 from weberlink.realtime.process import die_with_parent, prepare
 from weberlink.registry import fault_of, in_words
 from weberlink.session import description
@@ -42,7 +41,6 @@ from weberlink.telemetry.ring import RingWriter
 
 LINK_SETTINGS = ("delay_ms", "jitter_ms", "loss")  # what may be changed of an emulated link; as of `link.emulate`
 RING_SECONDS = 10.0
-GARBAGE_EVERY_S = 1.0
 STOP_SLACK_S, STOP_FADES = 1.0, 2.0
 """Longest orderly stop: a time [s], and multiples of that in which the force fades, because late ticks stretch it."""
 
@@ -161,7 +159,6 @@ def serve(order: DaemonOrder, configuration: Configuration, control_socket: int)
             stop_limit_s=stop_limit_s(system, order.side),
             on_open=on_open,
             after_tick=_after_tick(side, udp, ring, described),
-            garbage=GarbageSchedule(max(1, int(GARBAGE_EVERY_S * system.rate_hz))),
             busy_poll=system.realtime.busy_poll,
         ).run()
     return {

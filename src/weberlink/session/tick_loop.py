@@ -15,6 +15,7 @@ from weberlink.realtime.garbage import GarbageSchedule, freeze_garbage, thaw_gar
 from weberlink.realtime.ticker import Ticker
 from weberlink.session.side import Side
 
+GARBAGE_EVERY_S = 1.0
 REASONS = {SIGINT: "interrupted", SIGHUP: "hung up"}
 AfterTick = Callable[[int, float, float, float], None]
 """Receives the deadlines missed so far, deadline and now [s], and the time from now to the end of `flush` [us]."""
@@ -31,9 +32,10 @@ class TickLoop:
     """Runs a side in this process until it has stopped.
 
     In a tick: `transport.service`, `side.tick`, `transport.flush`, `after_tick`, then garbage collection if there is
-    slack. A run ends when the side is `stopped`: by itself, or after `side.stop` at the first signal ("interrupted",
-    "terminated", "hung up") or at the end of the duration ("completed"). A second signal other than a hang-up, or a
-    stop that takes too long, ends it at once through `side.fail`.
+    slack; what lives as the ticks begin is exempt from it. A run ends when the side is `stopped`: by itself, or after
+    `side.stop` at the first signal ("interrupted", "terminated", "hung up") or at the end of the duration
+    ("completed"). A second signal other than a hang-up, or a stop that takes too long, ends it at once through
+    `side.fail`.
 
     Args:
         period: time between ticks [s].
@@ -41,7 +43,6 @@ class TickLoop:
         start_at: the first deadline [s, `time.monotonic`]; None for one period after opening.
         stop_limit_s: hard bound on an orderly stop [s].
         on_open: begins what works in the loop beside its ticks, before the transport opens.
-        garbage: schedule for the collector, which is then frozen during the run; None leaves the collector alone.
         busy_poll: poll sockets and clock instead of sleeping between ticks (`Ticker`); takes a processor.
     """
 
@@ -56,7 +57,6 @@ class TickLoop:
         stop_limit_s: float = 1.0,
         on_open: Sequence[Callable[[asyncio.AbstractEventLoop], None]] = (),
         after_tick: AfterTick | None = None,
-        garbage: GarbageSchedule | None = None,
         busy_poll: bool = False,
     ) -> None:
         self._ticker = Ticker(period, self._tick, start_at=start_at, on_error=self._fault, polls=busy_poll)
@@ -68,7 +68,7 @@ class TickLoop:
         self._stop_limit = stop_limit_s
         self._stop_by = inf
         self._on_open, self._after_tick = on_open, after_tick
-        self._garbage = garbage
+        self._garbage = GarbageSchedule(max(1, round(GARBAGE_EVERY_S / self._period)))
         self._reason: str | None = None
         self._error: BaseException | None = None
         self._failed = False
@@ -128,14 +128,12 @@ class TickLoop:
             await asyncio.gather(ready, ended, return_exceptions=True)
 
     async def _live(self) -> None:
-        if self._garbage is not None:
-            freeze_garbage()
+        freeze_garbage()
         try:
             self._ticker.start()
             await self._done.wait()
         finally:
-            if self._garbage is not None:
-                thaw_garbage()
+            thaw_garbage()
 
     def _tick(self, index: int, deadline: float, now: float) -> None:
         if self._stop_at_index is None:
@@ -152,7 +150,7 @@ class TickLoop:
             self._after_tick(self._ticker.missed, deadline, now, (monotonic() - now) * 1e6)
         if self._side.stopped:
             self._finish()
-        elif self._garbage is not None:
+        else:
             self._garbage.tick(deadline + self._period - monotonic())
 
     def _stop(self, now: float, reason: str) -> None:
