@@ -28,7 +28,7 @@ def main(folder: Path) -> None:
     with (
         TemporaryDirectory() as scratch,
         browser(Path(scratch) / "profile") as page,
-        Monitor(Path(scratch), command="try") as monitor,
+        Monitor(command="try") as monitor,
     ):
         page.size(1200, 760)
         page.scheme("dark")

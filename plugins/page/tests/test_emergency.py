@@ -168,10 +168,10 @@ def front_of(pid: int) -> int | None:
     return None
 
 
-def test_stop_is_answered_within_100_ms_and_the_page_survives_a_crowd_and_a_flood(tmp_path: Path) -> None:
+def test_stop_is_answered_within_100_ms_and_the_page_survives_a_crowd_and_a_flood() -> None:
     """The median, which a busy machine does not decide: a stop that waits for its turn takes longer each time."""
     taken, name = [], str(2**22 + os.getpid())
-    with daemons(directory(), name) as sides, Monitor(tmp_path, "--session", name) as monitor:
+    with daemons(directory(), name) as sides, Monitor("--session", name) as monitor:
         where, key = monitor.url.removeprefix("http://"), monitor.key
         resource.prlimit(monitor.pid, resource.RLIMIT_NOFILE, (1024, 1024))
         assert os.getpriority(os.PRIO_PROCESS, monitor.pid) >= 5, "daemons go before it"

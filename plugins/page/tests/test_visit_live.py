@@ -7,7 +7,6 @@ import asyncio
 import signal
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from pathlib import Path
 from typing import Annotated, Any
 
 import aiohttp
@@ -169,7 +168,7 @@ async def another_scene_until_the_emergency(client: aiohttp.ClientSession, monit
 
 
 @pytest.mark.realtime
-def test_a_visit(tmp_path: Path) -> None:
+def test_a_visit() -> None:
     async def visit(monitor: Monitor) -> None:
         async with (
             asyncio.timeout(5 * PATIENCE),
@@ -182,8 +181,8 @@ def test_a_visit(tmp_path: Path) -> None:
             await one_drives(driver, watcher)
             await another_scene_until_the_emergency(client, monitor, watcher)
 
-    with Monitor(tmp_path, *PATIENT, *("--set", "master.device.silence_ms=5000"), command="try") as monitor:
+    with Monitor(*PATIENT, "--set", "master.device.silence_ms=5000", command="try") as monitor:
         asyncio.run(visit(monitor))
         monitor.send(signal.SIGINT)
-        status, said = monitor.finish()
+        status, said = monitor.finish()[0], monitor.said
     assert (status, "emergency stop" in said, said.count("weberlink try  ")) == (1, True, 1), "one report"

@@ -60,7 +60,7 @@ def test_browser_that_never_reads_is_noticed_by_nobody(tmp_path: Path) -> None:
         f"slave.cameras={{driver: video, sources: [{{name: test, device: {tmp_path / 'pictures'}, rate_hz: 60}}]}}"
     )
     patient = ("--set", "link.silence_ms=2000", "--set", cameras)
-    with Monitor(tmp_path, "--json", tmp_path / "report", *patient, command="try --scripted") as monitor:
+    with Monitor("--json", tmp_path / "report", *patient, command="try --scripted") as monitor:
         session, (host, port) = monitor.until_said(r"session (\d+): slave"), urlsplit(monitor.url).netloc.split(":")
         view = f"/view?session={session}"
 
@@ -87,6 +87,6 @@ def test_browser_that_never_reads_is_noticed_by_nobody(tmp_path: Path) -> None:
             grown = {process.pid: process.memory_info().rss - rss for process, rss in before.items()}
         assert max(grown.values()) < MOST_GROWTH, grown
         monitor.send(signal.SIGINT)
-        status, said = monitor.finish()
+        status, said = monitor.finish()[0], monitor.said
     assert status == 0, said
     assert faults_of(document((tmp_path / "report").read_text())) == {"master": {}, "slave": {}}
