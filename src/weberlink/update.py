@@ -11,17 +11,11 @@ MOST_PARAMETER_BYTES: Final = 48  # largest size of the parameters of a model [b
 class UpdateForm(NamedTuple):
     """What the updates of one selector carry, in groups of levels: the value on each axis, then (where the update
     carries it) the commanded position.
-
-    Args:
-        newest: number of levels in each group of the newest sample.
-        previous: likewise of the previous sample, which has the first groups of the newest one; None for a selector
-            whose payload is model parameters.
-        most_bytes: of model parameters; more than a model has are for streams of other data, such as pictures.
     """
 
-    newest: tuple[int, ...]
-    previous: tuple[int, ...] | None
-    most_bytes: int = MOST_PARAMETER_BYTES
+    newest: tuple[int, ...]  # number of levels in each group of the newest sample
+    previous: tuple[int, ...] | None  # likewise, for the first groups; None where the payload is model parameters
+    most_bytes: int = MOST_PARAMETER_BYTES  # of model parameters; more than a model has are for pictures and the like
 
 
 class PreviousSample(NamedTuple):
@@ -43,17 +37,11 @@ Payload = PreviousSample | ModelParameters | None
 
 
 class Update(NamedTuple):
-    """The complete state of a decoder: any update that arrives restores it.
+    """The complete state of a decoder: any update that arrives restores it."""
 
-    Args:
-        tick: the sender's tick number of the newest sample.
-        selector: index of the chosen predictor in the bank that both ends agreed on, 0 to `MAX_SELECTOR`.
-        newest: int16 levels of the newest sample: the value on each axis, then the commanded position, where the
-            channel says that updates of this selector carry it (`Channel.forms`).
-        payload: what the chosen predictor needs in addition; None for nothing.
-    """
-
-    tick: int
-    selector: int
+    tick: int  # the sender's tick number of the newest sample
+    selector: int  # index of the chosen predictor in the bank that both ends agreed on, 0 to `MAX_SELECTOR`
+    # Int16 levels of the newest sample: the value on each axis, then the commanded position, where the channel says
+    # that updates of this selector carry it (`Channel.forms`).
     newest: tuple[int, ...]
-    payload: Payload = None
+    payload: Payload = None  # what the chosen predictor needs in addition

@@ -23,30 +23,17 @@ CONNECTS_WITHIN = 40  # ticks after which a peer that begins is in a session
 
 @dataclass(frozen=True)
 class Content:
-    """What an update says, before it is cut to the form of its stream and selector.
+    """What an update says, before it is cut to the form of its stream and selector."""
 
-    Args:
-        stream: modulo the number of streams.
-        selector: modulo the number of forms.
-        ahead: tick of the sample after that of the datagram.
-        newest: levels, repeated as often as the form needs them.
-        payload: levels of a `PreviousSample` likewise.
-    """
-
-    stream: int
-    selector: int
-    ahead: int
-    newest: tuple[int, ...]
-    payload: Payload
+    stream: int  # modulo the number of streams
+    selector: int  # modulo the number of forms
+    ahead: int  # tick of the sample after that of the datagram
+    newest: tuple[int, ...]  # levels, repeated as often as the form needs them
+    payload: Payload  # levels of a `PreviousSample` likewise
 
 
 class Duel:
-    """A side and its hostile peer.
-
-    Args:
-        configuration: of both.
-        hero: "master" or "slave": the end that is real.
-    """
+    """A side and its hostile peer; `hero` is the end that is real, "master" or "slave"."""
 
     def __init__(self, configuration: Configuration, hero: str) -> None:
         self._configuration, self._hero = configuration, hero

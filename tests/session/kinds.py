@@ -26,21 +26,13 @@ Values = NDArray[Any]
 
 @dataclass(frozen=True)
 class Channel:
-    """One pair of channels: what is felt, and what the robot is commanded.
+    """One pair of channels: what is felt, and what the robot is commanded."""
 
-    Args:
-        prefix: of its columns in a record.
-        limit: largest value on the hand [N, or N m].
-        approach: speed of the robot towards the hand [m/s, or rad/s].
-        correction: what one update may change of the robot's command [m, or rad].
-        pressed: what is felt at least before an interruption.
-    """
-
-    prefix: str
-    limit: float
-    approach: float
-    correction: float
-    pressed: float
+    prefix: str  # of its columns in a record
+    limit: float  # largest value on the hand [N, or N m]
+    approach: float  # speed of the robot towards the hand [m/s, or rad/s]
+    correction: float  # what one update may change of the robot's command [m, or rad]
+    pressed: float  # what is felt at least before an interruption
 
     def size(self, values: Values) -> Values:
         """Lengths of vectors; of an arm, its largest axes."""
@@ -64,21 +56,13 @@ class Channel:
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of session.
+    """A kind of session."""
 
-    Args:
-        file: that is shipped.
-        overrides: that make it a session in contact at `begin`.
-        begin: [s].
-        channels: of force and motion.
-        device, robot: computed ones, for tests to derive from.
-    """
-
-    file: str | Path
-    overrides: tuple[str, ...]
-    begin: float
-    channels: tuple[Channel, ...]
-    device: Any
+    file: str | Path  # that is shipped
+    overrides: tuple[str, ...]  # that make it a session in contact at `begin`
+    begin: float  # [s]
+    channels: tuple[Channel, ...]  # of force and motion
+    device: Any  # a computed one, for tests to derive from, and so
     robot: Any
 
 
@@ -172,21 +156,13 @@ def run(
 
 @dataclass(frozen=True)
 class Interruption:
-    """What interrupts a session for a while.
+    """What interrupts a session for a while."""
 
-    Args:
-        lasts: [s].
-        link: faults of the link, with the place of `begin`.
-        stops: the side whose process stands still instead.
-        faults: of master and slave, by name.
-        fades: the fault that closes the gate of the force; none where it need not close.
-    """
-
-    lasts: float
-    faults: tuple[set[str], set[str]]
-    link: str = ""
-    stops: str = ""
-    fades: Fault = Fault.NONE
+    lasts: float  # [s]
+    faults: tuple[set[str], set[str]]  # of master and slave, by name
+    link: str = ""  # faults of the link, with the place of `begin`
+    stops: str = ""  # the side whose process stands still instead
+    fades: Fault = Fault.NONE  # the fault that closes the gate of the force; none where it need not close
 
 
 CUT = "link.emulate={{delay_ms: 2, {}blackouts_s: [[BEGIN, 0.6]]{}}}"
@@ -260,12 +236,7 @@ class StoppedEndpoint:
 
 
 class StoppedSide:
-    """Either loop; what it does not do while it stands still is a tick.
-
-    Args:
-        loop: master or slave.
-        begin, end: between which the process stands still [s].
-    """
+    """Either side, whose process stands still between two moments [s]: it does no tick."""
 
     def __init__(self, loop: Any, begin: float, end: float) -> None:
         self._loop = loop

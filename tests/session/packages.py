@@ -5,14 +5,7 @@ from pathlib import Path
 
 
 def install(folder: Path, name: str, modules: Mapping[str, str], entry_points: str) -> Path:
-    """Put a package into a folder, which becomes one of `sys.path`.
-
-    Args:
-        folder: where to.
-        name: of the distribution.
-        modules: source by name.
-        entry_points: text of its `entry_points.txt`.
-    """
+    """Put a distribution, with its modules by name, into a folder, which becomes one of `sys.path`."""
     for module, source in modules.items():
         (folder / f"{module}.py").write_text(source, encoding="utf-8")
     information = folder / f"{name.replace('-', '_')}-1.0.dist-info"

@@ -162,7 +162,7 @@ def serve(order: DaemonOrder, configuration: Configuration, control_socket: int)
             busy_poll=system.realtime.busy_poll,
         ).run()
     return {
-        "outcome": side.outcome or ran.outcome,
+        "outcome": ran.outcome,
         "failed": side.failure is not None or not ran.orderly,
         "faults": side.faults,
         "drops": side.drops,

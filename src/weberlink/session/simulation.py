@@ -51,42 +51,25 @@ class Simulation:
     position is acted on in the tick in which it was sent, and the force is felt one tick later.
 
     Args:
-        master: the operator's side; its endpoint's epoch is `epoch`.
         links: the faults from master to slave, and those from slave to master.
-        epoch: time of tick 0 [s].
     """
 
-    def __init__(
-        self,
-        *,
-        master: Side,
-        slave: Side,
-        links: tuple[Link, Link],
-        tick_period: float,
-        epoch: float = 0.0,
-    ) -> None:
-        self.master = master
-        self.slave = slave
+    def __init__(self, *, master: Side, slave: Side, links: tuple[Link, Link], tick_period: float) -> None:
+        self.master, self.slave = master, slave
         self._forward, self._backward = links
         self._tick_period = tick_period
-        self._epoch = epoch
         self._index = 0
 
-    def run(
-        self, duration: float | None, observers: Sequence[Observer], interruption: Interruption | None = None
-    ) -> None:
-        """Run to the end of the duration [s], or of the device's motion where that comes first, or to Ctrl-C.
-
-        Args:
-            duration: None to run until the device ends.
-            interruption: notes Ctrl-C, which costs less than a piece; None to let it raise KeyboardInterrupt.
+    def run(self, duration: float, observers: Sequence[Observer], interruption: Interruption | None = None) -> None:
+        """Run to the end of the duration [s], or of the device's motion where that comes first, or to Ctrl-C, which
+        costs less than a piece where `interruption` notes it, and else raises KeyboardInterrupt.
         """
         chunks = self._chunks(duration)
         for records in chunks if interruption is None else interruption.pieces(chunks):
             for observer in observers:
                 observer(*records)
 
-    def _chunks(self, duration: float | None) -> Iterator[tuple[Records, Records]]:
+    def _chunks(self, duration: float) -> Iterator[tuple[Records, Records]]:
         ticks = self._ticks(duration)
         error = None
         while error is None:
@@ -108,11 +91,11 @@ class Simulation:
         masters, slaves = zip(*(self.step() for _ in range(ticks)), strict=True)
         return as_array(masters), as_array(slaves)
 
-    def _ticks(self, duration: float | None) -> Iterator[tuple[Values, Values]]:
-        last = None if duration is None else self._index + round(duration / self._tick_period)
+    def _ticks(self, duration: float) -> Iterator[tuple[Values, Values]]:
+        last = self._index + round(duration / self._tick_period)
         while not self.master.stopped:
             if self._index == last:
-                self.master.stop(self._epoch + self._index * self._tick_period, "completed")
+                self.master.stop(self._index * self._tick_period, "completed")
             yield self.step()
 
     def close(self) -> None:
@@ -122,7 +105,7 @@ class Simulation:
 
     def step(self) -> tuple[Values, Values]:
         """One tick of both sides; returns what they would write to telemetry: the values of a record each."""
-        now = self._epoch + self._index * self._tick_period
+        now = self._index * self._tick_period
         if self._index == 0:
             self.slave.open(now)
             self.master.open(now)

@@ -65,7 +65,6 @@ class RingReader:
         self._counter = whole[COUNTER_AT : COUNTER_AT + 8].cast("Q")
         self._data = whole[RECORDS_AT:]
         whole.release()
-        self._closed = False
         self._next = self._oldest(self._counter[0])
         self.overrun = 0
 
@@ -117,9 +116,6 @@ class RingReader:
 
     def close(self) -> None:
         """Release the mapping; arrays that were read stay valid. May be repeated."""
-        if self._closed:
-            return
-        self._closed = True
         self._counter.release()
         self._data.release()
         self._map.close()

@@ -133,7 +133,7 @@ def process_started(pid: int) -> int | None:
 class RingWriter:
     """Publishes records in a ring file; for one thread."""
 
-    __slots__ = ("_body", "_closed", "_count", "_counter", "_end", "_map", "_slot", "_slot_bytes", "path")
+    __slots__ = ("_body", "_count", "_counter", "_end", "_map", "_slot", "_slot_bytes", "path")
 
     def __init__(self, path: Path, mapping: mmap, capacity: int, records: Layout = ALL) -> None:
         self.path = path
@@ -145,7 +145,6 @@ class RingWriter:
         self._end = RECORDS_AT + capacity * self._slot_bytes
         self._slot = RECORDS_AT
         self._count = 0
-        self._closed = False
 
     @classmethod
     def create(cls, path: str | Path, *, side: str, rate_hz: float, capacity: int, records: Layout = ALL) -> Self:
@@ -197,9 +196,8 @@ class RingWriter:
 
     def close(self, *, unlink: bool = True) -> None:
         """Mark the end, release the memory and remove the file; readers keep their mapping. May be repeated."""
-        if self._closed:
+        if self._map.closed:
             return
-        self._closed = True
         self._map[CLOSED_AT] = 1
         self._counter.release()
         self._map.close()
