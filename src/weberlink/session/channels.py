@@ -22,13 +22,9 @@ class Unreached:
 
     The encoder compares what the robot feels with the model where the robot is, and the operator's end evaluates the
     same model where the hand is. Both agree as long as the robot follows. One that is held back (by a trip or its
-    workspace) is where the model states nothing, so that a force would last on the hand which nothing
-    touches. From then on what the robot feels is coded for the place to which it is led: that takes the model back.
-
-    Args:
-        led: where the operator leads the robot [m]; None for nowhere.
-        follows: whether the robot follows at all.
-        least: smallest force that states a contact [N]: less may be left over within the deadband.
+    workspace) is where the model states nothing, so that a force would last on the hand which nothing touches. From
+    then on what the robot feels is coded for the place to which it is `led` [m]: that takes the model back. Less than
+    the `least` force [N] states no contact, but may be left over within the deadband.
     """
 
     def __init__(
@@ -46,12 +42,10 @@ class Unreached:
         self._ticks = 0
 
     def place(self, tick: int, value: Vector, position: Vector) -> Vector:
-        """The position [m] for which a sample is coded: what the robot feels, as it is shown [N], and where [m]."""
+        """The position [m] for which a sample is coded: a force, as it is shown [N], where it is felt [m]."""
         x, y, z = value
-        if type(self._mirror.model) is Hold or x * x + y * y + z * z > self._least_squared:
-            self._ticks = 0
-            return position
-        led = self._led()
+        may_be_felt = type(self._mirror.model) is not Hold and x * x + y * y + z * z <= self._least_squared
+        led = self._led() if may_be_felt else None
         if led is None or led == position or norm(self._mirror.stated(tick, led)) <= self._least:
             self._ticks = 0
             return position
@@ -60,18 +54,11 @@ class Unreached:
 
 
 class OutgoingChannel:
-    """A signal that this side senses and encodes.
-
-    Args:
-        unreached: looks after a force that the other end may feel elsewhere; None for other signals.
-
-    Attributes:
-        update: made in this tick, if any.
-    """
+    """A signal that this side senses and encodes; a force that the other end may feel elsewhere is looked after."""
 
     def __init__(self, encoder: Encoder, sensor: Sensor, unreached: Unreached | None = None) -> None:
         self.encoder, self.sensor, self.unreached = encoder, sensor, unreached
-        self.update: Update | None = None
+        self.update: Update | None = None  # made in this tick
 
     def encode(self, tick: int) -> None:
         """Encode the newest sample into `update`, where one must be sent."""
@@ -87,15 +74,12 @@ class IncomingChannel:
     Args:
         place: measures where the model is evaluated; None where the model does not read a position.
         learner: is told each received contact model; None for nobody.
-
-    Attributes:
-        received: updates applied since the last record.
-        value: gives the value at a tick of the peer and a position; None before the first update.
     """
 
     def __init__(self, decoder: Decoder, place: Sensor | None = None, learner: MasterControl | None = None) -> None:
         self.decoder, self.place, self.learner = decoder, place, learner
-        self.received = 0
+        self.received = 0  # updates applied since the last record
+        # Gives the value at a tick of the peer and a position; None before the first update.
         self.value = decoder.joints if decoder.is_arm else decoder.value
 
     def apply(self, update: Update) -> None:

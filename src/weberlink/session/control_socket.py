@@ -84,20 +84,15 @@ def reserved(ring: str | Path) -> Iterator[tuple[socket.socket, int]]:
     """The control socket of a daemon to be started, and a descriptor by which it is found without its file.
 
     The socket is closed at the end of the block: the daemon inherits it. The descriptor is for the caller to close.
-
-    Raises:
-        OSError: there is no room for the socket's file.
+    Raises OSError if there is no room for the socket's file.
     """
     with listening_socket(path_beside(ring)) as listener:
         yield listener, os.open(path_beside(ring), os.O_PATH | os.O_NOFOLLOW | os.O_CLOEXEC)
 
 
 def connect(asker: socket.socket, path: Path) -> None:
-    """Connect to a control socket of this user or of root.
-
-    Raises:
-        ForeignFileError: it is of somebody else.
-        OSError: it is not there, or nobody listens any more.
+    """Connect to a control socket of this user or of root; raises ForeignFileError if it is of somebody else, or
+    another OSError if nobody listens there.
     """
     try:
         status = path.lstat()

@@ -80,15 +80,8 @@ def _words(path: Path, error: OSError) -> str:
 
 
 class LogFile:
-    """Appends lines to a file or to standard output; a context manager.
-
-    Once it is open, a full disk, a closed pipe and a stopped reader cost lines, which are counted.
-
-    Args:
-        target: a path, or "-" for standard output.
-
-    Raises:
-        ConfigurationError: the file cannot be opened.
+    """Appends lines to a file or, for "-", to standard output; a context manager. Raises ConfigurationError if the file
+    cannot be opened; from then on a full disk, a closed pipe and a stopped reader cost lines, which are counted.
     """
 
     def __init__(self, target: Path) -> None:

@@ -16,11 +16,7 @@ LONGEST_ORDER = 1 << 17  # bytes; about what a command line may have
 
 
 class WaitingDaemon:
-    """A daemon of a side without an order; a context manager that ends it if it got none. It also ends with us.
-
-    Raises:
-        OSError: it does not start.
-    """
+    """A daemon of a side without an order; a context manager that ends it if it got none. It also ends with us."""
 
     def __init__(self, side: str) -> None:
         self._asks, its = socketpair(AF_UNIX, SOCK_SEQPACKET)

@@ -62,16 +62,12 @@ _RANKED = (
 
 
 class FaultLedger:
-    """The faults that are active, and how often each was met.
-
-    Attributes:
-        active: the one to name; NONE without any.
-    """
+    """The faults that are active, and how often each was met."""
 
     __slots__ = ("_lasting", "_met", "active")
 
     def __init__(self) -> None:
-        self.active = Fault.NONE
+        self.active = Fault.NONE  # the one to name
         self._lasting: set[Fault] = set()
         self._met: Counter[Fault] = Counter()
 

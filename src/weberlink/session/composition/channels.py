@@ -27,13 +27,8 @@ def force_deadband(force: ForceCodecSettings, tick_period: float, weber: float) 
 
 
 def measures_in(dump: Mapping[str, Any]) -> Measures | None:
-    """How the deadband of the force measures an error; None where that is the distance, which is quicker without.
-
-    Args:
-        dump: of a `System`, as descriptions and recordings hold it.
-
-    Raises:
-        ValueError: it holds no deadband that this installation knows.
+    """How the deadband of the force measures an error, from the dump of a `System` in descriptions and recordings; None
+    where that is the distance, which is quicker without. Raises ValueError for a deadband that is not known here.
     """
     try:
         given, tick_period = dump["codec"]["force"], 1.0 / dump["rate_hz"]

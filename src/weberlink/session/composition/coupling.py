@@ -20,13 +20,8 @@ STATED = "stiffness_n_m"  # option of a robot driver that states its stiffness t
 
 
 def coupling(configuration: Configuration, device: Device | None = None) -> float:
-    """Stiffness of the robot towards its command [N/m]: as the file states it, or by the device.
-
-    Args:
-        device: in the robot's frame, if it is built already.
-
-    Raises:
-        ConfigurationError: the file does not state it, and the device cannot be built on this host.
+    """Stiffness of the robot towards its command [N/m]: as the file states it, or by the device, given in the robot's
+    frame where it is built already; raises ConfigurationError if it cannot be built on this host.
     """
     system = configuration.system
     stated = system.slave.robot.options.get(STATED)

@@ -221,13 +221,8 @@ def build_endpoint(system: System, side: str, context: Context, kind: type[Endpo
 def build_control(
     configuration: Configuration, build: Callable[[str, SchemeParameters], ControlEnd], coupling: float
 ) -> ControlEnd:
-    """One end of the control scheme.
-
-    Args:
-        coupling: stiffness of the robot towards its command [N/m].
-
-    Raises:
-        ConfigurationError: if the scheme is of another distribution and broken.
+    """One end of the control scheme; `coupling` is the stiffness of the robot towards its command [N/m]. Raises
+    ConfigurationError if the scheme is of another distribution and broken.
     """
     system = configuration.system
     settings = SchemeParameters(

@@ -218,14 +218,8 @@ def _mapped(system: System, device: Device) -> Device:
 
 
 def check_force_ends(device: "Device | Arm", driver: str, accepted: str | None) -> None:
-    """See that the board of a device removes the force by itself, or that a guardian process does.
-
-    Args:
-        device: not wrapped by a mapping.
-        accepted: `master.accept_no_watchdog`, the driver that may do without either.
-
-    Raises:
-        ConfigurationError: the device has force and neither of the two, and the file does not accept that.
+    """See that the board of a device, without its mapping, removes the force by itself, or that a guardian process
+    does; raises ConfigurationError unless this driver is `accepted` without either (`master.accept_no_watchdog`).
     """
     spec = device.spec
     ends = spec.watchdog_s is not None or getattr(device, "guarded", False)
