@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from math import ceil, cos, cosh, exp, log2, pi, sin, sinh, sqrt
 
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.master.devices.hand_options import GraspOptions, HandOptions, Oscillator
 
 
@@ -41,8 +41,8 @@ class FirmHand:
 
     def stored(self, intended: Vector) -> float:
         """Energy of its masses and springs [J], about the intention [m]."""
-        stretch, speed = squared_distance(self.position, intended), squared_distance(self.velocity, ZERO)
-        return 0.5 * (self._stiffness * stretch + self._mass * speed)
+        stretch, speed = distance(self.position, intended), norm(self.velocity)
+        return 0.5 * (self._stiffness * stretch**2 + self._mass * speed**2)
 
 
 class GraspingHand:
@@ -81,10 +81,10 @@ class GraspingHand:
     def stored(self, intended: Vector) -> float:
         options, grasp = self._options, self._grasp
         return 0.5 * (
-            options.stiffness_n_m * squared_distance(self.arm, intended)
-            + grasp.stiffness_n_m * squared_distance(self.position, self.arm)
-            + options.mass_kg * squared_distance(self.arm_velocity, ZERO)
-            + grasp.handle_kg * squared_distance(self.velocity, ZERO)
+            options.stiffness_n_m * distance(self.arm, intended) ** 2
+            + grasp.stiffness_n_m * distance(self.position, self.arm) ** 2
+            + options.mass_kg * norm(self.arm_velocity) ** 2
+            + grasp.handle_kg * norm(self.velocity) ** 2
         )
 
 
@@ -95,10 +95,6 @@ def modelled_hand(options: HandOptions, position: Vector) -> Hand:
     """A hand at rest at a position [m], as its own intention."""
     held = options.held
     return FirmHand(options, position) if held is None else GraspingHand(options, held, position)
-
-
-def squared_distance(a: Vector, b: Vector) -> float:
-    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
 
 
 def handle_and_arm(options: HandOptions, grasp: GraspOptions, step: float) -> list[list[float]]:

@@ -87,11 +87,6 @@ class Watched:
         return shown
 
 
-@pytest.mark.parametrize("predictor", ["zoh", "plane"])
-def test_a_contact_that_the_robot_is_in_is_felt_for_ever(predictor: str) -> None:
-    assert set(Watched(predictor).go(INSIDE, PRESSED, 3000)) == {norm(PRESSED)}
-
-
 def test_a_robot_that_was_in_the_model_long_ago_states_nothing_now() -> None:
     """The newest sample is a contact, and no update follows while the model is right: there is none out there."""
     watched = Watched()

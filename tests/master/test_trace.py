@@ -50,15 +50,6 @@ def test_a_small_npz_file_that_stands_for_a_large_one_is_refused(tmp_path: Path)
         read_trace(tmp_path / "a.npz")
 
 
-@given(values=st.lists(st.tuples(*[st.floats(-1e6, 1e6)] * 6), min_size=2, max_size=20))
-def test_what_is_written_is_what_is_read(
-    tmp_path_factory: pytest.TempPathFactory, values: list[tuple[float, ...]]
-) -> None:
-    rows = [",".join(map(repr, (0.001 * i, *row))) for i, row in enumerate(values)]
-    trace = read_trace(written(tmp_path_factory.mktemp("t") / "a.csv", HEADER + "\n".join(rows)))
-    assert np.hstack((trace.position_m, trace.force_n)).tolist() == [list(row) for row in values]
-
-
 @pytest.mark.parametrize(
     ("content", "expected"),
     [
