@@ -1,5 +1,6 @@
 """The wall: what is felt of a contact where the decoder has no surface that agrees, and when it ends."""
 
+from dataclasses import dataclass
 from itertools import pairwise
 from math import inf, sin, sqrt
 
@@ -190,6 +191,41 @@ def test_a_surface_is_displayed_where_its_stiffness_agrees_within_a_factor_of_tw
     felt = contact.at(at(-0.006), at(0.006 * share * STIFFNESS), at(-0.004), 0.0)
     agrees = 0.5 < share < 2.0
     assert (felt == at(0.006 * share * STIFFNESS)) == (agrees or share == 1.0)
+
+
+@pytest.mark.parametrize(("rtt", "hand"), [(0.0, -0.004), (0.04, -0.004), (0.04, 0.0005), (0.1, -0.02)])
+def test_a_surface_that_moves_is_displayed_where_it_is_by_now(rtt: float, hand: float) -> None:
+    """Not where it was half a round trip ago, when the newest news of it left; near the robot, and far from it."""
+
+    @dataclass(frozen=True)
+    class Rising:
+        stiffness: float = STIFFNESS
+
+        def at(self, tick: float, position: Vector) -> Vector:
+            return at(max(0.0, self.stiffness * (1e-4 * (tick - 100.0) - position[2])))
+
+    contact, wall, now = pressed(), Rising(), 100.0 + 0.5 * rtt / TICK
+    contact.learn(wall, at(2.0), at(-0.004))
+    felt = contact.at(at(hand), wall.at(100.0, at(hand)), at(-0.004), 100.0, rtt)
+    assert felt == pytest.approx(wall.at(now, at(hand)))
+
+
+def test_a_displayed_surface_is_a_wall_that_the_command_can_leave() -> None:
+    """Also after the robot, or a force that lasted without a contact, has removed the wall before."""
+    contact, wall = pressed(), Wall(STIFFNESS)
+    contact.learn(wall, at(2.0), at(-0.004))
+    contact.normal = None
+    assert contact.at(at(-0.006), at(3.0), at(0.01), 0.0) == at(3.0)
+    assert contact.normal == at(1.0)
+    assert contact.depth(at(-0.006)) == pytest.approx(0.006)
+
+
+@pytest.mark.parametrize(("hand", "felt"), [(-0.001, 0.0), (-0.003, 0.5)])
+def test_a_surface_below_a_robot_far_above_is_displayed_as_decoded(hand: float, felt: float) -> None:
+    """Not the wall of the last contact, here 2 mm higher."""
+    contact, wall = pressed(), Wall(STIFFNESS, -0.002)
+    contact.learn(wall, at(2.0), at(-0.004))
+    assert contact.at(at(hand), at(felt), at(0.012), 0.0) == at(felt)
 
 
 @pytest.mark.parametrize("along", [0.0, 0.009, 0.0105, 0.03, 0.06])

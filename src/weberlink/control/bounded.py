@@ -57,7 +57,7 @@ class FeltContact:
     """
 
     def __init__(self, settings: SchemeParameters) -> None:
-        self._coupling = settings.coupling
+        self._coupling, self._tick_period = settings.coupling, settings.tick_period
         self.reset()
 
     def reset(self) -> None:
@@ -113,29 +113,38 @@ class FeltContact:
             self.stiffness = min(self._coupling, max(SOFTEST, self._products / self._squares))
             self.softest = inf
 
-    def at(self, hand: Vector, force: Vector, robot: Vector, tick: float) -> Vector:
-        """The force of the contact at the hand [N]; `force` is decoded there, `tick` is of the other side."""
+    def at(self, hand: Vector, force: Vector, robot: Vector, tick: float, rtt: float = 0.0) -> Vector:
+        """The force of the contact at the hand [N]; `force` is decoded there, `tick` is that of the other side from
+        which the newest news can be: by now it is half a round trip `rtt` [s] ahead.
+        """
         if self.normal is not None:
             self._anchor(self.normal, robot, force if self._model is None else self._model.at(tick, robot))
         n, surface, offset = self.normal, self._surface, self._offset
+        if surface is not None and rtt > 0.0:  # one that moves is displayed where it is by now
+            now = tick + 0.5 * rtt / self._tick_period
+            force = add(force, subtract(surface.at(now, hand), surface.at(tick, hand)))
+            tick = now
+        size = norm(force)
+        touches = size >= LEAST_CONTACT
         if n is None:
+            if surface is not None and size >= 2.0 * LEAST_CONTACT:  # the robot's command needs a wall to leave
+                self.normal = n = scale(force, 1.0 / size)
+                self._offset = self._found = self._measured = dot(n, hand) + size / self.stiffness
             return force
-        touches = norm(force) >= LEAST_CONTACT
         if surface is not None:
             far = distance(hand, robot)
             if far > REACH:
                 edge = interpolate(robot, hand, REACH / far)
                 there = surface.at(tick, edge)
                 size = norm(there)
-                if size >= LEAST_CONTACT:
-                    n = scale(there, 1.0 / size)
-                    offset = dot(n, edge) + size / self.stiffness
+                if size < LEAST_CONTACT:  # the robot is above it: what is decoded is newer than the last wall
+                    return force
+                n = scale(there, 1.0 / size)
+                offset = dot(n, edge) + size / self.stiffness
             elif touches:
                 return force
-        push = self.stiffness * (offset - dot(n, hand))
-        if push <= 0.0:
-            return ZERO
-        if not touches:
+        push = max(0.0, self.stiffness * (offset - dot(n, hand)))
+        if push == 0.0 or not touches:
             return scale(n, push)
         along = dot(n, force)
         share = min(1.0, push / along) if along > 0.0 else 0.0  # of what friction adds
@@ -258,7 +267,7 @@ class BoundedMaster(MasterControl):
 
     def render(self, force: Vector) -> Vector:
         if self._position is not None and self._sent.known:
-            force = self._contact.at(self._position, force, self._sent.ago(self._rtt), self._tick)
+            force = self._contact.at(self._position, force, self._sent.ago(self._rtt), self._tick, self._rtt)
             force = self._contact.damped(force, self._speed, max(0.0, min(CALM, self._rtt - CALM)))
         self._stated = force
         size, contact = hypot(force[0], force[1], force[2]), self._contact
