@@ -83,7 +83,6 @@ class Servos:
 class Transparent:
     """The leader's end of a control scheme that changes nothing, and remembers what it was told."""
 
-    energy = 0.0
     credit = 0
 
     def __init__(self) -> None:
@@ -91,8 +90,6 @@ class Transparent:
         self.resumed = 0
         self.answer: Joints | None = None
         """Instead of what `render` is given."""
-
-    def reset(self) -> None: ...
 
     def resume(self, peer_credit: int) -> None:
         self.resumed += 1

@@ -1,12 +1,14 @@
 """Sensors of an arm's axes: each takes its part of a reading that is sound in all of them."""
 
 from math import inf, nan
+from types import SimpleNamespace
 
 import pytest
 
 from tests.arms.ends import SPEC, spec
 from weberlink.arms.contract import ArmReading
-from weberlink.arms.sensor import sensors_of
+from weberlink.arms.sensor import PressedAxes, sensors_of
+from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO
 
 READING = ArmReading(0.0, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0))
@@ -39,3 +41,20 @@ def test_a_reading_that_is_not_sound_in_all_axes_is_named(
     for sensor in sensors_of(SPEC, "angles"):
         assert says in (sensor.complaint(ArmReading(0.0, angles, torques)) or "")
         assert sensor.complaint(READING) is None
+
+
+@pytest.mark.parametrize(
+    ("torques", "most"),
+    [
+        ((0.0, 0.0), inf),
+        ((0.05, -0.05), inf),  # no more than its own deadband
+        ((0.5, 0.0), 0.05 / (0.01 * 10.0)),
+        ((-0.6, 0.0), 0.06 / (0.01 * 10.0)),
+        ((-0.6, 0.8), 0.08 / (0.02 * 50.0)),
+    ],
+)
+def test_where_a_torque_is_pressed_angles_are_sent_as_finely_as_it_is_felt(torques: Joints, most: float) -> None:
+    pressed = PressedAxes((0.01, 0.02), (10.0, 50.0), lambda _, torque: max(0.1 * torque, 0.05))
+    joints = sensors_of(SPEC, "angles")[0]
+    joints.pressed, joints.felt = pressed, SimpleNamespace(decoded=(*torques, 0.5))
+    assert joints.sample()[2] == pytest.approx(most)
