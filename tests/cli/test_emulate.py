@@ -27,7 +27,7 @@ def ask(port: SerialPort, current: int) -> Sensors:
     port.write(encode_currents((current, 0, 0)))
     deadline = monotonic() + PATIENCE
     while monotonic() < deadline:
-        if answers := reader.feed(port.read(deadline)):
+        if answers := list(filter(None, reader.feed(port.read(deadline)))):
             return answers[0]
     pytest.fail("no answer")
 

@@ -107,9 +107,7 @@ class PolhemExchange(ABC):
 
     @abstractmethod
     def _connect(self, path: str) -> None:
-        """Open the port, begin the dialogue, and check that the device is the expected one; raises HardwareFault if it
-        is another one, or the port cannot be opened.
-        """
+        """Open the port and begin the dialogue; raises HardwareFault if that fails, or it is another device."""
 
     @abstractmethod
     def _await_button(self) -> None:

@@ -163,17 +163,16 @@ class StatusReader:
 
     def __init__(self) -> None:
         self._rest = b""
-        self.malformed = 0  # number of malformed answers
 
-    def feed(self, data: bytes) -> list[Sensors]:
-        """The answers that end in `data`, oldest first."""
+    def feed(self, data: bytes) -> list[Sensors | None]:
+        """The answers that end in `data`, oldest first; None for one that is malformed."""
         *ended, rest = (self._rest + data).split(b"]")
         self._rest = rest[-LONGEST:]
-        answers = []
+        answers: list[Sensors | None] = []
         for each in ended:
             match = _STATUS.fullmatch(each[each.rfind(b"[") :] + b"]")
             if match is None:
-                self.malformed += 1
+                answers.append(None)
             else:
                 model, *counts, error = (int(part) for part in match[1].split(b","))
                 answers.append(Sensors(tuple(counts), model=model, error=error))

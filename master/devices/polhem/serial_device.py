@@ -1,7 +1,6 @@
 """`polhem_serial`: Polhem, SensAble PHANTOM with new electronics, or WoodenHaptics, on a Teensy's serial port."""
 
 from collections.abc import Callable, Sequence
-from itertools import repeat
 from math import inf
 from pathlib import Path
 from typing import Any, ClassVar
@@ -45,13 +44,8 @@ class SerialLine(Line):
         self._port.write(encode_currents(message))
 
     def hear(self, until: float) -> Sequence[Sensors | None]:
-        reader = self._reader
         while data := self._port.read(until):
-            malformed = reader.malformed
-            good = reader.feed(data)
-            # The order within a burst does not matter: more than one answer is an error anyway.
-            answers: list[Sensors | None] = [*repeat(None, reader.malformed - malformed), *good]
-            if answers:
+            if answers := self._reader.feed(data):
                 return answers
             if self._clock() > until:
                 break
@@ -97,12 +91,10 @@ class BracketExchange(PolhemExchange):
         self._parameters, self._model = self._options.wired(MODELS[model]), model
 
     def _ask(self, message: Message, fresh_until: float = inf) -> Sensors:
-        """Raises BadReply for an error of the message as well, since the currents were not applied then.
-
-        A sensor of the gimbal that cannot be read comes after the currents were applied, and leaves the main counts
-        good. The firmware reads one sensor per message, so all three are good again after three answers without error.
-        """
+        """Raises BadReply for an error of the message as well, since the currents were not applied then."""
         sensors = super()._ask(message, fresh_until)
+        # A sensor of the gimbal that cannot be read comes after the currents were applied, and leaves the main counts
+        # good. The firmware reads one sensor per message, so all are good again after three answers without error.
         gimbal = sensors.error & GIMBAL_ERRORS
         if gimbal:
             self.orientation_trouble = complaint(gimbal)
