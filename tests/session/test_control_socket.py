@@ -4,7 +4,7 @@ import json
 import socket
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, cast
@@ -68,6 +68,15 @@ def test_no_question_ends_a_daemon(tmp_path: Path, question: bytes) -> None:
         told = json.loads(asker.recv(5000))
         assert (told["accepted"], told["why"]) == (False, "a question is a JSON object")
         assert ask(ring, {}, PATIENCE)["settings"] == {"weber": 0.1, "predictor": "zoh"}
+
+
+@pytest.mark.parametrize("question", [b"[]", b"{}", b'{"weber": 0.2}'])
+def test_a_question_without_an_address_is_not_answered(tmp_path: Path, question: bytes) -> None:
+    path = path_beside(tmp_path / "x.ring")
+    control = ControlSocket(listening_socket(path), cast(Any, Unchanging()), None, ORDERED_AT)
+    with closing(control), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as asker:
+        asker.sendto(question, str(path))
+        control._on_questions()
 
 
 FILE = {"delay_ms": 1.0, "jitter_ms": 0.0, "loss": 0.1}  # of the emulated link, beside a burst of 3

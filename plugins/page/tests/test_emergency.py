@@ -160,6 +160,22 @@ def test_a_request_that_does_not_come_is_given_up_and_the_front_goes_on(tmp_path
         asyncio.run(run())
 
 
+def test_requests_that_are_none_are_answered_and_write_nothing() -> None:
+    with Monitor() as monitor:
+        host, port = monitor.url.removeprefix("http://").split(":")
+        monitor.until_said("waiting for a daemon")
+        before = monitor.said
+        for head in (
+            b"GET / HTTP/1.1\r\nHost: [\xff\r\n: x",
+            b"GET //[ HTTP/1.1",
+            b"GET / HTTP/1.1\r\nX: " + b"x" * 9000,
+        ):
+            with create_connection((host, int(port)), PATIENCE) as client:
+                client.sendall(head + b"\r\n\r\n")
+                assert client.recv(100).startswith(b"HTTP/1.")
+        assert monitor.said == before
+
+
 def front_of(pid: int) -> int | None:
     """The process that takes the connections of a monitor."""
     for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():

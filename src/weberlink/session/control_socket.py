@@ -242,7 +242,7 @@ class ControlSocket:
                 request = None
             self._on_question(request, sender)
 
-    def _on_question(self, request: Any, sender: str | bytes) -> None:
+    def _on_question(self, request: Any, sender: str | bytes | None) -> None:
         self._answer_waiting()  # before another change takes its place
         if not isinstance(request, dict):
             self._answer(sender, {"accepted": False, "why": "a question is a JSON object"})
@@ -302,7 +302,7 @@ class ControlSocket:
         self._answer(self._waiting, {"accepted": accepted} | told)
         self._waiting = None
 
-    def _answer(self, sender: str | bytes, content: dict[str, object]) -> None:
+    def _answer(self, sender: str | bytes | None, content: dict[str, object]) -> None:
         tuning = self._side.tuning
         in_force = {
             "settings": tuning.settings._asdict(),
@@ -310,5 +310,6 @@ class ControlSocket:
             "pending": None if tuning.pending is None else tuning.pending._asdict(),
             "link": None if self._link is None else self._link.in_force,
         }
-        with suppress(OSError):  # the asker has ended, or does not read
-            self._socket.sendto(json.dumps(content | in_force).encode(), sender)
+        if sender:  # else it has no address
+            with suppress(OSError):  # the asker has ended, or does not read
+                self._socket.sendto(json.dumps(content | in_force).encode(), sender)

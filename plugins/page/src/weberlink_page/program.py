@@ -1,6 +1,7 @@
 """Runs the monitor: web server, watcher of sessions, and the session that pages start."""
 
 import asyncio
+import logging
 import os
 import sys
 import webbrowser
@@ -18,6 +19,7 @@ from typing import Any
 
 import uvloop
 from aiohttp import web
+from aiohttp.http_exceptions import HttpProcessingError
 
 from weberlink.telemetry.runtime_directory import directory
 from weberlink_page import access, address
@@ -96,6 +98,7 @@ async def _serve(settings: MonitorSettings, attempt: TrySession | None) -> Sessi
     pictures = PictureService(watch)
     application.router.add_get("/view", pictures.serve)
     runner = web.AppRunner(application, access_log=None, handle_signals=False, shutdown_timeout=STOP_LIMIT_S)
+    logging.getLogger("aiohttp.server").addFilter(_is_of_ours)
     await runner.setup()
     assert runner.server is not None
     async with AsyncExitStack() as stack:
@@ -119,6 +122,12 @@ async def _serve(settings: MonitorSettings, attempt: TrySession | None) -> Sessi
             stack.callback(asyncio.get_running_loop().create_task(leaving).cancel)
         await _first([watch.run(), over.wait() if launcher is None else _until_over(launcher, over, watch)])
     return None if launcher is None else launcher.last
+
+
+def _is_of_ours(record: logging.LogRecord) -> bool:
+    """Whether what is logged is no fault of a client: strangers could fill the terminal with tracebacks."""
+    error = record.exc_info[1] if record.exc_info else None
+    return not isinstance(error, HttpProcessingError | ConnectionError)
 
 
 async def _first(coroutines: Iterable[Coroutine[Any, Any, object]]) -> None:
