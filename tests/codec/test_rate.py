@@ -72,9 +72,11 @@ def test_a_reset_returns_no_tokens_and_forced_updates_are_paid_back() -> None:
 
 def test_no_tokens_come_back_if_the_ticks_begin_anew() -> None:
     bucket = TokenBucket(UpdateRate(0.5, 8.0), 1e-3)
+    wider = []
     for _ in range(8):
-        bucket.widened(1000, 1.0)
+        wider.append(bucket.widened(1000, 1.0) > 1.0)
         assert bucket.take(forced=False)
+    assert wider == [False] * 5 + [True] * 3, "below half of the bucket"
     assert not bucket.take(forced=False)
     bucket.widened(0, 1.0)
     assert not bucket.take(forced=False)
