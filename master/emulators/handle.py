@@ -31,7 +31,6 @@ class Handle:
         self._carried = False
         self._now: float | None = None
         self.position = add(options.home_m, options.origin_m)  # [m]
-        self.force = ZERO  # force of the last move [N]
 
     def advance(self, force: Vector, now: float) -> Vector:
         """Move on to `now` [s] under `force` [N] since the last call; gives the position.
@@ -42,7 +41,6 @@ class Handle:
         """
         if not is_finite(force):
             raise ValueError(f"a handle under a force that is not finite: {force}")
-        self.force = force
         if self._now is None:
             self._hand.open(now)
             self._now = now
