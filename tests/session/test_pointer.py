@@ -1,4 +1,4 @@
-"""A pointer in a whole session: it feels a dome."""
+"""A pointer in a whole session: it feels a dome, and lets go."""
 
 from typing import Any
 
@@ -17,8 +17,9 @@ CENTRE, RADIUS = np.array([0.0, 0.0, -0.025]), 0.04
 
 
 def over_the_dome(time: float) -> tuple[Vector, bool]:
-    """To and fro, one centimetre below the table's surface from 0.5 s on."""
-    return (0.05 * float(np.sin(1.5 * time)), 0.01 * float(np.cos(2.0 * time)), -0.01 if time > 0.5 else 0.04), True
+    """To and fro, one centimetre below the table's surface from 0.5 s on; released at 4 s."""
+    height = -0.01 if time > 0.5 else 0.04
+    return (0.05 * float(np.sin(1.5 * time)), 0.01 * float(np.cos(2.0 * time)), height), time < 4.0
 
 
 class Led(PointerDevice):
@@ -30,13 +31,15 @@ def lengths(vectors: Any) -> Any:
     return np.linalg.norm(vectors, axis=1)
 
 
-def test_handle_slides_over_the_dome_and_stays_out() -> None:
+def test_handle_slides_over_the_dome_and_stays_out_until_it_is_released() -> None:
     easy = ("master.device.scripted=false", "control.scheme=none")
     loaded = configuration(*easy, file="try.yaml", device=Led)
-    master, slave = build_simulation(loaded).advance(4000)
+    master, slave = build_simulation(loaded).advance(4400)
+    released = slice(4100, None)
+    assert not master["output"][released].any() and not np.ptp(slave["output"][released], axis=0).any()
     score = score_of(loaded.system)
-    score.add(master, slave)
-    sliding = master[1500:]
+    score.add(master[:4000], slave[:4000])
+    sliding = master[1500:4000]
     positions = sliding["position"]
     depth = np.maximum(-positions[:, 2], RADIUS - lengths(positions - CENTRE))
     targets = np.array([over_the_dome((tick + 1) * 1e-3)[0] for tick in sliding["tick"]])

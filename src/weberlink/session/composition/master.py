@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from math import inf
 from typing import TYPE_CHECKING
 
-from weberlink.codec import Channel, Decoder, Encoder
+from weberlink.codec import Decoder, Encoder
 from weberlink.codec.sample import INT16_MAX
 from weberlink.config import Configuration, ConfigurationError, System
 from weberlink.control.contract import FREE_FORCE
 from weberlink.control.sent import SentCommands
 from weberlink.control.table import build_master_control
-from weberlink.geometry.vector import Vector
 from weberlink.master.devices.contract import Device, DeviceFault, DeviceSpec, TorqueDevice
 from weberlink.master.gate import Bound, ContactLimiter, HandContact, OutputGate
 from weberlink.master.operator_port import Display, OperatorPort
@@ -131,7 +130,7 @@ def build_device(configuration: Configuration) -> Device:
             f"master.limits.force_n {limit:g}: {device.spec.name} pushes with {push:g} N and stops only at a force of "
             f"this size; use more, or less master.device.push_n"
         )
-    _check_range("master.device", device.spec.workspace_m, device.spec.axes, system, streams(system)[0][0])
+    _check_range(device.spec, system)
     if system.codec.rotation is not None and not device.spec.orientation:
         raise ConfigurationError(
             f"codec.rotation: master.device driver {system.master.device.driver}, as it is set here, reports no "
@@ -173,20 +172,20 @@ def check_button(system: System, spec: "DeviceSpec | ArmSpec") -> None:
         raise ConfigurationError(f"master.engage.button: {engage.button} is the button of master.mapping.clutch")
 
 
-def _check_range(where: str, workspace: tuple[Vector, Vector], axes: str, system: System, channel: Channel) -> None:
+def _check_range(spec: DeviceSpec, system: System) -> None:
     """A wire that cannot say a position of the device would move the robot elsewhere."""
-    check_axes(where, axes, system)
-    limit = channel.value_quantizer.limit
-    reach = max(abs(corner["xyz".index(axis)]) for corner in workspace for axis in system.axes)
+    check_axes("master.device", spec.axes, system)
+    limit = streams(system)[0][0].value_quantizer.limit
+    reach = max(abs(corner["xyz".index(axis)]) for corner in spec.workspace_m for axis in system.axes)
     if reach > limit:
         raise ConfigurationError(
-            f"codec.position.step_m: spans {limit:g} m but {where} reaches {reach:g} m; "
+            f"codec.position.step_m: spans {limit:g} m but master.device reaches {reach:g} m; "
             f"use a step of at least {reach / INT16_MAX:.2g}"
         )
     bound = system.codec.position.bound_m
     if bound >= reach:
         raise ConfigurationError(
-            f"codec.position.bound_m {bound:g}: nothing would be sent, {where} reaches {reach:g} m; use less"
+            f"codec.position.bound_m {bound:g}: nothing would be sent, master.device reaches {reach:g} m; use less"
         )
 
 
