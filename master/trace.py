@@ -38,6 +38,10 @@ class Trace:
     force_n: Array
 
     @property
+    def duration_s(self) -> float:
+        return float(self.time_s[-1] - self.time_s[0])
+
+    @property
     def period_s(self) -> float:
         """Median time between samples."""
         return float(np.median(np.diff(self.time_s)))

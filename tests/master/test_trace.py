@@ -31,7 +31,7 @@ def test_columns_are_read_as_named_in_any_order_beside_others(tmp_path: Path) ->
     assert trace.time_s.tolist() == [0.0, 0.001]
     assert trace.position_m.tolist() == [[1.0, 2.0, 3.0], [7.0, 8.0, 9.0]]
     assert trace.force_n.tolist() == [[4.0, 5.0, 6.0], [10.0, 11.0, 12.0]]
-    assert trace.period_s == 0.001
+    assert (trace.duration_s, trace.period_s) == (0.001, 0.001)
 
 
 def test_an_npz_file_holds_an_array_for_each_column(tmp_path: Path) -> None:
