@@ -146,6 +146,7 @@ sbom: $(RELEASE)/.made  ## what the wheels in dist bring with them, as a Cyclone
 	test -n "$$(ls dist/*-py3-none-any.whl)"
 	rm -rf $(SBOM) && $(PYTHON) -m venv $(SBOM)
 	$(SBOM)/bin/python -m pip install --quiet --disable-pip-version-check dist/*-py3-none-any.whl
+	rm $(SBOM)/lib/python*/site-packages/*weberlink*.dist-info/direct_url.json  # the path of a wheel on this machine
 	$(RELEASE)/bin/cyclonedx-py environment --pyproject pyproject.toml --output-reproducible --of JSON \
 		-o dist/weberlink.cdx.json $(SBOM)/bin/python
 
