@@ -237,7 +237,7 @@ def test_daemons_whose_launcher_is_killed_stop_by_themselves_and_in_order() -> N
 
 def test_stopped_daemons_go_on_softly_and_hear_their_peer() -> None:
     """SIGSTOP as nothing in virtual time does it: datagrams wait in the kernel, and both clocks went on."""
-    with Program("loopback", "--json", "-", "--set", "link.silence_ms=500") as program:
+    with Program("loopback", "--json", "-", "--set", "link.silence_ms=1000") as program:
         master, slave = (program.engaged(side) for side in ("master", "slave"))
         os.kill(slave.pid, signal.SIGSTOP)
         until(lambda: master.last["fault"] == Fault.SILENCE, "silence")
