@@ -107,7 +107,8 @@ def test_two_programs_find_and_lose_each_other_and_a_stranger_disturbs_none(syst
     assert set(strange_records["state"]) == {State.CONNECTING.value} and not strange_records["output"].any()
     assert (killed_slave[0], document(killed_slave[1])["outcome"]) == (1, "failed: slave was killed by SIGKILL")
     assert (killed_master[0], document(killed_master[1])["outcome"]) == (1, "failed: master was killed by SIGKILL")
-    assert ended[0] == 0 and "silence" in faults_of(document(ended[1]))["slave"]
+    assert ended[0] == 0, ended
+    assert "silence" in faults_of(document(ended[1]))["slave"]
     assert faults_of(document(strange[1])) == {"master": {}}
     assert document(strange[1])["drops"] == {"master": {}}, "nothing is answered before the key is proved"
 
