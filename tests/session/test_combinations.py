@@ -77,7 +77,8 @@ def test_run_is_finite_and_limited_and_within_the_deadband(combination: Combinat
     felt = np.linalg.norm(master["output"], axis=1)
     assert felt.max() <= limit * (1.0 + 1e-9)
     unsent = slave[(slave["state"] == State.ENGAGED.value) & (slave["ramping"] == 0) & (slave["sent"] == 0)]
-    for decoded, raw, bound in zip(*(unsent[name].tolist() for name in ("decoded", "raw", "bound")), strict=True):
+    vectors = (map(tuple, unsent[name].tolist()) for name in ("decoded", "raw"))
+    for decoded, raw, bound in zip(*vectors, unsent["bound"].tolist(), strict=True):
         assert error(decoded, raw) <= bound or distance(decoded, raw) <= force.step_n
     assert simulation.master.failure is None
     assert simulation.master.endpoint.state is State.ENGAGED
