@@ -85,9 +85,11 @@ class Session:
 def look_at_the_key(program: Program, seen: dict[str, Any]) -> None:
     key = default_path("any").parent / f"weberlink-{program.pid}.key"
     until(lambda: key.exists() and key.stat().st_size, "the key")
+    program.send(signal.SIGSTOP)  # it removes the key as soon as both sides have read it
     seen["mode"] = key.stat().st_mode & 0o777
     seen["stranger"] = as_stranger(read_file, key) if os.geteuid() == 0 else "refused"
     digits = key.read_text().split()[1].encode()
+    program.send(signal.SIGCONT)
     program.engaged("master")
     until(lambda: not key.exists(), "the key to be removed")
     seen["told"] = [digits in Path(f"/proc/{pid}/cmdline").read_bytes() for pid in program.daemons()]
