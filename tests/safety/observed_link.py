@@ -16,8 +16,8 @@ from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.events import Address
 from weberlink.session.simulation import Simulation, build_simulation
 
-Hold = Callable[[float], float | None]
-"""Departure [s] of a datagram to the age [s] at which it arrives; None for one that is not held."""
+Hold = Callable[[bytes, float], float | None]
+"""A datagram and its departure [s] to the age [s] at which it arrives; None for one that is not held."""
 
 
 class ObservedLink:
@@ -32,7 +32,9 @@ class ObservedLink:
         executions: the age of each executed update when it arrived [s].
     """
 
-    def __init__(self, emulation: Emulation | None = None, *, hold: Hold = lambda _: None, seed: int = 1) -> None:
+    def __init__(
+        self, emulation: Emulation | None = None, *, hold: Hold = lambda _data, _now: None, seed: int = 1
+    ) -> None:
         self._link: EmulatedLink[tuple[Address, float]] = EmulatedLink(emulation or Emulation(), Random(seed).random)
         self._hold = hold
         self._held: list[tuple[float, int, bytes, tuple[Address, float]]] = []
@@ -48,7 +50,7 @@ class ObservedLink:
 
     def send(self, data: bytes, tag: Address, now: float) -> None:
         self.departures.append(now)
-        age = self._hold(now)
+        age = self._hold(data, now)
         if age is None:
             self._link.send(data, (tag, now), now)
         else:
@@ -93,3 +95,8 @@ def observed(loaded: Configuration, forward: ObservedLink, backward: ObservedLin
     backward.executed = lambda: sum(built.master.endpoint.statistics.updates_received)
     links: Any = (forward, backward)
     return Simulation(master=built.master, slave=built.slave, links=links, tick_period=loaded.system.tick_period)
+
+
+def agreed_by(simulated: Simulation) -> float:
+    """The longest round trip that an end has agreed on by now [s]."""
+    return max(side.endpoint.liveness.round_trip for side in (simulated.master, simulated.slave))

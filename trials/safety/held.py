@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from itertools import product
 
-from tests.safety.observed_link import Hold, ObservedLink, observed
+from tests.safety.observed_link import Hold, ObservedLink, agreed_by, observed
 from tests.session.systems import configuration
 from trials.safety.run import TO_MASTER, TO_SLAVE
 from weberlink.protocol.emulation import Emulation
@@ -43,7 +43,7 @@ class Held:
 def hold(direction: str, mode: str, age: float) -> Held:
     """Hold a batch of datagrams of one direction for `age` [s]; the other direction is not held."""
 
-    def held(at: float) -> float | None:
+    def held(_data: bytes, at: float) -> float | None:
         if FROM_S <= at < FROM_S + BATCH_S:
             return age
         return 1e9 if mode == ALL and FROM_S <= at < FROM_S + BATCH_S + age else None  # longer than any run
@@ -54,7 +54,7 @@ def hold(direction: str, mode: str, age: float) -> Held:
 def delay(to_slave: float, to_master: float) -> Held:
     """A link that is always as slow as this [s]; the row is of the slower direction."""
     slower = TO_SLAVE if to_slave >= to_master else TO_MASTER
-    return _run(slower, ALWAYS, max(to_slave, to_master), lambda _: None, (to_slave, to_master))
+    return _run(slower, ALWAYS, max(to_slave, to_master), lambda _data, _now: None, (to_slave, to_master))
 
 
 def _run(direction: str, mode: str, age: float, held: Hold, delays: tuple[float, float]) -> Held:
@@ -68,16 +68,14 @@ def _run(direction: str, mode: str, age: float, held: Hold, delays: tuple[float,
         "slave.scene=[{shape: plane, stiffness_n_m: 300}]",
     )
     ways = {
-        way: ObservedLink(Emulation(delay_s=delay), hold=held if way == direction else lambda _: None)
+        way: ObservedLink(Emulation(delay_s=delay), hold=held if way == direction else lambda _data, _now: None)
         for way, delay in zip((TO_SLAVE, TO_MASTER), delays, strict=True)
     }
     simulated = observed(loaded, *ways.values())
     agreed = 0.0
     for _ in range(round((FROM_S + BATCH_S + age + 0.5) * rate)):
         simulated.step()
-        agreed = max(
-            agreed, simulated.master.endpoint.liveness.round_trip, simulated.slave.endpoint.liveness.round_trip
-        )
+        agreed = max(agreed, agreed_by(simulated))
     link = ways[direction]
     link.settle()
     count = sum(FROM_S <= at < FROM_S + BATCH_S for at in link.departures)

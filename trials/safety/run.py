@@ -1,5 +1,6 @@
 """Cases (motion of the operator, fault of the link, predictors, scheme): run one, measure it, and check the laws."""
 
+import json
 from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.program import ENGAGED, Records
-from tests.safety.observed_link import ObservedLink, observed
+from tests.safety.observed_link import ObservedLink, agreed_by, observed
 from tests.session.systems import configuration
 from weberlink.codec.predictors import ADAPTIVE, HYBRID, PREDICTORS
 from weberlink.config import Configuration
@@ -24,29 +25,19 @@ DARK, LONG_DARK, FLAPPING = 0.6, 4.6, 2.0
 """Length of a cut, of one in which the session expires, and of a time in which the link flaps [s]."""
 AFTER = 1.2  # how long the link is good after the fault [s]
 
-MOTIONS = {
+Step = tuple[float] | tuple[float, float, float, float]
+MOTIONS: dict[str, tuple[tuple[float, float, float], tuple[Step, ...]]] = {
     # At full speed through free space when the link fails.
-    "free": (
-        (-0.055, 0.0, 0.03),
-        "[{motion: rest, duration_s: 0.7}, {motion: reach, to_m: [0.055, 0, 0.03], duration_s: 0.35},"
-        " {motion: rest, duration_s: 9}]",
-    ),
+    "free": ((-0.055, 0.0, 0.03), ((0.7,), (0.35, 0.055, 0.0, 0.03), (9.0,))),
     # On the way into the contact and along the surface when the link fails; afterwards the hand leaves.
-    "press": (
-        (-0.02, 0.0, 0.02),
-        "[{motion: rest, duration_s: 0.7}, {motion: reach, to_m: [0.02, 0, -0.03], duration_s: 0.35},"
-        " {motion: rest, duration_s: 0.1}, {motion: reach, to_m: [0.02, 0, 0.03], duration_s: 0.3},"
-        " {motion: rest, duration_s: 9}]",
-    ),
+    "press": ((-0.02, 0.0, 0.02), ((0.7,), (0.35, 0.02, 0.0, -0.03), (0.1,), (0.3, 0.02, 0.0, 0.03), (9.0,))),
     # Leaving the contact when the link fails; pressing again when it is good again.
     "away": (
         (0.0, 0.0, 0.02),
-        "[{motion: rest, duration_s: 0.1}, {motion: reach, to_m: [0, 0, -0.03], duration_s: 0.3},"
-        " {motion: rest, duration_s: 0.4}, {motion: reach, to_m: [0.03, 0, 0.04], duration_s: 0.35},"
-        " {motion: reach, to_m: [0, 0, -0.03], duration_s: 0.3},"
-        " {motion: rest, duration_s: 9}]",
+        ((0.1,), (0.3, 0.0, 0.0, -0.03), (0.4,), (0.35, 0.03, 0.0, 0.04), (0.3, 0.0, 0.0, -0.03), (9.0,)),
     ),
 }
+"""Home [m], and steps of the hand: how long it takes [s], and where it reaches [m] unless it rests."""
 TO_SLAVE, TO_MASTER, BOTH = DIRECTIONS = ("to slave", "to master", "both ways")
 SCHEMES = ("none", "bounded")
 FLAPS_HZ = (1.0, 2.0, 5.0, 10.0, 20.0)
@@ -100,13 +91,17 @@ class Case:
     @property
     def overrides(self) -> tuple[str, ...]:
         """Of configs/loopback.yaml, as of `--set`."""
-        home, script = MOTIONS[self.motion]
+        home, steps = MOTIONS[self.motion]
+        script = [
+            {"duration_s": seconds} | ({"motion": "reach", "to_m": to} if to else {"motion": "rest"})
+            for seconds, *to in steps
+        ]
         return (
             f"codec.force.predictor={self.force}",
             f"codec.position.predictor={self.position}",
             f"control.scheme={self.scheme}",
             f"master.device.home_m={list(home)}",
-            f"master.device.script={script}",
+            f"master.device.script={json.dumps(script)}",
             f"slave.robot.home_m={list(home)}",
             f"slave.robot.stiffness_n_m={ROBOT_N_M}",
             "slave.scene=[{shape: plane, stiffness_n_m: 500}]",
@@ -137,7 +132,6 @@ BACK_S = 0.5
 """In this time after the link is good again, and two round trips, both ends engage, the robot approaches and the force
 fades in [s]."""
 CODING_M = 0.5e-3  # what the coding of a position may be off, twice: its deadband at rest and a step of the wire [m]
-Ticks = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -195,9 +189,7 @@ def run(case: Case) -> Run:
         for number in range(ticks):
             records.append(simulated.step())
             if number * loaded.system.tick_period < case.restored:
-                agreed = max(
-                    agreed, *(side.endpoint.liveness.round_trip for side in (simulated.master, simulated.slave))
-                )
+                agreed = max(agreed, agreed_by(simulated))
     except Exception as error:
         return Run(case, None, (f"a loop ended with {type(error).__name__}: {error}",))
     masters, slaves = zip(*records, strict=True)

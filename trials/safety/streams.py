@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from tests.program import Records
 from tests.protocol.harness import kind_of
+from tests.safety.observed_link import ObservedLink, agreed_by, observed
 from tests.session.systems import ARMS, HAS_ARMS, configuration
-from weberlink.protocol.emulation import EmulatedLink, Emulation
-from weberlink.protocol.events import Address
+from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.wire import Kind
-from weberlink.session.simulation import Simulation, as_array, build_simulation
+from weberlink.session.simulation import as_array
 from weberlink.telemetry.fault import Fault
 
 BEGIN, LASTS, AFTER = 1.5, 2.5, 0.7
@@ -96,25 +96,6 @@ def losses(kinds: tuple[Kind, ...]) -> Iterator[Lost]:
     yield from combinations(single, 2)
 
 
-class Sieve(EmulatedLink[Address]):
-    """A link that loses some kinds of datagrams for a while.
-
-    Attributes:
-        since: when it lost the first one [s].
-    """
-
-    def __init__(self, lost: set[int]) -> None:
-        super().__init__(Emulation(delay_s=DELAY_S), lambda: 0.5)
-        self._lost = lost
-        self.since = inf
-
-    def send(self, data: bytes, tag: Address, now: float) -> None:
-        if BEGIN <= now < BEGIN + LASTS and kind_of(data) in self._lost:
-            self.since = min(self.since, now)
-        else:
-            super().send(data, tag, now)
-
-
 @dataclass(frozen=True)
 class Found:
     """What came of a loss.
@@ -139,30 +120,40 @@ class Found:
 def run(name: str, lost: Lost) -> Found:
     """Run a session with this loss."""
     session = SESSIONS[name]
-    built = build_simulation(configuration(*session.overrides, file=session.file))
-    links = tuple(Sieve({int(kind) for sender, kind in lost if sender == end}) for end in ENDS)
-    simulation = Simulation(master=built.master, slave=built.slave, links=links, tick_period=1e-3)  # type: ignore[arg-type]
+    lost_at: list[float] = []
+
+    def link_of(end: str) -> ObservedLink:
+        kinds = {int(kind) for sender, kind in lost if sender == end}
+
+        def hold(data: bytes, now: float) -> float | None:
+            if not (BEGIN <= now < BEGIN + LASTS and kind_of(data) in kinds):
+                return None
+            lost_at.append(now)
+            return inf
+
+        return ObservedLink(Emulation(delay_s=DELAY_S), hold=hold)
+
+    simulation = observed(configuration(*session.overrides, file=session.file), *map(link_of, ENDS))
     records, follows, round_trip = [], [], 0.0
     for _ in range(round((BEGIN + LASTS + AFTER) * 1e3)):
         records.append(simulation.step())
-        follows.append(built.slave.engaged)
-        round_trip = max(round_trip, built.master.endpoint.liveness.round_trip)
+        follows.append(simulation.slave.engaged)
+        round_trip = max(round_trip, agreed_by(simulation))
     master, slave = (as_array(side) for side in zip(*records, strict=True))
     followed, failing = np.array(follows), (master["at"] >= BEGIN) & (master["at"] < BEGIN + LASTS)
     most, nothing = session.least
     unfelt = failing & (session.size(slave, "raw") > most) & (session.size(master, "output") < nothing)
     last = master["at"][followed & failing][-1]
-    since = min(link.since for link in links)
     return Found(
         longest(unfelt & followed),
         longest(unfelt),
         1e3 * (0.1 + round_trip),
-        inf if last > BEGIN + LASTS - 2e-3 else 1e3 * float(last - since),
+        inf if last > BEGIN + LASTS - 2e-3 else 1e3 * float(last - lost_at[0]),
         tuple(
             tuple(sorted(Fault(each).name.lower() for each in set(side["fault"][failing].tolist()) - {0}))
             for side in (master, slave)
         ),
-        bool(followed[-1] and built.master.engaged),
+        bool(followed[-1] and simulation.master.engaged),
     )
 
 
@@ -179,18 +170,14 @@ def main() -> int:
     chosen = parser.parse_args()
     todo = [(name, lost) for name, session in SESSIONS.items() if chosen.only in name for lost in losses(session.kinds)]
     broken = False
-    sys.stdout.write(
-        "| session | lost | followed unfelt | unfelt | limit | followed for | faults of master, slave | back |\n"
-    )
-    sys.stdout.write("|---|---|---:|---:|---:|---:|---|---|\n")
+    print("| session | lost | followed unfelt | unfelt | limit | followed for | faults of master, slave | back |")
+    print("|---|---|---:|---:|---:|---:|---|---|")
     with ProcessPoolExecutor(chosen.workers) as pool:
         for (name, lost), found in zip(todo, pool.map(run, *zip(*todo, strict=True)), strict=True):
             what = " and ".join(f"{kind.name.lower()} of {sender}" for sender, kind in lost)
             faults = ", ".join("/".join(each) or "none" for each in found.faults)
-            sys.stdout.write(
-                f"| {name} | {what} | {found.unfelt_ms} | {found.alone_ms} | {found.limit_ms:.0f} "
-                f"| {found.stopped_ms:.0f} | {faults} | {found.is_back} |\n"
-            )
+            times = f"{found.unfelt_ms} | {found.alone_ms} | {found.limit_ms:.0f} | {found.stopped_ms:.0f}"
+            print(f"| {name} | {what} | {times} | {faults} | {found.is_back} |")
             broken |= found.alone_ms > found.limit_ms or not found.is_back
     return int(broken)
 
