@@ -5,6 +5,7 @@ The scripts that need no document have their own tests in `page`.
 
 import re
 from collections.abc import Iterator
+from functools import cache
 from math import hypot, nan
 from time import sleep
 from typing import Any
@@ -13,9 +14,13 @@ import numpy as np
 import pytest
 
 from plugins.page.tests import axe
-from plugins.page.tests import synthetic_session as session
 from plugins.page.tests.browser import Browser, browser
 from plugins.page.tests.scripted_server import Message, ScriptedServer
+from tests.cli import arm_sessions as arms
+from tests.session.systems import system
+from tests.watching.sources import RATE, HandSource, description, records
+from weberlink_page.rows import samples_message
+from weberlink_page.session import PageSession
 
 TOKEN = "t0ken"
 DESK, PHONE = (1400, 900), (390, 844)
@@ -33,22 +38,30 @@ BOX = (
 WHEEL = "new WheelEvent('wheel', {deltaY: -300, bubbles: true})"
 PANELS = "return [...document.querySelectorAll('#charts > .panel')].filter(e => e.offsetParent).map(e => e.id.slice(6))"
 FIGURES = "return [...document.querySelectorAll('[data-figure]')].map(e => [e.dataset.figure, e.dataset.value])"
-REPORT: Message = {
-    "duration_s": 6.0,
-    "ticks": {
-        "master": {"count": 6012, "missed": 3, "lateness_us": {"p50": 57.2, "p99": 178.4}, "work_us": {"p50": 43.1}},
-        "slave": {"count": 6001, "missed": 0, "lateness_us": {"p50": 54.9, "p99": None}, "work_us": {"p50": 37.0}},
-    },
-    "force": {"samples": 6001, "packets": 24, "packets_per_s": 4.01234, "reduction": 0.996, "error_p99_deadbands": 1.1},
-    "position": {"packets_per_s": 38.5, "reduction": 0.9615, "error_rms": 0.000122, "violation_fraction": None},
-    "link": {"rtt_us": {"p50": 320.5, "p99": 690.0}, "lost": 0},
-}
 ALARM: Message = {"name": "unconnected", "level": "failed", "text": "unconnected for 6.9 s"}
 EVENT: Message = {"at": 1.0, "wall": 1.7e9, "level": "alarm", "side": "master", "text": "the link is silent"}
 RECORDING: Message = {"type": "recording", "state": "on", "path": "a.mcap", "bytes": 4.1e6, "seconds": 12.3, "marks": 2}
 FREE: Message = {"type": "handle", "state": "free", "why": None}
 SIDES = ("master", "slave")
-ROWS = [*(session.samples(side, 0.0, 6.0) for side in SIDES), session.felt(0.0, 6.0)]
+SECONDS = 2.0
+
+
+@cache
+def live(kind: str = "3") -> PageSession:
+    """What a monitor knows of a session with this many axes, after `SECONDS` in virtual time."""
+    if kind == "arm":
+        made, changes = [arms.records(side, round(SECONDS * arms.RATE)) for side in SIDES], {"system": arms.SYSTEM}
+    else:
+        file = {"3": "loopback.yaml", "6": "rotation.yaml"}[kind]
+        made, changes = system(file=file).advance(round(SECONDS * RATE)), description("slave", file)
+    sources = [HandSource(side, began=float(its["at"][0])) for side, its in zip(SIDES, made, strict=True)]
+    for source, its in zip(sources, made, strict=True):
+        source.description = description(source.side) | changes | {"changes": ["weber", "predictor"]}
+        source.put(its)
+    session = PageSession("1234", sources[1])
+    session.admit(sources[0])
+    session.rows()
+    return session
 
 
 @pytest.fixture(scope="module")
@@ -93,8 +106,8 @@ def server(page: Browser, served: ScriptedServer) -> Iterator[ScriptedServer]:
     served.posted.clear()
 
 
-def hello(**other: Any) -> Message:
-    """The greeting of a monitor that may do everything."""
+def greeting(kind: str = "3") -> list[Message]:
+    """Of a monitor that may do everything, and the rows so far."""
     scenes = [{"name": "dome", "title": "Dome"}, {"name": "box", "title": "Box"}]
     told = {
         "token": TOKEN,
@@ -105,7 +118,7 @@ def hello(**other: Any) -> Message:
         "workspace_m": 0.08,
         "link": {"delay_ms": 0, "jitter_ms": 0, "loss": 0.0},
     }
-    return session.hello(**told | other)
+    return [live(kind).hello() | told, *live(kind).backlog()]
 
 
 def visit(page: Browser, server: ScriptedServer, *messages: Message) -> None:
@@ -131,18 +144,10 @@ def asked(server: ScriptedServer, kind: str) -> list[Message]:
     ]
 
 
-KINDS = {
-    "3": (hello(), ROWS, "force felt position packets delay ticks energy timeline"),
-    "6": (
-        session.hello_of_six(),
-        [session.samples(side, 0.0, 6.0, is_turned=True) for side in SIDES],
-        "force torque felt position orientation packets delay ticks timeline",
-    ),
-    "arm": (
-        session.hello(axes=session.ARM, scene=[], predictors=["zoh"], changes=["weber"]),
-        [session.arm(side, 0.0, 6.0) for side in SIDES],
-        "joint-torque felt joint-angle joint-packets delay ticks energy timeline",
-    ),
+PANELS_OF = {
+    "3": "force felt position packets delay ticks energy timeline",
+    "6": "force torque felt position orientation packets delay ticks timeline",
+    "arm": "joint-torque felt joint-angle joint-packets delay ticks energy timeline",
 }
 
 
@@ -159,17 +164,15 @@ KINDS = {
 def test_every_kind_of_session_is_drawn_at_every_size_and_axe_finds_nothing(
     page: Browser, server: ScriptedServer, kind: str, size: tuple[int, int], scheme: str
 ) -> None:
-    greeting, told, panels = KINDS[kind]
     page.size(*size)
     page.scheme(scheme)
-    others = (session.figures(REPORT, alarms=[ALARM]), {"type": "events", "events": [EVENT]}, RECORDING, FREE)
-    visit(page, server, greeting, *told, *others)
-    page.wait(lambda: page.number("duration") == pytest.approx(6.0, abs=0.1), "the rows")
-    assert page.run(PANELS) == panels.split()
-    for name in panels.split():
+    others = (live(kind).figures() | {"alarms": [ALARM]}, {"type": "events", "events": [EVENT]}, RECORDING, FREE)
+    visit(page, server, *greeting(kind), *others)
+    page.wait(lambda: page.number("duration") == pytest.approx(SECONDS, abs=0.1), "the rows")
+    assert page.run(PANELS) == PANELS_OF[kind].split()
+    for name in PANELS_OF[kind].split():
         page.run("document.getElementById(arguments[0]).scrollIntoView({block: 'center'})", f"panel-{name}")
-        if name != "felt" or told[-1]["type"] == "felt":
-            page.wait(lambda name=name: page.pixels(f"#panel-{name} canvas") > 5, f"the chart {name}")
+        page.wait(lambda name=name: page.pixels(f"#panel-{name} canvas") > 5, f"the chart {name}")
     assert page.run(OUTSIDE) == []
     page.run("scrollTo(0, 100000)")
     for name in ("emergency", "tile-state"):
@@ -181,34 +184,33 @@ def test_every_kind_of_session_is_drawn_at_every_size_and_axe_finds_nothing(
     assert page.hosts() == {f"127.0.0.1:{server.port}"}
 
 
-TOLD = [
-    (session.figures(REPORT, alarms=[ALARM]), "alarms", ALARM["text"]),
-    ({"type": "events", "events": [EVENT]}, "events-count", "1"),
-    (RECORDING, "recording", "12.3 s, 4.1 MB, 2 marks"),
-    (session.figures(REPORT, ended=True, faults={"master": {"silence": 2}}), "state", "ended"),
-]
-"""Messages, the element that shows each, and a text in it."""
-
-
 def test_what_is_told_is_shown_and_figures_are_those_of_the_report(page: Browser, server: ScriptedServer) -> None:
-    visit(page, server, hello(), *ROWS)
-    for message, element, text in TOLD:
+    told = live().figures()
+    report = told["figures"] | {"felt": told["figures"]["force"], "now": told["ways_now"]}
+    visit(page, server, *greeting())
+    for message, element, text in (
+        (told | {"alarms": [ALARM]}, "alarms", ALARM["text"]),
+        ({"type": "events", "events": [EVENT]}, "events-count", "1"),
+        (RECORDING, "recording", "12.3 s, 4.1 MB, 2 marks"),
+        (told | {"ended": True, "faults": {"master": {"silence": 2}}}, "state", "ended"),
+    ):
         server.say(message)
         page.wait(lambda element=element, text=text: text in page.text(element), text)
     shown = page.run(FIGURES)
     assert len(shown) > 25
     for path, exact in shown:
-        value: Any = REPORT | {"felt": REPORT["force"]}
+        value: Any = report
         for key in path.split("."):
             value = (value or {}).get(key)
         assert float(exact or "nan") == pytest.approx(nan if value is None else value, nan_ok=True), path
-    assert (page.number("duration"), page.number("faults"), page.number("felt-deadbands-now")) == (6.0, 2, 1.1)
+    now = [page.number(name) for name in ("duration", "faults", "felt-deadbands-now")]
+    assert now == [SECONDS, 2, report["felt"]["error_p99_deadbands"]]
 
 
 def test_emergency_is_sent_both_ways_by_finger_and_by_keyboard_whatever_has_the_focus(
     page: Browser, server: ScriptedServer
 ) -> None:
-    visit(page, server, hello(), *ROWS)
+    visit(page, server, *greeting())
 
     def until_asked(count: int) -> None:
         page.wait(lambda: len(server.posted) >= count <= len(asked(server, "emergency")), "both requests")
@@ -232,14 +234,14 @@ def test_emergency_is_sent_both_ways_by_finger_and_by_keyboard_whatever_has_the_
 
 def test_emergency_that_fails_says_so_and_what_to_do(page: Browser, server: ScriptedServer) -> None:
     server.answer = lambda asked: {"type": "answer", "accepted": False, "to": asked["type"], "why": "wrong token"}
-    visit(page, server, hello(), *ROWS)
+    visit(page, server, *greeting())
     page.click("#emergency")
     page.wait(lambda: page.data("emergency") == "failed", "the refusal")
     assert page.text("notice").startswith("NOT stopped: wrong token") and "Ctrl-C" in page.text("notice")
     ages = lambda: [each["age_ms"] for each in asked(server, "emergency")]  # noqa: E731
     page.wait(lambda: len(ages()) >= 3 <= len(server.posted), "both requests again")
     assert ages() == sorted(ages()) and 400.0 < ages()[2] < 1e4, "since the press"
-    server.say(session.figures(REPORT, ended=True))
+    server.say(live().figures() | {"ended": True})
     page.wait(lambda: page.data("emergency") == "stopped", "the end of the session")
     server.stop()
     page.wait(lambda: page.data("state") == "lost", "the loss")
@@ -251,10 +253,8 @@ def test_emergency_that_fails_says_so_and_what_to_do(page: Browser, server: Scri
 
 @in_depth
 def test_pointer_and_keys_drive(page: Browser, server: ScriptedServer) -> None:
-    rest = session.samples("master", 0.0, 0.2)
-    count = len(rest["t"])
-    rest["columns"] |= {"position": [[0.0] * count] * 3, "output": [[0.0] * count] * 3}
-    visit(page, server, hello(), rest, FREE)
+    rest = samples_message("master", records(200), 10.0, live().layout)
+    visit(page, server, greeting()[0], rest, FREE)
     page.wait(lambda: page.data("handle-state") == "free", "the handle")
     drives = lambda: asked(server, "drive")  # noqa: E731
     scene = page.driver.find_element("id", "scene")
@@ -291,7 +291,7 @@ def test_pointer_and_keys_drive(page: Browser, server: ScriptedServer) -> None:
 def test_controls_ask_and_show_the_answer(page: Browser, server: ScriptedServer) -> None:
     server.answer = lambda asked: {"type": "answer", "to": asked["type"], "accepted": True, "tick": 2166}
     server.sessions = [{"session": name, "file": "try.yaml", "live": True} for name in ("1234", "5678")]
-    visit(page, server, hello(), *ROWS)
+    visit(page, server, *greeting())
     page.wait(lambda: page.run("return !document.getElementById('weber').disabled"), "the controls")
     for name, value in (("weber", "0.2"), ("predictor", "plane"), ("delay_ms", "20")):
         page.choose(name, value)
@@ -317,7 +317,7 @@ def test_page_works_without_webgl_and_without_a_session(page: Browser, server: S
     server.greeting = []
     page.open(server.address)
     page.wait(lambda: "weberlink try" in page.text("start-help"), "the help")
-    server.greeting = [hello(), *ROWS]  # for a page that has just lost its connection
+    server.greeting = greeting()  # for a page that has just lost its connection
     server.say(*server.greeting)
     page.wait(lambda: page.data("state") == "engaged", "the session")
     assert page.data("scene") == "missing" and "WebGL" in page.text("scene")
