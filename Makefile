@@ -15,8 +15,8 @@ SBOM := $(VENV)/sbom
 PAGE := plugins/page/src/weberlink_page/page
 PAGE_TOOLS := build/page
 
-GUESTS := anywhere arms devices foxglove franka link mujoco page recording ros2 studies video
-DEMO := page recording
+GUESTS := anywhere arms devices doctor foxglove franka mujoco page recording ros2 studies video
+DEMO := doctor page recording
 
 MINUTES ?= 60
 TIMES ?= 10

@@ -30,10 +30,10 @@ from benchmarks.host import during, host, in_words, share_between, steal
 from benchmarks.latency import WAYS, one_way
 from benchmarks.loopback import Session
 from benchmarks.percentiles import summary
-from weberlink.cli.doctor.report import Needs
 from weberlink.cli.sessions import one_host
 from weberlink.figures.environment import environment, footer
 from weberlink.protocol.keys import generate
+from weberlink_doctor.report import Needs
 from weberlink_studies.result import plain_table
 
 A, B = "A", "B"

@@ -27,12 +27,12 @@ from benchmarks.percentiles import summary
 from benchmarks.report import report, targets
 from benchmarks.start_up import StartUp
 from benchmarks.update_cost import UpdateCost
-from weberlink.cli.doctor.report import Needs
 from weberlink.config import ConfigurationError
 from weberlink.config.errors import require_package
 from weberlink.figures.environment import environment, footer
 from weberlink.protocol.keys import generate
 from weberlink.session.interruption import Interruption
+from weberlink_doctor.report import Needs
 from weberlink_studies.result import StudyResult, how_much
 
 KIND = "weberlink bench"

@@ -1,3 +1,4 @@
 import pytest
 
-pytest.importorskip("weberlink_studies", reason="the benchmarks use the tables of weberlink-studies")
+for guest in ("studies", "doctor"):
+    pytest.importorskip(f"weberlink_{guest}", reason="the benchmarks use tables of studies, checks of doctor")

@@ -59,10 +59,8 @@ WRONG = {
     # A field of the file.
     f"check {LOOPBACK} --set codec.force.webber=1": "codec.force.webber: unknown key; did you mean weber?",
     f"master {LOOPBACK} --duration 0": "link.slave",
-    "doctor configs/lan.yaml --set rate_hz=x": "rate_hz",
     # The file is not there, or not for this command.
     "check .": "is a folder",
-    "doctor --link robot": "--link",
     f"simulate {ARM}": "polhem_serial",
     # What is to be written has no place; standard output is for --json and --log.
     f"simulate {LOOPBACK} --json /sys/out.json": "--json: /sys",

@@ -45,7 +45,7 @@ tell()
 """
 """Ends with the modules that are there when a command is done, or orders its first daemon, which waits since before."""
 SLOW = {"numpy", "scipy", "matplotlib", "uvloop", "asyncio", "rich", "aiohttp", "mcap"}
-PROGRAMS = tuple(f"weberlink.cli.{name}" for name in ("check", "device", "doctor", "emulate", "rules", "shipped"))
+PROGRAMS = tuple(f"weberlink.cli.{name}" for name in ("check", "device", "emulate", "rules", "shipped"))
 LATE = {f"weberlink.{name}" for name in ("telemetry.reader", "figures.session", "figures.report", "session.daemon")}
 
 
@@ -78,12 +78,11 @@ json.dump([weberlink(*line) for line in json.loads(sys.argv[1])], sys.stdout)
 INSTALL = f"install it with: {install_line('devices')}"
 WITHOUT = [
     # A package is asked for where it is needed only, and after what is nearer: a name that is wrong.
-    (["try"], 2, install_line("page")),
+    (["doctor"], 2, install_line("doctor")),
     (["loopback", "--record", "a.mcap"], 2, "--record is of weberlink-recording, which is not installed; install it"),
     (["record", "info", "a.mcap"], 2, install_line("recording")),
     (["device", "test", "touch"], 2, f"driver 'touch' is of weberlink-devices, which is not installed; {INSTALL}"),
     (["device", "emulate", "inverse3"], 2, install_line("devices")),
-    (["doctor", LAN, "--link", "robot"], 2, install_line("link")),
 ]
 
 

@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 
 from plugins.anywhere.tests import FILE
-from weberlink.cli.doctor.report import Grade
 from weberlink.config import ConfigurationError, load
 from weberlink.protocol.keys import KeyFileError
 from weberlink.session.simulation import simulate
@@ -16,6 +15,7 @@ from weberlink_anywhere.doctor import judge, mailbox
 from weberlink_anywhere.nat import ANY, Behaviour, Nat
 from weberlink_anywhere.options import AnywhereOptions
 from weberlink_anywhere.stun import WayOut
+from weberlink_doctor.report import Grade
 
 HERE = ("link.finder=null", "link.listen=127.0.0.1:47000", "link.security=none")
 

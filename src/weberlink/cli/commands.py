@@ -1,13 +1,11 @@
-"""Commands that stop sessions, look at a file or a machine (check, doctor, bridge), and set one up (device, keygen,
-configs).
+"""Commands that stop sessions, look at a file (check) or carry a session on (bridge), and set a host up (device,
+keygen, configs).
 
 Each imports what it needs when it runs.
 """
 
 import os
 import sys
-from contextlib import nullcontext
-from dataclasses import replace
 from math import inf
 from pathlib import Path
 from textwrap import wrap
@@ -17,8 +15,8 @@ from typing import Annotated, Literal
 import typer
 
 from weberlink.cli.arguments import CommandGroup, File, Json, Set, file_target
-from weberlink.cli.output import fail, failing, tell, write
-from weberlink.order import COMPLETED, FAILED, INTERRUPTED, MISCONFIGURED, SIDES
+from weberlink.cli.output import fail, tell, write
+from weberlink.order import FAILED, INTERRUPTED, MISCONFIGURED
 from weberlink.session.targets import STANDARD_OUTPUT
 
 LOOK_S, TELL_S = 0.002, 0.5  # of a stop: time between two looks for an answer, and until it is said that there is none
@@ -69,56 +67,6 @@ def check(file: File, set_: Set = None) -> None:
         typer.echo(
             "\n".join(wrap(line, 80, subsequent_indent=" " * 10, break_long_words=False, break_on_hyphens=False))
         )
-
-
-def doctor(
-    file: Annotated[
-        Path | None, typer.Argument(metavar="[FILE]", help="Configuration whose needs are checked; default: the usual.")
-    ] = None,
-    side: Annotated[
-        Literal["master", "slave"] | None, typer.Option("--side", help="Check what this side needs; default: both.")
-    ] = None,
-    link: Annotated[
-        str | None,
-        typer.Option(
-            "--link",
-            metavar="PEER|HOST",
-            help="Measure the link to the waiting slave instead, and name settings that suit it: of a known peer where "
-            "link.finder finds a path, else of HOST or HOST:PORT. No device is opened, and the robot does not move.",
-        ),
-    ] = None,
-    seconds: Annotated[
-        float, typer.Option("--duration", metavar="S", min=1.0, max=600.0, help="Of the measurement of the link [s].")
-    ] = 10.0,
-    json_out: Json = None,
-    set_: Set = None,
-) -> None:
-    """Check this machine, or the link to the robot.
-
-    For real time, with FILE for what that needs; or with --link the link. Suggests fixes, takes some seconds.
-    """
-    from rich.console import Console  # noqa: PLC0415
-
-    from weberlink.cli.doctor.report import EXAMINATIONS, Grade, Needs, advised, examine  # noqa: PLC0415
-    from weberlink.config import load  # noqa: PLC0415
-
-    overrides, sides = set_ or [], SIDES if side is None else (side,)
-    if file is None and (link is not None or overrides):
-        fail(f"{'--set' if link is None else '--link'}: needs a FILE", MISCONFIGURED)
-    console = Console(stderr=True)
-    with console.status("measuring for some seconds") if console.is_terminal else nullcontext():
-        if file is None:
-            found = examine(Needs(sides=sides))
-        elif link is None:
-            configuration = load(file, overrides, sides)
-            found = examine(Needs(configuration.system, sides, file))
-            found = replace(found, findings=[*found.findings, *advised(configuration)])
-        else:
-            with failing(ValueError, MISCONFIGURED, "--link: "):
-                examine_link = EXAMINATIONS.load(next(iter((*EXAMINATIONS, *EXAMINATIONS.absent()))))
-            found = examine_link(file, overrides, link, seconds)
-    write(found.document, json_out, found.show)
-    raise typer.Exit(FAILED if found.count(Grade.PROBLEM) else COMPLETED)
 
 
 device = typer.Typer(

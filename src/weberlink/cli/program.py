@@ -18,7 +18,7 @@ class Program(CommandGroup):
     topics: ClassVar = {
         "Run": {name: f"{_HERE}.sessions:{name}" for name in ("loopback", "master", "slave", "remote", "simulate")}
         | {"stop": f"{_HERE}.commands:stop"},
-        "Look": {name: f"{_HERE}.commands:{name}" for name in ("check", "doctor", "bridge")},
+        "Look": {name: f"{_HERE}.commands:{name}" for name in ("check", "bridge")},
         "Setup": {name: f"{_HERE}.commands:{name}" for name in ("device", "guardian", "keygen", "configs")},
     }
     extended_by = "weberlink.commands"

@@ -77,7 +77,7 @@ class PathFinder(Protocol):
 
     @staticmethod
     def examine(options: Any) -> tuple[Any, Sequence[Any]]:
-        """What the doctor says of the way out of this host: for JSON, and as `weberlink.cli.doctor.report.Finding`."""
+        """What `weberlink doctor` says of the way out of this host: for JSON, and as findings of that command."""
 
 
 FINDERS: Registry[type[PathFinder]] = Registry("path finder", {}, "weberlink.path_finders")

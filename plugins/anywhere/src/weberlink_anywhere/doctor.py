@@ -4,11 +4,11 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 from urllib.parse import urlsplit
 
-from weberlink.cli.doctor.report import Finding, advice, ok, problem, unknown
 from weberlink.config.model import split_address
 from weberlink_anywhere.nat import ANY, Behaviour, Nat
 from weberlink_anywhere.options import AnywhereOptions
 from weberlink_anywhere.stun import WayOut, find_way_out
+from weberlink_doctor.report import Finding, advice, ok, problem, unknown
 
 RELAY_PAGE = "docs/relay.md"
 LETS_IN = {

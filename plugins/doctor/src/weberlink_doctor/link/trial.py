@@ -15,7 +15,6 @@ from typing import Any
 
 import uvloop
 
-from weberlink.cli.doctor.trial import run_child
 from weberlink.config import MASTER, Configuration, ConfigurationError, load
 from weberlink.config.finders import PathFinder, finder_of, finding
 from weberlink.protocol import PeerClosed, PeerSilent, Refused, State
@@ -24,6 +23,7 @@ from weberlink.protocol.probing import Heard, ProbingEndpoint
 from weberlink.realtime.process import prepare
 from weberlink.session.composition.link import build_endpoint, live_context
 from weberlink.session.daemon import emulated_link
+from weberlink_doctor.host.trial import run_child
 
 PERIOD_S = 0.005
 """Between two questions: as dense as the updates of a busy session."""

@@ -10,14 +10,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from tests.cli.doctor.machines import FILES, HOST, asking, machine
+from plugins.doctor.tests.host.machines import FILES, HOST, asking, machine
 from tests.examples import examples
 from tests.program import document, weberlink
 from tests.session.systems import CONFIGS
-from weberlink.cli.doctor.machine import Machine
-from weberlink.cli.doctor.report import CHECKS, Check, Finding, Grade, Needs, advised, examine
-from weberlink.cli.doctor.trial import SessionTrial
 from weberlink.config import load
+from weberlink_doctor.host.checks import CHECKS, Check
+from weberlink_doctor.host.examination import advised, examine
+from weberlink_doctor.host.machine import Machine
+from weberlink_doctor.host.trial import SessionTrial
+from weberlink_doctor.report import Finding, Grade, Needs
 
 READ = [row for row in CHECKS if row.area not in ("rights", "host", "devices")]
 """Checks that start no process and ask no library of devices."""
@@ -76,6 +78,15 @@ def test_command_reports_of_this_machine_and_fails_on_problems(monkeypatch: pyte
     alone = weberlink("doctor", "--json", "-")
     told = json.loads(alone.output)
     assert (told["needs"]["file"], alone.status) == (None, int(told["counts"]["problem"] > 0))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "field"), [((LAN, "--set", "rate_hz=x"), "rate_hz"), (("--link", "robot"), "--link")]
+)
+def test_a_wrong_argument_is_one_line_that_names_it(arguments: tuple[object, ...], field: str) -> None:
+    ended = weberlink("doctor", *arguments)
+    assert (ended.status, ended.output, ended.errors.count("\n")) == (2, "", 1)
+    assert field in ended.errors
 
 
 def test_what_check_warns_of_is_advice_with_its_remedy() -> None:

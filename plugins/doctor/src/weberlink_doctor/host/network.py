@@ -5,12 +5,13 @@ from collections.abc import Iterator
 from ipaddress import ip_address
 
 from weberlink.cli.devices import BROKEN, NO_EXTRA, NOTHING, READY, UNSEEN, DriverStatus
-from weberlink.cli.doctor.machine import Machine
-from weberlink.cli.doctor.report import Finding, Needs, advice, check, ok, problem, unknown
 from weberlink.compiled import build
 from weberlink.config.model import is_placeholder
 from weberlink.installation import all_guests, pip_install
 from weberlink.protocol import keys
+from weberlink_doctor.host.checks import check
+from weberlink_doctor.host.machine import Machine
+from weberlink_doctor.report import Finding, Needs, advice, ok, problem, unknown
 
 # --- network and key
 

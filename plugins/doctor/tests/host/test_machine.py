@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.doctor.machines import GRANTS, machine
-from weberlink.cli.doctor.machine import Machine, Unreadable
-from weberlink.cli.doctor.trial import PAIRS, session_trial
+from plugins.doctor.tests.host.machines import GRANTS, machine
+from weberlink_doctor.host.machine import Machine, Unreadable
+from weberlink_doctor.host.trial import PAIRS, session_trial
 
 
 def test_files_are_read_or_say_why_not(tmp_path: Path) -> None:

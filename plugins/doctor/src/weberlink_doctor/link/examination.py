@@ -11,8 +11,6 @@ from math import ceil
 from pathlib import Path
 from typing import Any
 
-from weberlink.cli.doctor.report import DoctorReport, Finding, Needs, advice, ok, problem
-from weberlink.cli.doctor.trial import nearest_rank
 from weberlink.config import MASTER, Configuration, System, load
 from weberlink.config.finders import finder_of
 from weberlink.config.model import LinkSettings, split_address
@@ -23,7 +21,9 @@ from weberlink.protocol.negotiation import LONGEST, in_ms, rounded_up
 from weberlink.protocol.probing import Heard
 from weberlink.protocol.timing import LONGEST_RTT
 from weberlink.session.advice import AHEAD, DryRun, added_delays, uncontrolled_delay
-from weberlink_link.trial import LinkTrial, build_probe, run_link_trial
+from weberlink_doctor.host.trial import nearest_rank
+from weberlink_doctor.link.trial import LinkTrial, build_probe, run_link_trial
+from weberlink_doctor.report import DoctorReport, Finding, Needs, advice, ok, problem
 
 SILENCE_STEP_MS = 10
 ELSEWHERE = "use another network"

@@ -4,10 +4,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from weberlink.cli.doctor.machine import Machine, Unreadable
-from weberlink.cli.doctor.report import CHECKS, USUAL, Finding, Needs, examine
-from weberlink.cli.doctor.trial import HostTrial, RightsTrial, SessionTrial, Stretch
 from weberlink.config import SIDES
+from weberlink_doctor.host.checks import CHECKS
+from weberlink_doctor.host.examination import examine
+from weberlink_doctor.host.machine import Machine, Unreadable
+from weberlink_doctor.host.trial import HostTrial, RightsTrial, SessionTrial, Stretch
+from weberlink_doctor.report import USUAL, Finding, Needs
 
 CPU = "sys/devices/system/cpu"
 CLOCK = "sys/devices/system/clocksource/clocksource0"

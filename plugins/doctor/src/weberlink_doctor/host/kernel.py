@@ -5,13 +5,14 @@ import re
 import resource
 from collections.abc import Iterator, Sequence
 
-from weberlink.cli.doctor.machine import Machine, Unreadable
-from weberlink.cli.doctor.report import Finding, Needs, advice, check, ok, problem, unknown
-from weberlink.cli.doctor.trial import HostTrial, RightsTrial, Stretch
 from weberlink.realtime.process import HIGHEST_PRIORITY, LATENCY_REQUEST
 from weberlink.session.daemon import RING_SECONDS
 from weberlink.telemetry.ring import RECORDS_AT, slot_bytes
 from weberlink.telemetry.runtime_directory import Places
+from weberlink_doctor.host.checks import check
+from weberlink_doctor.host.machine import Machine, Unreadable
+from weberlink_doctor.host.trial import HostTrial, RightsTrial, Stretch
+from weberlink_doctor.report import Finding, Needs, advice, ok, problem, unknown
 
 # --- kernel and clocks
 

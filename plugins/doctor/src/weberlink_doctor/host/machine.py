@@ -20,9 +20,9 @@ from time import CLOCK_MONOTONIC, clock_getres
 from typing import Any
 
 from weberlink.cli.devices import DriverStatus, survey
-from weberlink.cli.doctor import trial
-from weberlink.cli.doctor.trial import HostTrial, RightsTrial, run_child
 from weberlink.compiled import is_compiled
+from weberlink_doctor.host import trial
+from weberlink_doctor.host.trial import HostTrial, RightsTrial, run_child
 
 LOOK_UP_LIMIT_S = 3.0  # how long a name service may take to answer
 TOOL_LIMIT_S = 10.0

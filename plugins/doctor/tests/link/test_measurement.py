@@ -9,7 +9,6 @@ import pytest
 
 from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, Side, local_end
 from tests.session.systems import CONFIGS
-from weberlink.cli.doctor.report import DoctorReport, Grade, problem
 from weberlink.config import MASTER as LEADS
 from weberlink.config import load
 from weberlink.config.loading import Part
@@ -18,8 +17,9 @@ from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.paths import LinkPath
 from weberlink.protocol.probing import Heard, ProbingEndpoint
 from weberlink.protocol.psk import PresharedKey
-from weberlink_link.examination import Way, WayOut, figures, judge, lost_answers, lost_questions
-from weberlink_link.trial import PERIOD_S, LinkTrial, Measurement, received
+from weberlink_doctor.link.examination import Way, WayOut, figures, judge, lost_answers, lost_questions
+from weberlink_doctor.link.trial import PERIOD_S, LinkTrial, Measurement, received
+from weberlink_doctor.report import DoctorReport, Grade, problem
 
 LOOPBACK = CONFIGS / "loopback.yaml"
 TICK_MS = 1.0

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from tests.cli.doctor.machines import (
+from plugins.doctor.tests.host.machines import (
     BUILD,
     CLOCK,
     CPU,
@@ -24,14 +24,16 @@ from tests.cli.doctor.machines import (
     machine,
 )
 from weberlink.cli.devices import NO_RULES, READY, DriverStatus
-from weberlink.cli.doctor.machine import Machine
-from weberlink.cli.doctor.network import CHARGED_BYTES
-from weberlink.cli.doctor.report import CHECKS, Grade, Needs, examine
-from weberlink.cli.doctor.trial import HostTrial, RightsTrial, SessionTrial
 from weberlink.config.model import DriverSettings
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.protocol.keys import generate
 from weberlink.telemetry.ring import slot_bytes
+from weberlink_doctor.host.checks import CHECKS
+from weberlink_doctor.host.examination import examine
+from weberlink_doctor.host.machine import Machine
+from weberlink_doctor.host.network import CHARGED_BYTES
+from weberlink_doctor.host.trial import HostTrial, RightsTrial, SessionTrial
+from weberlink_doctor.report import Grade, Needs
 
 OK, ADVICE, PROBLEM, UNKNOWN = Grade.OK, Grade.ADVICE, Grade.PROBLEM, Grade.UNKNOWN
 DYNAMIC = "Linux version 6.1.0-21-amd64 (debian-kernel@lists.debian.org) #1 SMP PREEMPT_DYNAMIC Debian 6.1.90-1"

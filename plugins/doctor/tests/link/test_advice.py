@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.session.systems import ARMS, CONFIGS, HAS_ARMS
-from weberlink.cli.doctor.report import Finding, Grade
 from weberlink.config import MASTER, load
-from weberlink_link.examination import LinkFigures, Times, Way, recommend, silence_needs
+from weberlink_doctor.link.examination import LinkFigures, Times, Way, recommend, silence_needs
+from weberlink_doctor.report import Finding, Grade
 
 LOOPBACK, DELAY, ROTATION = (CONFIGS / f"{name}.yaml" for name in ("loopback", "delay", "rotation"))
 

@@ -1,7 +1,7 @@
-"""What a session needs of the machine, the table of checks that compare the two, and the report of their findings."""
+"""What a session needs of its host and link, what is found there, and the report."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from functools import partial
 from itertools import groupby
@@ -12,13 +12,9 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
-from weberlink.cli.doctor.machine import Machine, Unreadable
-from weberlink.config import MASTER, SIDES, SLAVE, Configuration, ConfigurationError, System
+from weberlink.config import MASTER, SIDES, SLAVE, System
 from weberlink.config.model import LinkSettings, RealtimeSettings, split_address
 from weberlink.protocol.aio.sockets import numeric
-from weberlink.protocol.keys import KeyFileError
-from weberlink.registry import Registry
-from weberlink.session.advice import advise, dry_run
 
 USUAL = System(link=LinkSettings(listen="127.0.0.1:0", slave="127.0.0.1:0", security="session"))
 INDENT = 10
@@ -154,65 +150,3 @@ class DoctorReport:
         problems, tips, dark = (self.count(grade) for grade in (Grade.PROBLEM, Grade.ADVICE, Grade.UNKNOWN))
         summary = f"{problems} problem{'' if problems == 1 else 's'}, {tips} advice, {dark} unknown"
         console.print(Text(summary, style="bold red" if problems else "bold green"))
-
-
-EXAMINATIONS: Registry[Callable[..., DoctorReport]] = Registry(
-    "examination of a link", {}, "weberlink.link_examinations"
-)
-"""Of other distributions: functions of a file, overrides, a peer, and the time to measure [s]."""
-
-# --- the table of checks
-
-Judge = Callable[[Machine, Needs], Finding | Iterable[Finding] | None]
-
-
-@dataclass(frozen=True, slots=True)
-class Check:
-    """One row of the table."""
-
-    area: str
-    name: str  # of the row; its findings have the same, or one of their own
-    judge: Judge  # reads the machine and compares it with the needs, without changing anything
-    fix: str | None = None  # of advice and problems for which `judge` names no other
-
-
-CHECKS: list[Check] = []  # in the order of the report, filled by `check`
-
-
-def check(area: str, name: str, fix: str | None = None) -> Callable[[Judge], Judge]:
-    """Add a function to the table; arguments as of `Check`."""
-
-    def add(judge: Judge) -> Judge:
-        CHECKS.append(Check(area, name, judge, fix))
-        return judge
-
-    return add
-
-
-def examine(needs: Needs, machine: Machine | None = None, checks: Sequence[Check] = CHECKS) -> DoctorReport:
-    """Run the checks on a machine; default: this one."""
-    here = machine or Machine()
-    return DoctorReport(needs, [each for row in checks for each in _findings(row, here, needs)])
-
-
-def advised(configuration: Configuration) -> list[Finding]:
-    """What `check` and every run say of a file, too."""
-    try:
-        lines = advise(dry_run(configuration))
-    except (ConfigurationError, KeyFileError) as error:
-        return [replace(unknown(f"advice on the file: {error}", check="advice"), area="file")]
-    parts = (line.rpartition("; ") for line in lines)
-    found = [advice(what or remedy, remedy, "advice") for what, _, remedy in parts]
-    return [replace(each, area="file") for each in found or [ok("nothing in the file hinders what is felt", "advice")]]
-
-
-def _findings(row: Check, machine: Machine, needs: Needs) -> Iterator[Finding]:
-    """The findings of a row; an error becomes the last of them, so that it hides no other row."""
-    try:
-        found = row.judge(machine, needs)
-        for each in [found] if isinstance(found, Finding) else found or ():
-            fix = each.fix or (row.fix if each.grade in (Grade.ADVICE, Grade.PROBLEM) else None)
-            yield replace(each, area=row.area, check=each.check or row.name, fix=fix)
-    except Exception as error:  # a machine that no test covers must not stop the report
-        kind = "" if isinstance(error, Unreadable) else f"{type(error).__name__}: "
-        yield Finding(Grade.UNKNOWN, f"{row.name}: {kind}{' '.join(str(error).split())}", None, row.name, row.area)
