@@ -16,7 +16,7 @@ pytest.importorskip("weberlink_page")
 from plugins.page.tests.browser import browser
 from plugins.page.tests.monitors import Monitor
 from plugins.page.tests.scripted_server import ScriptedServer
-from plugins.page.tests.test_page import hello
+from plugins.page.tests.test_page import greeting
 from plugins.video.tests.test_jpeg import jpeg
 from tests.program import ROOT, document, faults_of
 from weberlink.telemetry.pictures import Picture, pack
@@ -44,7 +44,7 @@ def test_who_tries_sees_the_robot_where_the_file_names_no_cameras(order: TryOrde
 
 def test_page_draws_pictures_and_says_why_there_are_none(tmp_path: Path) -> None:
     with ScriptedServer() as server, browser(tmp_path / "profile", webgl=False) as page:
-        server.greeting = [hello(view="video")]
+        server.greeting = [greeting()[0] | {"view": "video"}]
         server.pictures = [pack(Picture(0.02, "wrist", jpeg(64, 48))), pack(Picture(0.0, "table", b"rubbish", "gone"))]
         page.open(server.address)
         page.wait(lambda: "gone" in page.text("frames"), "why there is no picture")
