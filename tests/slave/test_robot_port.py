@@ -1,22 +1,27 @@
-"""The port of a robot: what is commanded, and what is shown, in every state that a session may bring it into."""
+"""The port of a robot or an arm: what is commanded, and what is shown, in every state of a session."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from math import inf, nan, pi, sin
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Self
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.arms.ends import TICK, Servos, link
 from tests.compiled import replaces_methods
 from tests.examples import examples
+from weberlink.arms.contract import ArmFault
+from weberlink.arms.sensor import sensors_of
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.ends import SlaveControl
 from weberlink.control.port import Port
+from weberlink.geometry.joints import Joints
 from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, quaternion
-from weberlink.geometry.vector import ZERO, Vector, norm, scale
-from weberlink.slave.guard import TRIP_PAUSE, Guard, PressLimit
+from weberlink.geometry.vector import ZERO, Vector, scale
+from weberlink.slave.guard import TRIP_PAUSE, TRIP_RETREAT, Guard, PressLimit, axis_press_limit
 from weberlink.slave.robot_port import ContactForce, RobotPort
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
@@ -27,8 +32,7 @@ from weberlink.slave.scenes.solids import PlaneShape
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
 
-pytestmark = replaces_methods  # `Tip` and the link stand in for compiled classes
-TICK = 1e-3
+pytestmark = replaces_methods  # `Tip` and `link` stand in for compiled classes
 LOW, HIGH = (-0.1, -0.1, -0.1), (0.1, 0.1, 0.1)
 SPEED, APPROACH, RAMP = 1.0, 0.1, 0.05
 TURN, TURN_APPROACH = 20.0, 1.0
@@ -71,42 +75,34 @@ class Tip:
 
 
 class Following:
-    """A port in virtual time, with a tool that turns; `most` is the press limit [N]."""
+    """A port in virtual time: a robot or an arm with its guard, its sensors, and a tool that turns."""
 
-    def __init__(self, at: Vector = ZERO, *, most: float = inf, retract: float = RETRACT) -> None:
-        self.robot = Tip(at)
-        self.guard = Guard(
-            [3], presses=[PressLimit(most, COUPLING, damping=100.0, contact=LEAST_CONTACT)], lower=LOW, upper=HIGH,
-            trips=(TRIP_N,), speed=SPEED, approach_speed=APPROACH, ramp=RAMP, retract=retract,
-            trip_retract=TRIP_RETRACT,
-        )  # fmt: skip
-        self.tool = ToolOrientation(speed=TURN, approach_speed=TURN_APPROACH, ramp=RAMP)
-        link: Any = SimpleNamespace(credit=SimpleNamespace(known=0), clock=SimpleNamespace(rtt=None))
-        self.force = ContactForce(COUPLING)
-        self.port = RobotPort(
-            self.robot, guard=self.guard, sensors=[self.force], endpoint=link,
-            control=SlaveControl(), tool=self.tool, by_button=True,
-        )  # fmt: skip
-        self.torque = ToolTorque(self.port.shown, self.tool)
+    def __init__(self, robot: Any, guard: Guard, sensors: Sequence[Any], **parts: Any) -> None:
+        self.robot, self.guard, self.sensors = robot, guard, list(sensors)
+        self.tool = parts.get("tool")
+        self.port = RobotPort(robot, guard=guard, sensors=sensors, endpoint=link(), by_button=True, **parts)
         self.now, self.trips = 0.0, 0
         self.port.open(0.0)
 
-    def tick(self, place: Vector | None, turn: Vector | None = ZERO, *, engaged: bool = True) -> Vector:
-        """Sense, then actuate; returns what the robot was commanded."""
+    def tick(self, *values: Joints | None, engaged: bool = True) -> Joints:
+        """Sense, then actuate; returns what was commanded."""
         self.now += TICK
         reading = self.port.latest(self.now)
-        self.force.take(reading)
-        self.torque.take(reading)
+        for sensor in self.sensors:
+            sensor.take(reading)
         self.trips += self.port.accept(reading)
-        self.port.actuate([place, turn], self.now, TICK, TICK, engaged=engaged)
+        values += (ZERO,) if self.tool is not None and len(values) == 1 else ()
+        self.port.actuate(values, self.now, TICK, TICK, engaged=engaged)
         self.port.account(TICK, TICK, encodes=True)
-        return self.robot.commands[-1]
+        commanded: Joints = self.robot.commands[-1]
+        return commanded
 
-    def there(self, place: Vector, turn: Vector = ZERO) -> "Following":
+    def there(self, *values: Joints) -> Self:
         """Follows, and shows all that it feels."""
         for _ in range(10_000):
-            self.tick(place, turn)
-            if not self.row().ramping:
+            is_there = self.guard.arrived and not self.row().ramping
+            self.tick(*values)
+            if is_there:
                 return self
         raise AssertionError("it never arrived")
 
@@ -116,9 +112,33 @@ class Following:
         return row
 
 
-def outside(place: Vector) -> float:
-    """How far from the workspace [m]."""
-    return norm(tuple(max(0.0, low - x, x - high) for low, x, high in zip(LOW, place, HIGH, strict=True)))  # type: ignore[arg-type]
+class FollowingTip(Following):
+    """Of a robot; `most` is its press limit [N]."""
+
+    def __init__(self, at: Vector = ZERO, *, most: float = inf, retract: float = RETRACT) -> None:
+        guard = Guard(
+            [3], presses=[PressLimit(most, COUPLING, damping=100.0, contact=LEAST_CONTACT)], lower=LOW, upper=HIGH,
+            trips=(TRIP_N,), speed=SPEED, approach_speed=APPROACH, ramp=RAMP, retract=retract,
+            trip_retract=TRIP_RETRACT,
+        )  # fmt: skip
+        tool = ToolOrientation(speed=TURN, approach_speed=TURN_APPROACH, ramp=RAMP)
+        self.force = ContactForce(COUPLING)
+        super().__init__(Tip(at), guard, [self.force], control=SlaveControl(), tool=tool)
+        self.torque = ToolTorque(self.port.shown, tool)
+        self.sensors.append(self.torque)
+
+
+class FollowingArm(Following):
+    """Of an arm with a gripper."""
+
+    def __init__(self, **how: Any) -> None:
+        arm = Servos(**how)
+        presses = [axis_press_limit(m, k, 0.0) for m, k in zip((0.8, 0.8, 0.4), arm.spec.stiffness_nm_rad, strict=True)]
+        guard = Guard(
+            [1, 1, 1], presses=presses, lower=(-1.8, -1.2, 0.0), upper=(1.8, 1.2, 0.9), trips=(2.0, 2.0, 1.0),
+            speed=4.0, approach_speed=0.5, ramp=0.05, trip_retract=TRIP_RETREAT,
+        )  # fmt: skip
+        super().__init__(arm, guard, sensors_of(arm.spec, "torques"), fault=ArmFault)
 
 
 @pytest.mark.parametrize("interruption", ["lose", "idle", "release", "reset", "settle"])
@@ -126,7 +146,7 @@ def outside(place: Vector) -> float:
 def test_after_any_interruption_the_robot_holds_and_the_next_command_is_approached(
     interruption: str, ticks: int
 ) -> None:
-    following = Following().there((0.01, 0.0, 0.0))
+    following = FollowingTip().there((0.01, 0.0, 0.0))
     port = following.port
     assert following.tick((0.0105, 0.0, 0.0)) == (0.0105, 0.0, 0.0), "it follows without delay"
     if interruption in ("lose", "idle"):
@@ -144,7 +164,7 @@ def test_after_any_interruption_the_robot_holds_and_the_next_command_is_approach
 
 
 def test_the_control_is_told_what_is_encoded_and_gives_its_credit() -> None:
-    following, told = Following().there((0.01, 0.0, 0.0)), list[Any]()
+    following, told = FollowingTip().there((0.01, 0.0, 0.0)), list[Any]()
     port: Any = following.port
     port._control = SimpleNamespace(observe=lambda *values: told.append(values), credit=3)
     assert port.account(TICK, TICK, encodes=False) == 3
@@ -158,7 +178,7 @@ def test_force_and_torque_fade_in_once_the_robot_is_there_in_every_channel_or_in
     newtons: float, hidden: int
 ) -> None:
     """The tool is the last to be there; a robot in a contact would press on unfelt until then."""
-    following = Following()
+    following = FollowingTip()
     force = following.robot.force = scale((0.6, 0.0, 0.8), newtons)
     following.robot.torque = (0.0, 0.1, 0.0)
     shown = []
@@ -176,7 +196,7 @@ def test_force_and_torque_fade_in_once_the_robot_is_there_in_every_channel_or_in
 
 
 def test_a_force_above_the_limit_trips_once_and_hand_and_tool_hold() -> None:
-    following = Following().there(ZERO, (0.0, 0.0, 0.1))
+    following = FollowingTip().there(ZERO, (0.0, 0.0, 0.1))
     following.robot.force = (0.0, 0.0, TRIP_N)
     following.tick(ZERO, (0.0, 0.0, 0.1))
     assert (following.trips, following.port.tripped) == (0, False), "a reading at the limit is not above it"
@@ -200,7 +220,7 @@ def test_a_force_above_the_limit_trips_once_and_hand_and_tool_hold() -> None:
 )
 def test_a_release_backs_off_a_contact_only_if_told(retract: float, told: bool, ends: float) -> None:
     """From where the robot is, not from where it was commanded."""
-    following = Following(retract=retract).there(ZERO)
+    following = FollowingTip(retract=retract).there(ZERO)
     robot = following.robot
     robot.follows, robot.at, robot.force = False, (0.0, 0.0, 0.003), (0.0, 0.0, 5.0)
     following.tick(ZERO)
@@ -211,7 +231,7 @@ def test_a_release_backs_off_a_contact_only_if_told(retract: float, told: bool, 
 
 
 def test_the_robot_presses_with_no_more_than_the_limit() -> None:
-    following = Following(most=MOST_N).there(ZERO)
+    following = FollowingTip(most=MOST_N).there(ZERO)
     robot = following.robot
     robot.follows = False
     assert following.row().contact_ticks == 0
@@ -227,7 +247,7 @@ def test_the_robot_presses_with_no_more_than_the_limit() -> None:
 
 def test_after_a_pause_the_press_limit_acts_as_a_new_one() -> None:
     """An excess that was not there a tick ago stops the command; one that was there before it goes on moves it out."""
-    following = Following(most=MOST_N).there(ZERO)
+    following = FollowingTip(most=MOST_N).there(ZERO)
     following.robot.follows, following.robot.force = False, (0.0, 0.0, 3.0)
     following.tick((0.0, 0.0, -0.001))
     following.robot.at = (0.0, 0.0, 0.02)
@@ -236,7 +256,7 @@ def test_after_a_pause_the_press_limit_acts_as_a_new_one() -> None:
 
 
 def test_after_a_stall_it_holds_with_the_force_that_it_presses_with() -> None:
-    following = Following().there((0.0, 0.0, 0.02))
+    following = FollowingTip().there((0.0, 0.0, 0.02))
     following.robot.at, following.robot.force = (0.01, 0.0, 0.0), (1.0, -2.0, 5.0)
     following.port.settle(following.now)
     pressing = pytest.approx((0.01 - 1.0 / COUPLING, 2.0 / COUPLING, -5.0 / COUPLING))
@@ -251,7 +271,7 @@ def test_after_a_stall_it_holds_with_the_force_that_it_presses_with() -> None:
 
 @pytest.mark.parametrize(("at", "force"), [((nan, 0.0, 0.0), ZERO), (ZERO, (0.0, inf, 0.0))])
 def test_a_reading_of_no_use_is_named_and_ends_the_opening(at: Vector, force: Vector) -> None:
-    following = Following()
+    following = FollowingTip()
     port = following.port
     assert following.force.complaint(RobotReading(0.0, ZERO, ZERO)) is None
     assert "reports" in (following.force.complaint(RobotReading(0.0, at, force)) or "")
@@ -262,7 +282,7 @@ def test_a_reading_of_no_use_is_named_and_ends_the_opening(at: Vector, force: Ve
 
 
 def test_it_is_a_port_and_its_record_says_what_it_did() -> None:
-    following = Following()
+    following = FollowingTip()
     port: Port = following.port
     assert (port.kind, port.leads, port.at_rest, port.tripped, port.trouble) == ("robot", False, True, False, None)
     following.there((0.01, 0.0, 0.0), (0.0, 0.0, 0.3))
@@ -289,7 +309,7 @@ def test_it_is_a_port_and_its_record_says_what_it_did() -> None:
 
 @given(st.lists(st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)), max_size=40))
 def test_the_tool_turns_no_faster_than_it_may(turns: list[Vector]) -> None:
-    following, last, there = Following(), IDENTITY, False
+    following, last, there = FollowingTip(), IDENTITY, False
     for turn in turns:
         following.tick(ZERO, turn)
         applied = following.robot.turns[-1]
@@ -330,3 +350,42 @@ def test_samples_of_a_moving_robot_lie_on_the_static_line_of_the_wall(
         lag = max(lag, abs(value[2] + series * command[2]))
     assert touched > 10
     assert lag > 0.05  # [N] off the line, if paired with the command
+
+
+# --- an arm, where it differs
+
+
+def test_gripper_shows_its_torque_on_its_own_channel() -> None:
+    following = FollowingArm(walls=(-inf, -inf, 0.3), angles=(0.0, 0.0, 0.4)).there((0.0, 0.0), (0.25,))
+    joints, gripper = following.sensors
+    assert joints.sample() == ((0.0, 0.0), (0.0, 0.0, 0.0), inf)
+    assert gripper.sample()[0] == pytest.approx((5.0 * 0.05,))
+
+
+def test_gripper_that_is_not_led_holds() -> None:
+    following = FollowingArm(angles=(0.0, 0.0, 0.4)).there((0.1, 0.0))
+    assert following.port.applied == (0.1, 0.0, 0.4)
+
+
+@pytest.mark.parametrize("nothing", [None, (nan, 0.0), (inf, 0.0)])
+def test_it_holds_while_nothing_of_use_is_decoded(nothing: Joints | None) -> None:
+    following = FollowingArm().there((0.1, 0.0), (0.2,))
+    assert [following.tick(nothing, (0.9,)) for _ in range(3)] == [(0.1, 0.0, 0.2)] * 3
+    assert following.port.account(TICK, 0.0, encodes=True) == 0, "an arm hands no energy over"
+
+
+def test_after_a_stall_an_arm_holds_without_pressing_more() -> None:
+    following = FollowingArm(sag=0.05).there((0.5, 0.0), (0.5,))
+    following.port.settle(following.now)
+    assert following.tick(None, None, engaged=False) == (0.5, 0.0, 0.5), "it does not sag twice"
+    following.robot.angles = (0.0, 0.0, 0.5)
+    following.port.settle(following.now)
+    assert following.tick(None, None, engaged=False) == pytest.approx((0.08, 0.0, 0.5))
+
+
+def test_record_has_where_an_arm_is_and_what_it_feels() -> None:
+    following = FollowingArm(walls=(-0.02, -inf, -inf)).there((-0.05, 0.1), (0.2,))
+    port = following.port
+    assert (port.applied, port.where) == ((-0.05, 0.1, 0.2), (-0.02, 0.1, 0.2))
+    assert port.shown(port.felt) == pytest.approx((0.3, 0.0, 0.0))
+    assert following.row(is_led=False).ramping == RELEASED
