@@ -246,9 +246,8 @@ class Guard(Follower):
 
     def __init__(
         self,
-        widths: Sequence[int],
-        *,
         presses: Sequence[PressLimit],
+        *,
         lower: Joints,
         upper: Joints,
         trips: Joints,
@@ -258,14 +257,14 @@ class Guard(Follower):
         trip_retract: float,
         retract: float = 0.0,
     ) -> None:
-        start: Joints = (0.0,) * len(lower)
+        if len(presses) != len(trips):
+            raise ValueError(f"{len(presses)} press limits, but {len(trips)} of a trip")
+        start, widths = (0.0,) * len(lower), [len(lower) // len(presses)] * len(presses)
         super().__init__(start, widths, speed=speed, approach_speed=approach_speed, ramp=ramp)
         if not all(low <= high for low, high in zip(lower, upper, strict=True)):
             raise ValueError(f"no range from {lower} to {upper}")
         self.lower, self.upper, self._presses = lower, upper, presses
         self._spans = [(first, last) for first, last, _, _ in self.parts]
-        if not len(presses) == len(trips) == len(widths):
-            raise ValueError(f"{len(widths)} parts, but {len(presses)} press limits and {len(trips)} of a trip")
         # A reading that saturates at the limit is not above it.
         self._trips = [force * (1.0 + 1e-9) for force in trips]
         self._retract, self._trip_retract = retract, trip_retract

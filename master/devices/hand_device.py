@@ -5,7 +5,7 @@ from random import Random
 from typing import TYPE_CHECKING, ClassVar
 
 from weberlink.compiled import mypyc_attr
-from weberlink.geometry.vector import ZERO, Vector, add, cube, norm, within
+from weberlink.geometry.vector import ZERO, Vector, add, confined, cube, norm, within
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, check_finite
 from weberlink.master.devices.hand import Tremor, modelled_hand
 from weberlink.master.devices.hand_options import HandDeviceOptions
@@ -94,10 +94,7 @@ class HandDevice:
             self._hand.advance(intended, self._felt, step)
             if self._turning is not None:
                 self._turning.advance(self._elapsed, self._torque, step)
-        position, edge = self._hand.position, self._options.workspace_m
-        x, y, z = position
-        if not (-edge <= x <= edge and -edge <= y <= edge and -edge <= z <= edge):
-            position = (min(max(x, -edge), edge), min(max(y, -edge), edge), min(max(z, -edge), edge))
+        position = confined(self._hand.position, self.spec.workspace_m)
         self._reading = DeviceReading(
             now, position, ended, None if self._turning is None else self._turning.orientation
         )

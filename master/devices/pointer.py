@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from weberlink.geometry.vector import ZERO, Vector, distance, interpolate, scale, subtract
+from weberlink.geometry.vector import ZERO, Vector, confined, cube, distance, interpolate, scale, subtract
 from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.devices.hand_device import HandDevice
 from weberlink.master.devices.hand_options import HandOptions
@@ -55,7 +55,7 @@ class PointerIntention:
 
     def __init__(self, options: PointerOptions) -> None:
         self._rate = 1e3 / options.smooth_ms
-        self._speed, self._reach, self._edge = options.speed_m_s, options.reach_m, options.workspace_m
+        self._speed, self._reach, self._box = options.speed_m_s, options.reach_m, cube(options.workspace_m)
         self.place(options.home_m)
 
     def place(self, position: Vector) -> None:
@@ -64,12 +64,11 @@ class PointerIntention:
 
     def follow(self, target: Vector, handle: Vector, step: float) -> None:
         """Move on by a step [s] towards a target [m], while the handle is at `handle` [m]."""
-        (x, y, z), (u, v, w), edge, rate = self.position, self._velocity, self._edge, self._rate
+        (x, y, z), (u, v, w), rate = self.position, self._velocity, self._rate
+        a, b, c = confined(target, self._box)
         # Implicit Euler, so that it is stable at any step: v' = (v + r^2 h (target - x)) / (1 + r h)^2.
         pull, faded = rate * rate * step, (1.0 + rate * step) ** -2
-        u = (u + pull * (min(max(target[0], -edge), edge) - x)) * faded
-        v = (v + pull * (min(max(target[1], -edge), edge) - y)) * faded
-        w = (w + pull * (min(max(target[2], -edge), edge) - z)) * faded
+        u, v, w = (u + pull * (a - x)) * faded, (v + pull * (b - y)) * faded, (w + pull * (c - z)) * faded
         way = step * min(1.0, self._speed / max(hypot(u, v, w), 1e-9))
         before, there = self.position, (x + way * u, y + way * v, z + way * w)
         far = distance(there, handle)

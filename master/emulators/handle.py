@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from weberlink.geometry.vector import ZERO, Vector, add, distance, is_finite, subtract
+from weberlink.geometry.vector import ZERO, Vector, add, distance, interpolate, is_finite
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
 
 STEP = 0.001  # longest step of the hand's model [s]
@@ -70,6 +70,4 @@ class Handle:
         if left <= reach:
             self._carried = self._carried_to is not None
             return goal
-        way = subtract(goal, self.position)
-        share = reach / left
-        return add(self.position, (way[0] * share, way[1] * share, way[2] * share))
+        return interpolate(self.position, goal, reach / left)

@@ -9,7 +9,7 @@ from math import cos, radians, sin
 from typing import NamedTuple
 
 from weberlink.geometry.rotation import IDENTITY, Quaternion, inverse, product
-from weberlink.geometry.vector import ZERO, Vector, add, is_finite, scale, subtract, within
+from weberlink.geometry.vector import ZERO, Vector, add, confined, is_finite, scale, subtract, within
 from weberlink.master.devices.contract import Device, DeviceReading, DeviceSpec, TorqueDevice, check_finite
 
 Box = tuple[Vector, Vector]  # lowest and highest corner
@@ -100,15 +100,6 @@ class Walls(NamedTuple):
 
     box: Box
     stiffness: float
-
-    def inside(self, position: Vector) -> Vector:
-        """The position, or the point of the box that is nearest to it [m]."""
-        low, high = self.box
-        return (
-            min(max(position[0], low[0]), high[0]),
-            min(max(position[1], low[1]), high[1]),
-            min(max(position[2], low[2]), high[2]),
-        )
 
 
 class Clutch:
@@ -216,7 +207,7 @@ class MappedDevice:
         if clutch is not None:
             position = clutch.pass_through(position, reading.buttons, None if last is None else last.position)
         if self._walls is not None and is_finite(position):
-            inside = self._walls.inside(position)
+            inside = confined(position, self._walls.box)
             self._beyond = self._frame.way(subtract(position, inside))
             position = inside
         orientation = None

@@ -3,6 +3,7 @@
 from functools import partial
 from math import dist, hypot, inf, isfinite, nan
 from random import Random
+from typing import Any
 
 import pytest
 from hypothesis import example, given
@@ -231,23 +232,21 @@ def test_without_time_between_two_presses_the_answer_is_that_of_a_spring() -> No
 
 LOWER, UPPER = (-0.1, -0.2, -0.3), (0.4, 0.5, 0.6)
 SPEED, APPROACH, RAMP, RETRACT, TRIP_RETRACT = 1.0, 0.25, 0.05, 0.005, 0.02
-KINDS: dict[str, tuple[tuple[int, ...], Joints]] = {"hand": ((3,), (20.0,)), "arm": ((1, 1, 1), (20.0, 20.0, 10.0))}
-"""Axes of each part, and the forces that trip them."""
+TRIPS = {"hand": (20.0,), "arm": (20.0, 20.0, 10.0)}
+"""The forces that trip each part."""
 FREE = (0.0, 0.0, 0.0)
-both = pytest.mark.parametrize("kind", KINDS)
+both = pytest.mark.parametrize("kind", TRIPS)
 
 
-def guard(kind: str, *, retract: float = 0.0, lower: Joints = LOWER, upper: Joints = UPPER) -> Guard:
-    widths, trips = KINDS[kind]
-    return Guard(
-        widths, presses=[tip(inf) for _ in widths], lower=lower, upper=upper, trips=trips, speed=SPEED,
-        approach_speed=APPROACH, ramp=RAMP, trip_retract=TRIP_RETRACT, retract=retract,
-    )  # fmt: skip
+def guard(kind: str, **options: Any) -> Guard:
+    """Without a press limit, unless `presses` are given."""
+    limits = {"presses": [tip(inf) for _ in TRIPS[kind]], "lower": LOWER, "upper": UPPER, "trips": TRIPS[kind]}
+    pace = {"speed": SPEED, "approach_speed": APPROACH, "ramp": RAMP, "trip_retract": TRIP_RETRACT}
+    return Guard(**limits | pace | options)  # type: ignore[arg-type]
 
 
 def parts(kind: str, values: Joints) -> list[Joints]:
-    widths, _ = KINDS[kind]
-    return [values] if widths == (3,) else [(value,) for value in values]
+    return [values] if kind == "hand" else [(value,) for value in values]
 
 
 def follow(guarded: Guard, goal: Joints, count: int = 1, *, where: Joints = FREE, force: Joints = FREE) -> Joints:
@@ -402,11 +401,7 @@ def test_outside_its_range_it_holds_until_led(kind: str) -> None:
 
 
 def test_each_part_presses_with_no_more_than_its_limit_and_ticks_that_it_bounds_are_counted() -> None:
-    presses = [axis(1.0, 10.0), axis(1.0, 20.0), axis(0.5, 5.0)]
-    guarded = Guard(
-        (1, 1, 1), presses=presses, lower=LOWER, upper=UPPER, trips=(1.0,) * 3, speed=1.0, approach_speed=1.0,
-        ramp=1.0, trip_retract=0.05,
-    )  # fmt: skip
+    guarded = guard("arm", presses=[axis(1.0, 10.0), axis(1.0, 20.0), axis(0.5, 5.0)])
     guarded.place((0.0, 0.04, -1.0))
     assert guarded.near((0.5, 0.0, 0.0)) == pytest.approx((0.4, 0.04, -0.1))
     for torque, ticks in ((0.0, 0), (1.5, 1), (1.5, 2), (0.0, 3)):
@@ -418,8 +413,5 @@ def test_each_part_presses_with_no_more_than_its_limit_and_ticks_that_it_bounds_
 def test_a_range_that_is_none_is_refused(lower: Joints, upper: Joints) -> None:
     with pytest.raises(ValueError, match="range"):
         guard("arm", lower=lower, upper=upper)
-    with pytest.raises(ValueError, match="1 parts, but 2 press limits"):
-        Guard(
-            (3,), presses=[tip(), tip()], lower=LOWER, upper=UPPER, trips=(1.0,), speed=1.0, approach_speed=1.0,
-            ramp=1.0, trip_retract=0.1,
-        )  # fmt: skip
+    with pytest.raises(ValueError, match="2 press limits, but 1 of a trip"):
+        guard("hand", presses=[tip(), tip()])

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from time import monotonic, sleep
 from typing import NamedTuple, NoReturn
 
-from weberlink.geometry.vector import Vector, distance
+from weberlink.geometry.vector import Vector, confined, cube, distance
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.devices.polhem.parameters import MechanismParameters
@@ -106,10 +106,10 @@ class PositionValidator:
         return self._accept(_Known(counts, position, asked), answered, buttons, oriented)
 
     def _accept(self, known: _Known, answered: float, buttons: int, oriented: bool) -> DeviceReading:
-        self._last, self._doubted, reach = known, None, self._reach
-        x, y, z = (min(max(component, -reach), reach) for component in known.position)
+        self._last, self._doubted = known, None
+        position = confined(known.position, cube(self._reach))
         orientation = self._mechanism.orientation(self.relative(known.counts)) if oriented else None
-        return DeviceReading(answered, (x, y, z), orientation=orientation, buttons=buttons)
+        return DeviceReading(answered, position, orientation=orientation, buttons=buttons)
 
     def _lose(self, why: str) -> NoReturn:
         self._lost = f"has lost its home: {why}; close, put it in its home pose and home it again"

@@ -90,6 +90,14 @@ def cube(half_edge: float) -> tuple[Vector, Vector]:
     return (-half_edge, -half_edge, -half_edge), (half_edge, half_edge, half_edge)
 
 
+def confined(a: Vector, box: tuple[Vector, Vector]) -> Vector:
+    """The point of a box that is nearest, given by its lower and upper corner."""
+    (x, y, z), ((x0, y0, z0), (x1, y1, z1)) = a, box
+    if x0 <= x <= x1 and y0 <= y <= y1 and z0 <= z <= z1:
+        return a
+    return min(max(x, x0), x1), min(max(y, y0), y1), min(max(z, z0), z1)
+
+
 def check_home(home: Vector, half_edge: float) -> None:
     """See that a home position lies in the cube; raises ValueError naming both. All in metres."""
     if max(map(abs, home)) > half_edge:

@@ -74,8 +74,7 @@ def build_following(configuration: Configuration, endpoint: Endpoint) -> Parts:
     presses = within("slave.limits.joints.press_nm", own.press_nm, spec.torque_nm)
     sensors = sensors_of(spec, "torques")
     guard = Guard(
-        [1] * spec.axes,
-        presses=[
+        [
             axis_press_limit(most, stiffness, spec.torque_error_nm)
             for most, stiffness in zip(presses, spec.stiffness_nm_rad, strict=True)
         ],

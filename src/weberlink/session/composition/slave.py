@@ -56,8 +56,7 @@ def build_led(configuration: Configuration, endpoint: Endpoint, live: Stopwatch 
     port = RobotPort(
         robot,
         guard=Guard(
-            [3],
-            presses=[press],
+            [press],
             lower=lower,
             upper=upper,
             trips=(spec.force_n if limits.trip_n is None else limits.trip_n,),
