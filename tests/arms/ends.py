@@ -1,5 +1,6 @@
 """Stand-ins for the arms, the control schemes and the endpoint of a port, in virtual time."""
 
+from collections import Counter
 from dataclasses import replace
 from math import inf
 from types import SimpleNamespace
@@ -104,10 +105,15 @@ class Transparent:
         self.told.append(("displayed", torque))
 
 
-def link() -> Any:
-    """An endpoint in touch with its peer; set `liveness.in_touch_at`."""
+def link(rtt: float | None = None, jitter: float = 0.0) -> Any:
+    """An endpoint in touch with its peer, that counts what it is asked to send; set `liveness`."""
+    asked = Counter[str]()
     return SimpleNamespace(
         credit=SimpleNamespace(known=0),
-        clock=SimpleNamespace(rtt=None, jitter=0.0),
-        liveness=SimpleNamespace(in_touch_at=0.0),
+        clock=SimpleNamespace(rtt=rtt, jitter=jitter),
+        liveness=SimpleNamespace(in_touch_at=0.0, encoder_heard_at=0.0),
+        statistics=SimpleNamespace(outgoing_loss=0.0, outgoing_burst=0.0),
+        request_answer=lambda: asked.update(["answer"]),
+        request_full_state=lambda: asked.update(["full state"]),
+        asked=asked,
     )

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from tests.arms.ends import TICK, link
 from tests.compiled import replaces_methods
 from weberlink.codec import Decoder, Encoder, force_channel
 from weberlink.control.contract import UNREACHED_S
@@ -14,9 +15,7 @@ from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.master.gate import GRACE, LOOK_S, PATIENCE, ContactLimiter, HandContact
 
 pytestmark = replaces_methods  # a stand-in for an endpoint, a compiled class
-TICK, STIFFNESS = 1e-3, 500.0
-RTT = 0.1
-DEPTH = 0.01
+STIFFNESS, RTT, DEPTH = 500.0, 0.1, 0.01
 INSIDE, OUTSIDE = (0.0, 0.0, -DEPTH), (0.0, 0.0, 0.005)
 PRESSED = (0.0, 0.0, STIFFNESS * DEPTH)
 RTT_TICKS = round(RTT / TICK)
@@ -26,38 +25,21 @@ PATIENT = round((RTT + PATIENCE) / TICK)
 class Watched:
     """A watch whose decoder has received the plane z = 0, or one sample."""
 
-    def __init__(
-        self,
-        predictor: str = "plane",
-        samples: tuple[float, ...] = (0.5 * DEPTH, DEPTH),
-        jitter: float = 0.0,
-        delay: float = 0.0,
-    ) -> None:
+    def __init__(self, predictor: str = "plane", *depths: float, jitter: float = 0.0, delay: float = 0.0) -> None:
         channel = force_channel(predictor=predictor)
         self.encoder, self.decoder = Encoder(channel), Decoder(channel)
         self.tick = 0
-        for depth in samples:
+        for depth in depths or (0.5 * DEPTH, DEPTH):
             self.receive(depth)
         self.asked: list[float] = []
-        self.liveness = SimpleNamespace(encoder_heard_at=0.0)
-        self.statistics = SimpleNamespace(outgoing_loss=0.0, outgoing_burst=0.0)
-        link: Any = SimpleNamespace(
-            clock=SimpleNamespace(rtt=RTT, jitter=jitter),
-            liveness=self.liveness,
-            statistics=self.statistics,
-            request_answer=lambda: self.asked.append(self.now),
-        )
+        self.link = link(RTT, jitter)
+        self.link.request_answer = lambda: self.asked.append(self.now)
+        self.liveness = self.link.liveness
         self.hand: Any = SimpleNamespace(command=ZERO, felt=SimpleNamespace(asked=0.0))
         self.watch = HandContact(
-            ContactLimiter(10.0, 1.0, 1.0),
-            self.decoder,
-            link,
-            self.hand,
-            least=0.05,
-            sent=SentCommands(TICK, 1.0),
-            delay=delay,
-            playout=0,
-        )
+            ContactLimiter(10.0, 1.0, 1.0), self.decoder, self.link, self.hand,
+            least=0.05, sent=SentCommands(TICK, 1.0), delay=delay, playout=0,
+        )  # fmt: skip
 
     @property
     def now(self) -> float:
@@ -171,7 +153,7 @@ def test_a_claim_of_the_model_grows_into_a_contact_once_an_answer_could_have_com
 def test_silence_that_may_be_a_loss_states_no_contact_and_is_asked_about(loss: float, asked: list[int]) -> None:
     """The robot's end is heard no more: it may have corrected the model. On a lossy link it is asked again."""
     watched = Watched()
-    watched.statistics.outgoing_loss = loss
+    watched.link.statistics.outgoing_loss = loss
     watched.go(OUTSIDE, ZERO, 500)
     began = watched.now
     shown = watched.go(INSIDE, PRESSED, 500, heard=False)
@@ -198,7 +180,7 @@ def test_of_a_contact_that_a_sample_has_stated_all_is_heard() -> None:
 
 @pytest.mark.parametrize("delay", [0.0, 0.05])
 def test_a_force_without_a_model_ends_in_time_and_is_at_fault(delay: float) -> None:
-    watched, patient = Watched("zoh", (0.0,), delay=delay), PATIENT + round(delay / TICK)
+    watched, patient = Watched("zoh", 0.0, delay=delay), PATIENT + round(delay / TICK)
     shown = watched.go(INSIDE, PRESSED, patient + round(GRACE / TICK))
     assert min(shown[: patient - 50]) == norm(PRESSED)
     assert max(shown[patient:]) <= 1.0

@@ -1,28 +1,41 @@
-"""What leaves the operator's port, in every state of a session: the force and torque on the hand, and the command."""
+"""The port of a hand or a leader arm: what is displayed, and what is sent, in every state of a session."""
 
+from math import inf, nan
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from tests.arms.ends import TICK, Hand, Transparent, link, spec
 from tests.compiled import replaces_methods
+from weberlink.arms.contract import ArmFault
+from weberlink.arms.sensor import sensors_of
 from weberlink.codec import Decoder, Encoder, force_channel
 from weberlink.control.contract import FREE_FORCE, AccountParameters, SchemeParameters
 from weberlink.control.ends import MasterControl
 from weberlink.control.sent import SentCommands
-from weberlink.geometry.vector import ZERO, Vector, norm
+from weberlink.geometry.joints import Joints
+from weberlink.geometry.vector import ZERO, Vector, norm, scale
 from weberlink.master.devices.contract import DeviceReading, DeviceSpec
-from weberlink.master.gate import FADE, GRACE, PATIENCE, Bound, ContactLimiter, HandContact, OutputGate
+from weberlink.master.gate import (
+    FADE,
+    GRACE,
+    PATIENCE,
+    Bound,
+    ContactLimiter,
+    ContactWatch,
+    HandContact,
+    OutputGate,
+)
 from weberlink.master.operator_port import Display, OperatorPort
 from weberlink.master.position import HandPosition
 from weberlink.telemetry.record import RELEASED
 
 pytestmark = replaces_methods  # a stand-in for an endpoint, a compiled class
-TICK, RAMP, SILENCE, FADE_SHARE = 1e-3, 0.02, 0.05, 0.6
+RAMP, SILENCE, FADE_SHARE = 0.02, 0.05, 0.6
 MOST, SLEW = 10.0, 3000.0
 MOST_TORQUE, TORQUE_SLEW = 0.5, 100.0
 RTT, BUTTON = 0.05, 1
-ROUNDING = 1.0 + 1e-9
 PLACE = (0.01, -0.02, 0.03)
 SETTINGS = SchemeParameters(TICK, 1000.0, AccountParameters(0.02, 0.01, 1.0, 0.1))
 
@@ -74,16 +87,8 @@ class Desk:
 
     def __init__(self, *, contact: bool = False, button: int | None = None) -> None:
         self.handle, self.scheme, self.now = Handle(), Scheme(), 100.0
-        self.requests = 0
-        liveness = SimpleNamespace(in_touch_at=self.now, encoder_heard_at=self.now)
-        self.endpoint: Any = SimpleNamespace(
-            liveness=liveness,
-            clock=SimpleNamespace(rtt=RTT, jitter=0.0),
-            credit=SimpleNamespace(known=5),
-            request_full_state=self._request,
-            statistics=SimpleNamespace(outgoing_loss=0.0, outgoing_burst=0.0),
-            request_answer=lambda: None,
-        )
+        self.endpoint = link(RTT)
+        self.endpoint.credit.known = 5
         self.hand = HandPosition(self.scheme, lambda force: max(0.1 * force, 0.02))
         self.encoder, self.decoder = Encoder(force_channel(predictor="zoh")), Decoder(force_channel(predictor="zoh"))
         watch = HandContact(
@@ -108,8 +113,10 @@ class Desk:
             button=button,
         )
 
-    def _request(self) -> None:
-        self.requests += 1
+    @property
+    def requests(self) -> int:
+        """How often a complete update was asked for."""
+        return int(self.endpoint.asked["full state"])
 
     def tick(
         self, force: Vector | None, *, engaged: bool = True, heard: bool = True, step: float = TICK
@@ -118,8 +125,7 @@ class Desk:
         self.now += TICK
         if heard:
             self.endpoint.liveness.in_touch_at = self.now
-        torque = None if force is None else (0.05 * force[0], 0.05 * force[1], 0.05 * force[2])
-        self.port.actuate([force, torque], self.now, step, step, engaged=engaged)
+        self.port.actuate([force, force and scale(force, 0.05)], self.now, step, step, engaged=engaged)
         return self.handle.forces[-1], self.handle.torques[-1]
 
     def go(self, force: Vector | None, ticks: int, **how: Any) -> list[float]:
@@ -258,3 +264,91 @@ def test_the_record_has_what_the_hand_felt() -> None:
     desk.port.enabled = True
     desk.port.report(row, is_led=True)
     assert row.ramping is True
+
+
+# --- a leader arm, where it differs
+
+ARM_MOST, ARM_SLEW = (1.0, 0.8, 0.5), (50.0, 50.0, 20.0)
+ARM_RAMP, ARM_RTT, FREE_NM = 0.05, 0.1, 0.2
+ANGLES = (0.1, -0.2, 0.3)
+
+
+class Leading:
+    """A port tick by tick; with a `delay` [s], torques end on each channel for which nothing is stated."""
+
+    def __init__(self, *, gripper: bool = True, delay: float | None = None) -> None:
+        self.hand = Hand(spec(gripper=gripper))
+        self.hand.angles = ANGLES[: self.hand.spec.axes]
+        self.control, self.link = Transparent(), link(ARM_RTT)
+        self.sensors, bounds = sensors_of(self.hand.spec, "angles"), []
+        for sensor in self.sensors:
+            most, watch = sensor.part(ARM_MOST), None
+            if delay is not None:
+                watch = ContactWatch(ContactLimiter(max(most), FREE_NM, 1.0), self.link, (0.02,) * len(most), delay)
+            bounds.append(Bound(most, sensor.part(ARM_SLEW), ARM_RAMP, width=1, contact=watch))
+        control: Any = self.control
+        display = Display(control, self.sensors, self.hand.command)
+        gate = OutputGate(bounds, ramp=ARM_RAMP, silence=0.1, fade_share=0.8)
+        self.port = OperatorPort(self.hand, displays=[display], endpoint=self.link, gate=gate, fault=ArmFault)
+        self.now = 0.0
+
+    def tick(self, *values: Joints | None) -> Joints:
+        """A tick; returns the torques displayed in it."""
+        self.now += TICK
+        self.link.liveness.in_touch_at = self.now
+        for sensor in self.sensors:
+            sensor.take(self.port.latest(self.now))
+        self.port.account(TICK, 0.0, encodes=True)
+        self.port.actuate(values, self.now, TICK, TICK, engaged=True)
+        return self.port.displays[0].output
+
+    def opened(self, *values: Joints | None) -> Joints:
+        """The torques once the gate is open."""
+        shown = [self.tick(*values) for _ in range(round(2 * ARM_RAMP / TICK))]
+        assert self.port.gate.gain == 1.0
+        return shown[-1]
+
+
+@pytest.mark.parametrize(
+    ("values", "shown"),
+    [
+        (((0.2, -0.3), (0.1,)), (0.2, -0.3, 0.1)),
+        (((5.0, 0.1), (0.2,)), (1.0, 0.1, 0.2)),  # each axis is limited alone
+        (((1.0, -0.9), (-0.6,)), (1.0, -0.8, -0.5)),
+        (((0.2, -0.3),), (0.2, -0.3)),  # an arm without a gripper has one channel
+    ],
+)
+def test_torques_of_all_channels_reach_their_axes_within_their_limits(
+    values: tuple[Joints, ...], shown: Joints
+) -> None:
+    leading = Leading(gripper=len(values) == 2)
+    assert leading.opened(*values) == leading.hand.felt[-1] == shown
+    assert leading.control.told[0][0] == leading.hand.angles, "of whose motion they do work"
+    assert leading.control.told[-1] == ("displayed", shown)
+    assert leading.port.gate.clipped == (sum(values, ()) != shown)
+
+
+@pytest.mark.parametrize("nothing", [None, (nan, 0.0), (0.0, -inf)])
+def test_a_channel_of_which_nothing_of_use_is_decoded_displays_none(nothing: Joints | None) -> None:
+    leading = Leading()
+    leading.opened((0.5, 0.1), (0.3,))
+    assert leading.opened(nothing, (0.3,)) == leading.port.displays[0].decoded == (0.0, 0.0, 0.3)
+    assert leading.opened((0.5, 0.1), None) == (0.5, 0.1, 0.0)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.05])
+def test_torque_without_a_contact_ends_on_the_channel_that_has_none(delay: float) -> None:
+    """What the gripper holds founds no torque of the joints."""
+    leading = Leading(delay=delay)
+    leading.opened((0.0, 0.0), (0.0,))
+    leading.control.answer = (0.6, 0.1, 0.4)
+    answer = round((ARM_RTT + delay + PATIENCE) / TICK)
+    shown = [leading.tick((0.02, -0.02), (0.3,)) for _ in range(1000)]  # the least that states one, and no more
+    assert max(abs(torques[0]) for torques in shown[answer:]) <= FREE_NM * (1 + 1e-9)
+    assert shown[answer - 1][:2] == pytest.approx((FREE_NM, FREE_NM / 6.0), rel=0.05), "both as much shorter"
+    assert {torques[2] for torques in shown[100:]} == {0.4}
+    assert shown[-1][:2] == (0.0, 0.0)
+    assert leading.port.unfounded
+    assert leading.control.resumed == 1
+    assert leading.tick((0.0, 0.05), (0.3,))[0] < 0.1, "any axis states one"
+    assert not leading.port.unfounded
