@@ -8,6 +8,7 @@ import pytest
 
 from tests.arms.ends import TICK, Hand, Transparent, link, spec
 from tests.compiled import replaces_methods
+from tests.master.handle import Handle
 from weberlink.arms.contract import ArmFault
 from weberlink.arms.sensor import sensors_of
 from weberlink.codec import Decoder, Encoder, force_channel
@@ -16,7 +17,7 @@ from weberlink.control.ends import MasterControl
 from weberlink.control.sent import SentCommands
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO, Vector, norm, scale
-from weberlink.master.devices.contract import DeviceReading, DeviceSpec
+from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.gate import (
     FADE,
     GRACE,
@@ -38,26 +39,6 @@ MOST_TORQUE, TORQUE_SLEW = 0.5, 100.0
 RTT, BUTTON = 0.05, 1
 PLACE = (0.01, -0.02, 0.03)
 SETTINGS = SchemeParameters(TICK, 1000.0, AccountParameters(0.02, 0.01, 1.0, 0.1))
-
-
-class Handle:
-    """A device that takes down what is on the hand."""
-
-    def __init__(self) -> None:
-        box = ((-0.1,) * 3, (0.1,) * 3)
-        self.spec = DeviceSpec("handle", "xyz", MOST, 1000.0, box, 1.0 / TICK, force_feedback=True, buttons=2)
-        self.forces: list[Vector] = []
-        self.torques: list[Vector] = []
-        self.reading = DeviceReading(0.0, PLACE)
-
-    def latest(self, now: float) -> DeviceReading:
-        return self.reading
-
-    def command(self, force: Vector, now: float) -> None:
-        self.forces.append(force)
-
-    def turn(self, torque: Vector, now: float) -> None:
-        self.torques.append(torque)
 
 
 class Scheme(MasterControl):
@@ -86,7 +67,7 @@ class Desk:
     """A port, tick by tick."""
 
     def __init__(self, *, contact: bool = False, button: int | None = None) -> None:
-        self.handle, self.scheme, self.now = Handle(), Scheme(), 100.0
+        self.handle, self.scheme, self.now = Handle(MOST), Scheme(), 100.0
         self.endpoint = link(RTT)
         self.endpoint.credit.known = 5
         self.hand = HandPosition(self.scheme, lambda force: max(0.1 * force, 0.02))

@@ -7,24 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from weberlink.geometry.rotation import (
-    IDENTITY,
-    Quaternion,
-    angle_between,
-    inverse,
-    product,
-    quaternion,
-    turned,
-    vector,
-)
-from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
-from weberlink.master.devices.contract import DeviceReading, DeviceSpec, TorqueDevice
+from tests.master.handle import Handle
+from weberlink.geometry.rotation import angle_between, inverse, product, quaternion, turned, vector
+from weberlink.geometry.vector import ZERO, Vector, add, cube, distance, dot, norm, scale, subtract, unit
+from weberlink.master.devices.contract import DeviceReading, TorqueDevice
 from weberlink.master.mapping.mapped_device import Clutch, FrameMap, MappedDevice, Walls
 
 TICK = 0.001
-EDGE = 0.06
-CORNER = (EDGE, EDGE, EDGE)
-BOX = ((-0.05, -0.05, -0.05), (0.05, 0.05, 0.05))
+EDGE, BOX = 0.06, cube(0.05)  # of the handle's workspace, and the box of the walls
 SAME = FrameMap((0.0, 0.0, 0.0), 1.0, 1.0, ZERO)
 
 triples = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
@@ -69,55 +59,28 @@ def test_right_angles_are_exact(turn: Vector, moved: Vector) -> None:
 # --- the device
 
 
-class Handle:
-    """A device that is where a test puts it, and as it turns it."""
-
-    position: Vector = ZERO
-    orientation: Quaternion = IDENTITY
-    buttons = 0
-    felt: Vector = ZERO
-    turned: Vector = ZERO
-    is_open = False
-
-    def __init__(self, torque_n_m: float) -> None:
-        self.spec = DeviceSpec(
-            "handle", "xyz", 8.0, 2000.0, (scale(CORNER, -1.0), CORNER), 1000.0, True,
-            buttons=2, orientation=True, torque_n_m=torque_n_m,
-        )  # fmt: skip
-
-    def open(self, now: float) -> None:
-        self.is_open = True
-
-    def latest(self, now: float) -> DeviceReading:
-        return DeviceReading(now, self.position, orientation=self.orientation, buttons=self.buttons)
-
-    def command(self, force: Vector, now: float) -> None:
-        self.felt = force
-
-    def turn(self, torque: Vector, now: float) -> None:
-        self.turned = torque
-
-    def close(self) -> None:
-        self.is_open = False
-
-
 class Hands:
     """A mapped handle, moved, turned and told tick by tick."""
 
     def __init__(
         self, frame: FrameMap = SAME, *, walls: float | None = None, limit: float = 10.0, torque_n_m: float = 0.4
     ) -> None:
-        self.handle = Handle(torque_n_m)
+        self.handle = Handle(torque_n_m=torque_n_m)
         wall = None if walls is None else Walls(BOX, walls)
         self.device = MappedDevice(self.handle, frame, clutch=Clutch(1), walls=wall, force_limit=limit, ramp=0.05)
         self.now = 0.0
         self.device.open(0.0)
 
     def read(self, position: Vector = ZERO, turn: Vector = ZERO, *, pressed: bool = False) -> DeviceReading:
-        self.handle.position, self.handle.orientation = position, quaternion(turn)
-        self.handle.buttons = 2 if pressed else 0
         self.now += TICK
+        self.handle.reading = DeviceReading(
+            self.now, position, orientation=quaternion(turn), buttons=2 if pressed else 0
+        )
         return self.device.latest(self.now)
+
+    @property
+    def felt(self) -> Vector:
+        return self.handle.forces[-1] if self.handle.forces else ZERO
 
     def tick(
         self, position: Vector, force: Vector = ZERO, torque: Vector = ZERO, *, pressed: bool = False, count: int = 1
@@ -135,8 +98,8 @@ def test_motion_force_turn_torque_and_spec_are_in_robot_frame() -> None:
     assert isinstance(hands.device, TorqueDevice)
     place = hands.tick((0.01, 0.0, 0.0), (0.0, 3.0, 0.0), (0.0, 0.6, 0.1))
     assert place == pytest.approx((0.0, 0.02, 0.1))
-    assert hands.handle.felt == pytest.approx((1.5, 0.0, 0.0))
-    assert hands.handle.turned == pytest.approx((0.3, 0.0, 0.05))
+    assert hands.felt == pytest.approx((1.5, 0.0, 0.0))
+    assert hands.handle.torques[-1] == pytest.approx((0.3, 0.0, 0.05))
     orientation = hands.read(turn=(0.3, 0.0, 0.2)).orientation
     assert orientation is not None
     assert vector(orientation) == pytest.approx((0.0, 0.3, 0.2))
@@ -149,8 +112,8 @@ def test_motion_force_turn_torque_and_spec_are_in_robot_frame() -> None:
 def test_the_limit_is_that_of_the_hand_and_no_torque_is_told_to_a_device_without() -> None:
     hands = Hands(FrameMap((0.0, 0.0, 0.0), 1.0, 4.0, ZERO), limit=6.0, torque_n_m=0.0)
     hands.tick(ZERO, (0.0, 100.0, 0.0), (0.0, 0.0, 0.2))
-    assert norm(hands.handle.felt) == pytest.approx(6.0)
-    assert (hands.device.spec.force_n, hands.handle.turned) == (1.5, ZERO)
+    assert norm(hands.felt) == pytest.approx(6.0)
+    assert (hands.device.spec.force_n, hands.handle.torques) == (1.5, [])
 
 
 def test_held_clutch_keeps_position_and_orientation_until_a_new_session() -> None:
@@ -174,11 +137,11 @@ def test_held_clutch_keeps_position_and_orientation_until_a_new_session() -> Non
 def test_force_and_torque_fade_with_the_clutch_without_jumps() -> None:
     hands, force = Hands(walls=500.0), (0.0, 0.0, 5.0)
     hands.tick(ZERO, force, count=100)
-    felt = [hands.handle.felt[2]]
+    felt = [hands.felt[2]]
     for pressed in [True] * 80 + [False] * 80:
         hands.tick(ZERO, force, (0.0, 0.0, 0.3), pressed=pressed)
-        felt.append(hands.handle.felt[2])
-        assert hands.handle.turned[2] == pytest.approx(0.3 * felt[-1] / 5.0)
+        felt.append(hands.felt[2])
+        assert hands.handle.torques[-1][2] == pytest.approx(0.3 * felt[-1] / 5.0)
     assert (felt[0], felt[60], felt[-1]) == (5.0, 0.0, 5.0)
     assert max(abs(a - b) for a, b in pairwise(felt)) == pytest.approx(5.0 * TICK / 0.05)
 
@@ -187,13 +150,13 @@ def test_walls_bound_position_and_push_back() -> None:
     hands = Hands(FrameMap((0.0, 0.0, 90.0), 2.0, 1.0, ZERO), walls=400.0)
     sent = hands.tick((0.03, 0.0, 0.0), count=100)
     assert sent == pytest.approx((0.0, 0.05, 0.0)), "the robot would be at 60 mm"
-    assert hands.handle.felt == pytest.approx((-400.0 * 0.005, 0.0, 0.0)), "5 mm too far for the hand"
+    assert hands.felt == pytest.approx((-400.0 * 0.005, 0.0, 0.0)), "5 mm too far for the hand"
     hands.tick((0.02, 0.0, 0.0))
-    assert hands.handle.felt == ZERO
+    assert hands.felt == ZERO
     assert hands.device.spec.workspace_m == BOX
     corner = Hands(walls=400.0)
     assert corner.tick((0.03, -0.058, 0.055), count=100) == (0.03, -0.05, 0.05)
-    assert corner.handle.felt == pytest.approx((0.0, 400.0 * 0.008, -400.0 * 0.005)), "each axis by itself"
+    assert corner.felt == pytest.approx((0.0, 400.0 * 0.008, -400.0 * 0.005)), "each axis by itself"
 
 
 @pytest.mark.parametrize("stalls", [False, True], ids=["open", "stall"])
@@ -202,10 +165,10 @@ def test_wall_fades_in_after(stalls: bool) -> None:
     if stalls:
         hands.tick((0.0, 0.0, 0.05), count=60)
         hands.now += 2.0
-    felt = [norm(hands.handle.felt)]
+    felt = [norm(hands.felt)]
     for _ in range(80):
         hands.tick((0.0, 0.0, 0.055), (0.0, 0.0, -2.0 if stalls else 0.0))
-        felt.append(norm(hands.handle.felt))
+        felt.append(norm(hands.felt))
     full = 7.0 if stalls else 5.0
     assert (felt[1], felt[-1]) == (0.0, pytest.approx(full))
     assert max(b - a for a, b in pairwise(felt)) <= full * TICK / 0.05 * (1 + 1e-9)
