@@ -20,7 +20,8 @@ from pathlib import Path
 from tempfile import gettempdir
 from typing import Any
 
-from weberlink.codec.predictors import BANKS, PREDICTORS
+from weberlink.codec.choice import CHOICES
+from weberlink.codec.predictors import PREDICTORS
 from weberlink.config import load
 from weberlink.installation import config_folders
 from weberlink.protocol.emulation import EmulatedLink
@@ -44,7 +45,7 @@ NO_KEY = {
 }
 """Files with a key, which differs in each run."""
 LOOPBACK = {
-    **{f"predictor {name}": (f"codec.force.predictor={name}",) for name in (*PREDICTORS.built_in, *BANKS)},
+    **{f"predictor {name}": (f"codec.force.predictor={name}",) for name in (*PREDICTORS, *CHOICES)},
     **{f"reference {name}": (f"codec.force.reference={name}",) for name in ("displayed", "sent")},
     "deadband cone": ("codec.force.deadband={shape: cone}",),
     "deadband level_crossing": ("codec.force.deadband={shape: level_crossing}",),

@@ -16,11 +16,14 @@ sends of most synthetic signals are 0.4 to 1.1 times the best of the paper's fou
 
 from collections.abc import Sequence
 from math import exp
+from typing import ClassVar
 
 from weberlink.codec.channel import Channel
+from weberlink.codec.choice import NOTHING, Ahead, Choice, DueSample
 from weberlink.codec.deadband import Deadband
-from weberlink.codec.predictors.estimation import NOTHING, Ahead, Candidate, EncodeContext, History, Signal
-from weberlink.codec.predictors.model import Hold, Model
+from weberlink.codec.predictors.contract import FittedPredictor, Predictor
+from weberlink.codec.predictors.estimation import Candidate, CandidatePredictor, EncodeContext, History, Signal
+from weberlink.codec.predictors.model import FitLimits, Hold, Model
 from weberlink.codec.predictors.zoh import ZOH
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, norm
@@ -30,7 +33,23 @@ MEMORY_S = 3.0  # Time constant of the record [s]
 MIN_LIFETIME_S = 0.003  # A candidate whose model lasts no longer is suspended: it costs time and saves no update [s]
 REST_S = 0.016  # Length of a suspension [s]; meanwhile one send per `MIN_LIFETIME_S` is added to the record
 PRESENT_ERROR_WEIGHT = 12.0  # In the choice without look-ahead: an error of one deadband or more is as many sends
+BANKS = {
+    "force": ("plane", "sphere", "surface", "affine", "path", "elastic", "linear", "zoh"),
+    "torque": ("zoh", "linear", "affine", "path", "elastic"),
+    "position": ("zoh", "linear", "path"),
+}
+"""The default banks, by signal; that of a force begins with contacts: all are equally good before the first force."""
 LEAST_FORCE_STEPS = 10.0  # Smallest force that is a contact, in wire steps; twice the deadband at rest if that is more
+
+
+class FittedCandidate:
+    """The candidate of a fitted predictor."""
+
+    def __init__(self, predictor: FittedPredictor, limits: FitLimits) -> None:
+        self._predictor, self._limits = predictor, limits
+
+    def model(self, context: EncodeContext) -> Model | None:
+        return self._predictor.fit(context.newest, context.earlier, self._limits)
 
 
 class Shadow:
@@ -97,27 +116,48 @@ class Shadow:
         self._sends *= exp(-passed / self._memory)
 
 
-class AdaptiveChoice:
+def shadows_of(selector: int, predictor: Predictor, channel: Channel, signal: Signal) -> list[Shadow]:
+    """One for each way of the predictor to make a model, the simplest first."""
+    candidates: Sequence[Candidate] = []
+    doubt = 1.0
+    if isinstance(predictor, FittedPredictor):
+        candidates = [FittedCandidate(predictor, signal.limits)]
+    elif isinstance(predictor, CandidatePredictor):
+        candidates, doubt = predictor.candidates(signal), predictor.doubt
+    return [Shadow(selector, each, channel.rest, doubt, channel.tick_period) for each in candidates]
+
+
+class AdaptiveChoice(Choice):
     """The shadows of all candidates of a bank, and the choice among them; `deadband` measures the errors."""
 
+    name: ClassVar[str] = "adaptive"
+    follows: ClassVar[bool] = True
+
     def __init__(self, channel: Channel) -> None:
+        super().__init__(channel)
         self._channel = channel
         self._grid = channel.grid
-        self.deadband = channel.deadband
         self._hold = channel.bank.index(ZOH.name) if ZOH.name in channel.bank else -1
         self.reset()
 
+    @classmethod
+    def bank(cls, signal: str) -> tuple[str, ...]:
+        return BANKS[signal]
+
+    @classmethod
+    def takes(cls, predictor: Predictor) -> bool:
+        return isinstance(predictor, FittedPredictor | CandidatePredictor)
+
     def reset(self) -> None:
-        """Forget the signal."""
         channel = self._channel
         at_rest = channel.deadband.bound(ZERO, ZERO, ZERO, 0.0)
         least_force = max(2.0 * at_rest, LEAST_FORCE_STEPS * channel.value_quantizer.step)
         self._history, self._known = History(channel.tick_period), History(channel.tick_period)
         self._signal = Signal(self._grid, channel.fit_limits, least_force)
         self._shadows = [
-            Shadow(selector, candidate, channel.rest, predictor.doubt, channel.tick_period)
+            shadow
             for selector, predictor in enumerate(channel.predictors)
-            for candidate in predictor.candidates(self._signal)
+            for shadow in shadows_of(selector, predictor, channel, self._signal)
         ]
         self._estimators = tuple(self._signal.estimators.values())
 
@@ -145,9 +185,7 @@ class AdaptiveChoice:
                     _, sample = grid.quantize(tick, actual, place)
                 shadow.send(sample, bound, history, ahead)
 
-    def choose(
-        self, selectors: Sequence[int], newest: Sample, earlier: Sample | None, bound: float, ahead: Ahead = NOTHING
-    ) -> tuple[int, Model | None]:
+    def choose(self, selectors: Sequence[int], due: DueSample) -> tuple[int, Model | None]:
         """The best of the allowed selectors for a sample to send, and its model; the model None holds the sample.
 
         Where the control scheme renders the contact, those that describe a surface and are not suspended come first
@@ -155,6 +193,7 @@ class AdaptiveChoice:
         one that lasts longest. A model that does not begin within the deadband is left out. A sample that is held goes
         by `zoh` where that is allowed, which sends no position.
         """
+        newest, earlier, actual, place, bound, ahead, *_ = due
         context = EncodeContext(newest, earlier, bound, self._history, ahead)
         allowed = [shadow for shadow in self._shadows if shadow.selector in selectors]
         # With look-ahead the known signal says more than the present error.
@@ -168,7 +207,6 @@ class AdaptiveChoice:
         renders = self._channel.every_position and norm(newest.value) > self._signal.least_contact
         best: tuple[int, Model | None] = (allowed[0].selector, None)
         highest = (False, -1)
-        actual, place = self._history.values[-1], self._history.places[-1]
         for shadow in allowed:
             model = shadow.candidate.model(context)
             if model is not None:  # a surface may not hold a force outside of its friction cone

@@ -1,23 +1,13 @@
 """A channel: all that the two ends of a coded signal must agree on. Both build it from the same configuration."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from math import inf
 
+from weberlink.codec.choice import CHOICES, HYBRID
 from weberlink.codec.deadband import Deadband, ForceDeadband, PositionDeadband
 from weberlink.codec.deadband.per_axis import PerAxisDeadband
-from weberlink.codec.predictors import (
-    ADAPTIVE,
-    ADAPTIVE_BANK,
-    BANKS,
-    HYBRID,
-    HYBRID_BANK,
-    PREDICTORS,
-    FitLimits,
-    Predictor,
-    suits,
-    unfit_for_hybrid,
-)
+from weberlink.codec.predictors import PREDICTORS, FitLimits, Predictor, suits
 from weberlink.codec.rate import UpdateRate
 from weberlink.codec.sample import Quantizer, Sample, SampleGrid
 from weberlink.compiled import mypyc_attr
@@ -64,20 +54,20 @@ class Channel:
     One decision is made for a whole stream: where one part leaves its deadband, all are sent. So an update restores
     the whole decoder, and the joints of an arm are always of the same moment.
 
-    The receiver needs neither `adaptive` nor `rate`.
+    The receiver needs neither `choice` nor `rate`.
 
     Raises:
         ValueError: for a negative look-ahead; for an unknown, repeated or missing predictor, or one that does not suit
             the channel.
     """
 
-    bank: tuple[str, ...]  # names of the predictors; a selector is an index in it. One unless hybrid or adaptive.
+    bank: tuple[str, ...]  # names of the predictors; a selector is an index in it
     deadband: Deadband  # the bound on an unsent error
     value_quantizer: Quantizer  # the wire grid of the coded value
     position_quantizer: Quantizer | None = None  # that of the position of a force; None if the value is the position
     rest: Vector | None = None  # value before the first update; None if unknown: the first sample is always sent
     fit_limits: FitLimits = field(default_factory=FitLimits)  # the range in which a fitted contact is accepted
-    adaptive: bool = False  # whether the sender chooses as in `weberlink.codec.adaptive`; else by the paper's rule
+    choice: str = HYBRID  # name in `CHOICES` of how the sender chooses among the bank, and makes models of parameters
     smoothing: Smoothing | None = None  # the ramp over which an update changes the value; None for a step
     rate: UpdateRate | None = None  # largest rate of updates; None for no limit
     every_position: bool = False  # whether every update carries the position: others than predictors read it
@@ -100,9 +90,9 @@ class Channel:
         misfits = [name for name in self.bank if not suits(name, signal)]
         if misfits:
             raise ValueError(f"{', '.join(misfits)}: not for {signal}; use a predictor such as zoh or linear")
-        misfits = [] if self.adaptive or len(self.bank) == 1 else unfit_for_hybrid(self.bank)
+        misfits = unfit_for(self.choice, self.bank)
         if misfits:
-            raise ValueError(f"{', '.join(misfits)}: not for {HYBRID}, which sends no parameters; use {ADAPTIVE}")
+            raise ValueError(f"{', '.join(misfits)}: not for {self.choice}, which does not make their models")
 
     @property
     def predictors(self) -> tuple[Predictor, ...]:
@@ -139,6 +129,12 @@ class Channel:
     def place(self, position: Vector) -> Vector:
         """The position at which a model is evaluated [m]: saturated as the position of a sample is."""
         return position if self.position_quantizer is None else self.position_quantizer.confine(position)
+
+
+def unfit_for(choice: str, bank: Iterable[str]) -> list[str]:
+    """Those of a bank that an entry of `CHOICES` does not take; ValueError for one that is unknown."""
+    kind = CHOICES.load(choice)
+    return [name for name in bank if not kind.takes(PREDICTORS[name])]
 
 
 def joint_channel(
@@ -200,8 +196,8 @@ def force_channel(
     What else a channel has, `dataclasses.replace` sets.
 
     Args:
-        predictor: a name of `PREDICTORS`, or "hybrid" or "adaptive" for a choice among `bank`.
-        bank: the predictors to choose among, by default `HYBRID_BANK` or `ADAPTIVE_BANK`; otherwise not read.
+        predictor: a name of `PREDICTORS`, or one of `CHOICES` for a choice among `bank`.
+        bank: the predictors to choose among, by default those of the choice; otherwise not read.
         weber: Weber factor k, >= 0.
         floor: absolute threshold [N], >= 0.
         deadband: a deadband of another shape; `weber` and `floor` are not read then.
@@ -212,22 +208,21 @@ def force_channel(
     Raises:
         ValueError: as `Channel`, or for a number out of range.
     """
-    if bank is None:
-        bank = ADAPTIVE_BANK if predictor == ADAPTIVE else HYBRID_BANK
+    choice, names = chosen(predictor, bank, "force")
     return Channel(
-        bank=tuple(bank) if predictor in BANKS else (predictor,),
+        bank=names,
         deadband=deadband if deadband is not None else ForceDeadband(weber, floor),
         value_quantizer=Quantizer(force_step, axes),
         position_quantizer=Quantizer(position_step, axes),
         rest=ZERO,
-        adaptive=predictor == ADAPTIVE,
+        choice=choice,
     )
 
 
 def position_channel(
     *,
     predictor: str = "linear",
-    bank: Sequence[str] = ("zoh", "linear"),
+    bank: Sequence[str] | None = None,
     weber: float = 0.10,
     bound: float = 2e-4,
     axes: str = "xyz",
@@ -238,9 +233,18 @@ def position_channel(
     Arguments and errors as for `force_channel`. The deadband is `bound` [m] at rest, and wider by `weber` times the
     distance moved in a tick.
     """
+    choice, names = chosen(predictor, bank, "position")
     return Channel(
-        bank=tuple(bank) if predictor in BANKS else (predictor,),
+        bank=names,
         deadband=PositionDeadband(weber, bound),
         value_quantizer=Quantizer(position_step, axes),
-        adaptive=predictor == ADAPTIVE,
+        choice=choice,
     )
+
+
+def chosen(predictor: str, bank: Sequence[str] | None, signal: str) -> tuple[str, tuple[str, ...]]:
+    """Choice and bank of a name in `PREDICTORS` or `CHOICES`; ValueError if it is in neither."""
+    if predictor in CHOICES or predictor in CHOICES.absent():
+        choice = CHOICES.load(predictor)
+        return predictor, tuple(choice.bank(signal) if bank is None else bank)
+    return PREDICTORS.load(predictor).choice, (predictor,)

@@ -3,23 +3,18 @@
 from collections import deque
 from collections.abc import Sequence
 from math import inf
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from weberlink.codec.channel import Channel
+from weberlink.codec.choice import CHOICES, NOTHING, Ahead, Choice, DueSample
 from weberlink.codec.deadband import Deadband
 from weberlink.codec.decoder import Decoder
 from weberlink.codec.predictors.contract import EstimatedPredictor, FittedPredictor
-from weberlink.codec.predictors.estimation import NOTHING, Ahead
-from weberlink.codec.predictors.model import Model
 from weberlink.codec.rate import TokenBucket
 from weberlink.codec.sample import UNKNOWN, Sample
 from weberlink.geometry.joints import Joints, is_finite, joined, parts
 from weberlink.geometry.vector import ZERO, Vector, distance
 from weberlink.update import MAX_GAP, Payload, PreviousSample, Update
-
-if TYPE_CHECKING:
-    from weberlink.codec.adaptive import AdaptiveChoice
-
 
 Quantized = tuple[tuple[int, ...], Sample]  # Levels on the wire, and the sample that they stand for
 
@@ -57,10 +52,8 @@ class Encoder:
     on a lossless link, at every tick, the mirror's value is within the deadband of the measured one, or within half a
     wire step per axis if that is more. An update that would not be nearer than the prediction is not sent.
 
-    With several predictors in the bank this is the paper's hybrid: at a send it chooses the predictor whose value
-    *before* the update is closest (after it, all of them pass through the sample) and uses it until the next send. An
-    adaptive channel chooses by the records of the predictors instead (`weberlink.codec.adaptive`). A bounded rate of
-    updates widens the deadband of a busy signal (`weberlink.codec.rate`).
+    At a send the channel's choice (`weberlink.codec.choice`) selects the predictor that is used until the next one. A
+    bounded rate of updates widens the deadband of a busy signal (`weberlink.codec.rate`).
 
     With look-ahead the sample of L ticks ago is coded in a tick, and the law holds for the signal delayed by L: the
     mirror is evaluated at the tick and at the commanded position of the coded sample.
@@ -81,18 +74,14 @@ class Encoder:
         self._reads_value = channel.position_quantizer is None  # A deadband reads the motion of the value itself
         self._lookahead = channel.lookahead
         self._predictors = channel.predictors
-        self._fitted = [each for each in channel.predictors if isinstance(each, FittedPredictor)]
         self._sizes = [sum(form.newest) for form in channel.forms]
         self._reads = [sum(form.previous or ()) for form in channel.forms]
         self.mirror = Decoder(channel)
         self._parts = [
             Part(each, mirror) for each, mirror in zip((channel, *channel.more), self.mirror.parts, strict=True)
         ]
-        self._choice: AdaptiveChoice | None = None
-        if channel.adaptive or self._predictors[0].estimated:  # it learns from all samples, not only from those sent
-            from weberlink.codec import adaptive  # noqa: PLC0415 - where a file asks for it
-
-            self._choice = adaptive.AdaptiveChoice(channel)
+        self._choice: Choice = CHOICES[channel.choice](channel)
+        self._follows = self._choice.follows
         self._bucket: TokenBucket | None = None
         if channel.rate is not None:
             at_rest = channel.deadband.bound(ZERO, ZERO, ZERO, 0.0)
@@ -110,8 +99,7 @@ class Encoder:
     def _forget(self) -> None:
         """Forget what was sent, and what was estimated."""
         self.mirror.reset()
-        if self._choice is not None:
-            self._choice.reset()
+        self._choice.reset()
         for part in self._parts:
             part.newest = part.previous = None
             part.levels = ()
@@ -153,8 +141,7 @@ class Encoder:
             raise ValueError(f"selectors must name some of a bank of {count} predictors, not {list(selectors)!r}")
         for part, each in zip(self._parts, (deadband, *more), strict=True):
             part.deadband = each
-        if self._choice is not None:
-            self._choice.deadband = deadband
+        self._choice.deadband = deadband
         self.mirror.retune(deadband)
         if not deadband.reads_motion:
             self._last = self._arrived = None
@@ -196,7 +183,7 @@ class Encoder:
             place = actual if self._reads_value else position
             moved, self._arrived = distance(place, self._arrived if self._arrived is not None else place), place
         bound = min(deadband.bound(actual, actual, actual, moved), most)
-        if self._choice is not None:
+        if self._follows:
             self._choice.learn(tick, actual, self._channel.place(position), bound)
         pending.append(PendingSample(tick, value, actual, position, most, bound))
         return self.decide(tick)
@@ -251,7 +238,7 @@ class Encoder:
         else:
             self.predicted = self.held = first.shown
         bound = self._bound(tick, first, position, most)
-        if self._choice is not None:
+        if self._follows:
             self._choice.follow(tick, first.actual, self._channel.place(position), bound, ahead)
         if error <= bound:
             return None
@@ -293,11 +280,9 @@ class Encoder:
         earlier = first.newest
         if earlier is not None and not 0 < sample.tick - earlier.tick <= MAX_GAP:
             earlier = None
-        model: Model | None = None
-        if self._choice is None:
-            selector = self._choose(sample, position, earlier, ahead)
-        else:
-            selector, model = self._choice.choose(self._selectors, sample, earlier, self.bound, ahead)
+        mirror, place = self.mirror, self._channel.place(position)
+        due = DueSample(sample, earlier, first.actual, place, self.bound, ahead, mirror.selected, mirror.model)
+        selector, model = self._choice.choose(self._selectors, due)
         predictor, size, reads = self._predictors[selector], self._sizes[selector], self._reads[selector]
         levels: tuple[int, ...] = ()
         former: tuple[int, ...] = ()
@@ -317,43 +302,17 @@ class Encoder:
             payload = predictor.packed(model, sample, first.grid)
         update = Update(sample.tick, selector, levels[:size], payload)
         if self._joints:
-            self.mirror.apply(update)
+            mirror.apply(update)
             self.held = joined([part.mirror.first for part in self._parts], self._joints)
             return update
         # The mirror is given the two samples as the update says them: without a position where it carries none.
         known = sample if size == len(levels) else Sample(sample.tick, sample.value, UNKNOWN)
         if earlier is not None and reads < len(former):
             earlier = Sample(earlier.tick, earlier.value, UNKNOWN)
-        decoded = self.mirror.read(update, known, earlier)
+        decoded = mirror.read(update, known, earlier)
         if first.deadband.error(decoded.first, first.actual) > most:
             update = update._replace(payload=None)
-            decoded = self.mirror.read(update, known)
-        self.mirror.take(update, decoded)
+            decoded = mirror.read(update, known)
+        mirror.take(update, decoded)
         self.held = decoded.first
         return update
-
-    def _choose(self, sample: Sample, position: Vector, earlier: Sample | None, ahead: Ahead) -> int:
-        """The paper's choice: the smallest w_i = |f_pred,i - f| / |f|. The common divisor |f| is left out.
-
-        With look-ahead it is made among the predictors whose new models last longest in the known signal.
-        """
-        part, selectors, mirror = self._parts[0], self._selectors, self.mirror
-        newest = part.newest
-        if newest is None or len(selectors) == 1:
-            return selectors[0]
-        channel, predictors = self._channel, self._fitted  # all of the bank: `Channel` sees to it
-        place, limits = channel.place(position), channel.fit_limits
-        if ahead.values:
-            new = [predictors[selector].model(sample, earlier, limits) for selector in selectors]
-            lasts = [ahead.lasts(model, sample.tick, part.deadband.error) for model in new]
-            selectors = tuple(selector for selector, ticks in zip(selectors, lasts, strict=True) if ticks == max(lasts))
-        best, smallest = selectors[0], inf
-        for selector in selectors:
-            # The mirror has the model of the predictor in use already.
-            model = mirror.model if selector == mirror.selected else None
-            if model is None:
-                model = predictors[selector].model(newest, part.previous, limits)
-            error = distance(channel.displayable(model.at(sample.tick, place), newest), part.actual)
-            if error < smallest:
-                best, smallest = selector, error
-        return best

@@ -2,11 +2,9 @@
 
 To add one, write a file in this folder and a line here, or an entry point of the group `weberlink.predictors`.
 
-`hybrid` and `adaptive` are not predictors: at every send they choose one of a bank of several, by the paper's rule
-(`weberlink.codec.encoder`) or by how often each would have sent (`weberlink.codec.adaptive`).
+`hybrid` is none: it chooses among several (`weberlink.codec.choice`).
 """
 
-from collections.abc import Iterable
 from typing import Any
 
 from weberlink.codec.predictors.contract import EstimatedPredictor, FittedPredictor, Predictor
@@ -37,15 +35,6 @@ PREDICTORS: Registry[Predictor] = Registry(
 )
 """By name, the paper's four first."""
 
-HYBRID = "hybrid"
-ADAPTIVE = "adaptive"
-BANKS = (HYBRID, ADAPTIVE)  # Names that stand for a choice among several predictors
-
-HYBRID_BANK = ("zoh", "linear", "plane", "sphere")
-ADAPTIVE_BANK = ("plane", "sphere", "surface", "affine", "path", "elastic", "linear", "zoh")
-"""The default banks. Of equally good predictors, the first in the bank is chosen: `adaptive` begins with contacts, for
-all are equally good before the first force."""
-
 
 def suits(name: str, signal: str) -> bool:
     """Whether a predictor may code a signal: "force", "torque", "position" or "joints"."""
@@ -57,17 +46,7 @@ def suits(name: str, signal: str) -> bool:
     return signal != "joints" or not predictor.estimated  # the update of an arm carries no parameters
 
 
-def unfit_for_hybrid(bank: Iterable[str]) -> list[str]:
-    """Those of a bank among which `hybrid` cannot choose, as it sends no parameters."""
-    return [name for name in bank if name not in HYBRID_BANK and PREDICTORS[name].estimated]
-
-
 __all__ = [
-    "ADAPTIVE",
-    "ADAPTIVE_BANK",
-    "BANKS",
-    "HYBRID",
-    "HYBRID_BANK",
     "PREDICTORS",
     "EstimatedPredictor",
     "FitLimits",
@@ -75,5 +54,4 @@ __all__ = [
     "Model",
     "Predictor",
     "suits",
-    "unfit_for_hybrid",
 ]

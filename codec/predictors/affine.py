@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from weberlink.codec.parameters import Block, pack, unpack
-from weberlink.codec.predictors.contract import EstimatedPredictor
-from weberlink.codec.predictors.estimation import Candidate, EncodeContext, Signal
+from weberlink.codec.predictors.estimation import Candidate, CandidatePredictor, EncodeContext, Signal
 from weberlink.codec.predictors.model import FitLimits, Model
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale, subtract
@@ -97,7 +96,7 @@ class LocalAffine:
         return Affine(newest.value, newest.position, newest.tick, rows, slope)
 
 
-class AffinePredictor(EstimatedPredictor):
+class AffinePredictor(CandidatePredictor):
     name: ClassVar[str] = "affine"
     geometric: ClassVar[bool] = True
     looks_ahead: ClassVar[bool] = True

@@ -1,10 +1,8 @@
 """The interface of a predictor: how it makes a model from samples, and how the model travels in an update."""
 
 from abc import ABCMeta, abstractmethod
-from collections.abc import Sequence
 from typing import Any, ClassVar
 
-from weberlink.codec.predictors.estimation import Candidate, EncodeContext, Signal
 from weberlink.codec.predictors.model import FitLimits, Hold, Model
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.compiled import mypyc_attr
@@ -21,18 +19,12 @@ class Predictor(metaclass=ABCMeta):
     geometric: ClassVar[bool] = False  # the model reads the position, which updates carry: not for a position channel
     describes_contact: ClassVar[bool] = False  # the model is a contact surface: for forces only
     estimated: ClassVar[bool] = False  # the parameters are sent: its kind
-    looks_ahead: ClassVar[bool] = False  # its candidates read the samples that are known ahead
-    # Factor >= 1 on its number of sends when `adaptive` compares predictors: a model that may fit noise must be clearly
-    # better than a simpler one.
-    doubt: ClassVar[float] = 1.0
+    choice: ClassVar[str] = "hybrid"  # what makes its updates where it is the only one of a channel, of `CHOICES`
+    looks_ahead: ClassVar[bool] = False  # its models are made of the samples that are known ahead too
 
     def groups(self, grid: SampleGrid) -> tuple[int, ...]:
         """Numbers of levels of what the predictor reads of a sample: the value, then (if `geometric`) the position."""
         return grid.groups if self.geometric else grid.groups[:1]
-
-    @abstractmethod
-    def candidates(self, signal: Signal) -> Sequence[Candidate]:
-        """The candidates for one signal, the simplest first."""
 
     @abstractmethod
     def decode(
@@ -70,9 +62,6 @@ class FittedPredictor(Predictor):
         """The fitted model; if there is none, the newest sample is held."""
         return self.fit(newest, previous, limits) or Hold(newest.value)
 
-    def candidates(self, signal: Signal) -> Sequence[Candidate]:
-        return [FittedCandidate(self, signal.limits)]
-
     def decode(
         self, payload: Payload, newest: Sample, grid: SampleGrid, limits: FitLimits, previous: Sample | None = None
     ) -> Model:
@@ -90,7 +79,7 @@ class FittedPredictor(Predictor):
 
 @mypyc_attr(allow_interpreted_subclasses=True)
 class EstimatedPredictor(Predictor):
-    """The sender estimates the model from all of its samples and sends the parameters."""
+    """The sender estimates the model from all of its samples and sends the parameters; its `choice` makes the model."""
 
     __slots__ = ()
 
@@ -98,7 +87,7 @@ class EstimatedPredictor(Predictor):
 
     @abstractmethod
     def packed(self, model: Any, newest: Sample, grid: SampleGrid) -> ModelParameters:
-        """The parameters of a model of a candidate, which are finite; at most `MOST_PARAMETER_BYTES`."""
+        """The parameters of a model that its choice made; at most `MOST_PARAMETER_BYTES`."""
 
     @abstractmethod
     def unpacked(self, data: bytes, newest: Sample, grid: SampleGrid, limits: FitLimits) -> Model | None:
@@ -120,14 +109,3 @@ class EstimatedPredictor(Predictor):
             raise ValueError(f"update of {self.name} carries a previous sample, expected model parameters")  # noqa: TRY004 - of a peer
         model = None if payload is None else self.unpacked(payload.data, newest, grid, limits)
         return model or Hold(newest.value)
-
-
-class FittedCandidate:
-    """The candidate of a fitted predictor."""
-
-    def __init__(self, predictor: FittedPredictor, limits: FitLimits) -> None:
-        self._predictor = predictor
-        self._limits = limits
-
-    def model(self, context: EncodeContext) -> Model | None:
-        return self._predictor.fit(context.newest, context.earlier, self._limits)

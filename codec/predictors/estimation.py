@@ -1,8 +1,11 @@
 """What a sender knows of a signal: all of its samples, estimates that several predictors share, and samples ahead."""
 
-from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol, TypeVar
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
 
+from weberlink.codec.choice import NOTHING, Ahead
+from weberlink.codec.predictors.contract import EstimatedPredictor
 from weberlink.codec.predictors.model import FitLimits, Model
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import Vector, interpolate
@@ -78,32 +81,6 @@ class Signal:
         return found
 
 
-class Ahead(NamedTuple):
-    """The samples that follow the one to code, tick by tick, up to the first gap; empty without look-ahead.
-
-    `bounds` are their deadbands, where the Weber factor refers to the measured value; otherwise near them.
-    """
-
-    values: tuple[Vector, ...] = ()
-    places: tuple[Vector, ...] = ()
-    bounds: tuple[float, ...] = ()
-
-    def lasts(self, model: Model, tick: int, measure: Callable[[Vector, Vector], float]) -> int:
-        """For how many of these ticks a new model of the sample of `tick` stays within the deadband."""
-        memory = model.memory
-        for index, (value, place, bound) in enumerate(zip(*self, strict=True)):
-            if memory is None:
-                predicted = model.at(tick + 1 + index, place)
-            else:
-                predicted, memory = model.advance(tick + 1 + index, place, memory)
-            if not measure(predicted, value) <= bound:
-                return index
-        return len(self.values)
-
-
-NOTHING = Ahead()
-
-
 class EncodeContext(NamedTuple):
     """What the sender knows when it makes a model to send."""
 
@@ -119,3 +96,16 @@ class Candidate(Protocol):
 
     def model(self, context: EncodeContext) -> Model | None:
         """Make the model to send, with finite parameters; None to hold the sample."""
+
+
+class CandidatePredictor(EstimatedPredictor):
+    """An estimated predictor whose models `adaptive` makes, also where it is the only one of a channel."""
+
+    choice: ClassVar[str] = "adaptive"
+    # Factor >= 1 on its number of sends where predictors are compared: a model that may fit noise must be clearly
+    # better than a simpler one.
+    doubt: ClassVar[float] = 1.0
+
+    @abstractmethod
+    def candidates(self, signal: Signal) -> Sequence[Candidate]:
+        """The candidates for one signal, the simplest first."""

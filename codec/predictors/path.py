@@ -17,8 +17,7 @@ from math import frexp, ldexp
 from typing import Any, ClassVar
 
 from weberlink.codec.parameters import Float, pack, unpack
-from weberlink.codec.predictors.contract import EstimatedPredictor
-from weberlink.codec.predictors.estimation import Candidate, EncodeContext, Signal
+from weberlink.codec.predictors.estimation import Candidate, CandidatePredictor, EncodeContext, Signal
 from weberlink.codec.predictors.model import FitLimits, Model
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, add, distance, subtract
@@ -138,7 +137,7 @@ class LearnedCandidate:
         return path
 
 
-class PathPredictor(EstimatedPredictor):
+class PathPredictor(CandidatePredictor):
     name: ClassVar[str] = "path"
     looks_ahead: ClassVar[bool] = True
 

@@ -20,8 +20,7 @@ from typing import Any, ClassVar
 
 from weberlink.codec.parameters import Float, Uniform, pack, unpack
 from weberlink.codec.predictors.contact import ContactEstimator
-from weberlink.codec.predictors.contract import EstimatedPredictor
-from weberlink.codec.predictors.estimation import Candidate, EncodeContext, History, Signal
+from weberlink.codec.predictors.estimation import Candidate, CandidatePredictor, EncodeContext, History, Signal
 from weberlink.codec.predictors.model import FitLimits, Model, ModelKind, ModelRecord
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, cosine, dot, is_finite, norm, scale, sine, subtract, unit
@@ -254,7 +253,7 @@ _LAYOUTS = {
 """By the number of axes that are sent."""
 
 
-class SurfacePredictor(EstimatedPredictor):
+class SurfacePredictor(CandidatePredictor):
     name: ClassVar[str] = "surface"
     geometric: ClassVar[bool] = True
     describes_contact: ClassVar[bool] = True

@@ -10,16 +10,16 @@ from typing import Any, NamedTuple
 from tests.codec.signals import contact_stream, rubbing_stream
 from weberlink.codec import Channel, Decoder, Encoder, Update, force_channel, position_channel
 from weberlink.codec.channel import joint_channel
+from weberlink.codec.choice import CHOICES
 from weberlink.codec.deadband import Deadband
-from weberlink.codec.predictors import PREDICTORS
+from weberlink.codec.predictors import PREDICTORS, suits
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, scale
 from weberlink.protocol.wire import UpdateLayout
 
 FITTED = tuple(name for name, predictor in PREDICTORS.items() if not predictor.estimated)
 ESTIMATED = tuple(name for name, predictor in PREDICTORS.items() if predictor.estimated)
-FORCE_PREDICTORS = (*FITTED, "hybrid", *ESTIMATED, "adaptive")
-POSITION_PREDICTORS = ("zoh", "linear", "hybrid", "path", "adaptive")
-POSITION_BANKS = {"hybrid": ("zoh", "linear"), "adaptive": ("zoh", "linear", "path")}
+FORCE_PREDICTORS = (*PREDICTORS, *CHOICES)
+POSITION_PREDICTORS = (*(name for name in PREDICTORS if suits(name, "position")), *CHOICES)
 AXIS_BOUNDS = (0.01, 0.02, 0.03, 0.005, 0.0004, 0.1, 0.05)
 """Deadbands of the joints [rad]; one of them is finer than the wire."""
 ROUNDED = 1.0 + 1e-9
@@ -60,8 +60,6 @@ KINDS = [
 def make_channel(predictor: str, *, position: bool = False, **options: Any) -> Channel:
     """With options of its function, and of the channel."""
     own = {name: options.pop(name) for name in sorted(OF_ANY & options.keys())}
-    if position:
-        options = {"bank": POSITION_BANKS.get(predictor, ())} | options
     return replace((position_channel if position else force_channel)(predictor=predictor, **options), **own)
 
 

@@ -11,10 +11,10 @@ import pytest
 from tests.codec.law import FITTED
 from tests.codec.signals import GodObject, Stream, contact, stroke, up
 from weberlink.codec import Channel, Encoder, force_channel
-from weberlink.codec.adaptive import REST_S, AdaptiveChoice, Shadow
+from weberlink.codec.adaptive import REST_S, AdaptiveChoice, FittedCandidate, Shadow
+from weberlink.codec.choice import NOTHING, DueSample
 from weberlink.codec.deadband import ForceDeadband
 from weberlink.codec.predictors import PREDICTORS, FitLimits
-from weberlink.codec.predictors.contract import FittedCandidate
 from weberlink.codec.predictors.estimation import KEPT_S, LONGEST_GAP_S, History, Signal
 from weberlink.codec.predictors.model import Hold
 from weberlink.codec.replay import code
@@ -194,11 +194,12 @@ def test_the_record_of_a_deselected_predictor_is_kept() -> None:
 @pytest.mark.parametrize("names", [("zoh", "plane", "linear"), ("sphere", "zoh"), tuple(PREDICTORS)])
 def test_the_first_of_equals_is_chosen_and_held_without_a_history(names: Sequence[str]) -> None:
     """A sample without a model is held by `zoh`, which sends no position, where that is allowed."""
-    choice = AdaptiveChoice(bank(*names))
-    choice.follow(0, up(1.0), ZERO, 0.1)
+    choice, force = AdaptiveChoice(bank(*names)), up(1.0)
+    choice.follow(0, force, ZERO, 0.1)
+    due = DueSample(Sample(0, force, ZERO), None, force, ZERO, 0.1, NOTHING, 0, None)
     for first, name in enumerate(names):
-        simplest = [each for each in range(first, len(names)) if PREDICTORS[names[each]].doubt == 1.0] or [first]
-        selector, model = choice.choose(simplest, Sample(0, up(1.0), ZERO), None, 0.1)
+        simplest = [each for each in range(first, len(names)) if names[each] != "affine"] or [first]
+        selector, model = choice.choose(simplest, due)
         zoh = names.index("zoh")
         assert selector == (zoh if model is None and zoh in simplest else simplest[0])
-        assert choice.choose([first], Sample(0, up(1.0), ZERO), None, 0.1)[1] in (None, Hold(up(1.0))), name
+        assert choice.choose([first], due)[1] in (None, Hold(force)), name

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tests.codec.law import ESTIMATED, make_channel
 from weberlink.codec import force_channel, position_channel
 from weberlink.codec.channel import Smoothing
-from weberlink.codec.predictors import ADAPTIVE_BANK, HYBRID_BANK, PREDICTORS, FitLimits
+from weberlink.codec.predictors import PREDICTORS, FitLimits
 from weberlink.codec.rate import UpdateRate
 from weberlink.codec.sample import Quantizer
 
@@ -26,8 +26,8 @@ def test_only_the_named_predictors_are_in_the_bank() -> None:
     assert force_channel(predictor="plane").bank == ("plane",)
     assert force_channel(bank=["zoh", "sphere"]).bank == ("zoh", "sphere")
     assert force_channel(predictor="linear").predictors == (PREDICTORS["linear"],)
-    assert force_channel(predictor="adaptive").bank == ADAPTIVE_BANK
-    assert force_channel(predictor="hybrid").bank == force_channel().bank == HYBRID_BANK
+    assert force_channel(predictor="hybrid").bank == force_channel().bank == ("zoh", "linear", "plane", "sphere")
+    assert position_channel(predictor="hybrid").bank == ("zoh", "linear")
 
 
 OUT_OF_RANGE: list[tuple[Callable[..., Any], dict[str, Any], dict[str, list[Any]]]] = [
@@ -60,7 +60,7 @@ def test_geometry_does_not_predict_positions(predictor: str) -> None:
 
 @pytest.mark.parametrize("predictor", ESTIMATED)
 def test_a_hybrid_takes_no_estimated_predictor(predictor: str) -> None:
-    with pytest.raises(ValueError, match=f"{predictor}.*adaptive"):
+    with pytest.raises(ValueError, match=f"{predictor}: not for hybrid"):
         force_channel(predictor="hybrid", bank=["zoh", predictor])
     channel = force_channel(predictor="adaptive", bank=["zoh", predictor])
     assert channel.bank == ("zoh", predictor)

@@ -8,12 +8,12 @@ from tests.codec.law import coded, make_channel
 from tests.codec.signals import contact_stream, rubbing_stream
 from weberlink.codec import Encoder, force_channel
 from weberlink.codec.channel import Smoothing
+from weberlink.codec.choice import CHOICES, Choice, DueSample
 from weberlink.codec.deadband import Deadband, ForceDeadband
 from weberlink.codec.deadband.cone import ConeDeadband
 from weberlink.codec.deadband.level_crossing import LevelCrossingDeadband
 from weberlink.codec.parameters import pack, unpack
-from weberlink.codec.predictors import PREDICTORS, EstimatedPredictor, FitLimits, FittedPredictor
-from weberlink.codec.predictors.estimation import Candidate, EncodeContext, Signal
+from weberlink.codec.predictors import PREDICTORS, EstimatedPredictor, FitLimits, FittedPredictor, Predictor
 from weberlink.codec.predictors.model import Line
 from weberlink.codec.replay import code
 from weberlink.codec.sample import Sample, SampleGrid
@@ -21,20 +21,32 @@ from weberlink.geometry.vector import ZERO
 from weberlink.update import ModelParameters
 
 
-class AsideCandidate:
-    def model(self, context: EncodeContext) -> Line:
-        x, y, z = context.newest.value
-        beside = (0.5 if context.newest.tick % 2 else 3.0) * context.bound
-        return Line((x + beside, y, z), ZERO, context.newest.tick)
+class Asides(Choice):
+    """Its models are lines that begin beside the sample, in every other tick outside the deadband."""
+
+    name = "asides"
+
+    @classmethod
+    def bank(cls, signal: str) -> tuple[str, ...]:
+        return ("aside",)
+
+    @classmethod
+    def takes(cls, predictor: Predictor) -> bool:
+        return True
+
+    def reset(self) -> None:
+        """Nothing is remembered."""
+
+    def choose(self, selectors: Sequence[int], due: DueSample) -> tuple[int, Line]:
+        (x, y, z), tick = due.newest.value, due.newest.tick
+        return 0, Line((x + (0.5 if tick % 2 else 3.0) * due.bound, y, z), ZERO, tick)
 
 
 class Aside(EstimatedPredictor):
-    """Its line begins beside the sample, in every other tick outside the deadband."""
+    """The distance from the sample travels."""
 
     name = "aside"
-
-    def candidates(self, signal: Signal) -> Sequence[Candidate]:
-        return [AsideCandidate()]
+    choice = "asides"
 
     def packed(self, model: Line, newest: Sample, grid: SampleGrid) -> ModelParameters:
         return ModelParameters(pack([min(65_535, round((model.value[0] - newest.value[0]) / grid.value.step))], (16,)))
@@ -69,6 +81,7 @@ def test_no_model_begins_outside_the_deadband(
     for strange in (Aside(), FittedAside()):
         monkeypatch.setitem(PREDICTORS.built_in, strange.name, strange)  # type: ignore[arg-type]
         monkeypatch.setitem(PREDICTORS._loaded, strange.name, strange)
+    monkeypatch.setitem(CHOICES.built_in, Asides.name, Asides)  # type: ignore[arg-type]
     channel = make_channel(predictor, deadband=deadband, smoothing=smoothing)
     updates = [tick.update for tick in coded(channel, rubbing_stream(3, ticks=800)) if tick.update is not None]
     assert len(updates) > 5

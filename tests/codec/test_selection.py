@@ -8,10 +8,11 @@ import pytest
 from tests.codec.law import make_channel, sends
 from tests.codec.signals import Array, Stream
 from weberlink.codec import force_channel
-from weberlink.codec.predictors import HYBRID_BANK
+from weberlink.codec.hybrid import Hybrid
 
 SECONDS = 2.0
 Random = np.random.Generator
+FOUR = Hybrid.bank("force")
 
 
 def press(time: Array, random: Random) -> Array:
@@ -56,9 +57,9 @@ def test_it_sends_no_more_than_the_best_of_the_paper_s_four(force: Force, per_s:
     places = 4e-3 * waves.sum(axis=2)
     stream: Stream = list(zip(map(tuple, found.tolist()), map(tuple, places.tolist()), strict=True))
     adaptive, *four = (
-        sends(make_channel(predictor, tick_period=1.0 / per_s), stream) for predictor in ("adaptive", *HYBRID_BANK)
+        sends(make_channel(predictor, tick_period=1.0 / per_s), stream) for predictor in ("adaptive", *FOUR)
     )
-    assert adaptive <= max(1.05 * min(four), min(four) + 5), dict(zip(HYBRID_BANK, four, strict=True))
+    assert adaptive <= max(1.05 * min(four), min(four) + 5), dict(zip(FOUR, four, strict=True))
 
 
 def test_at_the_onset_of_a_contact_it_sends_no_more_than_a_plane() -> None:

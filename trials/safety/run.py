@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from tests.program import ENGAGED, Records
 from tests.safety.observed_link import ObservedLink, agreed_by, observed
 from tests.session.systems import configuration
-from weberlink.codec.predictors import ADAPTIVE, HYBRID, PREDICTORS
+from weberlink.codec.choice import CHOICES, HYBRID
+from weberlink.codec.predictors import PREDICTORS
 from weberlink.config import Configuration
 from weberlink.protocol.emulation import Emulation
 from weberlink.session.simulation import as_array
@@ -47,8 +48,8 @@ ROBOT_N_M = 2500.0
 DELAYS_S = (0.0, 0.05, 0.15)  # one way [s]
 DEFAULT = (HYBRID, "linear")
 PREDICTION = (
-    *((force, "linear") for force in (*PREDICTORS, HYBRID, ADAPTIVE)),
-    *((HYBRID, position) for position in ("zoh", "path", HYBRID, ADAPTIVE)),
+    *((force, "linear") for force in (*PREDICTORS, *CHOICES)),
+    *((HYBRID, position) for position in ("zoh", "path", *CHOICES)),
 )
 """(force, position)."""
 

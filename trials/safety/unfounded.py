@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.session.systems import configuration
-from weberlink.codec.predictors import ADAPTIVE, HYBRID, PREDICTORS
+from weberlink.codec.choice import HYBRID
+from weberlink.codec.predictors import PREDICTORS
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
 from weberlink.figures.session import Records
 from weberlink.session.simulation import Simulation, build_simulation
@@ -28,7 +29,7 @@ from weberlink.telemetry.fault import Fault
 
 SECONDS = 4.0  # length of a session [s]
 SCHEMES = ("none", *("bounded",) * 3)
-PREDICTION = (*PREDICTORS.built_in, HYBRID, *("surface", ADAPTIVE) * 3)
+PREDICTION = (*PREDICTORS, HYBRID, *("surface", "adaptive") * 3)
 """What each session draws from: models of a surface have the most to go wrong."""
 PATIENCE = 0.05  # what the law allows beyond the round trip [s]
 REPAIR_S = 0.06

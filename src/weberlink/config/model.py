@@ -4,7 +4,6 @@ The options of a device or robot driver belong to the driver, and are validated 
 """
 
 from collections.abc import Iterator
-from functools import partial
 from ipaddress import ip_address, ip_network
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -13,7 +12,6 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from weberlink.arms.mapping import LeaderMappingSettings
 from weberlink.codec.deadband import ISOTROPIC
-from weberlink.codec.predictors import ADAPTIVE_BANK, BANKS, HYBRID_BANK, PREDICTORS
 from weberlink.config.joints import (
     FollowerLimits,
     GripperCodecSettings,
@@ -44,9 +42,9 @@ _BANK_SIZE = Field(min_length=1, max_length=MAX_SELECTOR + 1)
 ForceBank = Annotated[tuple[Annotated[str, PredictorFor("force")], ...], _BANK_SIZE]
 TorqueBank = Annotated[tuple[Annotated[str, PredictorFor("torque")], ...], _BANK_SIZE]
 PositionBank = Annotated[tuple[Annotated[str, PredictorFor("position")], ...], _BANK_SIZE]
-ForcePredictor = Annotated[str, PredictorFor("force", *BANKS)]
-TorquePredictor = Annotated[str, PredictorFor("torque", *BANKS)]
-PositionPredictor = Annotated[str, PredictorFor("position", *BANKS)]
+ForcePredictor = Annotated[str, PredictorFor("force", chosen=True)]
+TorquePredictor = Annotated[str, PredictorFor("torque", chosen=True)]
+PositionPredictor = Annotated[str, PredictorFor("position", chosen=True)]
 
 Axes = Literal["x", "y", "z", "xy", "xz", "yz", "xyz"]
 Positive = Annotated[float, Field(gt=0, le=1e9)]
@@ -254,13 +252,12 @@ class TrustSettings(Settings):
 class ForceCodecSettings(PredictedSettings):
     """The backward channel."""
 
-    adaptive_bank = staticmethod(lambda: ADAPTIVE_BANK)
+    signal = "force"
 
     predictor: ForcePredictor = "hybrid"
     """What both ends predict with."""
-    bank: ForceBank = HYBRID_BANK
-    """What `hybrid` (of zoh, linear, plane, sphere) or `adaptive` (of all) chooses among, the first of equals first.
-    All that it can choose among by default."""
+    bank: ForceBank = ("zoh", "linear", "plane", "sphere")
+    """What `hybrid` or another choice chooses among, the first of equals first. The default is that of `hybrid`."""
     weber: float = Field(default=0.10, ge=0, lt=1)
     """Weber factor k: the relative error that stays unsent. At 1, all of a force would."""
     floor_n: float = Field(default=0.02, ge=0, le=10)
@@ -268,7 +265,7 @@ class ForceCodecSettings(PredictedSettings):
     reference: Literal["actual", "displayed", "sent"] = "actual"
     """Which force k scales."""
     deadband: DeadbandSettings = settings_of(ISOTROPIC)(shape=ISOTROPIC)
-    """The shape of what stays unsent: isotropic, cone, level_crossing or velocity_adaptive."""
+    """The shape of what stays unsent."""
     step_n: float = Field(default=0.001, gt=0, le=1)
     """Wire step [N]; 16 bits span +-32767 steps."""
     trust: TrustSettings = TrustSettings()
@@ -292,12 +289,12 @@ class ForceCodecSettings(PredictedSettings):
 class MotionCodecSettings(PredictedSettings):
     """What position and orientation have in common."""
 
-    adaptive_bank = staticmethod(partial(PredictorFor("position").among, PREDICTORS.built_in))
+    signal = "position"
 
     predictor: PositionPredictor = "linear"
     """What both ends predict with."""
     bank: PositionBank = ("zoh", "linear")
-    """What `hybrid` (of zoh, linear) or `adaptive` (of all, which is its default) chooses among."""
+    """What `hybrid` or another choice chooses among; the default is that of `hybrid`."""
     weber: float = Field(default=0.10, ge=0, le=1)
     """Weber factor of velocity, linear or angular."""
 
@@ -316,12 +313,12 @@ class PositionCodecSettings(MotionCodecSettings):
 class TorqueCodecSettings(PredictedSettings):
     """The backward channel of the rotation."""
 
-    adaptive_bank = staticmethod(partial(PredictorFor("torque").among, PREDICTORS.built_in))
+    signal = "torque"
 
     predictor: TorquePredictor = "hybrid"
     """What both ends predict with."""
     bank: TorqueBank = ("zoh", "linear")
-    """What `hybrid` (of zoh, linear) or `adaptive` (of all, which is its default) chooses among."""
+    """What `hybrid` or another choice chooses among; the default is that of `hybrid`."""
     weber: float = Field(default=0.13, ge=0, lt=1)
     """Weber factor of torque: 12.7 % of 60 mN m was found with two fingers (Jandura and Srinivasan, 1994)."""
     floor_nm: float = Field(default=0.005, ge=0, le=10)

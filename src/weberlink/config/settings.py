@@ -1,6 +1,6 @@
 """What the sections of a file are made of: their base, the names of predictors, and the shape of a deadband."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import fields
 from functools import cache
@@ -17,10 +17,14 @@ from pydantic import (
 )
 from pydantic_core.core_schema import CoreSchema, no_info_after_validator_function
 
+from weberlink.codec.channel import unfit_for
+from weberlink.codec.choice import CHOICES
 from weberlink.codec.deadband import DEADBANDS, Deadband
-from weberlink.codec.predictors import ADAPTIVE, HYBRID, PREDICTORS, suits, unfit_for_hybrid
+from weberlink.codec.predictors import PREDICTORS, suits
 from weberlink.config.errors import one_of
+from weberlink.installation import guests
 from weberlink.options import Options
+from weberlink.registry import Registry
 from weberlink.slave.scenes.settings import ByShape
 
 
@@ -52,38 +56,44 @@ class PredictorFor:
 
     Args:
         signal: as of `weberlink.codec.predictors.suits`.
-        others: names that are allowed too.
+        chosen: whether a choice among predictors may be named instead.
     """
 
-    def __init__(self, signal: str, *others: str) -> None:
+    def __init__(self, signal: str, *, chosen: bool = False) -> None:
         self._signal = signal
-        self._others = others
+        self._tables: tuple[Registry[Any], ...] = (PREDICTORS, CHOICES) if chosen else (PREDICTORS,)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return no_info_after_validator_function(self._check, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return handler(schema) | {"enum": self.among(PREDICTORS.built_in)}
+        names = [name for table in self._tables for name in (*table.built_in, *guests(table.group)) if name in table]
+        return handler(schema) | {"enum": self._suitable(names)}
 
     def _check(self, name: str) -> str:
-        if name in self._others or (name in PREDICTORS and suits(name, self._signal)):
+        for table in self._tables:
+            if name in table.absent():
+                table.check_known(name)  # says how to install it
+        if any(name in table for table in self._tables) and self._suits(name):
             return name
-        raise ValueError(one_of(self.among(PREDICTORS), name))
+        raise ValueError(one_of(self._suitable(name for table in self._tables for name in table), name))
 
-    def among(self, names: Iterable[str]) -> list[str]:
-        """The names of those that suit, without any that cannot be imported."""
+    def _suits(self, name: str) -> bool:
+        return name not in PREDICTORS or suits(name, self._signal)
+
+    def _suitable(self, names: Iterable[str]) -> list[str]:
+        """Those that suit, without any that cannot be imported."""
         known = []
         for name in names:
             with suppress(ImportError, ValueError):
-                known += [name] if suits(name, self._signal) else []
-        return [*known, *self._others]
+                known += [name] if self._suits(name) else []
+        return known
 
 
 class PredictedSettings(Settings):
     """The predictors of a channel."""
 
-    adaptive_bank: ClassVar[Callable[[], Sequence[str]]]
-    """The bank of `adaptive` by default."""
+    signal: ClassVar[str]  # as of `weberlink.codec.predictors.suits`
 
     predictor: str
     bank: tuple[str, ...]
@@ -95,16 +105,17 @@ class PredictedSettings(Settings):
     @model_validator(mode="before")
     @classmethod
     def _usual_bank(cls, data: Any) -> Any:
-        if isinstance(data, dict) and data.get("predictor") == ADAPTIVE and "bank" not in data:
-            return {**data, "bank": cls.adaptive_bank()}
+        predictor = data.get("predictor") if isinstance(data, dict) else None
+        if isinstance(predictor, str) and predictor in CHOICES and "bank" not in data:
+            return {**data, "bank": CHOICES[predictor].bank(cls.signal)}
         return data
 
     def contradictions(self) -> Iterator[str]:
         if len(set(self.bank)) != len(self.bank):
             yield "bank: names each predictor once"
-        misfits = unfit_for_hybrid(self.bank) if self.predictor == HYBRID else []
+        misfits = unfit_for(self.predictor, self.bank) if self.predictor in CHOICES else []
         if misfits:
-            yield f"bank: {', '.join(misfits)} in a bank needs predictor: {ADAPTIVE}, not {HYBRID}"
+            yield f"bank: {self.predictor} does not make the models of {', '.join(misfits)}; use another choice"
 
 
 class ShapeSettings(Settings):

@@ -21,7 +21,8 @@ from timeit import repeat
 from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import urlsplit
 
-from weberlink.codec.predictors import BANKS, PREDICTORS
+from weberlink.codec.choice import CHOICES
+from weberlink.codec.predictors import PREDICTORS
 from weberlink.config import Configuration, ConfigurationError, System
 from weberlink.config.joints import per_axis
 from weberlink.config.loading import Part
@@ -323,8 +324,9 @@ def _coding(parts: DryRun) -> Iterator[str]:
             continue
         if settings.weber == least == 0.0:
             yield f"{field}: without a deadband every sample is sent, and each only later; use 0"
-        elif not (settings.predictor in BANKS or PREDICTORS[settings.predictor].looks_ahead):
-            yield f"{field}: {settings.predictor} makes nothing of what it knows ahead; use adaptive or path, or 0"
+        elif not (settings.predictor in CHOICES or PREDICTORS[settings.predictor].looks_ahead):
+            able = ", ".join(CHOICES)
+            yield f"{field}: {settings.predictor} makes nothing of what it knows ahead; use {able}, or 0"
 
 
 # --- delay

@@ -23,12 +23,12 @@ BUSY = "another change is on its way"
 LATE = "the proposal came too late; ask again"
 FIXED = {
     "weber": "control.live_changes is off",
-    "predictor": "control.live_changes is off, or codec.force.predictor is neither hybrid nor adaptive",
+    "predictor": "control.live_changes is off, or codec.force.predictor is no choice among several, such as hybrid",
 }
 
 
 class LiveSettings(NamedTuple):
-    """Of the force channel: the Weber factor k, 0 <= k < 1, and the predictor, or "hybrid" or "adaptive"."""
+    """Of the force channel: the Weber factor k, 0 <= k < 1, and the predictor, or the choice among several."""
 
     weber: float
     predictor: str

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.codec import Channel
-from weberlink.codec.predictors import ADAPTIVE, HYBRID
 from weberlink.codec.replay import code
 from weberlink.master.trace import Trace
 from weberlink_studies.evaluate.replay import signal_of
@@ -48,7 +47,7 @@ class CodedTrace:
 
     @property
     def predictor(self) -> str:
-        return self.bank[0] if len(self.bank) == 1 else ADAPTIVE if self.channel.adaptive else HYBRID
+        return self.bank[0] if len(self.bank) == 1 else self.channel.choice
 
 
 def interesting_window(coded: CodedTrace, seconds: float) -> TickWindow:

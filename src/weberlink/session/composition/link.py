@@ -11,7 +11,7 @@ from time import perf_counter, time_ns
 from typing import Any, NamedTuple, TypeVar, cast
 
 from weberlink.codec import Decoder, Encoder
-from weberlink.codec.predictors import BANKS
+from weberlink.codec.choice import CHOICES
 from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError, System
 from weberlink.config.finders import PathFinder, finder_of
 from weberlink.config.model import split_address
@@ -272,7 +272,7 @@ def check_axes(where: str, axes: str, system: System) -> None:
 def build_tuning(system: System, coder: Encoder | Decoder) -> Tuning:
     """The tuning of a side, which encodes or decodes the force, or the torques of joints."""
     force, joints = system.codec.force, system.codec.joints
-    bank = force.bank if joints is None and force.predictor in BANKS else ()
+    bank = force.bank if joints is None and force.predictor in CHOICES else ()
 
     def retune(settings: LiveSettings, peer_tick: float) -> None:
         deadband, *more = felt_deadbands(system, settings.weber)
@@ -295,6 +295,6 @@ def live_choices(system: System) -> dict[str, tuple[str, ...]]:
     if not system.control.live_changes:
         return {}
     force = system.codec.force
-    if system.codec.joints is None and force.predictor in BANKS and len(force.bank) > 1:
+    if system.codec.joints is None and force.predictor in CHOICES and len(force.bank) > 1:
         return {"weber": (), "predictor": (*force.bank, force.predictor)}
     return {"weber": ()}

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from weberlink.codec.choice import CHOICES
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC
-from weberlink.codec.predictors import BANKS, PREDICTORS
+from weberlink.codec.predictors import PREDICTORS
 from weberlink.config import ConfigurationError
 from weberlink.config.model import LONGEST_LOOKAHEAD_MS
 from weberlink_studies.coded_trace import TickWindow
@@ -96,9 +97,9 @@ def run(
         raise ConfigurationError(f"--jnd: must be above 0 and at most 1, not {jnd:g}")
     if not 0.0 <= lookahead_ms <= LONGEST_LOOKAHEAD_MS:
         raise ConfigurationError(f"--lookahead: must be 0 to {LONGEST_LOOKAHEAD_MS:g} ms, not {lookahead_ms:g}")
-    known = (*PREDICTORS, *BANKS)
+    known = (*PREDICTORS, *CHOICES)
     forces = list(known) if predictors == ALL else _names("--predictor", predictors, known)
-    positions = [name for name in forces if name in BANKS or not PREDICTORS[name].geometric] if position else []
+    positions = [name for name in forces if name in CHOICES or not PREDICTORS[name].geometric] if position else []
     study = EvaluationStudy(
         forces,
         _webers(webers),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.console import Group, RenderableType
 
-from weberlink.codec.predictors import HYBRID
+from weberlink.codec.choice import HYBRID
 from weberlink_studies.result import Column, frame_table
 
 if TYPE_CHECKING:

@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from weberlink.codec.predictors import HYBRID, HYBRID_BANK
+from weberlink.codec.choice import HYBRID
+from weberlink.codec.hybrid import Hybrid
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-PREDICTORS = (*HYBRID_BANK, HYBRID)  # the predictors of the paper
+PREDICTORS = (*Hybrid.bank("force"), HYBRID)  # the predictors of the paper
 WEBERS = (0.025, 0.05, 0.10, 0.15, 0.20, 0.30)  # the Weber factors of the paper
 WEBER = 0.10  # the paper compares packet rates at this Weber factor; the quality at it is the one that is held equal
 EASY = 0.95  # saved share from which a signal is predicted almost without an error, so that it decides nothing
