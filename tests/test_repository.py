@@ -89,7 +89,7 @@ def test_the_kernel_names_no_guest() -> None:
     added = json.loads(GUESTS.read_text(encoding="utf-8"))
     del added["weberlink.commands"]  # common words, such as peer
     names = {name for entries in added.values() for name in entries}
-    folders = {path.parent.name for path in ROOT.glob("plugins/*/src")}
+    folders = {path.parents[2].name for path in ROOT.glob("plugins/*/src/../pyproject.toml")}
     assert f"\nGUESTS := {' '.join(sorted(folders))}\n" in MAKEFILE
     forbidden = re.compile(
         "|".join([*(f"weberlink_{name}" for name in folders), *(f"[\"']{name}[\"']" for name in names)])
