@@ -30,10 +30,13 @@ Records = NDArray[Any]
 ROOT = Path(__file__).parents[1]
 
 
-def commands(group: Any) -> dict[str, Any]:
-    """The commands of a group, which are made when they are asked for."""
-    context = Context(group)
-    return {name: group.get_command(context, name) for name in group.list_commands(context)}
+def commands(group: Any, above: str = "") -> dict[str, Any]:
+    """The commands of a group and of the groups in it, by their words; they are made when they are asked for."""
+    context, found = Context(group), dict[str, Any]()
+    for name in group.list_commands(context):
+        found[f"{above}{name}"] = command = group.get_command(context, name)
+        found |= commands(command, f"{above}{name} ") if hasattr(command, "list_commands") else {}
+    return found
 
 
 COMMANDS = commands(get_command(app))  # of the program and of the distributions that are installed

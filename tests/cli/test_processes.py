@@ -45,7 +45,7 @@ tell()
 """
 """Ends with the modules that are there when a command is done, or orders its first daemon, which waits since before."""
 SLOW = {"numpy", "scipy", "matplotlib", "uvloop", "asyncio", "rich", "aiohttp", "mcap"}
-PROGRAMS = tuple(f"weberlink.cli.{name}" for name in ("check", "device", "emulate", "rules", "shipped"))
+PROGRAMS = tuple(f"weberlink.cli.{name}" for name in ("check", "device", "rules", "shipped"))
 LATE = {f"weberlink.{name}" for name in ("telemetry.reader", "figures.session", "figures.report", "session.daemon")}
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.emulated import Emulated
+from plugins.devices.tests.emulated import Emulated
 from tests.program import Program, document
 from tests.wait import until
 from weberlink.master.devices.polhem.serial_device import PolhemSerialDevice

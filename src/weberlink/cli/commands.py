@@ -69,12 +69,13 @@ def check(file: File, set_: Set = None) -> None:
         )
 
 
-device = typer.Typer(
-    name="device", cls=CommandGroup, help="List, test or emulate devices and robots.", no_args_is_help=True
-)
-Options = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set an option of the driver; may be repeated.")
-]
+class Devices(CommandGroup):
+    """The commands on devices, with those of other distributions."""
+
+    extended_by = "weberlink.device_commands"
+
+
+device = typer.Typer(name="device", cls=Devices, help="List, test or emulate devices and robots.", no_args_is_help=True)
 
 
 @device.command("list")
@@ -95,7 +96,10 @@ def device_test(
         Path | None, typer.Option(metavar="FILE", help="Configuration with options of the driver.")
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Agree to force and motion in advance.")] = False,
-    set_: Options = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Set an option of the driver; may be repeated."),
+    ] = None,
 ) -> None:
     """Test a device step by step, at last with a gentle force.
 
@@ -105,28 +109,6 @@ def device_test(
     from weberlink.cli.dialog import Dialog  # noqa: PLC0415
 
     run(name, Dialog(sys.stdin, sys.stdout, yes=yes), config, set_ or ())
-
-
-@device.command()
-def emulate(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Driver of the device to emulate.")],
-    command: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[-- COMMAND...]", help="Command to run meanwhile; {port} is the port. HID devices need one."
-        ),
-    ] = None,
-    link: Annotated[
-        Path | None, typer.Option(metavar="PATH", help="Path of the serial port; default: weberlink-NAME.")
-    ] = None,
-    faults: Annotated[Path | None, typer.Option(metavar="PATH", help="FIFO that fault commands are read from.")] = None,
-    set_: Options = None,
-) -> None:
-    """Emulate a device, with faults on request, until Ctrl-C."""
-    from weberlink.cli.emulate import run  # noqa: PLC0415
-
-    out = sys.stderr if command else sys.stdout  # the command may use standard output itself
-    raise typer.Exit(run(name, link, tuple(set_ or ()), tuple(command or ()), out=out, source=sys.stdin, faults=faults))
 
 
 @device.command("rules")

@@ -12,14 +12,15 @@ from typing import Any
 
 import pytest
 
-from tests.cli.emulated import Emulated
+from plugins.devices.tests.emulated import Emulated
+from tests.program import weberlink
 from tests.wait import PATIENCE, until
-from weberlink.cli.emulate import FaultCommands, run
 from weberlink.config import ConfigurationError
 from weberlink.hardware.emulator import EMULATORS
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.master.devices.polhem.protocol import Sensors, StatusReader, encode_currents
+from weberlink_devices.emulation import FaultCommands, run
 
 
 def ask(port: SerialPort, current: int) -> Sensors:
@@ -76,6 +77,24 @@ def test_command_ends_the_emulation_and_leaves_nothing(monkeypatch: pytest.Monke
     with pytest.raises(ConfigurationError, match="nowhere: cannot be run"):
         run("polhem_serial", None, [], ["nowhere"], out=io.StringIO(), source=None)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "field"),
+    [
+        (("polhem_seral",), "polhem_serial"),
+        (("polhem_serial", "--set", "handle.sed=1"), "handle.sed"),
+        (("polhem_serial", "--link", "port", "--faults", "/"), "/"),
+        (("polhem_hid",), "COMMAND"),
+    ],
+)
+def test_a_wrong_argument_is_one_line_that_names_it(
+    arguments: tuple[str, ...], field: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    ended = weberlink("device", "emulate", *arguments)
+    assert (ended.status, ended.output, ended.errors.count("\n"), list(tmp_path.iterdir())) == (2, "", 1, [])
+    assert field in ended.errors
 
 
 @pytest.mark.parametrize("name", sorted(EMULATORS))
