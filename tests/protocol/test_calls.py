@@ -205,14 +205,15 @@ def test_authentic_random_bytes_are_malformed() -> None:
         slave.connect(0.0)
         for size in range(600, 640):
             header = HELLO_HEADER.pack(Kind.HELLO, PROTOCOL_VERSION, bytes(8), size)
-            hello, _ = security.call(header, random.randbytes(security.private_size), random.randbytes(size))
-            slave.receive_datagram(header + hello, MASTER, 0.0)
+            message, _ = security.call(header, random.randbytes(security.private_size), random.randbytes(size))
+            slave.receive_datagram(header + message, MASTER, 0.0)
         assert slave.statistics.dropped == {DropReason.MALFORMED: 40}
-        payload = pack_hello(Hello(b"", 0, "ann", bytes(INSTANCE_BYTES), "", False, 400_000, 0), security.overhead)
-        for identity in (identity_of("ann"), identity_of("bob")):  # without an agreement; of another name
-            header = HELLO_HEADER.pack(Kind.HELLO, PROTOCOL_VERSION, identity, 2000)
-            hello, _ = security.call(header, bytes(security.private_size), payload)
-            assert dropped(slave, header + hello, MASTER) == [DropReason.MALFORMED]
+        too_deep = b"\x81\xa1a" + b"\x91" * 1000 + b"\x01"  # to be shown
+        for agreement, name in ((b"", "ann"), (local_end().packed, "bob"), (too_deep, "ann")):
+            hello = Hello(agreement, 0, "ann", bytes(INSTANCE_BYTES), "", False, 400_000, 0)
+            header = HELLO_HEADER.pack(Kind.HELLO, PROTOCOL_VERSION, identity_of(name), 2000 + len(agreement))
+            message, _ = security.call(header, bytes(security.private_size), pack_hello(hello, security.overhead))
+            assert dropped(slave, header + message, MASTER) == [DropReason.MALFORMED]
 
 
 def test_each_bad_datagram_has_its_reason() -> None:
@@ -386,15 +387,6 @@ def test_each_answer_to_a_call_has_its_outcome(security: Security) -> None:
         found = dialer.on_welcome(WELCOME_HEADER.pack(Kind.WELCOME, version, stamp) + answered[0], 0.0)
         assert isinstance(found, Session) if outcome is Session else found == outcome
         assert (dialer.due < 0.0) is (outcome is None), "the next one is due at once if the clock went back"
-
-
-def test_an_agreement_too_deep_to_be_shown_is_dropped() -> None:
-    end = local_end()
-    end.packed = b"\x81\xa1a" + b"\x91" * 1000 + b"\x01"
-    hello = Dialer(end, bytes(INSTANCE_BYTES), stamp=lambda now: 1).hello(0.0)
-    slave = make_endpoint(Role.RESPONDER)
-    slave.connect(0.0)
-    assert dropped(slave, hello, MASTER) == [DropReason.MALFORMED]
 
 
 def test_an_answer_that_comes_too_late_counts_as_received_and_a_forged_one_does_not() -> None:

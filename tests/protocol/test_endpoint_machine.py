@@ -21,6 +21,7 @@ from tests.protocol.harness import (
     TICK,
     Pair,
     Side,
+    both,
     forms,
     kind_of,
     make_endpoint,
@@ -84,9 +85,9 @@ class World(Pair):
         self.partners: dict[Key, Key] = {}
         self.updates: defaultdict[tuple[Key, int], list[tuple[float, Update]]] = defaultdict(list)
         self.held: dict[tuple[Key, int], int] = {}
-        """By session of the receiver and stream: which of the sender's updates was delivered last."""
+        # By session of the receiver and stream: which of the sender's updates was delivered last; and the same since
+        # the receiver last forgot all.
         self.since: defaultdict[tuple[Key, int, int], int] = defaultdict(lambda: -1)
-        """The same since the receiver last forgot all."""
         self.heard_at: defaultdict[Key, float] = defaultdict(lambda: -inf)
         self.arrived: defaultdict[Key, float] = defaultdict(lambda: -inf)
         """By session of the sender: departure of the newest datagram that the peer has accepted."""
@@ -102,6 +103,9 @@ class World(Pair):
         self.count = 0
         self.settles_at = 0.0
         """Until then a clock has jumped, and times cannot be compared."""
+
+    def of(self, role: Role) -> Side:
+        return self.master if role is Role.INITIATOR else self.slave
 
     # --- owners
 
@@ -159,7 +163,8 @@ class World(Pair):
             self.heard_at[key_of(to)] = self.arrived[key_of(to)] = self.now
         origin = self.origins.get(data)
         if not data or kind_of(data) in HANDSHAKE:
-            assert all(isinstance(event, Refused) or opens(to, event) for event in told(events)), events
+            opens = Connected if endpoint.role is Role.INITIATOR else Refused
+            assert all(isinstance(event, Refused | opens) for event in told(events)), events
         elif origin is None or data in self.accepted[endpoint] or not is_accepted:
             assert not is_accepted and not told(events), (events, "forged, replayed, or of another session")
             assert not origin or reasons != [DropReason.MALFORMED]
@@ -279,10 +284,6 @@ def told(events: list[Event]) -> list[Event]:
     return [event for event in events if not isinstance(event, DatagramDropped | PeerSilent | SessionExpired)]
 
 
-def opens(to: Side, event: Event) -> bool:
-    return isinstance(event, Connected) and to.endpoint.role is Role.INITIATOR
-
-
 class Endpoints(RuleBasedStateMachine):
     """Everything that may happen to two ends; a third one may take over."""
 
@@ -294,25 +295,18 @@ class Endpoints(RuleBasedStateMachine):
         offset=st.sampled_from([0.0, 1000.5]),
     )
     def call(self, seed: int, keyed: bool, streams: int, delay: float, offset: float) -> None:
-        kinds = {
-            "security": PresharedKey(KEY) if keyed else Checksum(),
-            "outgoing": (forms(3),) * streams,
-            "incoming": (forms(3),) * streams,
-            "carries_credit": True,
-        }
-        link = Emulation(delay_s=delay)
-        self.kinds, self.runs = kinds, seed
-        self.world = World(streams, link=link, seed=seed, master=kinds, slave=kinds, offsets=(offset, 0.0))
-        self.link = link
-        self.is_bad = False
-        """Whether the link loses or damages datagrams."""
+        layouts = {"outgoing": (forms(3),) * streams, "incoming": (forms(3),) * streams}
+        self.kinds = {"security": PresharedKey(KEY) if keyed else Checksum(), **layouts, "carries_credit": True}
+        self.runs, self.link = seed, Emulation(delay_s=delay)
+        self.world = World(streams, link=self.link, seed=seed, **both(**self.kinds), offsets=(offset, 0.0))
+        self.is_bad = False  # whether the link loses or damages datagrams
         self.world.connect()
         self.world.go(0.1 + 4.0 * delay)
 
     def new(self, role: Role, **changes: object) -> Endpoint:
         """Another run of an end, which begins now."""
         self.runs += 1
-        side = self.world.master if role is Role.INITIATOR else self.world.slave
+        side = self.world.of(role)
         made = make_endpoint(role, seed=self.runs, **{**self.kinds, "epoch": side.offset, **changes})
         made.connect(side.local(self.world.now))
         self.world.epochs[made] = side.offset
@@ -361,7 +355,7 @@ class Endpoints(RuleBasedStateMachine):
     def deliver_again(self, back: int, count: int, moved: bool) -> None:
         """A datagram that had arrived, or had not, comes now; and once more."""
         for _, side, data in self.world.tap[-1 - back :][:count]:
-            to = self.world.slave if side is not self.world.slave else self.world.master
+            to = self.world.of(side.endpoint.role.other)
             for _ in range(2):
                 source = STRANGER if moved and to is self.world.slave else side.address
                 self.world.deliver(to, data, source)
@@ -375,7 +369,7 @@ class Endpoints(RuleBasedStateMachine):
             altered = bytearray(data)
             altered[bit // 8 % len(data)] ^= 1 << bit % 8
             data = bytes(altered)
-        to = side if reflected else self.world.slave if side is not self.world.slave else self.world.master
+        to = side if reflected else self.world.of(side.endpoint.role.other)
         if kind_of(data) not in HANDSHAKE:
             self.world.deliver(to, data, self.world.master.address if to is self.world.slave else SLAVE)
 
@@ -443,8 +437,7 @@ class Endpoints(RuleBasedStateMachine):
 
     @rule(role=st.sampled_from(Role), take_over=st.booleans())
     def restart(self, role: Role, take_over: bool) -> None:
-        side = self.world.master if role is Role.INITIATOR else self.world.slave
-        side.endpoint = self.new(role, **({"take_over": take_over} if role is Role.INITIATOR else {}))
+        self.world.of(role).endpoint = self.new(role, **({"take_over": take_over} if role is Role.INITIATOR else {}))
         self.world.go(0.1)
 
     @rule(own=OWN)
@@ -454,17 +447,10 @@ class Endpoints(RuleBasedStateMachine):
         side, other = world.sides[own], world.sides[1 - own]
         if side.endpoint.state is State.CLOSED:
             return
-        reason = f"run {self.runs} ends"
-        is_shared = (
-            {side.endpoint.state, other.endpoint.state} == {State.ENGAGED}
-            and world.partners.get(key_of(side)) == key_of(other)
-            and not world.dark
-            and not self.is_bad
-            and world.slave.endpoint.peer == world.master.address
-        )
+        reason, is_reached = f"run {self.runs} ends", self.is_reached()
         side.endpoint.close(side.local(world.now), reason)
         world.go(0.15)
-        if is_shared and world.now >= world.settles_at:
+        if is_reached and world.now >= world.settles_at:
             assert PeerClosed(reason) in other.of(PeerClosed)
         side.endpoint = self.new(side.endpoint.role)
         world.go(0.1)
@@ -474,10 +460,7 @@ class Endpoints(RuleBasedStateMachine):
     def intrude(self, take_over: bool) -> None:
         """Another master with the key calls; it gets the slave only if it takes over, and the former one is told."""
         world = self.world
-        former, sessions = world.master, world.slave.endpoint.sessions
-        is_reached = (
-            self.is_shared() and world.slave.endpoint.peer == former.address and not (self.is_bad or world.dark)
-        )
+        former, sessions, is_reached = world.master, world.slave.endpoint.sessions, self.is_reached()
         guest = Side(self.new(Role.INITIATOR, name="bob@desk", take_over=take_over), (MASTER[0], 50_000 + self.runs))
         guest.offset = former.offset
         world.guests.append(guest)
@@ -519,14 +502,19 @@ class Endpoints(RuleBasedStateMachine):
                 assert self.world.held[own, stream] == len(world.updates[peer, stream]) - 1, "the newest is held"
             assert side.endpoint.credit.known == other.endpoint.credit.granted
             assert world.answered[own] == world.proposals[own]
-            assert not side.of(SessionExpired) or side.endpoint.sessions
         assert world.master.endpoint.liveness.round_trip == world.slave.endpoint.liveness.round_trip
 
     def is_shared(self) -> bool:
+        """Whether both are in one session."""
         master, slave = self.world.sides
-        return master.endpoint.state is slave.endpoint.state is State.ENGAGED and self.world.partners.get(
-            key_of(master)
-        ) == key_of(slave)
+        is_engaged = master.endpoint.state is slave.endpoint.state is State.ENGAGED
+        return is_engaged and self.world.partners.get(key_of(master)) == key_of(slave)
+
+    def is_reached(self) -> bool:
+        """Whether all that each says reaches the other, too."""
+        world = self.world
+        is_clear = not (self.is_bad or world.dark) and world.slave.endpoint.peer == world.master.address
+        return self.is_shared() and is_clear
 
 
 TestEndpoints = Endpoints.TestCase
