@@ -30,28 +30,7 @@ from weberlink.protocol.local_end import LocalEnd
 from weberlink.protocol.states import Role, State, StateError
 
 __all__ = [
-    "Address",
-    "ChangeAnswered",
-    "ChangeProposed",
-    "Connected",
-    "DatagramDropped",
-    "DropReason",
-    "Endpoint",
-    "Event",
-    "LocalEnd",
-    "PeerClosed",
-    "PeerReturned",
-    "PeerSilent",
-    "Refused",
-    "Right",
-    "Role",
-    "SessionExpired",
-    "State",
-    "StateError",
-    "Statistics",
-    "StopAsked",
-    "TakenOver",
-    "Told",
-    "UpdateLost",
-    "UpdateReceived",
-]
+    "Address", "ChangeAnswered", "ChangeProposed", "Connected", "DatagramDropped", "DropReason", "Endpoint", "Event",
+    "LocalEnd", "PeerClosed", "PeerReturned", "PeerSilent", "Refused", "Right", "Role", "SessionExpired", "State",
+    "StateError", "Statistics", "StopAsked", "TakenOver", "Told", "UpdateLost", "UpdateReceived",
+]  # fmt: skip

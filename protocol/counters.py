@@ -18,8 +18,7 @@ _LEAST_BURSTS: Final = 2.5 * _SLOW
 def expand(truncated: int, bits: int, near: int) -> int:
     """The number congruent to `truncated` modulo 2^bits that lies nearest to `near` (RFC 9000, appendix A.3).
 
-    It may be negative. It is right if `near` is off by less than half of what the truncated field can count.
-    """
+    It may be negative. It is right if `near` is off by less than half of what the truncated field can count."""
     half = 1 << (bits - 1)
     return near - half + ((truncated - near + half) & ((1 << bits) - 1))
 

@@ -165,8 +165,7 @@ class Endpoint:
         """Send a new state of a stream to the peer, and repeat it until it arrives; its tick is counted from the epoch.
 
         A silent peer is sent the update too; it is repeated once the peer is back. False if there is no session, and
-        nothing was sent; ValueError names what cannot be sent.
-        """
+        nothing was sent; ValueError names what cannot be sent."""
         if self._session is None:
             return False
         self._due = None
@@ -177,8 +176,7 @@ class Endpoint:
     def report_encoding(self, now: float, *, is_encoding: bool) -> None:
         """Report in every tick whether the encoder of this end runs, which every datagram tells the peer.
 
-        An owner that has reported and then stops counts as not encoding; one that never reports counts as encoding.
-        """
+        An owner that has reported and then stops counts as not encoding; one that never reports counts as encoding."""
         self._encoding_reported_at = now
         if is_encoding is not self._is_encoding:
             self._set_encoding(now, is_encoding=is_encoding)
@@ -214,8 +212,7 @@ class Endpoint:
 
         The tick is ours, far enough ahead for the answer to come back; the body is what is to change, 1 to
         `LONGEST_CHANGE` bytes, else ValueError. False, and nothing is proposed, without an engaged peer or while an
-        earlier proposal waits for its answer.
-        """
+        earlier proposal waits for its answer."""
         if not 1 <= len(body) <= wire.LONGEST_CHANGE:
             raise ValueError(f"a change takes 1 to {wire.LONGEST_CHANGE} bytes, not {len(body)}")
         if self._session is None or self.state is not _ENGAGED or self._session.negotiation.is_proposing:

@@ -136,21 +136,9 @@ class DatagramDropped(NamedTuple):
 
 
 Event = (
-    Connected
-    | UpdateReceived
-    | UpdateLost
-    | PeerSilent
-    | PeerReturned
-    | SessionExpired
-    | PeerClosed
-    | TakenOver
-    | Refused
-    | StopAsked
-    | Told
-    | ChangeProposed
-    | ChangeAnswered
-    | DatagramDropped
-)
+    Connected | UpdateReceived | UpdateLost | PeerSilent | PeerReturned | SessionExpired | PeerClosed | TakenOver
+    | Refused | StopAsked | Told | ChangeProposed | ChangeAnswered | DatagramDropped
+)  # fmt: skip
 
 
 @dataclass(slots=True)
@@ -158,8 +146,7 @@ class Statistics:
     """Cumulative counters over all sessions of an endpoint, and the current measurements of the link.
 
     `sent` and `bytes_sent` count every datagram (UDP payload); `received` counts authentic ones. An update that was
-    sent again counts under `repeats`, not under `updates_sent`.
-    """
+    sent again counts under `repeats`, not under `updates_sent`."""
 
     sent: int = 0
     bytes_sent: int = 0

@@ -229,8 +229,7 @@ class Dialer:
         it goes back, stamps go on rising by one. `asks` says for what.
 
         `takes_over` is to replace a master that the slave serves, until `confirm`: otherwise two masters would take the
-        slave from each other for ever. A slave that has served this run ignores it in any case.
-        """
+        slave from each other for ever. A slave that has served this run ignores it in any case."""
         self._end = end
         self._instance = instance
         self._stamp = stamp

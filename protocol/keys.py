@@ -70,8 +70,7 @@ def generate(path: Path, right: Right = Right.DRIVE, name: str = "") -> None:
     """Write a new random key, mode 0600, for the end of this name; "" for any, which may drive.
 
     Raises KeyFileError if there is such a file already (it is left as it is), if none can be made there, or if a key
-    that may not drive has no name.
-    """
+    that may not drive has no name."""
     words = [_LABEL, secrets.token_hex(KEY_BYTES), *([right, name] if name else [])]
     if right is not Right.DRIVE and not name:
         raise KeyFileError(_NAMELESS)
@@ -130,8 +129,7 @@ def read_private(path: Path, advice: str, longest: int = _LONGEST_FILE) -> bytes
     """The first `longest` bytes of a file that only its owner may read; `advice` says what to do if it is missing.
 
     Raises KeyFileError if the file is missing, a symbolic link, of another user than this one or root, or open to
-    other users.
-    """
+    other users."""
     quoted = shlex.quote(str(path))
     try:
         # O_NONBLOCK: nothing waits for a pipe by that name.

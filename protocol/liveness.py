@@ -152,8 +152,7 @@ class Liveness:
         """Whether a datagram of this age by the mapped clocks counts [s]; also while they are not mapped (None).
 
         The mapping errs by at most half the round trip, so the true age of a fresh datagram is at most S + R. R is the
-        smaller one of both ends: otherwise an echo could wrap as R rises.
-        """
+        smaller one of both ends: otherwise an echo could wrap as R rises."""
         return age is None or age <= self._silence + 0.5 * min(self.round_trip, self._round_trips[generation])
 
     def echo(self, now: float) -> int:

@@ -73,8 +73,7 @@ class Negotiation:
     def answer(self, proposal: ChangeProposed, refusal: str | None) -> None:
         """Answer the newest proposal of the peer; `refusal` is None to accept it, else the reason.
 
-        Any other proposal is not answered: one that a newer one has replaced, or one of another session.
-        """
+        Any other proposal is not answered: one that a newer one has replaced, or one of another session."""
         if self._answering is None or proposal is not self._proposed:
             return
         body = ACCEPTED if refusal is None else REFUSED + refusal.encode(errors="replace")
@@ -92,8 +91,7 @@ class Negotiation:
     def on_proposal(self, number: int, tick: int, body: bytes) -> ChangeProposed | None:
         """Receive a proposal with its full tick; None for a repeated one, which is answered again if it is the newest.
 
-        A proposer goes on to the next number only when the last one is answered, so any other number is of the past.
-        """
+        A proposer goes on to the next number only when the last one is answered, so any other number is of the past."""
         if self._answering == (number, tick):
             self.due = self._repeat_at if self._answer is None else -inf
             return None

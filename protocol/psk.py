@@ -102,8 +102,7 @@ class Keyring(PresharedKey):
 
     The header of a HELLO names its sender by a hash, which chooses the key; a name that no key has is served by the key
     without a name, if there is one. The name in the sealed payload must have that hash, so the key of one peer opens no
-    session under the name of another.
-    """
+    session under the name of another."""
 
     def __init__(self, keys: Iterable[HeldKey]) -> None:
         # Without a key of its own: `PresharedKey.__init__` is not called, and what needs one fails.

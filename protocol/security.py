@@ -61,8 +61,7 @@ class Protection:
         """As `Cipher.open`. Changes nothing.
 
         A datagram of the other phase is of the next keys if its number is above the `newest` accepted one, else of the
-        previous keys.
-        """
+        previous keys."""
         if datagram[0] & PHASE == self._incoming_phase:
             return self._incoming.open(sequence, datagram)
         if sequence > newest:
@@ -96,8 +95,7 @@ class Security(Protocol):
     def call(self, prologue: bytes, private: bytes, payload: bytes) -> tuple[bytes, Any]:
         """The first message, and the state of the initiator.
 
-        The prologue is sent in clear beside the messages; the exchange fails if the two ends see different ones.
-        """
+        The prologue is sent in clear beside the messages; the exchange fails if the two ends see different ones."""
 
     def hear(self, prologue: bytes, message: bytes) -> tuple[bytes, Any, Grant] | None:
         """The payload of the first message, whose sender holds or held the secret, the state of the responder, and what

@@ -109,8 +109,7 @@ class Session:
         """Time at which the session expires [s].
 
         It counts from the beginning of the silence. One loop age may stay above the limit and the other one below it:
-        then both ends hear each other, and only the end of the session lets them measure anew.
-        """
+        then both ends hear each other, and only the end of the session lets them measure anew."""
         return min(self.silent_since, self.liveness.silent_at) + EXPIRY
 
     # --- what the peer sends
@@ -286,8 +285,7 @@ class Session:
     def send_update(self, now: float, update: Update, stream: int = 0) -> bytes:
         """The datagram of a new update, which replaces any older one of its stream.
 
-        Raises ValueError, naming the field that cannot be sent; nothing has changed then.
-        """
+        Raises ValueError, naming the field that cannot be sent; nothing has changed then."""
         if update.tick < 0:
             raise ValueError(f"tick must not be negative, not {update.tick}")
         own, statistics = self._streams[stream], self._statistics

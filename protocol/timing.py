@@ -100,8 +100,7 @@ class Clock:
         """Whether a datagram can have left then: not much later than it arrived.
 
         The true delay is at least 0, and the offset is wrong by at most half the least round trip. After a whole window
-        without a plausible datagram any stamp is accepted: then a clock was stepped, not a datagram damaged.
-        """
+        without a plausible datagram any stamp is accepted: then a clock was stepped, not a datagram damaged."""
         early = self._inward.value - (now - self._epoch - departure)
         return early <= self._early_limit or self._inward.is_expired(now)
 

@@ -441,8 +441,7 @@ class DirectionLayout:
     def __init__(self, streams: Sequence[Sequence[UpdateForm]], *, carries_credit: bool = False, acks: int = 1) -> None:
         """Prepare for streams whose updates have these forms, by selector; `acks` streams of the other direction.
 
-        Raises ValueError for no stream or more than there are kinds of updates, or as `UpdateLayout`.
-        """
+        Raises ValueError for no stream or more than there are kinds of updates, or as `UpdateLayout`."""
         if not 1 <= len(streams) <= len(UPDATE_KINDS):
             raise ValueError(f"a direction has 1 to {len(UPDATE_KINDS)} streams of updates, not {len(streams)}")
         self.carries_credit = carries_credit
@@ -455,8 +454,7 @@ class DirectionLayout:
     def read(self, content: bytes) -> Content:
         """What a datagram says: its first byte as it was packed, and what follows `CLEAR_BYTES`, decrypted.
 
-        Raises ValueError if it is none that a peer of these layouts sends.
-        """
+        Raises ValueError if it is none that a peer of these layouts sends."""
         first, bits = content[0], int.from_bytes(content, "big")
         left = 8 * (len(content) - 1) - _TIMES_BITS
         word = bits >> left & (1 << _TIMES_BITS) - 1

@@ -316,8 +316,7 @@ class UdpShell:
         """Receive datagrams from the peer, and run timers that have expired by `now`, or when all is read.
 
         The loop wakes by itself for other datagrams. One slice is read; if the peer would count as silent, as much as
-        the budget allows: after a stall of this process the oldest datagrams come first, and are too old to count.
-        """
+        the budget allows: after a stall of this process the oldest datagrams come first, and are too old to count."""
         while self._paths.read():
             self._tell_paths()
             if self.now() < self.endpoint.silent_at:
@@ -327,8 +326,7 @@ class UdpShell:
     def flush(self, now: float, tick_at: float | None = None) -> None:
         """Send what the endpoint and the emulated link have ready, and set the timer for what is due next.
 
-        The owner reads at `tick_at` itself: a datagram that comes so shortly before that it would delay it waits.
-        """
+        The owner reads at `tick_at` itself: a datagram that comes so shortly before that it would delay it waits."""
         if tick_at is not None:
             self._tick_at = tick_at
         self._tell_paths()

@@ -218,8 +218,7 @@ class Pair:
     def run(self, duration: float) -> "Pair":
         """Advance the time of the world by `duration` [s].
 
-        Ticks in which no owner does anything are skipped, except for the first, which sends what a test has queued.
-        """
+        Ticks in which no owner does anything are skipped, except for the first, which sends what a test has queued."""
         end = self.now + duration
         is_idle = False
         while self.now < end - 1e-9:

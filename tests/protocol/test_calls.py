@@ -330,8 +330,7 @@ def test_take_over_is_repeated_until_the_slave_serves_the_new_master() -> None:
 def test_of_two_masters_that_may_take_over_the_last_one_stays(is_deaf: bool) -> None:
     """The first is never told that it was replaced; when it calls again, it does not take the slave back.
 
-    Deaf: of all that the slave sends under the keys of a session, nothing reaches it.
-    """
+    Deaf: of all that the slave sends under the keys of a session, nothing reaches it."""
     pair = named()
     first = join(pair, take_over=True)
     deaf = lambda data: is_deaf and pair.slave.endpoint.peer == OTHER and kind_of(data) != Kind.WELCOME  # noqa: E731

@@ -125,6 +125,7 @@ def test_what_the_peer_lacks_ends_what_is_followed_and_fades_before() -> None:
 def test_age_counts_against_the_smaller_of_the_two_round_trips() -> None:
     end = Liveness(0.0, 0.1, 0.0, 0.0)
     end.agree(0.2, 0.0)
+    assert end.is_opening and end.silent_at == end.limit, "it has time for one round trip"
     end.expect(0.1)
     assert end.is_fresh(0.2, 0) and not end.is_fresh(0.201, 0)
     assert end.is_fresh(0.15, 1) and not end.is_fresh(0.16, 1)

@@ -6,7 +6,6 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tests.examples import examples
 from tests.protocol.harness import ENGAGED, SILENCE, TICK, Pair, both, make_endpoint, states
 from weberlink.protocol import ChangeAnswered, ChangeProposed, Connected, DropReason, PeerSilent, Refused, Role, State
 from weberlink.protocol.emulation import Emulation
@@ -39,14 +38,10 @@ def test_one_proposal_at_a_time() -> None:
     for body in (b"", b"x" * (LONGEST_CHANGE + 1)):
         with pytest.raises(ValueError, match=f"1 to {LONGEST_CHANGE} bytes"):
             propose(pair, body)
-    propose(pair)
-    assert not pair.master.endpoint.propose_change(pair.now, 10, BODY)
-    pair.run(0.02)
-    pair.slave.endpoint.answer_change(pair.slave.of(ChangeProposed)[0], None)
-    pair.run(0.02)
     for number in range(40):  # more than there are numbers
         body = b"%d" % number
         tick = propose(pair, body)
+        assert not pair.master.endpoint.propose_change(pair.now, 10, BODY)
         pair.run(0.02)
         assert pair.slave.of(ChangeProposed)[-1] == ChangeProposed(tick, body)
         pair.slave.endpoint.answer_change(pair.slave.of(ChangeProposed)[-1], None)
@@ -55,21 +50,18 @@ def test_one_proposal_at_a_time() -> None:
 
 
 def test_only_a_new_proposal_is_told_and_only_the_present_one_answered() -> None:
-    negotiation = Negotiation()
+    negotiation, former = Negotiation(), None
     for number in range(1, 3 * NUMBERS):
         proposal = negotiation.on_proposal(number % NUMBERS, 100 + number, BODY)
         assert proposal is not None
-        negotiation.answer(proposal, None)
+        if former is not None:
+            negotiation.answer(former, None)
+            assert negotiation.due == inf
+        negotiation.answer(proposal, "busy")
+        assert negotiation.due == -inf and (negotiation.take(0.0, 0.0) or BODY)[0] == number % NUMBERS
+        former = proposal
         for past in range(1, min(number, NUMBERS - 2)):
             assert negotiation.on_proposal((number - past) % NUMBERS, 100 + number - past, BODY) is None
-    negotiation = Negotiation()
-    first, second = (negotiation.on_proposal(number, 100 * number, BODY) for number in (1, 2))
-    assert first is not None and second is not None
-    negotiation.answer(first, None)
-    assert negotiation.due == inf
-    negotiation.answer(second, "busy")
-    assert negotiation.due == -inf
-    assert negotiation.take(0.0, 0.0)[0] == 2
 
 
 def test_only_an_answer_to_the_present_proposal_counts_once() -> None:
@@ -237,20 +229,3 @@ def test_next_value_waits_until_no_datagram_of_the_one_before_counts() -> None:
     liveness.hear(2.0, DEAF, 1, 2.0)
     assert not proposes(0.2, 2.0 + SILENCE + 0.049)
     assert proposes(0.2, 2.0 + SILENCE + 0.051)
-
-
-@given(st.floats(0.0, 0.15), st.integers(1, 3), st.floats(0.0, 3.0), st.integers(0, 2**32))
-@example(0.15, 1, 0.0, 0)
-@examples(40)
-def test_after_a_cut_both_ends_are_silent_within_both_limits(delay: float, cut: int, after: float, seed: int) -> None:
-    """At any time of a session, also while it opens; none drives later."""
-    pair = Pair(link=Emulation(delay_s=delay), seed=seed).connect().run(3.0 * delay + 0.01 + after)
-    longest = max(agreed(pair))
-    dark = Emulation(loss=1.0)
-    if cut & 1:
-        pair.forward = pair.link(dark)
-    if cut & 2:
-        pair.backward = pair.link(dark)
-    pair.run(SILENCE + longest + TICK)
-    for side in pair.sides:
-        assert not side.endpoint.may_follow(pair.now)

@@ -184,8 +184,7 @@ def rates(
 ) -> list[float]:
     """Rates of an allowance on a link with that loss by second and rate, and that delay in queues by rate [s].
 
-    There are 200 datagrams and one report a second.
-    """
+    There are 200 datagrams and one report a second."""
     allowance, found = Allowance(), []
     for second in range(seconds):
         rate = allowance.rate

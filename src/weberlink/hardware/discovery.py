@@ -58,8 +58,7 @@ def hid_devices(
 ) -> list[PluggedDevice]:
     """HID devices with one of these identities, usage pages and usages (0: not reported), by path; no usages: any.
 
-    A composite device has several; the usage page, or the usage within it, selects one.
-    """
+    A composite device has several; the usage page, or the usage within it, selects one."""
     wanted = tuple(ids)
     return by_path(
         (entry["path"].decode(errors="replace"), entry.get("product_string"), entry.get("serial_number"))
@@ -81,8 +80,7 @@ def by_path(found: Iterable[tuple[str, str | None, str | None]]) -> list[Plugged
 
 def only(found: Sequence[PluggedDevice], what: str, option: str) -> PluggedDevice:
     """Choose the device when the file names none; `option` is the key that chooses among several. Raises HardwareFault
-    if none is there, several are, or the one cannot be used.
-    """
+    if none is there, several are, or the one cannot be used."""
     if not found:
         raise HardwareFault(f"{what}: nothing of the kind is plugged in; `weberlink device list` lists what there is")
     if len(found) > 1:
@@ -104,8 +102,7 @@ def permission_advice(path: str) -> str:
 class DeviceLocator:
     """Finds the device of a driver, and notices by the serial number when another one is in its place.
 
-    `port` is the path that the options name, None for the only device of those `plugged` in.
-    """
+    `port` is the path that the options name, None for the only device of those `plugged` in."""
 
     def __init__(self, name: str, port: str | None, plugged: Callable[[], Sequence[PluggedDevice]]) -> None:
         self._name = name
@@ -118,8 +115,7 @@ class DeviceLocator:
 
     def locate(self) -> str:
         """The path to open; that of the same device as last time. Raises HardwareFault if none is there, several are,
-        the one cannot be used, or it is another one.
-        """
+        the one cannot be used, or it is another one."""
         there = list(self._plugged())
         if self._port is None:
             found = only(there, self._name, "master.device.port")

@@ -21,8 +21,7 @@ EMULATORS: Registry[Any] = Registry("emulated device", BUILT_IN, "weberlink.emul
 An entry is a subclass of `FaultyDevice`, an `Emulator`, with the pydantic class of its `Options` and the name of its
 `transport`: serial, hid, evdev, or one of its own. For a device of the kernel (hid, evdev) it has `identity`, a
 `HidIdentity` or one that has `entry(number, instance)`: what `weberlink.testing.umockdev` is told. With a transport of
-its own it has `served(begin)`, which gives a `weberlink.testing.serving.ServedDevice` with an `address`.
-"""
+its own it has `served(begin)`, which gives a `weberlink.testing.serving.ServedDevice` with an `address`."""
 
 
 @dataclass
@@ -69,8 +68,7 @@ class FaultyDevice(ABC):
 
     def inject(self, name: str, value: float = 1.0) -> None:
         """Cause one of `OWN_FAULTS` at the next `advance`; from any thread. Raises ValueError if there is none of that
-        name, or not with that value.
-        """
+        name, or not with that value."""
         if name not in self.OWN_FAULTS:
             raise ValueError(f"no fault is called {name!r}; there are {', '.join(self.OWN_FAULTS)}")
         values = self.fault_values.get(name)

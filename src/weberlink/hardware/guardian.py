@@ -75,8 +75,7 @@ class Guardian:
 
     def watch(self, descriptor: int) -> None:
         """Have a process guard the device, whose descriptor it gets, open for writing; raises HardwareFault if there is
-        no guardian, or none that outlives this process.
-        """
+        no guardian, or none that outlives this process."""
         self.stop()
         self._all_rests = (self.zero, *self.rests)
         self._connection, self._is_ours = _connected()
@@ -105,8 +104,7 @@ class Guardian:
 
     def before(self, data: bytes) -> None:
         """Call immediately before a message is written. Raises BadReply if it carries force, and its command is too
-        old: this process was held up; HardwareFault if it carries force, and the guardian is dead or silent.
-        """
+        old: this process was held up; HardwareFault if it carries force, and the guardian is dead or silent."""
         if data.startswith(self._all_rests):
             return
         self._check_heard()
@@ -211,8 +209,7 @@ class HoldingGuardian(Guardian):
     """Lets an arm whose motors keep their last goals push no more when this process stops, and keep its place.
 
     Without torque the arm would drop, so there is no message that takes the torque off. Each cycle, within `lease` [s]
-    of the last one, the exchange says what leaves the arm where it is.
-    """
+    of the last one, the exchange says what leaves the arm where it is."""
 
     def __init__(self, lease: float) -> None:
         super().__init__(b"")
@@ -220,8 +217,7 @@ class HoldingGuardian(Guardian):
 
     def hold(self, message: bytes) -> None:
         """Set what leaves the arm safe from now on, and that this process is at work; raises HardwareFault if the
-        guardian is dead or silent.
-        """
+        guardian is dead or silent."""
         put_message(self._shared, message)
         self._words[LEASE] = int((monotonic() + self._lease) * 1e9)
         self._check_heard()

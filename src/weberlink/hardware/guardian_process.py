@@ -33,8 +33,7 @@ LEASE, BEATS, WRITES, SLOT, PID, APART, DEVICE = range(7)
 """Words of 64 bits in the shared memory: the client writes `LEASE` and `SLOT`, the guardian the others.
 
 `BEATS` counts the cycles of the loop, `WRITES` the messages sent, `SLOT` is the number of the message in use; `PID` is
-the guardian's, `APART` whether it is in a cgroup of its own, `DEVICE` the number of the device node, 0 for a socket.
-"""
+the guardian's, `APART` whether it is in a cgroup of its own, `DEVICE` the number of the device node, 0 for a socket."""
 WORDS_SIZE = 8 * 8
 # Each of the two messages behind the words, its `HEAD` in front. The client writes the one that is not in use.
 SLOT_SIZE = 2048
@@ -112,8 +111,7 @@ def _attend_alone(connection: socket, listener: socket, apart: bool, folder: str
 def attend(connection: socket, apart: bool, folder: str | None = None) -> None:
     """Guard the device of the client at the other end of a connection, until one of them ends.
 
-    The memory is a file in `folder`, if there is one, for `take_off`.
-    """
+    The memory is a file in `folder`, if there is one, for `take_off`."""
     connection.settimeout(HELLO_S)
     try:
         told, (device,), _, _ = recv_fds(connection, HELLO.size, 1)

@@ -12,8 +12,7 @@ LONGEST_REPORT = 64
 
 class HidPort:
     """An open device, at a path as given by `hardware.discovery.hid_devices`; raises HardwareFault if it is not there
-    or not permitted.
-    """
+    or not permitted."""
 
     def __init__(self, path: str) -> None:
         self.path = path
@@ -29,8 +28,7 @@ class HidPort:
         """Have a guardian take the force off when this process stops, from now on and until the port is closed.
 
         Its messages begin with the number of the report, a zero byte. Raises HardwareFault if this host reaches the
-        device through libusb, or the guardian does not start.
-        """
+        device through libusb, or the guardian does not start."""
         try:
             descriptor = os.open(self.path, os.O_WRONLY | os.O_CLOEXEC)
         except OSError as error:
@@ -43,8 +41,7 @@ class HidPort:
 
     def write(self, report: bytes, number: int = 0) -> None:
         """Send one report; `number` is that of the report, 0 for a device whose reports have none. Raises HardwareFault
-        if it was unplugged, or of the guardian, see `Guardian.before`.
-        """
+        if it was unplugged, or of the guardian, see `Guardian.before`."""
         message, guardian = bytes([number]) + report, self._guardian
         if guardian is not None:
             guardian.before(message)
@@ -60,8 +57,7 @@ class HidPort:
     def read_all(self, until: float) -> list[bytes]:
         """All reports that have come, oldest first, as soon as there are any; a numbered one has its number in front.
 
-        None where none comes by `until` [s, monotonic]; 0 does not wait. Raises HardwareFault if it was unplugged.
-        """
+        None where none comes by `until` [s, monotonic]; 0 does not wait. Raises HardwareFault if it was unplugged."""
         try:
             reports = self._waiting()
             if reports or until == 0.0:

@@ -26,8 +26,7 @@ class SerialPort:
 
     `baud` [bit/s] is without effect on a native USB port. The guardian, None for a device that takes its force off
     itself, watches from the opening of the port to its closing. Raises HardwareFault if the port is not there, in use,
-    or not permitted, or the guardian does not start.
-    """
+    or not permitted, or the guardian does not start."""
 
     def __init__(self, path: str, baud: int = 115_200, guardian: Guardian | None = None) -> None:
         self.path = path
@@ -48,8 +47,7 @@ class SerialPort:
 
     def write(self, data: bytes) -> None:
         """Write all data. Raises HardwareFault if it was unplugged, or takes nothing, or of the guardian:
-        `Guardian.before`.
-        """
+        `Guardian.before`."""
         guardian = self._guardian
         if guardian is None:
             self._write(data)
@@ -78,8 +76,7 @@ class SerialPort:
 
     def read(self, until: float) -> bytes:
         """Read what has come, waiting for the first byte until `until` [s, monotonic]; empty if none comes. Raises
-        HardwareFault if it was unplugged.
-        """
+        HardwareFault if it was unplugged."""
         try:
             ready, _, _ = select((self._descriptor,), (), (), max(0.0, until - monotonic()))
             if not ready:

@@ -10,8 +10,7 @@ class ThreadedDriver(Generic[Command, Sample]):
     """A driver whose exchange a `Worker` runs; times are of `time.monotonic` [s]. A subclass makes readings of samples.
 
     An exchange with a method `start_afresh` keeps its state over reconnections, but not over sessions: it is called
-    before the first `open` of each session.
-    """
+    before the first `open` of each session."""
 
     FAULT: ClassVar[type[Exception]]  # what the contract of its family raises
 

@@ -28,19 +28,16 @@ JOIN_S = 1.0  # longest wait of `stop` for an exchange that hangs, and again at 
 class Exchange(Protocol[Command_contra, Sample_co]):
     """The blocking operations on a device; each of them has a time limit.
 
-    With a board that keeps the last force without a host, it has a `guardian` too, a `Guardian`.
-    """
+    With a board that keeps the last force without a host, it has a `guardian` too, a `Guardian`."""
 
     def open(self) -> Sample_co:
         """Connect, and give the first sample; after a disconnection also check that the device is still the same.
-        Raises HardwareFault if it cannot be used.
-        """
+        Raises HardwareFault if it cannot be used."""
         ...
 
     def exchange(self, command: Command_contra) -> Sample_co:
         """Command, and measure. Raises BadReply if this answer was not good, and the next one may be; HardwareFault if
-        the device is gone or refuses.
-        """
+        the device is gone or refuses."""
         ...
 
     def close(self) -> None:
@@ -58,8 +55,7 @@ class Worker(Generic[Command, Sample]):
     ones for `LOST_S`, or when the device is gone, the fault stands unless a good reply comes within `reconnect`.
 
     Only the thread uses the exchange, so it need not be thread-safe. `stop` waits for a hanging exchange for a second;
-    its `close` is called when it returns. The end of the program stops a running worker.
-    """
+    its `close` is called when it returns. The end of the program stops a running worker."""
 
     exchange: Exchange[Command, Sample]
     _: KW_ONLY
@@ -106,8 +102,7 @@ class Worker(Generic[Command, Sample]):
 
     def start(self) -> None:
         """Connect, and begin to exchange; raises HardwareFault if the device cannot be used, or still hangs since the
-        last time; nothing is left running.
-        """
+        last time; nothing is left running."""
         self.stop()
         if self._hangs():
             raise HardwareFault("it has not reacted since the last session; unplug it and plug it in again")

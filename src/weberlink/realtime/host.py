@@ -58,8 +58,7 @@ class Steal(NamedTuple):
     def read(cls, processors: Collection[int], path: Path = STATISTICS) -> Self | None:
         """The present times; None if the kernel does not count steal time, or has never seen any.
 
-        A machine that is not virtual, and a host that does not tell, both give zeros since boot.
-        """
+        A machine that is not virtual, and a host that does not tell, both give zeros since boot."""
         try:
             lines = path.read_text(encoding="ascii").splitlines()
         except (OSError, UnicodeDecodeError):
@@ -95,8 +94,7 @@ class WatchOrder(Order):
 def main(text: str) -> int:
     """The program: writes one line on its scheduling class, then `processor ran due woken` for each late wake-up.
 
-    Ends when it is told to, or when one of its watchers has ended.
-    """
+    Ends when it is told to, or when one of its watchers has ended."""
     order = WatchOrder.from_json(text)
     signal(SIGTERM, lambda *_: sys.exit())
     die_with_parent(SIGTERM, order.parent)

@@ -114,8 +114,7 @@ def forbid_core_dumps() -> None:
 
     The limit is one byte: the only one at which the kernel also does not start a program named in `core_pattern`
     (fs/coredump.c). PR_SET_DUMPABLE would give this process's files in /proc to root, and where /proc hides processes
-    (ProtectProc= of systemd), the monitor of the same user could not see that a daemon lives.
-    """
+    (ProtectProc= of systemd), the monitor of the same user could not see that a daemon lives."""
     _, hard = resource.getrlimit(resource.RLIMIT_CORE)
     limit = min(hard, 1) if hard != resource.RLIM_INFINITY else 1
     resource.setrlimit(resource.RLIMIT_CORE, (limit, limit))

@@ -49,23 +49,6 @@ class Ticker:
         polls: whether to poll, which takes a processor.
     """
 
-    __slots__ = (
-        "_advance_ns",
-        "_fd",
-        "_index",
-        "_is_advanced",
-        "_latencies",
-        "_loop",
-        "_on_error",
-        "_on_tick",
-        "_period_ns",
-        "_polls",
-        "_revised_after",
-        "_start_ns",
-        "_stopped",
-        "missed",
-    )
-
     def __init__(
         self,
         period_s: float,

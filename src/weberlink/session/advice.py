@@ -85,8 +85,7 @@ class DryRun(NamedTuple):
 def dry_run(configuration: Configuration) -> DryRun:
     """Build what a run would build, so that every error of the file shows before a process is started; raises
     ConfigurationError as the builders do; or for a port that nobody could find, or a key that nobody else has, where
-    one side runs alone.
-    """
+    one side runs alone."""
     link, scheme = configuration.system.link, configuration.system.control.scheme
     build_security(configuration)
     if scheme not in SCHEMES.built_in:
@@ -386,8 +385,7 @@ def borne_round_trip(parts: DryRun) -> float:
     """The longest round trip at which a contact gains no energy without control [s].
 
     With damping b of device and hand, and stiffness K and damping B of the stiffest contact as it is felt, that is
-    (b - B) / K - T / 2 - T, the bound of `passivity_limit`. Where b or K is not known, it is `UNKNOWN_BORNE`.
-    """
+    (b - B) / K - T / 2 - T, the bound of `passivity_limit`. Where b or K is not known, it is `UNKNOWN_BORNE`."""
     system, damping = parts.system, _device_damping(parts.configuration)
     coupling = inf if parts.robot is None else parts.robot.spec.stiffness_n_m
     felt = max((min(thing.stiffness_n_m, coupling) for thing in system.slave.scene), default=coupling)
@@ -447,8 +445,7 @@ def tick_rate(parts: DryRun, tick_s: Callable[[Configuration], float | None] | N
 def measured_tick_s(configuration: Configuration) -> float | None:
     """Median run time of a tick of both sides in virtual time [s], which is about that of one side in real time.
 
-    A simulated hand and a point stand in for what cannot run in virtual time; None where they do not fit the file.
-    """
+    A simulated hand and a point stand in for what cannot run in virtual time; None where they do not fit the file."""
     from weberlink.session.simulation import build_simulation  # noqa: PLC0415 - for unusual rates alone
 
     system = configuration.system
@@ -481,19 +478,8 @@ def _polling(parts: DryRun) -> Iterator[str]:
 
 
 RULES: tuple[Rule, ...] = (
-    _device,
-    _robot,
-    _arms,
-    _limits,
-    _contact,
-    _positions,
-    _angles,
-    _coding,
-    _delay,
-    placeholders,
-    tick_rate,
-    _polling,
-)
+    _device, _robot, _arms, _limits, _contact, _positions, _angles, _coding, _delay, placeholders, tick_rate, _polling,
+)  # fmt: skip
 
 
 def _at_most(value: float) -> str:

@@ -24,8 +24,7 @@ class Unreached:
     same model where the hand is. Both agree as long as the robot follows. One that is held back (by a trip or its
     workspace) is where the model states nothing, so that a force would last on the hand which nothing touches. From
     then on what the robot feels is coded for the place to which it is `led` [m]: that takes the model back. Less than
-    the `least` force [N] states no contact, but may be left over within the deadband.
-    """
+    the `least` force [N] states no contact, but may be left over within the deadband."""
 
     def __init__(
         self,

@@ -61,8 +61,7 @@ def session_of(path: Path) -> str | None:
 def control_sockets() -> set[Path]:
     """Those of all daemons of this user or of root on this host, also where the files were removed.
 
-    The kernel lists what everybody calls so: only a file of this user, or a descriptor in such a process, counts.
-    """
+    The kernel lists what everybody calls so: only a file of this user, or a descriptor in such a process, counts."""
     lines = Path("/proc/self/net/unix").read_text(encoding="utf-8", errors="surrogateescape").splitlines()
     listed = {Path(fields[7]) for line in lines if len(fields := line.split(maxsplit=7)) == 8}
     named = {path: session for path in listed if (session := session_of(path)) is not None}
@@ -84,16 +83,14 @@ def reserved(ring: str | Path) -> Iterator[tuple[socket.socket, int]]:
     """The control socket of a daemon to be started, and a descriptor by which it is found without its file.
 
     The socket is closed at the end of the block: the daemon inherits it. The descriptor is for the caller to close.
-    Raises OSError if there is no room for the socket's file.
-    """
+    Raises OSError if there is no room for the socket's file."""
     with listening_socket(path_beside(ring)) as listener:
         yield listener, os.open(path_beside(ring), os.O_PATH | os.O_NOFOLLOW | os.O_CLOEXEC)
 
 
 def connect(asker: socket.socket, path: Path) -> None:
     """Connect to a control socket of this user or of root; raises ForeignFileError if it is of somebody else, or
-    another OSError if nobody listens there.
-    """
+    another OSError if nobody listens there."""
     try:
         status = path.lstat()
     except FileNotFoundError:
@@ -198,8 +195,7 @@ class ControlSocket:
     def opening(self, stopped: type[Exception]) -> Iterator[None]:
         """Take a stop while the main thread opens the device or the robot, and before that: raises `stopped`.
 
-        The kernel signals each question, since no loop runs yet.
-        """
+        The kernel signals each question, since no loop runs yet."""
         side, standing = self._side, _Opening(self._side.tuning)
         descriptor, flags = self._socket.fileno(), fcntl(self._socket, F_GETFL)
 

@@ -206,8 +206,7 @@ class LiveLink:
     def change(self, settings: Mapping[str, object]) -> str | None:
         """Apply settings to what is sent from now on; why not, or None.
 
-        What is under way arrives as before, and what is sent later does not overtake it.
-        """
+        What is under way arrives as before, and what is sent later does not overtake it."""
         if self._fixed is not None:
             return self._fixed
         if unknown := [name for name in settings if name not in LINK_SETTINGS]:

@@ -22,8 +22,7 @@ class Interruption:
         """The pieces of a source until Ctrl-C, or another signal that raises KeyboardInterrupt.
 
         The signal interrupts the source while it computes a piece, which is lost. It never interrupts what the caller
-        does with a piece, such as writing it.
-        """
+        does with a piece, such as writing it."""
         iterator: Any = iter(source)
         with self._handling(), closing(iterator) if hasattr(iterator, "close") else nullcontext():
             while not self.noted:

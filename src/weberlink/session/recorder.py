@@ -20,8 +20,7 @@ from weberlink.telemetry.recorders import COMPLETE, Recorder, RecordingFormat, f
 FINISH_LIMIT_S = 10.0
 """Time to write remaining records and the index after the daemons have ended; then the recorder is told to finish.
 
-Ordinary work goes before the recorder, so that a busy host may leave it little time.
-"""
+Ordinary work goes before the recorder, so that a busy host may leave it little time."""
 
 
 def facts(configuration: Configuration, *, virtual: bool = False) -> dict[str, str]:
@@ -53,8 +52,7 @@ def facts_of(description: Mapping[str, Any], *, virtual: bool = False) -> dict[s
 
 def format_for(path: Path) -> RecordingFormat:
     """The format of a recording to be made, with its target checked before anything is started; raises
-    ConfigurationError if it exists, cannot be written, or no format is installed.
-    """
+    ConfigurationError if it exists, cannot be written, or no format is installed."""
     try:
         found = format_of(path, "--record")
     except ValueError as error:
@@ -81,8 +79,7 @@ def failure(recorder: Recorder) -> str | None:
 
 class VirtualRecording:
     """Writes the recording of a live session, on a clock that begins at 0. A full disk ends the recording alone. Raises
-    ConfigurationError from the constructor, if the file cannot be made.
-    """
+    ConfigurationError from the constructor, if the file cannot be made."""
 
     def __init__(self, configuration: Configuration, path: Path, tell: Callable[[str], None]) -> None:
         self._outcome, self._path, self._tell = COMPLETE, path, tell

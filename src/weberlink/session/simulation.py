@@ -62,8 +62,7 @@ class Simulation:
 
     def run(self, duration: float, observers: Sequence[Observer], interruption: Interruption | None = None) -> None:
         """Run to the end of the duration [s], or of the device's motion where that comes first, or to Ctrl-C, which
-        costs less than a piece where `interruption` notes it, and else raises KeyboardInterrupt.
-        """
+        costs less than a piece where `interruption` notes it, and else raises KeyboardInterrupt."""
         chunks = self._chunks(duration)
         for records in chunks if interruption is None else interruption.pieces(chunks):
             for observer in observers:
@@ -143,8 +142,7 @@ def as_array(records: Sequence[Values]) -> Records:
 
 def build_simulation(configuration: Configuration) -> Simulation:
     """Both sides and their link, not yet begun. All random numbers follow from the seed of `link.emulate`. Raises
-    ConfigurationError if a part cannot be made as the file asks.
-    """
+    ConfigurationError if a part cannot be made as the file asks."""
     refuse_live(configuration)
     system = configuration.system
     emulation = system.link.emulate or EmulationSettings()
@@ -282,8 +280,7 @@ class TraceRecorder:
 
     def save(self, path: Path) -> int:
         """Write the trace with all digits, so that the same numbers are read back; returns the number of rows. Raises
-        OSError if the file cannot be written.
-        """
+        OSError if the file cannot be written."""
         from weberlink.master.trace import COLUMNS  # noqa: PLC0415 - where one is asked for
 
         rows = self._rows().tolist()

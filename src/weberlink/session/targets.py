@@ -24,8 +24,7 @@ class TargetError(ValueError):
 
 def check_file(path: Path) -> None:
     """See that a file can be written; nothing is left behind, and an existing file keeps its content. Raises
-    TargetError if it cannot.
-    """
+    TargetError if it cannot."""
     _refuse_standard_output(path, "file")
     try:
         if path.is_dir():
@@ -50,8 +49,7 @@ def check_file(path: Path) -> None:
 
 def check_folder(path: Path) -> None:
     """See that files can be written in a folder, which may have to be created later; nothing is left behind. Raises
-    TargetError if they cannot.
-    """
+    TargetError if they cannot."""
     _refuse_standard_output(path, "folder")
     try:
         there = next(each for each in (path, *path.absolute().parents) if each.exists())
@@ -81,8 +79,7 @@ def _words(path: Path, error: OSError) -> str:
 
 class LogFile:
     """Appends lines to a file or, for "-", to standard output; a context manager. Raises ConfigurationError if the file
-    cannot be opened; from then on a full disk, a closed pipe and a stopped reader cost lines, which are counted.
-    """
+    cannot be opened; from then on a full disk, a closed pipe and a stopped reader cost lines, which are counted."""
 
     def __init__(self, target: Path) -> None:
         self.lost = 0  # lines that could not be written

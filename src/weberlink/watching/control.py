@@ -26,8 +26,7 @@ def refusal(why: str) -> Answer:
 async def change(session: WatchedSession | None, request: Mapping[str, Any]) -> Answer:
     """Change settings of both sides of a session, or of the emulated link in both directions.
 
-    One side agrees with the other on the settings; the link needs both. The daemons check the request.
-    """
+    One side agrees with the other on the settings; the link needs both. The daemons check the request."""
     if not request:
         return refusal("nothing to change; name weber, predictor, delay_ms, jitter_ms or loss")
     if session is None or session.ended:

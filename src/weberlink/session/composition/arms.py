@@ -105,8 +105,7 @@ def _channels(
 @with_file_name
 def build_leader(configuration: Configuration) -> Arm:
     """The leader in the frame of the follower, not yet open; raises ConfigurationError if it cannot be made of its
-    options, has other joints than the file, or the wire cannot say its angles.
-    """
+    options, has other joints than the file, or the wire cannot say its angles."""
     from weberlink.session.composition.master import check_button, check_force_ends  # noqa: PLC0415 - for this end
 
     system, part = configuration.system, configuration.device
@@ -144,8 +143,7 @@ def build_follower(configuration: Configuration) -> Arm:
 
 def torque_limits(system: System, spec: ArmSpec) -> tuple[Joints, Joints]:
     """The largest torques [N m] and their fastest changes [N m/s] on the axes of a leader; raises ConfigurationError if
-    a limit has not one value for each axis.
-    """
+    a limit has not one value for each axis."""
     own = system.master.limits.joints or LeaderLimits()
     most = within("master.limits.joints.torque_nm", own.torque_nm, spec.torque_nm)
     if own.slew_nm_s is None:
@@ -155,8 +153,7 @@ def torque_limits(system: System, spec: ArmSpec) -> tuple[Joints, Joints]:
 
 def angle_limits(system: System, spec: ArmSpec) -> tuple[Joints, Joints]:
     """The range of commanded angles of a follower: its own within that of the file [rad]; raises ConfigurationError if
-    nothing of it is left for an axis, or a limit has not one value for each axis.
-    """
+    nothing of it is left for an axis, or a limit has not one value for each axis."""
     own = system.slave.limits.joints or FollowerLimits()
     lower, upper = spec.lower, spec.upper
     if own.lower_rad is not None:

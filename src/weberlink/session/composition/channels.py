@@ -28,8 +28,7 @@ def force_deadband(force: ForceCodecSettings, tick_period: float, weber: float) 
 
 def measures_in(dump: Mapping[str, Any]) -> Measures | None:
     """How the deadband of the force measures an error, from the dump of a `System` in descriptions and recordings; None
-    where that is the distance, which is quicker without. Raises ValueError for a deadband that is not known here.
-    """
+    where that is the distance, which is quicker without. Raises ValueError for a deadband that is not known here."""
     try:
         given, tick_period = dump["codec"]["force"], 1.0 / dump["rate_hz"]
         force = ForceCodecSettings(**{key: given[key] for key in ("weber", "floor_n", "reference", "deadband")})
@@ -123,8 +122,7 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
 
     Those of a hand are the translation and, where the file asks for it, the rotation: an orientation is coded as a
     position and a torque as a force, in radians and newton metres. Those of an arm are its joints and, where it has
-    one, its gripper.
-    """
+    one, its gripper."""
     if system.codec.joints is not None:
         groups = [(system.codec.joints.angle, system.codec.joints.torque, len(system.codec.joints.names))]
         if system.codec.gripper is not None:

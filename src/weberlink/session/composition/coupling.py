@@ -21,8 +21,7 @@ STATED = "stiffness_n_m"  # option of a robot driver that states its stiffness t
 
 def coupling(configuration: Configuration, device: Device | None = None) -> float:
     """Stiffness of the robot towards its command [N/m]: as the file states it, or by the device, given in the robot's
-    frame where it is built already; raises ConfigurationError if it cannot be built on this host.
-    """
+    frame where it is built already; raises ConfigurationError if it cannot be built on this host."""
     system = configuration.system
     stated = system.slave.robot.options.get(STATED)
     if isinstance(stated, int | float) and stated > 0.0:
@@ -46,8 +45,7 @@ def coupling(configuration: Configuration, device: Device | None = None) -> floa
 
 def press_limit(system: System, robot: Robot) -> float:
     """Largest force with which the robot presses [N]: as the file states it, or what the operator can feel of it;
-    raises ConfigurationError if the robot cannot measure it, or it is less than a contact.
-    """
+    raises ConfigurationError if the robot cannot measure it, or it is less than a contact."""
     limit, most = system.slave.limits.contact_n, robot.spec.force_n
     if limit is not None:
         if limit > most:

@@ -95,8 +95,7 @@ def _flat(tree: dict[str, Any], prefix: str) -> dict[str, object]:
 @with_file_name
 def build_security(configuration: Configuration) -> Security:
     """The security suite that the file asks for; only that one is imported. With a key, no core is dumped any more.
-    Raises ConfigurationError if the key file cannot be used, or the peer is not known.
-    """
+    Raises ConfigurationError if the key file cannot be used, or the peer is not known."""
     link = configuration.system.link
     parts = {MASTER: configuration.device, SLAVE: configuration.robot}
     loaded = [side for side, part in parts.items() if part is not None]
@@ -135,8 +134,7 @@ def own_key(path: Path) -> HeldKey:
 
 def acquaintance(configuration: Configuration, side: str, finder: PathFinder | None) -> tuple[Security, str, str]:
     """Suite, own name and the name of the only peer ("" for any) of a process that runs one side, where the file sets
-    no names; ConfigurationError as of `build_security`.
-    """
+    no names; ConfigurationError as of `build_security`."""
     if finder is not None:
         return finder.security, finder.own, finder.expects
     link = configuration.system.link
@@ -222,8 +220,7 @@ def build_control(
     configuration: Configuration, build: Callable[[str, SchemeParameters], ControlEnd], coupling: float
 ) -> ControlEnd:
     """One end of the control scheme; `coupling` is the stiffness of the robot towards its command [N/m]. Raises
-    ConfigurationError if the scheme is of another distribution and broken.
-    """
+    ConfigurationError if the scheme is of another distribution and broken."""
     system = configuration.system
     settings = SchemeParameters(
         tick_period=system.tick_period,
@@ -262,8 +259,7 @@ def build_driver(where: str, driver: Any, *arguments: Any, contract: type | None
 
 def check_axes(where: str, axes: str, system: System) -> None:
     """See that a device or robot moves on every axis that is sent; raises ConfigurationError naming those that it
-    lacks.
-    """
+    lacks."""
     missing = [axis for axis in system.axes if axis not in axes]
     if missing:
         raise ConfigurationError(f"axes: {where} has no axis {', '.join(missing)}; it has {axes}")

@@ -115,8 +115,7 @@ def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
 @with_file_name
 def build_device(configuration: Configuration) -> Device:
     """The haptic device in the robot's frame, not yet open; raises ConfigurationError if it cannot be made of its
-    options, or the wire cannot say its positions.
-    """
+    options, or the wire cannot say its positions."""
     system, part = configuration.system, configuration.device
     assert part is not None
     device: Device = build_driver("master.device", part.driver, part.options, system.tick_period, contract=Device)
@@ -218,8 +217,7 @@ def _mapped(system: System, device: Device) -> Device:
 
 def check_force_ends(device: "Device | Arm", driver: str, accepted: str | None) -> None:
     """See that the board of a device, without its mapping, removes the force by itself, or that a guardian process
-    does; raises ConfigurationError unless this driver is `accepted` without either (`master.accept_no_watchdog`).
-    """
+    does; raises ConfigurationError unless this driver is `accepted` without either (`master.accept_no_watchdog`)."""
     spec = device.spec
     ends = spec.watchdog_s is not None or getattr(device, "guarded", False)
     if spec.force_feedback and not ends and accepted != driver:

@@ -10,8 +10,7 @@ from weberlink.session.side import Side
 
 def build_side(configuration: Configuration, side: str, context: Context) -> Side:
     """The operator's or the teleoperator's side, not yet open; raises ConfigurationError if device, robot or scene
-    cannot be made as the file asks.
-    """
+    cannot be made as the file asks."""
     system = configuration.system
     endpoint = build_endpoint(system, side, context)
     # What the file does not name is not imported.

@@ -90,8 +90,7 @@ def build_led(configuration: Configuration, endpoint: Endpoint, live: Stopwatch 
 @with_file_name
 def build_robot(configuration: Configuration) -> Robot:
     """The robot with the scene that it touches, not yet open; raises ConfigurationError if either cannot be made of its
-    options, the wire cannot say its forces, or a limit of the file is beyond its range.
-    """
+    options, the wire cannot say its forces, or a limit of the file is beyond its range."""
     system, part = configuration.system, configuration.robot
     assert part is not None
     options = part.options
@@ -130,8 +129,7 @@ def _check_rotation(system: System, robot: Robot) -> None:
 @with_file_name
 def build_scene(configuration: Configuration) -> Scene | None:
     """What there is to touch; None where the file names nothing. Raises ConfigurationError if an object of the scene
-    cannot be made.
-    """
+    cannot be made."""
     objects = configuration.system.slave.scene
     try:
         return build(objects) if objects else None
