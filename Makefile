@@ -46,7 +46,7 @@ demo: $(RUN)  ## feel a remote scene in a browser, until Ctrl-C or DURATION=20 (
 	$(BIN)/weberlink try --scripted $(if $(DURATION),--duration $(DURATION))
 
 test: export PYTHONDONTWRITEBYTECODE :=
-test: $(DEV) $(PAGE_TOOLS)  ## the whole test suite, on all processors; live sessions last
+test: $(DEV) $(PAGE_TOOLS)  ## the whole test suite, on all processors, 20 slowest at the end
 	$(BIN)/python -m pytest -n auto
 
 test-kernel: export PYTHONDONTWRITEBYTECODE :=

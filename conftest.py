@@ -1,8 +1,9 @@
 """How the suite runs, alone or shared among workers (`pytest -n`).
 
 A test marked `realtime` runs live sessions, in which a slow machine looks like a fault. Such tests come last, and each
-alone unless this user may use SCHED_FIFO: daemons then go before all other work. No test is run again: one that fails
-once is wrong, or has found something. Tests marked `hunt` explore; they run with `--hunt` only.
+alone, unless this user may use SCHED_FIFO: daemons then go before all other work, so live tests run beside others, at
+most one per processor. Since they mostly wait, there are half as many workers again. No test is run again: one that
+fails once is wrong, or has found something. Tests marked `hunt` explore; they run with `--hunt` only.
 """
 
 import fcntl
@@ -11,10 +12,13 @@ import os
 import subprocess
 from collections import Counter, defaultdict
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
+from itertools import cycle
 from math import inf
 from pathlib import Path
-from typing import Any
+from time import sleep
+from typing import IO, Any
 
 import pytest
 
@@ -26,6 +30,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
 
 TOOK = "weberlink/took"  # seconds that each file took in its last run, in the cache of pytest
 took: dict[str, float] = defaultdict(float)  # the same of this run
+PROCESSORS = len(os.sched_getaffinity(0))
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -41,6 +46,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def is_realtime(item: pytest.Item) -> bool:
     return item.get_closest_marker("realtime") is not None
+
+
+def file_of(nodeid: str) -> str:
+    return nodeid.partition("::")[0]
 
 
 @cache
@@ -60,7 +69,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         config.hook.pytest_deselected(items=explores)
         items[:] = [item for item in items if item not in explores]
     before: dict[str, float] = config.cache.get(TOOK, {}) if hasattr(config, "cache") else {}
-    items.sort(key=lambda item: (is_realtime(item), -before.get(item.location[0], inf), item.location[0]))
+
+    def order(item: pytest.Item) -> tuple[bool, float, str, bool]:
+        """Long files first, so that no worker ends long after the others."""
+        live, file = is_realtime(item), file_of(item.nodeid)
+        return live and not may_use_fifo(), -before.get(file, inf), file, live
+
+    items.sort(key=order)
 
 
 def pytest_collection_finish() -> None:
@@ -70,7 +85,7 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    took[report.location[0]] += report.duration
+    took[file_of(report.nodeid)] += report.duration
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
@@ -91,17 +106,37 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     return FileByFile(config, log)
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """Hook of pytest-xdist."""
+    return PROCESSORS + PROCESSORS // 2 if may_use_fifo() else PROCESSORS
+
+
+def place(folder: Path, *, live: bool) -> IO[str]:
+    """A lock on the machine, which is files in the folder of the run: on all of it, shared or alone, or a processor."""
+    if not may_use_fifo():
+        machine = (folder / "machine").open("a")
+        fcntl.flock(machine, fcntl.LOCK_EX if live else fcntl.LOCK_SH)
+        return machine
+    for number in cycle(range(PROCESSORS)):
+        processor = (folder / f"processor{number}").open("a")
+        with suppress(BlockingIOError):
+            fcntl.flock(processor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return processor
+        processor.close()
+        sleep(0.02)
+    raise AssertionError
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
-    if not hasattr(item.config, "workerinput"):
+    live = is_realtime(item)
+    if not hasattr(item.config, "workerinput") or (may_use_fifo() and not live):
         return (yield)
-    # The machine is a file in the temporary folder of the run, which has those of the workers: shared, or held alone.
-    with (Path(item.config.option.basetemp).parent / "machine").open("a") as machine:
-        fcntl.flock(machine, fcntl.LOCK_EX if is_realtime(item) and not may_use_fifo() else fcntl.LOCK_SH)
+    with place(Path(item.config.option.basetemp).parent, live=live) as lock:
         try:
             return (yield)
         finally:
-            fcntl.flock(machine, fcntl.LOCK_UN)  # a process that a test left behind may hold a copy of the descriptor
+            fcntl.flock(lock, fcntl.LOCK_UN)  # a process that a test left behind may hold a copy of the descriptor
 
 
 @pytest.fixture
