@@ -3,58 +3,193 @@
 import asyncio
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from functools import partial
 from itertools import count
 from time import monotonic
 from types import SimpleNamespace
+from typing import Self
 
 import msgpack
 import pytest
 import uvloop
 
-from plugins.anywhere.tests.found import OPERATOR, ROBOT, End, Middle, bound_socket, connect, engage, send_ticks
+from plugins.anywhere.tests.meetings import in_loop
 from tests.compiled import replaces_methods
-from tests.protocol.harness import make_endpoint
-from tests.wait import PATIENCE, soon
-from weberlink.protocol import Connected, PeerSilent, Role, State
+from tests.protocol.harness import forms, make_endpoint, sample_update
+from tests.wait import soon
+from weberlink.protocol import Connected, Endpoint, Event, PeerSilent, Role, State, UpdateReceived
+from weberlink.protocol.aio import UdpShell
 from weberlink.protocol.aio.udp import PEER_SHARE, STRANGER_SHARE, peer_address
 from weberlink.protocol.events import Address, DropReason
 from weberlink_anywhere import hand_over
 from weberlink_anywhere.found_paths import FINDER_ENDED, MOVED_PEERS, SILENT_S, STUN_BURST_S, STUN_S, FoundPaths
 from weberlink_anywhere.hand_over import PathFound, PathLost, PathNews, PathSilent, SessionState, StunReceived
 
-HANG_S = 2.0 * PATIENCE
+OPERATOR, ROBOT, HOST = "operator", "robot", "127.0.0.1"
 NONSENSE = [b"x", bytes(5000), msgpack.packb([2, ROBOT, "x" * 5000, True]), msgpack.packb([0, 1, 0]), b"\xc1" * 40]
 STUN = b"\x00\x01\x00\x00" + hand_over.STUN_COOKIE + bytes(12)
 """A binding request without attributes."""
 CHANNEL = 0x4001
 
+
+class End:
+    """An endpoint with its shell, and the finder's end of the socket between them."""
+
+    def __init__(self, role: Role, **changes: object) -> None:
+        is_master = role is Role.INITIATOR
+        self.peer = ROBOT if is_master else OPERATOR
+        settings = {
+            "epoch": monotonic(),
+            "outgoing": (forms(3),),
+            "incoming": (forms(3),),
+            "silence": 4.0,
+            "name": OPERATOR if is_master else ROBOT,
+            "peer": peer_address(ROBOT) if is_master else None,
+        }
+        self.endpoint: Endpoint = make_endpoint(role, **(settings | changes))
+        self.ours, self.finder = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        for each in (self.ours, self.finder):
+            each.setblocking(False)
+        self.complaints: list[str] = []
+        self.events: list[Event] = []
+        self.shell = UdpShell(
+            self.endpoint,
+            now=monotonic,
+            dscp=46,
+            paths=partial(FoundPaths, finder=self.ours),
+            on_no_path=self.complaints.append,
+        )
+
+    async def __aenter__(self) -> Self:
+        await self.shell.open(asyncio.get_running_loop())
+        self.endpoint.connect(monotonic())
+        self.shell.flush(monotonic())
+        return self
+
+    def find(self, bound: socket.socket, found: PathFound) -> None:
+        """Hand a path over, as the finder does; the socket is closed here."""
+        with bound:
+            assert hand_over.send(self.finder, found, bound)
+
+    def of(self, kind: type[Event]) -> list[Event]:
+        while (event := self.endpoint.next_event()) is not None:
+            self.events.append(event)
+        return [event for event in self.events if isinstance(event, kind)]
+
+    def ticks(self) -> list[int]:
+        """Of the updates that were received."""
+        return [event.update.tick for event in self.of(UpdateReceived) if isinstance(event, UpdateReceived)]
+
+    def told(self) -> list[hand_over.Message]:
+        """What the finder has heard since the last call."""
+        messages = []
+        with suppress(BlockingIOError):
+            while (received := hand_over.receive(self.finder)) is not None:
+                messages.append(received[0])
+        return messages
+
+    async def __aexit__(self, *_: object) -> None:
+        for each in (self.shell, self.finder, self.ours):
+            each.close()
+
+
+class Middle:
+    """What is between two hosts: forwards datagrams from a port for each of them; can be cut, and changes ports.
+
+    Attributes:
+        towards: the address to which each end sends, master first.
+        is_repeating: whether every datagram is forwarded twice.
+    """
+
+    def __init__(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._ports = [self._port(0), self._port(1)]
+        self._ends: list[Address | None] = [None, None]
+        self.is_up = True
+        self.is_repeating = False
+
+    @property
+    def towards(self) -> tuple[Address, Address]:
+        first, second = (port.getsockname() for port in self._ports)
+        return first, second
+
+    def join(self, master: Address, slave: Address) -> None:
+        self._ends = [master, slave]
+
+    def change_port(self) -> None:
+        """Reach the slave from another port, as a NAT that has lost its mapping; the old one is closed."""
+        self._loop.remove_reader(self._ports[1].fileno())
+        self._ports[1].close()
+        self._ports[1] = self._port(1)
+
+    def _port(self, index: int) -> socket.socket:
+        port = bound_socket()
+        port.setblocking(False)
+        self._loop.add_reader(port.fileno(), self._forward, index)
+        return port
+
+    def _forward(self, index: int) -> None:
+        """Take what one end has sent, and send it to the other from the port that the other knows."""
+        data, target = self._ports[index].recv(5000), self._ends[1 - index]
+        if self.is_up and target is not None:
+            for _ in range(1 + self.is_repeating):
+                self._ports[1 - index].sendto(data, target)
+
+    def close(self) -> None:
+        for port in self._ports:
+            self._loop.remove_reader(port.fileno())
+            port.close()
+
+
+def bound_socket(host: str = HOST) -> socket.socket:
+    bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    bound.bind((host, 0))
+    return bound
+
+
+def connect(master: End, slave: End, number: int = 1, place: int = 0, middle: Middle | None = None) -> None:
+    """Find a path between two ends, straight or through a middle."""
+    sockets = bound_socket(), bound_socket()
+    addresses = sockets[0].getsockname(), sockets[1].getsockname()
+    remotes = addresses[1], addresses[0]
+    if middle is not None:
+        middle.join(*addresses)
+        remotes = middle.towards
+    for end, bound, remote in zip((master, slave), sockets, remotes, strict=True):
+        end.find(bound, PathFound(number, place, end.peer, remote, route="punched", interface="lo"))
+
+
+async def engage(master: End, slave: End) -> None:
+    await soon(lambda: master.of(Connected) and slave.of(Connected), "a session", pause=0.001)
+    await soon(lambda: master.endpoint.state is slave.endpoint.state is State.ENGAGED, "an engaged one", pause=0.001)
+
+
+async def send_ticks(master: End, first: int, count: int, during: Callable[[int], None] = lambda tick: None) -> None:
+    """Send an update in every tick of 1 ms, and call `during` before each."""
+    for tick in range(first, first + count):
+        during(tick)
+        now = monotonic()
+        master.shell.service(now)
+        assert master.endpoint.send_update(now, sample_update(tick))
+        master.shell.flush(now)
+        await asyncio.sleep(0.001)
+
+
 Main = Callable[[End, End], Awaitable[None]]
 
 
-def live(main: Main | None = None, **changes: object) -> Callable[[], None]:
+def live(main: Main | None = None, **changes: object) -> Callable[..., None]:
     """Make a test of a coroutine that is given a master and a slave, whose endpoints have the `changes`."""
     if main is None:
         return partial(live, **changes)  # type: ignore[return-value]
     body: Main = main
 
-    async def bounded() -> None:
-        master, slave = End(Role.INITIATOR, **changes), End(Role.RESPONDER, **changes)
-        try:
-            async with asyncio.timeout(HANG_S):
-                await slave.open()
-                await master.open()
-                await body(master, slave)
-        finally:
-            master.close()
-            slave.close()
+    async def whole() -> None:
+        async with End(Role.RESPONDER, **changes) as slave, End(Role.INITIATOR, **changes) as master:
+            await body(master, slave)
 
-    def test() -> None:
-        with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-            runner.run(bounded())
-
-    return test
+    return in_loop(whole, uvloop.new_event_loop)
 
 
 async def until(condition: Callable[[], object]) -> None:
@@ -193,12 +328,12 @@ def test_the_addresses_that_were_answered_last_are_remembered() -> None:
     path = SimpleNamespace(is_open=True, send_to=lambda data, address: sent.append(address))
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with ours, theirs:
-        paths = FoundPaths(SimpleNamespace(endpoint=stand_in), finder=ours)  # type: ignore[arg-type]
+        paths = FoundPaths(SimpleNamespace(endpoint=stand_in), finder=ours)  # type: ignore[return-value]
         addresses = [("192.0.2.1", port) for port in range(1, MOVED_PEERS + 3)]
         for address in (*addresses[:MOVED_PEERS], addresses[0], *addresses[MOVED_PEERS:]):
-            paths.take_from_elsewhere(b"call", address, 0.0, path)  # type: ignore[arg-type]
+            paths.take_from_elsewhere(b"call", address, 0.0, path)  # type: ignore[return-value]
         for port in range(2 * MOVED_PEERS):
-            paths.take_from_elsewhere(b"", ("203.0.113.9", port), 0.0, path)  # type: ignore[arg-type]
+            paths.take_from_elsewhere(b"", ("203.0.113.9", port), 0.0, path)  # type: ignore[return-value]
         for address in (*addresses, ("203.0.113.9", 1)):
             paths.send(b"answer", address)
         path.is_open = False
@@ -214,8 +349,7 @@ async def test_stun_of_the_peer_goes_to_the_finder(master: End, slave: End) -> N
     with peer:
         await until(lambda: slave.shell.paths[0].route)
         peer.sendto(STUN, address)
-        messages: list[hand_over.Message] = []
-        await until(lambda: messages.extend(slave.told()) or messages)
+        messages = await soon(slave.told, "the message", pause=0.001)
         assert messages == [StunReceived(7, source, STUN)]
         assert slave.endpoint.statistics.drops == 0
         peer.sendto(b"\x00\x01\x00\x00" + bytes(16), address)  # without the cookie it is a datagram like any other
@@ -266,9 +400,8 @@ async def test_datagrams_of_a_relay_carry_its_channel(master: End, slave: End) -
         inner.sendto(head + len(data).to_bytes(2, "big") + data + b"\0", addresses[0])
 
     with inner, outer:
-        loop = asyncio.get_running_loop()
-        loop.add_reader(inner.fileno(), strip)
-        loop.add_reader(outer.fileno(), wrap)
+        asyncio.get_running_loop().add_reader(inner.fileno(), strip)
+        asyncio.get_running_loop().add_reader(outer.fileno(), wrap)
         found = PathFound(1, 0, ROBOT, inner.getsockname(), CHANNEL, route="relayed", via="home relay")
         master.find(sockets[0], found)
         slave.find(sockets[1], PathFound(1, 0, OPERATOR, outer.getsockname()))
@@ -279,11 +412,10 @@ async def test_datagrams_of_a_relay_carry_its_channel(master: End, slave: End) -
         wrapped = head + len(STUN).to_bytes(2, "big") + STUN
         master.told()
         inner.sendto(wrapped, addresses[0])
-        messages: list[hand_over.Message] = []
-        await until(lambda: messages.extend(master.told()) or messages)
+        messages = await soon(master.told, "the message", pause=0.001)
         assert messages == [StunReceived(1, inner.getsockname(), wrapped)]
         for each in (inner, outer):
-            loop.remove_reader(each.fileno())
+            asyncio.get_running_loop().remove_reader(each.fileno())
 
 
 @live
