@@ -170,6 +170,11 @@ class Side(Command):
         return taken
 
     @property
+    def is_engaged(self) -> bool:
+        """Whether its newest record is of a session."""
+        return self.ring is not None and bool(self.ring.last["state"] == ENGAGED)
+
+    @property
     def daemon(self) -> int:
         """Process id of its daemon; 0 until it has a ring."""
         return 0 if self.ring is None else self.ring.pid

@@ -328,12 +328,12 @@ def test_the_addresses_that_were_answered_last_are_remembered() -> None:
     path = SimpleNamespace(is_open=True, send_to=lambda data, address: sent.append(address))
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with ours, theirs:
-        paths = FoundPaths(SimpleNamespace(endpoint=stand_in), finder=ours)  # type: ignore[return-value]
+        paths = FoundPaths(SimpleNamespace(endpoint=stand_in), finder=ours)  # type: ignore[arg-type]
         addresses = [("192.0.2.1", port) for port in range(1, MOVED_PEERS + 3)]
         for address in (*addresses[:MOVED_PEERS], addresses[0], *addresses[MOVED_PEERS:]):
-            paths.take_from_elsewhere(b"call", address, 0.0, path)  # type: ignore[return-value]
+            paths.take_from_elsewhere(b"call", address, 0.0, path)  # type: ignore[arg-type]
         for port in range(2 * MOVED_PEERS):
-            paths.take_from_elsewhere(b"", ("203.0.113.9", port), 0.0, path)  # type: ignore[return-value]
+            paths.take_from_elsewhere(b"", ("203.0.113.9", port), 0.0, path)  # type: ignore[arg-type]
         for address in (*addresses, ("203.0.113.9", 1)):
             paths.send(b"answer", address)
         path.is_open = False

@@ -1,21 +1,29 @@
-"""Paths that fail while a hand presses on a remote surface."""
+"""Paths that fail while a hand presses on a remote surface, and which promises of docs/safety.md were broken.
+
+Both daemons run on this machine, so their records have one clock. `trials.safety` judges ramp, approach and retreat in
+virtual time; here a tick may be late, as the host is.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from time import monotonic, sleep
+from typing import Any
 
 import numpy as np
 
 from plugins.anywhere.tests.namespaces import SERVER
 from plugins.anywhere.tests.testbed import CONE, FIRST, SECOND, SYMMETRIC, Router
-from plugins.anywhere.trials.interruption import EITHER, NOTHING, SILENCE, Interruption, measure, violated
 from plugins.anywhere.trials.scene import FILE, MEET_S, SCRIPT, Scene, scene, waits
-from tests.program import ENGAGED
+from tests.program import ENGAGED, Records
 from trials.rig import Side, within
-from weberlink.config import MASTER, SLAVE, load
+from trials.safety.run import STILL, WALL_M_S
+from weberlink.config import MASTER, SLAVE, Configuration, load
+from weberlink.telemetry.fault import Fault as Named
 
 BACK_S = 30.0  # from the end of a fault until a session [s]
 CONTACT_N = 0.3
+STALL_S = 0.03  # by which a busy machine may delay a tick that reads what has arrived [s]
+SILENCE, NOTHING, EITHER = "silence", "nothing", "either"
 Deed = Callable[[Scene], object]
 
 
@@ -36,7 +44,6 @@ class Fault:
 
 
 def unplug(router: Router) -> None:
-    """Take the host's interface down."""
     router.host.ip(f"link set {router.interface} down")
 
 
@@ -66,10 +73,6 @@ def at_operator(deed: Callable[[Router], object]) -> Deed:
     return lambda place: deed(place.operator.home.first)
 
 
-def at_robot(deed: Callable[[Router], object]) -> Deed:
-    return lambda place: deed(place.robot.home.first)
-
-
 DEFAULT = f"route replace default via {SERVER}"
 UNPLUG, PLUG = at_operator(unplug), at_operator(Router.connect_host)
 DARKEN = at_operator(lambda router: router.space.ip("link set outside down"))  # no sign of it at the host
@@ -79,7 +82,12 @@ RELAYED = {"robot": SYMMETRIC, "operator": SYMMETRIC}
 TWO = ("link.finder.paths=2", f"link.finder.interfaces=[{FIRST},{SECOND}]")
 FAULTS: Mapping[str, Fault] = {
     "cut": Fault("operator's interface down", UNPLUG, PLUG, lasts=2.0),
-    "cut-robot": Fault("robot's interface down", at_robot(unplug), at_robot(Router.connect_host), lasts=2.0),
+    "cut-robot": Fault(
+        "robot's interface down",
+        lambda s: unplug(s.robot.home.first),
+        lambda s: s.robot.home.first.connect_host(),
+        lasts=2.0,
+    ),
     "cut-one": Fault("one of two down", UNPLUG, PLUG, lasts=2.0, effect=NOTHING, second=CONE, settings=TWO),
     "moved": Fault("Wi-Fi down, phone stays (1 path)", UNPLUG, second=CONE, settings=("link.finder.paths=1",)),
     "dark": Fault("router passes nothing", DARKEN, LIGHTEN, lasts=2.0),
@@ -98,7 +106,7 @@ FAULTS: Mapping[str, Fault] = {
 }
 
 
-def inflict(fault: Fault) -> tuple[Interruption | None, list[str]]:
+def inflict(fault: Fault) -> tuple["Interruption | None", list[str]]:
     """Start a session, wait for contact, do the fault and undo it; the figures, and what was broken."""
     words = [word for each in fault.settings for word in ("--set", each)]
     with scene(fault.robot, fault.operator, second=fault.second) as place, place.robot.command(SLAVE, *words) as robot:
@@ -114,7 +122,7 @@ def inflict(fault: Fault) -> tuple[Interruption | None, list[str]]:
             sleep(fault.lasts)
             fault.end(place)
             restored = monotonic()
-            within(BACK_S, lambda: monotonic() > restored + fault.after_s and are_engaged(operator, robot))
+            within(BACK_S, lambda: monotonic() > restored + fault.after_s and operator.is_engaged and robot.is_engaged)
             sleep(1.0)
             loaded = load(place.operator.folder / FILE, (*fault.settings, SCRIPT), [MASTER])
             found = measure(operator.records, robot.records, failed, restored)
@@ -128,5 +136,63 @@ def is_in_contact(operator: Side) -> bool:
     return len(last) == 300 and bool((forces > CONTACT_N).all() and (last["state"] == ENGAGED).all())
 
 
-def are_engaged(*sides: Side) -> bool:
-    return all(len(side.records) and side.records["state"][-1] == ENGAGED for side in sides)
+@dataclass(frozen=True)
+class Interruption:
+    """Of one run."""
+
+    away_ms: float  # how long hand or robot were without a session
+    back_ms: float | None  # from the end of the fault until both are in a session again; None if they are not
+    # from the last datagram that a side heard to its last tick with force on the hand, or of the session in which the
+    # robot moved
+    force_ms: float
+    robot_ms: float
+    step_n: float  # largest change of force on the hand for each tick that passed, from the fault on
+    faults: tuple[tuple[str, ...], ...]  # named by master and slave
+
+
+def measure(master: Records, slave: Records, failed: float, restored: float) -> Interruption:
+    """The figures of a run whose fault began in a session at `failed`, and was over at `restored` [s]."""
+    gone = [side["at"][(side["at"] >= failed) & (side["state"] != ENGAGED)] for side in (master, slave)]
+    is_back = master["state"][-1] == slave["state"][-1] == ENGAGED
+    force = np.linalg.norm(master["output"], axis=1)
+    moved = np.abs(np.diff(slave["output"], axis=0, prepend=slave["output"][:1])).max(axis=1)
+    steps = np.abs(np.diff(force)) / np.diff(master["tick"].astype(np.int64))
+    since = (side["fault"][side["at"] >= failed] for side in (master, slave))
+    return Interruption(
+        away_ms=1e3 * max(float(np.ptp(each)) if len(each) else 0.0 for each in gone),
+        back_ms=1e3 * max((float(each[-1]) - restored for each in gone if len(each)), default=0.0) if is_back else None,
+        force_ms=_acted_for(master, gone[0], force > STILL),
+        robot_ms=_acted_for(slave, gone[1], (moved > STILL) & (slave["state"] == ENGAGED)),
+        step_n=float(steps[master["at"][1:] >= failed].max()),
+        faults=tuple(tuple(sorted(Named(value).name.lower() for value in {*each.tolist()} - {0})) for each in since),
+    )
+
+
+def _acted_for(records: Records, gone: Any, acts: Any) -> float:
+    """From the last datagram before the silence to the last of these ticks before the session is back [ms]."""
+    if not len(gone):
+        return 0.0
+    at, heard = records["at"], np.diff(records["datagrams_received"].astype(np.int64), prepend=0) > 0
+    last = at[heard & (at < gone[0])][-1]
+    back = at[(at > gone[0]) & (records["state"] == ENGAGED)]
+    acting = at[acts & (at > last) & (at < (back[0] if len(back) else np.inf))]
+    return 1e3 * float(acting[-1] - last) if len(acting) else 0.0
+
+
+def violated(found: Interruption, loaded: Configuration, effect: str) -> list[str]:
+    """The promises that a run has broken; `effect` is what the fault must lead to: SILENCE, NOTHING, or EITHER."""
+    tick = loaded.system.tick_period
+    most_ms = loaded.system.link.silence_ms + 1e3 * (tick + STALL_S)
+    assert loaded.device is not None
+    wall_n = loaded.device.options.stiffness_n_m * WALL_M_S * tick  # type: ignore[attr-defined]
+    is_silence = effect == SILENCE
+    laws = (
+        ("without a session, which was not due [ms]", found.away_ms, 0.0, effect == NOTHING),
+        ("the fault had no effect, so nothing was shown", float(not found.away_ms), 0.0, is_silence),
+        ("no session after the fault", float(found.back_ms is None), 0.0, True),
+        ("force was on the hand after the last datagram for [ms]", found.force_ms, most_ms, is_silence),
+        ("the robot moved after the last datagram for [ms]", found.robot_ms, most_ms, is_silence),
+        ("change of the force in a tick [N]", found.step_n, wall_n * (1.0 + 1e-9), True),
+        ("an end named no fault", float(not all(found.faults)), 0.0, is_silence),
+    )
+    return [f"{law}: {figure:.4g}, {most:.4g} allowed" for law, figure, most, holds in laws if holds and figure > most]
