@@ -182,10 +182,7 @@ class Relay:
         self._back = _bound(host)
 
     def steal(self, host: str) -> tuple[int, int]:
-        """Overtake the master's datagrams with copies from `host`; "" ends it.
-
-        Returns how many datagrams, and how many probes of the path, the slave has sent to that address.
-        """
+        """Overtake the master's datagrams with copies from `host`; returns how many datagrams and probes it got."""
         stolen = self._stolen, self._probed
         self._thief, self._stolen, self._probed = _bound(host) if host else None, 0, 0
         return stolen

@@ -35,11 +35,11 @@ SILENCE_MS = 250.0
 """A shared machine stalls for up to 110 ms now and then, which is not the fault that is being looked for."""
 NOTHING: Records = np.empty(0, DTYPE)
 END_S = 20.0  # until a command that shall end is killed
+# What the ends may agree on adds to the limit of silence, and they keep it for a while after a slow link.
 LONGEST_ROUND_TRIP_MS = 150.0
-"""What the ends may agree on adds to the limit of silence, and they keep it for a while after a slow link."""
 LOOK_S = 0.01
+# A trial that is killed leaves no session behind.
 ENDS_WITH_TRIAL = ("setpriv", "--pdeathsig", "TERM") if shutil.which("setpriv") else ()
-"""A trial that is killed leaves no session behind."""
 
 
 def within(seconds: float, condition: Callable[[], T]) -> T | None:
@@ -88,8 +88,7 @@ class Command(Program):
 
     @property
     def last_line(self) -> str:
-        lines = [line.strip() for line in self.said.splitlines() if line.strip()]
-        return lines[-1] if lines else ""
+        return (self.said.strip().splitlines() or [""])[-1].strip()
 
     def until_said(self, pattern: str) -> str:
         """Wait for words of it; returns what the pattern's last group matched, or all of it."""
@@ -109,17 +108,9 @@ class Command(Program):
 
 
 class Side(Command):
-    """`weberlink SIDE FILE ARGUMENTS`: one daemon and its launcher.
+    """`weberlink SIDE FILE ARGUMENTS`: one daemon and its launcher, begun at `began` [s].
 
-    Args:
-        side: "master" or "slave".
-        file: its configuration.
-        prefix: a command that runs it elsewhere.
-        given: what it reads on standard input.
-
-    Attributes:
-        began: when it was started [s].
-        last: the newest record that was taken; None before the first.
+    `last` is the newest record that was taken; None before the first.
     """
 
     def __init__(
@@ -206,18 +197,11 @@ class Side(Command):
 
 
 class Loopback(Program):
-    """`weberlink loopback ARGUMENTS`, engaged; interrupted at the end of the `with`.
-
-    Attributes:
-        name: by which its ends are found.
-        sides: what both record.
-        summary: its report, once it has ended.
-    """
+    """`weberlink loopback ARGUMENTS`, engaged; interrupted at the end of the `with`, which brings its `summary`."""
 
     def __init__(self, *arguments: object) -> None:
-        any_port = (f"link.{way}={LINK}:0" for way in ("listen", "slave"))
-        settings = (word for each in any_port for word in ("--set", each))
-        super().__init__("loopback", *arguments, "--json", "-", *settings, prefix=ENDS_WITH_TRIAL)
+        any_port = ("--set", f"link.listen={LINK}:0", "--set", f"link.slave={LINK}:0")
+        super().__init__("loopback", *arguments, "--json", "-", *any_port, prefix=ENDS_WITH_TRIAL)
         self.summary: dict[str, Any] = {}
 
     def __enter__(self) -> Self:
@@ -241,17 +225,9 @@ class Loopback(Program):
 
 
 class Session:
-    """Both sides of a file with a relay between them and a key of their own, as a context manager.
+    """Both sides of a file, whose link is replaced: with a relay of this seed, and a key of their own.
 
-    Args:
-        file: the configuration, whose link is replaced.
-        seed: of the relay.
-        silence_ms: limit of silence.
-        overrides: for both sides, as of `--set`.
-
-    Attributes:
-        wire: the relay.
-        sides: those that are running, by name.
+    `wire` is the relay, and `sides` those that are running, by name.
     """
 
     def __init__(

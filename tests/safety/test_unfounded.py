@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.session.systems import configuration
-from trials.safety.unfounded import Cell, Finding, found, records, run
+from trials.safety.unfounded import Cell, Finding, found, run
 from weberlink.figures.session import score_of
 from weberlink.session.channels import UNREACHED_S
 from weberlink.session.simulation import build_simulation
@@ -28,7 +28,7 @@ def session(*overrides: str, file: str = "loopback.yaml", seconds: float = 4.0) 
     """What a session showed, and its report."""
     loaded = configuration(*LINK, *overrides, file=file)
     period, score = loaded.system.tick_period, score_of(loaded.system)
-    master, slave = records(build_simulation(loaded), period, seconds)
+    master, slave = build_simulation(loaded).advance(round(seconds / period))
     score.add(master, slave)
     return found(Cell(0, overrides, (DELAY_S, DELAY_S)), master, slave, period), score.figures().to_json()
 
@@ -74,7 +74,7 @@ def test_a_tool_that_does_not_turn_leaves_the_hand() -> None:
     link = ("link.emulate={delay_ms: 20, seed: 0}",)
     overrides = ("codec.rotation.torque.predictor=affine", "slave.limits.trip_n=6", *link, STICK)
     simulation = build_simulation(configuration(*overrides, file="rotation.yaml"))
-    master, slave = records(simulation, 1e-3, 5.0)
+    master, slave = simulation.advance(5000)
     felt, touched = (
         np.linalg.norm(each, axis=1) > least
         for each, least in ((master["rotation_output"], 0.05), (slave["rotation_raw"], 0.005))
@@ -105,7 +105,7 @@ def test_a_lost_correction_of_a_model_leaves_the_hand_as_soon_as_one_that_comes(
     loaded = configuration(link, "link.silence_ms=637", file="scene-height-field.yaml")
     period = loaded.system.tick_period
     cell = Cell(6, (), (0.1, 0.1), jitter_s=0.005)
-    finding = found(cell, *records(build_simulation(loaded), period, 5.6), period)
+    finding = found(cell, *build_simulation(loaded).advance(round(5.6 / period)), period)
     assert (finding.ticks, finding.faults) == (0, 0)
 
 

@@ -75,7 +75,6 @@ class Pushing:
     group: ControlGroup
     service: Service | None
     guardian: int
-    service_killed: bool = False
 
     def daemon(self) -> int:
         """The process that commands the board."""
@@ -105,19 +104,14 @@ def signalled(pid: int, number: signal.Signals) -> None:
         os.kill(pid, number)
 
 
-def launcher_first(pushing: Pushing) -> None:
-    pushing.launcher.kill()
-    pushing.kill_all()
-
-
-DEEDS: dict[str, Callable[[Pushing], None]] = {
+DEEDS: dict[str, Callable[[Pushing], object]] = {
     "daemon killed": lambda on: signalled(on.daemon(), signal.SIGKILL),
     "daemon stopped": lambda on: signalled(on.daemon(), signal.SIGSTOP),
     "launcher killed": lambda on: on.launcher.kill(),
     "launcher stopped": lambda on: on.launcher.send_signal(signal.SIGSTOP),
     "guardian killed": lambda on: signalled(on.guardian, signal.SIGKILL),
     "guardian stopped": lambda on: signalled(on.guardian, signal.SIGSTOP),
-    "launcher, then the rest": launcher_first,
+    "launcher, then the rest": lambda on: (on.launcher.kill(), on.kill_all()),
     "control group killed": lambda on: on.group.kill(),
     "control group frozen": lambda on: on.group.freeze(),
     "PID namespace ended": lambda on: on.launcher.kill(),
@@ -143,12 +137,8 @@ def plugged(board: Board, folder: Path) -> Iterator[tuple[list[str], dict[str, s
             yield command, {}, lambda: push(arm, family) - family.left
         return
     inwards = [-0.02 * part for part in board.normal]
-    steps = [
-        ("rest", {"duration_s": 0.5}),
-        ("reach", {"to_m": inwards, "duration_s": 1.0}),
-        ("rest", {"duration_s": 1e3}),
-    ]
-    emulator = emulated(board.name, handle={"script": [{"motion": name, **step} for name, step in steps]})
+    rest, reach = {"motion": "rest", "duration_s": 0.5}, {"motion": "reach", "to_m": inwards, "duration_s": 1.0}
+    emulator = emulated(board.name, handle={"script": [rest, reach, rest | {"duration_s": 1e3}]})
     with ExitStack() as stack:
         changes = dict[str, str]()
         if board.name == "inverse3":
@@ -200,10 +190,7 @@ def stays(board: Board, kind: str, deed: str) -> float | str:
         session = stack.enter_context(
             subprocess.Popen(
                 (*prefix, "env", *(f"{name}={value}" for name, value in changes.items()), *command),
-                cwd=ROOT,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
+                **{"cwd": ROOT, "stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT},
             )
         )
         stack.callback(group.kill)

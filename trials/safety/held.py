@@ -30,9 +30,7 @@ class Held:
     """One row: which datagrams were held, and how many were executed."""
 
     direction: str  # `TO_SLAVE` or `TO_MASTER`
-    # `ALONE` where only the batch is held; `ALL` where nothing passes that way until it is delivered; `ALWAYS` for a
-    # link that is always as slow
-    mode: str
+    mode: str  # only the batch is held, nothing passes that way until it is delivered, or the link is always as slow
     age_s: float  # of each datagram of the batch when it arrives
     held: int  # how many there were
     executed: int  # updates executed of any age in the run

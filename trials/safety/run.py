@@ -43,8 +43,7 @@ TO_SLAVE, TO_MASTER, BOTH = DIRECTIONS = ("to slave", "to master", "both ways")
 SCHEMES = ("none", "bounded")
 FLAPS_HZ = (1.0, 2.0, 5.0, 10.0, 20.0)
 ALL_HZ = 5.0  # with all predictors: each cut is as long as the silence limit
-ROBOT_N_M = 2500.0
-"""Stiffness of the robot towards its command [N/m]; a contact pushes its tip back by force / stiffness."""
+ROBOT_N_M = 2500.0  # stiffness towards its command [N/m]; a contact pushes its tip back by force / stiffness
 DELAYS_S = (0.0, 0.05, 0.15)  # one way [s]
 DEFAULT = (HYBRID, "linear")
 PREDICTION = (
@@ -111,10 +110,7 @@ class Case:
 
 
 def every() -> Iterator[Case]:
-    """Cuts and flaps of every frequency with the default predictors, cuts and one frequency with all; and special ones.
-
-    Special are a robot that retracts, a session that ends meanwhile, and a link that is slow in one direction.
-    """
+    """Cuts and flaps of every frequency with the default predictors, cuts and one frequency with all; special ones."""
     faults = (*product((0.0, ALL_HZ), PREDICTION), *((flap, DEFAULT) for flap in FLAPS_HZ if flap != ALL_HZ))
     for delay, direction, (flap, (force, position)), scheme, motion in product(
         DELAYS_S, DIRECTIONS, faults, SCHEMES, MOTIONS
@@ -129,9 +125,7 @@ def every() -> Iterator[Case]:
 
 STILL = 1e-9  # smaller steps [m] and forces [N] count as none
 WALL_M_S = 1.0  # the force may change as fast as on the device's stiffest wall, touched at this speed [m/s]
-BACK_S = 0.5
-"""In this time after the link is good again, and two round trips, both ends engage, the robot approaches and the force
-fades in [s]."""
+BACK_S = 0.5  # after the link is good again, and two round trips: both ends engage and the force fades in [s]
 CODING_M = 0.5e-3  # what the coding of a position may be off, twice: its deadband at rest and a step of the wire [m]
 
 
@@ -275,12 +269,7 @@ def violated(case: Case, figures: Figures, loaded: Configuration) -> list[str]:
 
 
 def loop_ages(outward: ObservedLink, inward: ObservedLink, times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The true age of the loop at one end, whatever the protocol knows of it.
-
-    Returns:
-        Shape (n,), time since the departure of the newest datagram that the peer is known to have received [s];
-        infinite before the first.
-    """
+    """Time since the departure of the newest datagram that the peer is known to have received [s], at one end."""
     outward_at = [arrival for arrival, _ in outward.arrivals]
     newest = [-inf, *accumulate((departure for _, departure in outward.arrivals), max)]
     confirmed = [newest[bisect_right(outward_at, departure)] for _, departure in inward.arrivals]

@@ -37,20 +37,13 @@ Lost = tuple[tuple[str, Kind], ...]
 
 @dataclass(frozen=True)
 class Session:
-    """A session whose robot meets a contact and leaves it again and again.
-
-    Args:
-        file, overrides: of its configuration; the link is not encrypted, so that the kinds can be read.
-        kinds: that it sends updates with.
-        prefix: of the columns of a record that say what is felt and what the robot is commanded.
-        least: contact that counts, and what counts as nothing on the hand [N, or N m].
-    """
+    """A session whose robot meets a contact and leaves it again and again."""
 
     file: str | Path
-    overrides: tuple[str, ...]
-    kinds: tuple[Kind, ...] = (Kind.UPDATE,)
-    prefix: str = ""
-    least: tuple[float, float] = (1.0, 0.02)
+    overrides: tuple[str, ...]  # the link is not encrypted, so that the kinds can be read
+    kinds: tuple[Kind, ...] = (Kind.UPDATE,)  # that it sends updates with
+    prefix: str = ""  # of the columns of a record that say what is felt and what the robot is commanded
+    least: tuple[float, float] = (1.0, 0.02)  # contact that counts, and what is nothing on the hand [N, or N m]
 
     def size(self, records: Records, column: str) -> NDArray[np.float64]:
         """Length of each vector; of an arm, its largest axis."""
@@ -98,23 +91,14 @@ def losses(kinds: tuple[Kind, ...]) -> Iterator[Lost]:
 
 @dataclass(frozen=True)
 class Found:
-    """What came of a loss.
+    """What came of a loss."""
 
-    Args:
-        unfelt_ms: longest time in which the robot followed in a contact with nothing on the hand [ms].
-        alone_ms: longest time in which the robot stood or followed so [ms].
-        limit_ms: S and the agreed round trip [ms].
-        stopped_ms: how long after the first loss the robot last followed; inf if it did to the end [ms].
-        faults: of master and slave, by name.
-        is_back: whether both ends work again at the end.
-    """
-
-    unfelt_ms: int
-    alone_ms: int
-    limit_ms: float
-    stopped_ms: float
-    faults: tuple[tuple[str, ...], ...]
-    is_back: bool
+    unfelt_ms: int  # longest time in which the robot followed in a contact with nothing on the hand
+    alone_ms: int  # longest time in which the robot stood or followed so
+    limit_ms: float  # S and the agreed round trip
+    stopped_ms: float  # how long after the first loss the robot last followed; inf if it did to the end
+    faults: tuple[tuple[str, ...], ...]  # of master and slave, by name
+    is_back: bool  # whether both ends work again at the end
 
 
 def run(name: str, lost: Lost) -> Found:

@@ -24,16 +24,15 @@ from weberlink.codec.choice import HYBRID
 from weberlink.codec.predictors import PREDICTORS
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
 from weberlink.figures.session import Records
-from weberlink.session.simulation import Simulation, build_simulation
+from weberlink.session.simulation import build_simulation
 from weberlink.telemetry.fault import Fault
 
 SECONDS = 4.0  # length of a session [s]
+# What each session draws from: models of a surface have the most to go wrong.
 SCHEMES = ("none", *("bounded",) * 3)
 PREDICTION = (*PREDICTORS, HYBRID, *("surface", "adaptive") * 3)
-"""What each session draws from: models of a surface have the most to go wrong."""
 PATIENCE = 0.05  # what the law allows beyond the round trip [s]
-REPAIR_S = 0.06
-"""An update that was lost is repeated a round trip and so much later, on a link that loses one in fifty [s]."""
+REPAIR_S = 0.06  # a lost update is repeated a round trip and so much later, on a link that loses one in fifty [s]
 
 
 @dataclass(frozen=True)
@@ -157,17 +156,10 @@ class Finding:
     contact: float  # share of ticks in which the robot touched something
 
 
-def records(simulation: Simulation, period: float, seconds: float = SECONDS) -> tuple[Records, Records]:
-    """The records of both sides of a session."""
-    return simulation.advance(round(seconds / period))
-
-
 def found(cell: Cell, master: Records, slave: Records, period: float) -> Finding:
-    """What a session showed: the force on the hand beside what the robot touched, by the clock of both.
-
-    The robot's end has stated what it feels once it can have arrived: a delay later, and after a loss a round trip
-    later still. A run of force without a contact begins with the force, or with the end of the contact.
-    """
+    """What a session showed: the force on the hand beside what the robot touched, by the clock of both."""
+    # The robot's end has stated what it feels once it can have arrived: a delay later, and after a loss a round trip
+    # later still. A run of force without a contact begins with the force, or with the end of the contact.
     felt = np.linalg.norm(master["output"], axis=1)
     touches = np.linalg.norm(slave["raw"], axis=1) > LEAST_CONTACT
     late = cell.round_trip + REPAIR_S if cell.loss else 0.0
@@ -201,11 +193,10 @@ def _since(touches: NDArray[np.bool_], arrival: int, free: NDArray[np.bool_]) ->
 
 
 def run(seed: int) -> Finding:
-    """The session of a seed, judged."""
     made = cell(seed)
     loaded = configuration(*made.overrides)
     period = loaded.system.tick_period
-    return found(made, *records(build_simulation(loaded), period), period)
+    return found(made, *build_simulation(loaded).advance(round(SECONDS / period)), period)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

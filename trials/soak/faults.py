@@ -76,8 +76,7 @@ class Fault:
     inject: Inject  # does it, and returns what broke its own law
     keeps: bool = False  # whether the session is to live through it
     limit_s: float = QUICK_S  # from its end to a session
-    # whether it is left out of most rounds, so that the lives of the daemons are long enough to see growth
-    rare: bool = False
+    rare: bool = False  # left out of most rounds, so that daemons live long enough to see growth
 
 
 def emulated(emulation: Emulation) -> Inject:
@@ -157,10 +156,7 @@ def stopped(side: str) -> Inject:
 
 
 def stutter(at: Field) -> list[str]:
-    """Either daemon stands still for a moment much shorter than the silence limit, in the middle of reading.
-
-    It must not take longer to be heard again than it stood still: a few replayed datagrams see to it that it reads.
-    """
+    """Either daemon stands still for much less than the silence limit, in the middle of reading what is replayed."""
     found, judged = [], 0
     at.watch.wait(HISTORY_S)
     for turn in range(6 if at.short else 20):

@@ -19,17 +19,13 @@ _HOUR = 3600.0
 
 
 class Growth(NamedTuple):
-    """A slope per hour and its standard deviation, in the unit of the samples."""
-
     per_hour: float
-    uncertainty: float
+    uncertainty: float  # standard deviation
 
 
 def fit(lives: Iterable[Sequence[tuple[float, float]]]) -> Growth | None:
-    """The common slope of several lives by least squares, each on a level of its own; None for too few samples.
-
-    Memory changes in steps, so samples are averaged over blocks, and the uncertainty is that of the blocks.
-    """
+    """The common slope of several lives by least squares, each on a level of its own; None for too few samples."""
+    # Memory changes in steps, so samples are averaged over blocks, and the uncertainty is that of the blocks.
     centred = []
     for life in filter(len, lives):
         samples = np.array(life, dtype=np.float64)

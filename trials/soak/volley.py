@@ -20,18 +20,9 @@ from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import CLEAR_BYTES, SEQUENCE_MASK, Kind, sequence_of
 
 KINDS = ("forged", "replayed", "truncated", "random", "handshake", "calls")
-"""
-- forged: the shape of genuine datagrams, newer numbers, other contents
-- replayed: genuine ones
-- truncated: genuine ones cut short
-- random: any bytes, up to what a network carries
-- handshake: HELLOs without proof of the key
-- calls: HELLOs with it, as someone has who recorded very many calls
-"""
 ROUNDS = 1024
-_LONGEST_RANDOM = 1400
+_LONGEST_RANDOM = 1400  # what a network carries
 _PROOF = 16
-_AHEAD = 200
 
 
 def load(kind: str, genuine: Sequence[bytes], random: Random, key: bytes, calls: int = ROUNDS) -> list[bytes]:
@@ -40,11 +31,11 @@ def load(kind: str, genuine: Sequence[bytes], random: Random, key: bytes, calls:
     if kind in ("forged", "replayed", "truncated") and not sealed:
         raise ValueError(f"{kind}: nothing genuine was recorded to make it of")
     match kind:
-        case "forged":
+        case "forged":  # the shape of genuine datagrams, newer numbers, other contents
             newest = sequence_of(sealed[-1])
             forged = []
             for _ in range(ROUNDS):
-                like, number = random.choice(sealed), newest + random.randint(1, _AHEAD)
+                like, number = random.choice(sealed), newest + random.randint(1, 200)
                 head = like[:1] + (number & SEQUENCE_MASK).to_bytes(CLEAR_BYTES - 1, "little")
                 forged.append(head + random.randbytes(len(like) - len(head)))
             return forged
@@ -54,11 +45,11 @@ def load(kind: str, genuine: Sequence[bytes], random: Random, key: bytes, calls:
             return [cut[: random.randrange(1, len(cut))] for cut in random.choices(sealed, k=ROUNDS)]
         case "random":
             return [random.randbytes(random.randint(1, _LONGEST_RANDOM)) for _ in range(ROUNDS)]
-        case "handshake":
+        case "handshake":  # HELLOs without proof of the key
             return [call[:-_PROOF] + random.randbytes(_PROOF) for call in _calls(genuine, key, random, calls)]
-        case "calls":
+        case "calls":  # HELLOs with it, as someone has who recorded very many calls
             return _calls(genuine, key, random, calls)
-    raise ValueError(f"there is no kind {kind!r}; there are {', '.join(KINDS)}")
+    raise ValueError(kind)
 
 
 def _calls(genuine: Sequence[bytes], key: bytes, random: Random, count: int) -> list[bytes]:

@@ -57,16 +57,7 @@ class Life:
 
 
 class Watch:
-    """Follows a session.
-
-    Args:
-        say: told each violation.
-
-    Attributes:
-        ticks, overruns: records that were seen, and that nobody read in time.
-        lives: of all daemons, by process id.
-        longest_queue: bytes that once waited in the socket of a side.
-    """
+    """Follows a session; `say` is told each violation."""
 
     def __init__(self, session: Session, say: Callable[[str], None]) -> None:
         self._session, self._say = session, say
@@ -74,11 +65,12 @@ class Watch:
         self._recent: dict[str, list[Records]] = {side: [] for side in SIDES}
         self._sampled_at = self._relay_late = 0.0
         self.ticks = self._buried_overruns = 0
-        self.lives: dict[int, Life] = {}
-        self.longest_queue = dict.fromkeys(SIDES, 0)
+        self.lives: dict[int, Life] = {}  # of all daemons, by process id
+        self.longest_queue = dict.fromkeys(SIDES, 0)  # bytes that once waited in the socket
 
     @property
     def overruns(self) -> int:
+        """Records that nobody read in time."""
         return self._buried_overruns + sum(side.ring.overrun for side in self._session.sides.values() if side.ring)
 
     def begin(self) -> None:

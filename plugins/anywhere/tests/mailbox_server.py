@@ -17,11 +17,7 @@ _STARTED = re.compile(r"PrivacyEnhancedSite(?: \(TLS\))? starting on (\d+)")
 class MailboxServer:
     """The server of the package magic-wormhole-mailbox-server; what it holds is kept from `stop` to `start`.
 
-    Args:
-        host: IPv4 address to listen on.
-        port: 0 for any free one.
-        prefix: a command that runs the server, such as ("ip", "netns", "exec", NAME).
-        tls: folder of its certificate, as of `weberlink-mailbox.service`; None for a server without one.
+    `prefix` is a command that runs it, `tls` the folder of its certificate, as of `weberlink-mailbox.service`.
     """
 
     def __init__(
@@ -33,11 +29,6 @@ class MailboxServer:
     @property
     def url(self) -> str:
         return f"{'ws' if self._tls is None else 'wss'}://{self.host}:{self.port}/v1"
-
-    @property
-    def log(self) -> str:
-        """What the server wrote since its last start."""
-        return self._log.read_text(errors="replace")
 
     def start(self) -> None:
         """Start it, and wait until it listens."""
@@ -51,10 +42,9 @@ class MailboxServer:
         self._log.write_bytes(b"")
         command = [*self._prefix, *twist, "wormhole-mailbox", listen, database]
         self._process = process = Popen(command, stdin=DEVNULL, stdout=DEVNULL)
-        until(lambda: _STARTED.search(self.log) or process.poll() is not None, "the mailbox server")
-        started = _STARTED.search(self.log)
-        if started is None:
-            raise RuntimeError(f"the mailbox server did not start: {self.log}")
+        until(lambda: _STARTED.search(self._log.read_text()) or process.poll() is not None, "the mailbox server")
+        if (started := _STARTED.search(log := self._log.read_text())) is None:
+            raise RuntimeError(f"the mailbox server did not start: {log}")
         self.port = int(started[1])
 
     def stop(self) -> None:

@@ -22,8 +22,6 @@ SERVER_NAME = "relay.example"
 
 
 CLONE_NEWNET = 0x40000000
-
-
 # Connection tracking and NAT may be missing from the kernel.
 _PROBE = b"table ip try { chain leaving { type nat hook postrouting priority srcnat; ct state new masquerade; }; }"
 
@@ -52,11 +50,7 @@ needs_testbed = pytest.mark.skipif(bool(missing()), reason=missing() or "the tes
 
 
 class Namespace:
-    """A network namespace, named after this process.
-
-    Args:
-        role: the end of its name.
-    """
+    """A network namespace, named after this process; `role` is the end of its name."""
 
     _numbers = count(1)
 
@@ -119,11 +113,7 @@ class Namespace:
 
 
 def run(*words: str, stdin: str = "") -> str:
-    """Run a command; return its output.
-
-    Raises:
-        RuntimeError: it failed; with what it said.
-    """
+    """Run a command; return its output. Raises a RuntimeError with what it said if it fails."""
     done = subprocess.run(words, input=stdin, capture_output=True, text=True, check=False, timeout=60)
     if done.returncode:
         raise RuntimeError(f"{' '.join(words)}: {done.stderr.strip()}\n{stdin}")

@@ -2,17 +2,15 @@
 
 import json
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
 
 from tests.wait import until
-
-T = TypeVar("T")
 
 CHROMIUM = shutil.which("chromium")
 DRIVER = shutil.which("chromedriver")
@@ -20,11 +18,7 @@ SCHEMES_OF_THE_NETWORK = {"http", "https", "ws", "wss"}
 
 
 class Browser:
-    """One page at a time.
-
-    Args:
-        driver: of selenium.
-    """
+    """One page at a time; the driver is that of selenium."""
 
     def __init__(self, driver: Any) -> None:
         self.driver = driver
@@ -71,8 +65,7 @@ class Browser:
         """The exact figure beside the rounded text of an element; NaN while there is none."""
         return float(self.data(name) or "nan")
 
-    def wait(self, condition: Callable[[], T], what: str) -> T:
-        return until(condition, what)
+    wait = staticmethod(until)
 
     def click(self, selector: str) -> None:
         self.driver.find_element("css selector", selector).click()
@@ -106,10 +99,6 @@ class Browser:
         self._read()
         parts = [urlsplit(address) for address in self._requests]
         return {part.netloc for part in parts if part.scheme in SCHEMES_OF_THE_NETWORK}
-
-    def picture(self, path: Path) -> None:
-        """What is seen of the page, as PNG."""
-        assert self.driver.save_screenshot(str(path))
 
     def _read(self) -> None:
         for entry in self.driver.get_log("browser"):

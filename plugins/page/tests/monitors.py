@@ -4,12 +4,7 @@ from trials.rig import Command
 
 
 class Monitor(Command):
-    """The process, which is dead at the end of the `with`.
-
-    Args:
-        arguments: of the command line; the port is any that is free if none is given.
-        command: `monitor`, `try`, which also runs a session, or another server with a port.
-    """
+    """`monitor`, `try`, which also runs a session, or another server, on any free port if none is given."""
 
     def __init__(self, *arguments: object, command: str = "monitor") -> None:
         port = () if "--port" in arguments else ("--port", "0")
