@@ -13,17 +13,13 @@ from typing import Generic, TypeVar
 
 from weberlink.control.contract import CREDIT_STEP, AccountParameters, SchemeParameters, WallModel
 from weberlink.control.ends import MasterControl, SlaveControl
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import Vector
 
 TICK = 1e-3
-FORCE_LIMIT = 10.0
-"""Largest force on the operator's hand [N]."""
-FORCE_RANGE = 30.0
-"""Range of the robot's sensor [N]."""
-ACCOUNT = AccountParameters(allowance=0.02, refill=0.01, damping=1.0, rise=80.0)
-"""As in a file without other settings."""
-SETTINGS = SchemeParameters(TICK, 2500.0, ACCOUNT)
-"""With a coupling of 2500 N/m."""
+FORCE_LIMIT = 10.0  # Largest force on the operator's hand [N]
+FORCE_RANGE = 30.0  # Range of the robot's sensor [N]
+ACCOUNT = AccountParameters(allowance=0.02, refill=0.01, damping=1.0, rise=80.0)  # as in a file without other settings
+SETTINGS = SchemeParameters(TICK, 2500.0, ACCOUNT)  # with a coupling of 2500 N/m
 
 
 @dataclass(frozen=True)
@@ -35,23 +31,6 @@ class Wall:
 
     def at(self, tick: float, position: Vector) -> Vector:
         return (0.0, 0.0, max(0.0, self.stiffness * (self.height - position[2])))
-
-
-@dataclass(frozen=True)
-class Ball:
-    """Solid within a radius [m] of a centre [m]."""
-
-    stiffness: float = 500.0
-    centre: Vector = (0.0, 0.0, -0.05)
-    radius: float = 0.05
-
-    def at(self, tick: float, position: Vector) -> Vector:
-        x, y, z = (p - c for p, c in zip(position, self.centre, strict=True))
-        length = (x * x + y * y + z * z) ** 0.5
-        if length >= self.radius or length == 0.0:
-            return ZERO
-        share = self.stiffness * (self.radius - length) / length
-        return (share * x, share * y, share * z)
 
 
 @dataclass(frozen=True)
@@ -82,14 +61,12 @@ class Link:
 class Course:
     """The result of a run per tick: cumulative work at the hand [J], forces [N] and positions [m]."""
 
-    given: list[float]
-    """Work of the hand on the device [J]."""
+    given: list[float]  # work of the hand on the device [J]
     forces: list[float]
     wall_forces: list[float]
     hand: list[float]
     robot: list[float]
-    credits: list[int]
-    """As known at the hand."""
+    credits: list[int]  # as known at the hand
 
     @property
     def generated_between_the_ports(self) -> float:
@@ -156,16 +133,10 @@ def operate(
     intention: Callable[[float], float] = press_and_tap,
     model: Callable[[float, float], WallModel | None] = lambda force, at: None,
 ) -> Course:
-    """Run both ends from rest at the intended position of time 0.
+    """Run both ends of a scheme from rest at the intended position of time 0.
 
-    Args:
-        master, slave: the two ends of a scheme.
-        wall: touched by the robot.
-        link: connects the two ends.
-        hand: moves the device.
-        seconds: duration of the run [s].
-        intention: intended position of the hand [m] at a time [s].
-        model: the model that an update carries, by its force [N] and the position of the robot [m].
+    `intention` gives the intended position of the hand [m] at a time [s]; `model` the model that an update carries, by
+    its force [N] and the position of the robot [m].
     """
     random = Random(link.seed)
     at, speed = intention(0.0), 0.0

@@ -18,11 +18,13 @@ STIFFNESS = 500.0
 @given(seed=st.integers(0, 2**32), stiffness=st.floats(10.0, 1e5), fastest=st.floats(0.0, 2.0))
 @examples(60)
 def test_no_force_that_is_asked_for_gives_more_than_the_bound(seed: int, stiffness: float, fastest: float) -> None:
-    """A hand that moves with the force whenever that gains energy, and turns as it likes."""
+    """A hand that moves with the force whenever that gains energy, and turns as it likes; with interruptions."""
     random, account = Random(seed), Account(ACCOUNT)
     given_out = most = way = force = 0.0
     allowed = ACCOUNT.allowance
-    for _ in range(2000):
+    for tick in range(2000):
+        if tick % 50 == 49 and seed % 2:
+            account.resume()
         given = force * way
         supplied = random.choice((0.0, 0.0, 0.0, 1e-3))
         account.book(given, way * way, TICK, supplied)
@@ -35,31 +37,12 @@ def test_no_force_that_is_asked_for_gives_more_than_the_bound(seed: int, stiffne
         way = fastest * TICK * random.uniform(-0.1, 1.0)
 
 
-def test_what_the_hand_presses_in_is_displayed_at_once() -> None:
-    account, held = Account(ACCOUNT), 0.0
-    for step in range(1, 200):
-        account.book(-held * 1e-4, 1e-8, TICK)
-        assert account.share(STIFFNESS * 1e-4 * step, STIFFNESS, TICK) == 1.0
-        held = STIFFNESS * 1e-4 * step
-
-
 def test_a_force_that_the_hand_has_not_pressed_in_rises() -> None:
     account = Account(ACCOUNT)
     account.share(0.0, STIFFNESS, TICK)
     forces = [3.0 * account.share(3.0, STIFFNESS, TICK) for _ in range(60)]
     assert forces[:30] == pytest.approx([ACCOUNT.rise * TICK * tick for tick in range(1, 31)])
     assert forces[-1] == 3.0
-
-
-def test_many_interruptions_add_nothing_to_the_bound() -> None:
-    account, out = Account(ACCOUNT), 0.0
-    for tick in range(5000):
-        if tick % 50 == 0:
-            account.resume()
-        given = 10.0 * account.share(10.0, STIFFNESS, TICK) * 1e-4
-        account.book(given, 1e-8, TICK)
-        out += given
-    assert out <= ACCOUNT.allowance + 5.0 * (ACCOUNT.refill + ACCOUNT.damping * 1e-2) + 1e-3
 
 
 @pytest.mark.parametrize(

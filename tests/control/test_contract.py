@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.control.teleoperation import SETTINGS, TICK, Ball, Wall
+from tests.control.teleoperation import SETTINGS, TICK, Wall
 from tests.examples import examples
+from weberlink.codec.predictors.sphere import Sphere
 from weberlink.codec.sample import UNKNOWN
 from weberlink.control.contract import CREDIT_STEP
 from weberlink.control.ends import MasterControl, SlaveControl
@@ -22,7 +23,9 @@ every_end = pytest.mark.parametrize("build", [build_master_control, build_slave_
 def inputs(most: float, force: float) -> st.SearchStrategy[list[tuple[Any, ...]]]:
     """Ticks: what is received, positions, the time, credit and round trip, forces, and whether one is refuted."""
     places, forces = (st.tuples(*[st.floats(-size, size)] * 3) for size in (most, force))
-    surfaces = st.none() | st.builds(Wall, st.floats(1.0, 1e6)) | st.builds(Ball, st.floats(1.0, 1e6))
+    stiffness = st.floats(1.0, 1e6)
+    balls = st.builds(Sphere, st.just((0.0, 0.0, -0.05)), st.just(0.05), stiffness, st.just((0.0, 0.0, 1.0)))
+    surfaces = st.none() | st.builds(Wall, stiffness) | balls
     news = st.none() | st.tuples(surfaces, forces, places)
     link = st.tuples(st.floats(0.0, 0.5), st.integers(0, 10**6), st.none() | st.floats(0.0, 2.0))
     return st.lists(
