@@ -29,10 +29,7 @@ def energy(master: Records, *accounts: AccountParameters) -> dict[str, float]:
 
 def pushed_out(force: float, speed: float, ticks: int = 1001) -> Records:
     """The hand is pushed out from the first tick on [N, m/s]."""
-    made = records(ticks)
-    made["position"][:, 2] = speed * TICK * np.arange(ticks)
-    made["output"][:, 2] = force
-    return made
+    return records(ticks, position=np.outer(speed * TICK * np.arange(ticks), (0, 0, 1)), output=(0.0, 0.0, force))
 
 
 def test_every_term_is_allowed() -> None:

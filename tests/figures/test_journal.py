@@ -64,23 +64,14 @@ TOLD: list[tuple[Records, list[dict[str, Any]]]] = [
     (ticks(3000), []),
     (
         ticks(2000, state=since(2000, 777, ENGAGED, CONNECTING)),
-        [
-            {
-                "event": "engaged",
-                "before": "connecting",
-                "tick": 777,
-                "at_s": 5000.777,
-                "time": "2025-11-13T03:36:40.777Z",
-            }
-        ],
+        [{"event": "engaged", "before": "connecting", "tick": 777, "at_s": 5000.777,
+          "time": "2025-11-13T03:36:40.777Z"}],
     ),
     (
         ticks(5000, fault=since(5000, 1200, Fault.SILENCE, until=3450), state=since(5000, 1200, SILENT, ENGAGED, 3450)),
         [
-            {"event": "silent"},
-            {"event": "fault", "fault": "silence", "tick": 1200},
-            {"event": "engaged"},
-            {"event": "recovered", "fault": "silence", "tick": 3450, "lasted_s": 2.25},
+            {"event": "silent"}, {"event": "fault", "fault": "silence", "tick": 1200},
+            {"event": "engaged"}, {"event": "recovered", "fault": "silence", "tick": 3450, "lasted_s": 2.25},
         ],
     ),
     (ticks(3000, fault=Fault.REFUSED), [{"event": "fault", "fault": "refused"}]),
@@ -91,20 +82,13 @@ TOLD: list[tuple[Records, list[dict[str, Any]]]] = [
     ),
     (
         ticks(
-            5000,
-            ticks_missed=since(5000, 1500, 4) + since(5000, 1510, 3),
-            clipped=since(5000, 2500, 1, until=2600),
-            slew_ticks=since(5000, 3500, 3),
-            contact_ticks=since(5000, 4500, 5),
+            5000, ticks_missed=since(5000, 1500, 4) + since(5000, 1510, 3), clipped=since(5000, 2500, 1, until=2600),
+            slew_ticks=since(5000, 3500, 3), contact_ticks=since(5000, 4500, 5),
         ),
-        [
-            {"event": "missed", "ticks": 7},
-            {"event": "clipped", "ticks": 100},
-            {"event": "slewed", "ticks": 3},
-            {"event": "pressed", "ticks": 5},
-        ],
+        [{"event": name, "ticks": count} for name, count in
+         (("missed", 7), ("clipped", 100), ("slewed", 3), ("pressed", 5))],
     ),
-]
+]  # fmt: skip
 """Records, and what is told of them after the line of the start."""
 
 

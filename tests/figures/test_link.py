@@ -58,12 +58,8 @@ def test_states_are_counted_by_what_they_mean(stretches: list[Stretch], ended: s
 
 
 def test_each_way_is_measured_by_its_receiver() -> None:
-    master, slave = records(1000), records(1000)
-    master["one_way_us"], slave["one_way_us"] = 20e3, 5e3
-    master["rtt_us"] = slave["rtt_us"] = 25e3
-    master["datagrams_received"], master["datagrams_lost"] = 900, 100
-    slave["datagrams_received"], slave["datagrams_lost"] = 999, 1
-    master["jitter_us"] = 700.0
+    master = records(1000, one_way_us=20e3, rtt_us=25e3, datagrams_received=900, datagrams_lost=100, jitter_us=700.0)
+    slave = records(1000, one_way_us=5e3, rtt_us=25e3, datagrams_received=999, datagrams_lost=1)
     slave["peer_burst"][500:] = 3.0
     both = score(master, slave, pieces=7)["ways"]
     assert both["jitter_us"]["p50"] == pytest.approx(700.0, rel=0.005)
@@ -76,9 +72,7 @@ def test_each_way_is_measured_by_its_receiver() -> None:
 
 
 def test_one_side_alone_tells_both_ways() -> None:
-    master = records(1000)
-    master["rtt_us"], master["one_way_us"] = 25e3, 20e3
-    master["outgoing_loss"] = np.linspace(0.0, 0.02, 1000)
+    master = records(1000, rtt_us=25e3, one_way_us=20e3, outgoing_loss=np.linspace(0.0, 0.02, 1000))
     alone = score(master, NONE)["ways"]["to_slave"]
     assert alone["one_way_us"]["p50"] == pytest.approx(5e3, rel=0.005)
     assert alone["loss"] == pytest.approx(0.01)
@@ -86,9 +80,7 @@ def test_one_side_alone_tells_both_ways() -> None:
 
 
 def test_without_a_session_nothing_is_known() -> None:
-    waiting = records(100)
-    waiting["state"] = State.CONNECTING.value
-    waiting["jitter_us"] = np.nan
+    waiting = records(100, state=State.CONNECTING.value, jitter_us=np.nan)
     for told in (score(waiting, NONE)["ways"], score(NONE, NONE)["ways"]):
         assert told["jitter_us"] == {"p50": None, "p99": None}
         assert {way["loss"] for way in (told["to_slave"], told["to_master"])} == {None}

@@ -139,11 +139,9 @@ def test_a_side_that_begins_anew_and_a_long_gap_cost_nothing() -> None:
 
 
 def test_the_summary_tells_what_is_left_without_the_delay() -> None:
-    master, slave = records(3000), records(3000)
-    slave["raw"] = walk(np.random.default_rng(1), 3000)
+    slave = records(3000, raw=walk(np.random.default_rng(1), 3000))
+    master = records(3000, rtt_us=2e3 * 52, ramping=np.arange(3000) < 52)
     master["output"][52:] = slave["raw"][:-52]
-    master["ramping"][:52] = 1
-    master["rtt_us"] = 2e3 * 52
     force = score(master, slave, pieces=3)["force"]
     assert force["error_rms"] > 5.0
     assert force["aligned_rms"] == pytest.approx(0.0, abs=1e-3)

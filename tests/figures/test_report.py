@@ -44,18 +44,15 @@ def test_the_report_begins_with_the_verdict_and_has_what_is_known_of_energy_and_
 
 
 def test_the_report_of_a_master_that_met_nobody_says_why() -> None:
-    made = records(5000)
-    made["state"] = State.CONNECTING.value
+    made = records(5000, state=State.CONNECTING.value)
     found = replace(figures(made, NONE), outcome="terminated", paths={"master": FINDING})
     text = shown(found)
     assert "5.0 s" in text and "asking the mailbox" in text and "channel" not in text
 
 
 def test_the_report_has_each_way_and_the_paths() -> None:
-    made = records(2000)
-    made["rtt_us"], made["one_way_us"], made["jitter_us"] = 42e3, 30e3, 3e3
-    made["datagrams_received"], made["datagrams_lost"] = 90, 10
-    made["outgoing_loss"], made["peer_burst"] = 0.0123, 1.5
+    way = {"rtt_us": 42e3, "one_way_us": 30e3, "jitter_us": 3e3, "outgoing_loss": 0.0123, "peer_burst": 1.5}
+    made = records(2000, datagrams_received=90, datagrams_lost=10, **way)
     text = shown(replace(figures(made, NONE), outcome="completed", dscp=46, paths={"master": RELAYED}))
     for figure in ("42.00 ms", "3.00 ms", "12.0", "1.23 %", "29.9", "10.00 %", "1.5", "relay.example"):
         assert figure in text
@@ -77,8 +74,7 @@ def test_the_report_has_each_way_and_the_paths() -> None:
 def test_the_status_line_has_peer_age_and_recording(
     side: str, state: State, facts: dict[str, Any], expected: str
 ) -> None:
-    made = records(2000)
-    made["state"] = state.value
+    made = records(2000, state=state.value)
     live = {"addresses": {"listen": "0.0.0.0:47000", "slave": "10.0.0.2:47000"}, "peers": {side: None}}
     found = figures(made, NONE) if side == "master" else figures(NONE, made)
     line = status_line({"master": None, "slave": None, side: made[-1]}, replace(found, **live | facts))

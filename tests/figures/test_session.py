@@ -23,9 +23,9 @@ NONE = np.empty(0, DTYPE)
 NO_BOUND = dict.fromkeys(("bound_j", "bound_share"))  # of one side alone, without an account
 
 
-def records(count: int, *, phase: float = 0.0) -> Records:
-    unknown = dict.fromkeys(("rtt_us", "one_way_us"), np.nan)
-    return ticks(count, start=10.0 + phase, tick=np.arange(count), state=State.ENGAGED.value, **unknown)
+def records(count: int, *, phase: float = 0.0, **columns: Any) -> Records:
+    usual = {"tick": np.arange(count), "state": State.ENGAGED.value, "rtt_us": np.nan, "one_way_us": np.nan}
+    return ticks(count, start=10.0 + phase, **usual | columns)
 
 
 def score(master: Records, slave: Records, pieces: int = 1, torque_bank: tuple[str, ...] | None = None) -> Any:
@@ -86,12 +86,9 @@ def test_the_figures_do_not_depend_on_the_pieces(seed: int, ticks: int, pieces: 
 
 
 def test_reduction_counts_updates_and_datagrams_per_engaged_tick() -> None:
-    master, slave = records(1000), records(1000)
-    slave["updates_sent"] = np.linspace(0, 50, 1000).astype(int)
-    slave["datagrams_sent"] = np.linspace(0, 70, 1000).astype(int)
-    slave["selected"][::2] = 1
-    slave["sent"][:10] = 1
-    force = score(master, slave)["force"]
+    sent = {"updates_sent": np.linspace(0, 50, 1000), "datagrams_sent": np.linspace(0, 70, 1000)}
+    slave = records(1000, selected=[1, 0] * 500, sent=np.arange(1000) < 10, **sent)
+    force = score(records(1000), slave)["force"]
     assert force["packets"] == 50
     assert force["reduction"] == pytest.approx(0.95)
     assert force["reduction_all"] == pytest.approx(0.93)
@@ -105,12 +102,11 @@ def test_delay_explains_the_ticks_with_an_update_on_its_way_whatever_it_was_befo
 ) -> None:
     """Against a search of every tick; the delay changes while the session runs."""
     ticks = 400
-    master, slave = records(ticks), records(ticks)
-    master["one_way_us"] = np.repeat(delays_us, -(-ticks // len(delays_us)))[:ticks]
     sends = data.draw(st.lists(st.integers(0, ticks - 2), max_size=20, unique=True))
-    slave["sent"][sends] = 1
-    slave["updates_sent"] = np.cumsum(slave["sent"])
-    master["ramping"][:50] = 1
+    one_way = np.repeat(delays_us, -(-ticks // len(delays_us)))[:ticks]
+    sent = np.isin(np.arange(ticks), sends)
+    master = records(ticks, one_way_us=one_way, ramping=np.arange(ticks) < 50)
+    slave = records(ticks, sent=sent, updates_sent=np.cumsum(sent))
     delayed = [1 if np.isnan(us) else max(1, round(us / 1e3)) for us in master["one_way_us"].tolist()]
     on_its_way = [any(0 <= tick - sent < delayed[tick] for sent in sends) for tick in range(50, ticks - 1)]
     floor = score(master, slave, data.draw(st.integers(1, 7)))["force"]["violation_floor"]
@@ -118,14 +114,12 @@ def test_delay_explains_the_ticks_with_an_update_on_its_way_whatever_it_was_befo
 
 
 def test_violations_and_errors_in_units_of_the_bound() -> None:
-    master, slave = records(1000, phase=0.2e-3), records(1000)
-    slave["bound"] = 0.25
-    slave["raw"][:, 2] = 0.1
+    master = records(1000, phase=0.2e-3, ramping=np.arange(1000) >= 890)  # what ramps does not count
+    slave = records(1000, bound=0.25, raw=(0.0, 0.0, 0.1))
     slave["raw"][500, 2] = 0.25  # on the bound, not outside
     slave["raw"][300:420, 2] = 0.5
     slave["raw"][700, 2] = 0.7
     slave["raw"][900:, 2] = 9.0
-    master["ramping"][890:] = 1  # does not count
     force = score(master, slave, pieces=10)["force"]
     assert force["violation_longest_s"] == pytest.approx(0.12)
     assert force["violation_s"] == pytest.approx(0.121)
@@ -142,12 +136,9 @@ def test_the_master_alone_has_no_felt_error() -> None:
 
 
 def test_the_slave_alone_has_no_energy() -> None:
-    slave = records(100)
-    slave["raw"][:, 2], slave["decoded"][:, 2], slave["bound"] = 2.0, 1.9, 0.2
-    slave["coded"] = slave["raw"]
-    slave["ramping"][:10] = 1
-    slave["decoded"][:10] = 0.0
-    slave["rotation_updates_received"] = np.arange(100) // 10
+    force, tick = (0.0, 0.0, 2.0), np.arange(100)
+    slave = records(100, raw=force, coded=force, bound=0.2, ramping=tick < 10, rotation_updates_received=tick // 10)
+    slave["decoded"][10:, 2] = 1.9
     summary = score(NONE, slave, torque_bank=("zoh",))
     assert summary["force"]["coding"]["error_max"] == pytest.approx(0.1)
     assert summary["force"]["coding"]["violation_fraction"] == 0.0
@@ -171,18 +162,16 @@ def test_generated_energy_is_the_most_that_was_missing() -> None:
 
 
 def test_torque_and_orientation_have_their_figures() -> None:
-    master, slave = records(1000), records(1000)
-    slave["rotation_raw"][:, 0] = 0.2
-    master["rotation_output"][:, 0] = 0.23
-    slave["rotation_decoded"][:, 0] = 0.21
-    slave["rotation_bound"] = 0.025
-    slave["rotation_updates_sent"] = np.arange(1000) // 20
-    slave["rotation_selected"][::2] = 1
-    slave["rotation_sent"][:10] = 1
-    master["rotation_raw"][:, 2] = pi + 0.01
-    slave["rotation_output"][:, 2] = -(pi - 0.02)  # 0.01 rad apart
-    master["rotation_bound"] = 0.02
-    master["rotation_updates_sent"] = np.arange(1000) // 100
+    tick = np.arange(1000)
+    master = records(
+        1000, rotation_output=(0.23, 0.0, 0.0), rotation_raw=(0.0, 0.0, pi + 0.01), rotation_bound=0.02,
+        rotation_updates_sent=tick // 100,
+    )  # fmt: skip
+    slave = records(
+        1000, rotation_raw=(0.2, 0.0, 0.0), rotation_decoded=(0.21, 0.0, 0.0), rotation_bound=0.025,
+        rotation_updates_sent=tick // 20, rotation_selected=[1, 0] * 500, rotation_sent=tick < 10,
+        rotation_output=(0.0, 0.0, -(pi - 0.02)),  # 0.01 rad apart
+    )  # fmt: skip
     summary = score(master, slave, 7, ("zoh", "linear"))
     torque, orientation = summary["torque"], summary["orientation"]
     assert torque["error_rms"] == pytest.approx(0.03, rel=1e-5)

@@ -26,12 +26,9 @@ def figures(master: Records, slave: Records) -> Figures:
 @cache
 def clean() -> Figures:
     """Figures of a session in which nothing happened, with all that the launcher adds."""
-    made = records(TICKS), records(TICKS)
-    for side in made:
-        side["bound"] = 0.1
-        side["datagrams_received"] = 1000
+    made = records(TICKS, bound=0.1, datagrams_received=1000)
     return replace(
-        figures(*made),
+        figures(made, made),
         faults={"master": {}, "slave": {}},
         drops={"master": {}, "slave": {}},
         peers={"master": {"name": "robot:47000", "refusal": "", "farewell": ""}, "slave": None},
