@@ -1,8 +1,10 @@
 """Settings of hypothesis: the suite uses the same examples in every run; `make hunt` uses more, random ones."""
 
+from math import log10
 from typing import Any
 
 from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
 
 COUNT = 40  # examples of a test that does not set a number
 
@@ -26,6 +28,11 @@ def hunt(times: int, share: float = 1.0) -> None:
 def examples(count: int, **others: Any) -> settings:
     """Decorate a test to use `count` examples; `others` as of `hypothesis.settings`."""
     return settings(max_examples=_number(count), **others)
+
+
+def tenfold(low: float, high: float) -> st.SearchStrategy[float]:
+    """Numbers > 0 of every power of ten alike."""
+    return st.floats(log10(low), log10(high)).map(lambda exponent: 10.0**exponent)
 
 
 def _number(count: int) -> int:

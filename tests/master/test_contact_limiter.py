@@ -22,33 +22,30 @@ def limiter() -> ContactLimiter:
     return ContactLimiter(MOST, FREE, LONGEST)
 
 
-def bounds(
-    limited: ContactLimiter, asked: Iterable[float], round_trip: float | None, *, stated: float = inf
-) -> list[float]:
-    return [limited.bound(force, TICK, round_trip, stated=stated) for force in asked]
+def bounds(limited: ContactLimiter, asked: Iterable[float], round_trip: float | None) -> list[float]:
+    return [limited.bound(force, TICK, round_trip, stated=inf) for force in asked]
 
 
 def ticks(seconds: float) -> int:
     return round(seconds / TICK)
 
 
-phases = st.lists(
-    st.tuples(st.sampled_from([0.0, 0.5, FREE, 1.5, 4.0, 100.0]), st.booleans(), st.integers(1, 400)),
-    min_size=1,
-    max_size=8,
-)
+forces = st.sampled_from([0.0, 0.5, FREE, 1.5, 4.0, 100.0])
+phases = st.lists(st.tuples(forces, st.booleans(), st.integers(1, 400)), min_size=1, max_size=8)
 
 
 @given(phases, round_trips)
 def test_without_a_contact_no_force_lasts_longer_than_the_answer_takes(
     course: list[tuple[float, bool, int]], round_trip: float
 ) -> None:
-    """Whatever was before: from then on it is free or less, and falls to nothing."""
-    limited, alone, before = limiter(), 0, inf
+    """Whatever was before: from then on it is free or less, and falls to nothing. What does not end is at fault."""
+    limited, alone, lasted, before = limiter(), 0, 0.0, inf
     for asked, stated, count in course:
         for _ in range(count):
             bound = limited.bound(asked, TICK, round_trip, stated=0.0 if stated else inf)
             alone = alone + 1 if asked > FREE and not stated else 0
+            lasted = 0.0 if stated else lasted + TICK * (asked > FREE)
+            assert not limited.unfounded or lasted >= round_trip + PATIENCE + GRACE - TICK
             over = alone * TICK - round_trip - PATIENCE
             if over >= 0.0:
                 assert bound <= FREE
@@ -56,19 +53,6 @@ def test_without_a_contact_no_force_lasts_longer_than_the_answer_takes(
             if over >= FADE + TICK:
                 assert bound == 0.0
             before = bound
-
-
-@given(phases, round_trips)
-def test_only_what_does_not_end_by_itself_is_at_fault(course: list[tuple[float, bool, int]], round_trip: float) -> None:
-    limited, lasted = limiter(), 0.0
-    for asked, stated, count in course:
-        for _ in range(count):
-            limited.bound(asked, TICK, round_trip, stated=0.0 if stated else inf)
-            lasted = 0.0 if stated else lasted + TICK * (asked > FREE)
-            if limited.unfounded:
-                assert lasted >= round_trip + PATIENCE + GRACE - TICK
-            if stated:
-                assert not limited.unfounded
 
 
 def test_taps_ahead_of_the_robot_do_not_add_up_and_a_force_that_flickers_does() -> None:

@@ -2,23 +2,20 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import ceil, exp, inf, log
+from math import ceil, inf
 from typing import Any
 
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tests.examples import examples
+from tests.examples import examples, tenfold
+from tests.slave.scenes.solids import wall
 from weberlink.control.contract import LEAST_CONTACT
-from weberlink.geometry.vector import ZERO
 from weberlink.slave.guard import Guard, PressLimit, PressStep, axis_press_limit
 from weberlink.slave.robots.contract import Robot, RobotReading
 from weberlink.slave.robots.point import PointOptions, PointRobot
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
-from weberlink.slave.scenes.contact import SceneObject
-from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.solids import PlaneShape
 
 SPEED = 2.0  # Largest speed of a command [m/s]
 HEIGHT = 0.005  # From which a tap begins [m]
@@ -93,7 +90,7 @@ class Case:
     most: float = 10.0
 
     def robot(self) -> Robot:
-        scene = Scene([SceneObject(PlaneShape(ZERO, (0.0, 0.0, 1.0)), self.stiffness, None, self.damping or None)])
+        scene = wall(self.stiffness, self.damping or None)
         common = {"stiffness_n_m": self.coupling, "force_n": 1e4, "workspace_m": 1.0, "home_m": (0.0, 0.0, HEIGHT)}
         if self.mass is None:
             return PointRobot(PointOptions.model_validate(common), scene, 1.0 / self.rate)
@@ -110,21 +107,17 @@ class Case:
         return tapped(self.robot(), free, tap, tick, until, felt), tapped(self.robot(), limited, tap, tick, until, felt)
 
 
-def log_spread(low: float, high: float) -> st.SearchStrategy[float]:
-    return st.floats(log(low), log(high)).map(exp)
-
-
 cases = st.builds(
     Case,
-    mass=st.none() | log_spread(0.01, 5.0),
-    stiffness=log_spread(100.0, 10_000.0),
+    mass=st.none() | tenfold(0.01, 5.0),
+    stiffness=tenfold(100.0, 10_000.0),
     damping=st.just(0.0) | st.floats(0.0, 50.0),
     rate=st.sampled_from([250.0, 500.0, 1000.0, 2000.0, 4000.0]),
-    coupling=log_spread(500.0, 10_000.0),
+    coupling=tenfold(500.0, 10_000.0),
     most=st.floats(2.0, 30.0),
 )
 taps = st.builds(
-    Tap, speed=log_spread(0.05, 2.0), depth=st.floats(0.005, 0.04), rest=st.floats(0.0, 0.2), hold=st.integers(1, 8)
+    Tap, speed=tenfold(0.05, 2.0), depth=st.floats(0.005, 0.04), rest=st.floats(0.0, 0.2), hold=st.integers(1, 8)
 )
 FAST = Tap(speed=0.5, taps=4)
 
@@ -190,9 +183,7 @@ def test_noise_of_the_sensors_makes_the_robot_no_slower(mass: float | None) -> N
     assert limited.last == pytest.approx(10.0, rel=0.05)
 
 
-@given(
-    elastic=st.floats(0.02, 1.0), damped=log_spread(0.01, 200.0), step=st.floats(1e-3, 1.0), depth=st.floats(0.0, 0.9)
-)
+@given(elastic=st.floats(0.02, 1.0), damped=tenfold(0.01, 200.0), step=st.floats(1e-3, 1.0), depth=st.floats(0.0, 0.9))
 @example(elastic=0.2, damped=100.0, step=1e-3, depth=0.9)
 @example(elastic=1.0, damped=1.0, step=0.5, depth=0.5)
 def test_press_that_follows_motion_as_well_as_depth_settles_at_the_limit(

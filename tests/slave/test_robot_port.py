@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from tests.arms.ends import TICK, Servos, link
 from tests.compiled import replaces_methods
 from tests.examples import examples
+from tests.slave.scenes.solids import wall
 from weberlink.arms.contract import ArmFault
 from weberlink.arms.sensor import sensors_of
 from weberlink.control.contract import LEAST_CONTACT
@@ -26,9 +27,6 @@ from weberlink.slave.robot_port import ContactForce, RobotPort
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
 from weberlink.slave.rotation import ToolOrientation, ToolTorque
-from weberlink.slave.scenes.contact import SceneObject
-from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.solids import PlaneShape
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
 
@@ -321,19 +319,19 @@ def test_the_tool_turns_no_faster_than_it_may(turns: list[Vector]) -> None:
 
 
 @given(
-    wall=st.sampled_from([500.0, 1e4, 1e7]),
+    stiffness=st.sampled_from([500.0, 1e4, 1e7]),
     mass=st.sampled_from([0.005, 0.1, 1.0]),
     coupling=st.floats(500.0, 5000.0),
     frequency=st.floats(1.0, 10.0),
 )
 @examples(20)
 def test_samples_of_a_moving_robot_lie_on_the_static_line_of_the_wall(
-    wall: float, mass: float, coupling: float, frequency: float
+    stiffness: float, mass: float, coupling: float, frequency: float
 ) -> None:
     """At any speed, they are the force of two springs in series, at a command that no lag has touched."""
-    surface = Scene([SceneObject(PlaneShape(ZERO, UP), wall)])
-    robot = SimulatedRobot(SimulatedOptions(mass_kg=mass, stiffness_n_m=coupling, force_n=1e4), surface, TICK)
-    felt, series = ContactForce(coupling), wall * coupling / (wall + coupling)
+    options = SimulatedOptions(mass_kg=mass, stiffness_n_m=coupling, force_n=1e4)
+    robot, felt = SimulatedRobot(options, wall(stiffness), TICK), ContactForce(coupling)
+    series = stiffness * coupling / (stiffness + coupling)
     robot.open(0.0)
     touched, lag = 0, 0.0
     for tick in range(1, 1001):
@@ -345,7 +343,7 @@ def test_samples_of_a_moving_robot_lie_on_the_static_line_of_the_wall(
         if value == ZERO:
             continue
         touched += 1
-        assert value[2] == pytest.approx(-series * rest[2], rel=1e-6, abs=1e-6 * wall * 1e-3)
+        assert value[2] == pytest.approx(-series * rest[2], rel=1e-6, abs=1e-9 * stiffness)
         lag = max(lag, abs(value[2] + series * command[2]))
     assert touched > 10
     assert lag > 0.05  # [N] off the line, if paired with the command

@@ -18,12 +18,7 @@ from weberlink.slave.scenes.solids import PlaneShape
 
 STEPS = 60
 LOSING = sorted(name for name, scheme in INTEGRATORS.items() if scheme.gains_nothing)
-CONES = (
-    None,
-    FrictionCone(static=0.5, dynamic=0.4),
-    FrictionCone(static=0.8, dynamic=0.3),
-    FrictionCone(static=2.0, dynamic=0.0),
-)
+CONES = (None, *(FrictionCone(static=s, dynamic=d) for s, d in ((0.5, 0.4), (0.8, 0.3), (2.0, 0.0))))
 SOLIDS: dict[str, tuple[Shape, ...]] = {
     **{name: (shape,) for name, shape in SHAPES.items()},
     "two planes": (PlaneShape((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), PlaneShape((0.01, 0.0, 0.0), (-0.8, 0.0, 0.6))),

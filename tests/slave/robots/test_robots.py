@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
+from tests.slave.scenes.solids import GROUND, wall
 from weberlink.geometry.rotation import Quaternion, turned
 from weberlink.geometry.vector import ZERO, Vector, add, scale
 from weberlink.slave.robots import BUILT_IN, ROBOTS
@@ -16,7 +17,7 @@ from weberlink.slave.robots.contract import Robot, RobotFault, RobotReading
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
 from weberlink.slave.scenes.contact import SceneObject
 from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.solids import PlaneShape, SphereShape
+from weberlink.slave.scenes.solids import SphereShape
 from weberlink.testing.robots import RobotBench, RobotContract
 from weberlink.testing.time import virtual_time
 
@@ -27,10 +28,6 @@ every_driver = pytest.mark.parametrize("name", BUILT_IN)
 def robot_of(name: str, scene: Scene | None = None, **options: Any) -> Robot:
     driver = ROBOTS[name]
     return driver(driver.Options(**options), scene, TICK)
-
-
-def wall(stiffness: float = 500.0) -> Scene:
-    return Scene([SceneObject(PlaneShape(ZERO, (0.0, 0.0, 1.0)), stiffness)])
 
 
 class TestComputedRobots(RobotContract):
@@ -121,8 +118,7 @@ def held(made: Any, position: Vector, orientation: Quaternion) -> RobotReading:
 
 
 def ball_on_ground() -> Scene:
-    ground = SceneObject(PlaneShape(ZERO, (0.0, 0.0, 1.0)), 500.0)
-    return Scene([ground, SceneObject(SphereShape((0.01, 0.0, -0.02), 0.03), 700.0)])
+    return Scene([SceneObject(GROUND, 500.0), SceneObject(SphereShape((0.01, 0.0, -0.02), 0.03), 700.0)])
 
 
 axes = st.sampled_from([(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (0.0, -0.8, 0.6)])

@@ -36,6 +36,10 @@ def elastic(*shapes: Shape) -> Scene:
     return Scene([SceneObject(shape, STIFFNESS) for shape in shapes])
 
 
+def wall(stiffness: float = STIFFNESS, damping: float | None = None, friction: FrictionCone | None = None) -> Scene:
+    return Scene([SceneObject(GROUND, stiffness, friction, damping)])
+
+
 def scenes() -> dict[str, Scene]:
     """Fresh scenes: each shape alone, then combinations with everything that a contact can have."""
     cone = FrictionCone(static=0.5, dynamic=0.4)
