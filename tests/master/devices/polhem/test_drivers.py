@@ -4,8 +4,8 @@ What every driver keeps is in `test_contract`.
 """
 
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
 from pathlib import Path
-from threading import Thread
 from time import monotonic
 from typing import Any
 
@@ -14,7 +14,6 @@ import pytest
 from tests.master.devices.polhem.boards import ScriptedHidBoard, Teensy, hid_device
 from tests.wait import until
 from weberlink.geometry.vector import ZERO, norm
-from weberlink.master.devices.polhem.driver import PolhemDevice
 from weberlink.master.devices.polhem.options import PolhemHidOptions, PolhemSerialOptions
 from weberlink.master.devices.polhem.parameters import PARAMETERS
 from weberlink.master.devices.polhem.protocol import LONG, SHORT, SetCounters
@@ -35,11 +34,10 @@ Make = Callable[..., Any]
 
 
 @pytest.fixture
-def closing() -> Iterator[list[PolhemDevice]]:
-    made: list[PolhemDevice] = []
-    yield made
-    for device in made:
-        device.close()
+def until_end() -> Iterator[Make]:
+    """Takes a device, and closes it at the end of the test."""
+    with ExitStack() as stack:
+        yield lambda device: stack.enter_context(closing(device))
 
 
 @pytest.fixture
@@ -54,31 +52,16 @@ def teensy(board: PtyDevice) -> Any:
 
 
 @pytest.fixture
-def serial(board: PtyDevice, closing: list[PolhemDevice]) -> Make:
+def serial(board: PtyDevice, until_end: Make) -> Make:
     """Makes a device on the board, with its signs checked unless told otherwise."""
 
-    def make(**settings: Any) -> PolhemDevice:
+    def make(**settings: Any) -> Any:
         options = PolhemSerialOptions(**{"port": str(board.path), "model": "woodenhaptics", **settings})
         if "signs_checked" not in settings:
             options = options.model_copy(update={"signs_checked": PolhemSerialDevice.fingerprint(options)})
-        closing.append(PolhemSerialDevice(options, TICK))
-        return closing[-1]
+        return until_end(PolhemSerialDevice(options, TICK))
 
     return make
-
-
-def press_while_it_opens(device: PolhemDevice, messages: list[Any], press: Callable[[], object]) -> None:
-    """Press the calibration button after ten messages."""
-    before = len(messages)
-
-    def press_later() -> None:
-        until(lambda: len(messages) > before + 10, "messages")
-        press()
-
-    person = Thread(target=press_later)
-    person.start()
-    device.open(monotonic())
-    person.join()
 
 
 @pytest.mark.parametrize(
@@ -195,14 +178,9 @@ def test_weight_is_carried_only_while_loop_commands(serial: Make, tmp_path: Path
 
 
 @pytest.fixture
-def hid(closing: list[PolhemDevice]) -> Make:
+def hid(until_end: Make) -> Make:
     """Makes a device on a board; with force, whatever the signs."""
-
-    def make(board: ScriptedHidBoard, **settings: Any) -> PolhemDevice:
-        closing.append(hid_device(board, **settings))
-        return closing[-1]
-
-    return make
+    return lambda board, **settings: until_end(hid_device(board, **settings))
 
 
 def test_force_and_button_and_no_report_that_has_waited(hid: Make) -> None:
@@ -239,11 +217,19 @@ def test_homing_at_open_sets_the_counters_which_may_hold_the_home_counts(hid: Ma
     assert "does not set its counters" in refusal(hid(deaf, homing="at_open"))
 
 
+class PressedHid(ScriptedHidBoard):
+    """Its button is pressed after ten messages."""
+
+    def write(self, report: bytes) -> None:
+        super().write(report)
+        self.calibrate = self.calibrate or len(self.commands) == 10
+
+
 def test_a_press_of_some_time_ago_does_not_count_and_the_next_one_homes(hid: Make) -> None:
-    board = ScriptedHidBoard(AWAY)
+    board = PressedHid(AWAY)
     board.calibrate = True
     device = hid(board, homing="button")
-    press_while_it_opens(device, board.commands, lambda: setattr(board, "calibrate", True))
+    device.open(monotonic())
     told = [command.counts for command in board.commands if isinstance(command, SetCounters)]
     assert (told[0], told[-1]) == (AWAY, (0,) * 6)
     assert device.latest(monotonic()).position == HOME
