@@ -1,6 +1,5 @@
 """Makes drivers of other packages visible to this process, which has read the installed ones before."""
 
-from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
@@ -13,5 +12,4 @@ def add_drivers(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Add the packages of a folder for one test."""
     monkeypatch.syspath_prepend(str(folder))
     for table in (DEVICES, ROBOTS):
-        monkeypatch.setitem(vars(table), "_installed", {each.name: each for each in entry_points(group=table.group)})
         monkeypatch.setattr(table, "_loaded", dict(table._loaded))

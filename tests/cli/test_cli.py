@@ -69,9 +69,6 @@ WRONG = {
     "keygen -": "out",
     "configs --out a.yaml": "--out",
     "configs deley": "delay",
-    # A device that is not known, and its options.
-    "device test phantom": "phantom",
-    "device test operator --set foce_n=1": "master.device.foce_n",
 }
 
 

@@ -75,14 +75,13 @@ sys.modules.update(dict.fromkeys(["matplotlib", "mujoco", "scipy"]))
 from tests.program import weberlink
 json.dump([weberlink(*line) for line in json.loads(sys.argv[1])], sys.stdout)
 """
-INSTALL = f"install it with: {install_line('devices')}"
 WITHOUT = [
     # A package is asked for where it is needed only, and after what is nearer: a name that is wrong.
     (["doctor"], 2, install_line("doctor")),
     (["loopback", "--record", "a.mcap"], 2, "--record is of weberlink-recording, which is not installed; install it"),
     (["record", "info", "a.mcap"], 2, install_line("recording")),
-    (["device", "test", "touch"], 2, f"driver 'touch' is of weberlink-devices, which is not installed; {INSTALL}"),
-    (["device", "emulate", "inverse3"], 2, install_line("devices")),
+    (["check", LOOPBACK, "--set", "master.device.driver=touch"], 2, install_line("devices")),
+    (["device", "test", "operator"], 2, install_line("doctor")),
 ]
 
 

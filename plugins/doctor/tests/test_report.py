@@ -81,10 +81,16 @@ def test_command_reports_of_this_machine_and_fails_on_problems(monkeypatch: pyte
 
 
 @pytest.mark.parametrize(
-    ("arguments", "field"), [((LAN, "--set", "rate_hz=x"), "rate_hz"), (("--link", "robot"), "--link")]
+    ("arguments", "field"),
+    [
+        (("doctor", LAN, "--set", "rate_hz=x"), "rate_hz"),
+        (("doctor", "--link", "robot"), "--link"),
+        (("device", "test", "phantom"), "phantom"),
+        (("device", "test", "operator", "--set", "foce_n=1"), "master.device.foce_n"),
+    ],
 )
 def test_a_wrong_argument_is_one_line_that_names_it(arguments: tuple[object, ...], field: str) -> None:
-    ended = weberlink("doctor", *arguments)
+    ended = weberlink(*arguments)
     assert (ended.status, ended.output, ended.errors.count("\n")) == (2, "", 1)
     assert field in ended.errors
 

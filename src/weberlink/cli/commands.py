@@ -5,7 +5,6 @@ Each imports what it needs when it runs.
 """
 
 import os
-import sys
 from math import inf
 from pathlib import Path
 from textwrap import wrap
@@ -85,30 +84,6 @@ def device_list(json_out: Json = None) -> None:
 
     found = survey()
     write(found.document, json_out, found.show)
-
-
-@device.command("test")
-def device_test(
-    name: Annotated[
-        str, typer.Argument(metavar="NAME", help="Name of the driver; `weberlink device list` lists them.")
-    ],
-    config: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Configuration with options of the driver.")
-    ] = None,
-    yes: Annotated[bool, typer.Option("--yes", help="Agree to force and motion in advance.")] = False,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Set an option of the driver; may be repeated."),
-    ] = None,
-) -> None:
-    """Test a device step by step, at last with a gentle force.
-
-    It shows the readings, checks signs without force and, after a yes, with a gentle force.
-    """
-    from weberlink.cli.device_test import run  # noqa: PLC0415
-    from weberlink.cli.dialog import Dialog  # noqa: PLC0415
-
-    run(name, Dialog(sys.stdin, sys.stdout, yes=yes), config, set_ or ())
 
 
 @device.command("rules")

@@ -1,5 +1,6 @@
-"""The command `doctor`."""
+"""The commands `doctor` and `device test`."""
 
+import sys
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -60,3 +61,26 @@ def doctor(
             found = examine_link(file, overrides, link, seconds)
     write(found.document, json_out, found.show)
     raise typer.Exit(FAILED if found.count(Grade.PROBLEM) else COMPLETED)
+
+
+def device_test(
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Name of the driver; `weberlink device list` lists them.")
+    ],
+    config: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Configuration with options of the driver.")
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Agree to force and motion in advance.")] = False,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Set an option of the driver; may be repeated."),
+    ] = None,
+) -> None:
+    """Test a device step by step, at last with a gentle force.
+
+    It shows the readings, checks signs without force and, after a yes, with a gentle force.
+    """
+    from weberlink_doctor.device.commissioning import run  # noqa: PLC0415
+    from weberlink_doctor.device.dialog import Dialog  # noqa: PLC0415
+
+    run(name, Dialog(sys.stdin, sys.stdout, yes=yes), config, set_ or ())

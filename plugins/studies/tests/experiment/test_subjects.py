@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from plugins.doctor.tests.device.people import Keyboard
 from plugins.studies.tests.experiment.studies import Rig, conduct, plan
-from tests.cli.device_test.people import Keyboard
 from weberlink_studies.experiment.ledger import read
 from weberlink_studies.experiment.subjects import Person, level_of
 from weberlink_studies.paper.claims import PREDICTORS

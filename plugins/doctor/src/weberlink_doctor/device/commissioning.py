@@ -16,7 +16,6 @@ import yaml
 from pydantic import BaseModel
 
 from weberlink.cli.devices import ARMS, SECTIONS, SIDES
-from weberlink.cli.dialog import Dialog, StoppedByUser, View, uninterrupted
 from weberlink.cli.output import CommandError
 from weberlink.config import MASTER, ConfigurationError, load
 from weberlink.config.document import override
@@ -28,6 +27,7 @@ from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading
 from weberlink.registry import is_hardware
 from weberlink.session.composition.link import build_driver
 from weberlink.slave.robots.contract import Robot, RobotFault, RobotReading, RobotSpec
+from weberlink_doctor.device.dialog import Dialog, StoppedByUser, View, uninterrupted
 
 RATE_HZ = 1000.0  # rate of the loop that the driver is built for, if there is no file
 

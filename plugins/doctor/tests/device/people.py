@@ -4,7 +4,7 @@ import io
 from collections.abc import Callable
 from typing import Any
 
-from weberlink.cli.dialog import Dialog
+from weberlink_doctor.device.dialog import Dialog
 
 
 class Clock:

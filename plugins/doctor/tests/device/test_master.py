@@ -8,11 +8,11 @@ from typing import Any, ClassVar
 import pytest
 from pydantic import BaseModel
 
-from tests.cli.device_test.people import Clock, sitting
-from weberlink.cli.device_test import GIVES_WAY_M, PUSH_N, StoppedByUser, try_master
+from plugins.doctor.tests.device.people import Clock, sitting
 from weberlink.cli.output import CommandError
 from weberlink.geometry.vector import ZERO, Vector, add, norm, scale
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
+from weberlink_doctor.device.commissioning import GIVES_WAY_M, PUSH_N, StoppedByUser, try_master
 
 BOX = ((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1))
 PRINT = "a1b2c3d4"

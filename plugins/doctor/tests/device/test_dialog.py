@@ -2,15 +2,18 @@
 
 import io
 import os
+import re
 import signal
 import threading
 
 import pytest
 
-from tests.cli.device_test.people import Clock, sitting
+from plugins.doctor.tests.device.people import Clock, sitting
 from tests.session.systems import CONFIGS
-from weberlink.cli.device_test import run, uninterrupted
 from weberlink.cli.output import CommandError
+from weberlink.config import ConfigurationError
+from weberlink.installation import install_line
+from weberlink_doctor.device.commissioning import run, uninterrupted
 
 FILE = CONFIGS / "loopback.yaml"
 
@@ -51,3 +54,9 @@ def test_simulated_part_passes_with_overrides_of_the_file(
     assert [part for part in parts if part not in screen.getvalue()] == []
     with pytest.raises(CommandError, match=f"^{name}: stopped before the end"):
         run(name, sitting(Clock(), io.StringIO(), "")[0], None, [])
+
+
+def test_driver_of_a_guest_that_is_not_installed_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("weberlink.registry._installed", lambda *_: {})
+    with pytest.raises(ConfigurationError, match=f"driver 'touch' .* {re.escape(install_line('devices'))}"):
+        run("touch", sitting(Clock(), io.StringIO())[0])

@@ -8,12 +8,12 @@ from typing import Any, ClassVar
 
 import pytest
 
-from tests.cli.device_test.people import Clock, sitting
-from weberlink.cli.device_test import WAY_M, try_robot
+from plugins.doctor.tests.device.people import Clock, sitting
 from weberlink.cli.output import CommandError
 from weberlink.geometry.vector import Vector, distance
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.slave.robots.contract import RobotReading, RobotSpec
+from weberlink_doctor.device.commissioning import WAY_M, try_robot
 
 BOX = ((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1))
 

@@ -1,0 +1,1 @@
+"""Commissioning of a device or robot with a person: `weberlink device test`."""
