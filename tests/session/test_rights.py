@@ -68,7 +68,8 @@ def test_a_watcher_cannot_drive_a_stopper_cannot_watch_and_a_removed_key_ends_it
             book.write_text("".join((system.parent / right).read_text() for right in ("watch", "stop")))
             began = monotonic()
             until(lambda: robot.last["state"] != ENGAGED, "the end of the session")
-            records = robot.records[robot.records["at"] > began]
+            records = robot.records  # once: another look shows more of them
+            records = records[records["at"] > began]
             pauses = np.diff(records["at"][: int(np.argmax(records["state"] != ENGAGED)) + 1], prepend=began)
             assert pauses[pauses < 0.02].sum() < 1.0, "without those in which this machine stood still"
             status, output, _ = master.finish()

@@ -4,6 +4,7 @@ import io
 import json
 import re
 import socket
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from plugins.studies.tests.experiment.studies import conduct, plan
 from tests.session.systems import CONFIGS
 from weberlink.cli import app
 from weberlink_studies.experiment.command import ExperimentRequest, run
-from weberlink_studies.experiment.ledger import path_of, read
+from weberlink_studies.experiment.ledger import TrainingDone, opened, path_of, read
 from weberlink_studies.experiment.plan import order
 from weberlink_studies.experiment.trial_runner import TrialSignals
 from weberlink_studies.paper.claims import PREDICTORS
@@ -81,13 +82,13 @@ def test_paths_and_addresses_are_no_change(tmp_path: Path) -> None:
 # --- experiment, live
 
 
-class _RatesOnce(io.StringIO):
-    """Presses Enter at every question, rates one trial however often it is repeated, and leaves."""
+class _Rates(io.StringIO):
+    """Presses Enter at every question, rates as many trials however often they are repeated, and leaves."""
 
-    def __init__(self, screen: io.StringIO) -> None:
+    def __init__(self, screen: io.StringIO, ratings: Sequence[str]) -> None:
         super().__init__()
         self._screen = screen
-        self._ratings = ["4\n", ""]
+        self._ratings = [*ratings, ""]
 
     def readline(self, size: int = -1, /) -> str:
         is_over = len(self._ratings) == 1
@@ -108,9 +109,18 @@ def test_a_person_rates_and_leaves(tmp_path: Path) -> None:
     screen = io.StringIO()
     patient = ("link.silence_ms=2000",)  # so that few trials are disturbed by a stall of the host
     request = ExperimentRequest(FILE, patient, tmp_path, 1, 0, SHORT, simulate=False, record=True)
-    words = run(request, ports=_ports, source=_RatesOnce(screen), screen=screen, report=lambda done, of: None)
-    assert words.startswith("continue with: "), words
-    progress = read(tmp_path / "subject-001.jsonl")
+    path = tmp_path / "subject-001.jsonl"
+
+    def come(*ratings: str) -> None:
+        source = _Rates(screen, ratings)
+        words = run(request, ports=_ports, source=source, screen=screen, report=lambda done, of: None)
+        assert words.startswith("continue with: "), words
+
+    come()
+    with opened(path) as ledger:
+        ledger.append(TrainingDone())  # its references would be three more sessions
+    come("4\n")
+    progress = read(path)
     assert progress is not None
     ((number, entry),) = progress.rated.items()
     assert (number, entry.rating, entry.figures["outcome"]) == (1, 4, "completed")
