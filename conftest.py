@@ -140,6 +140,13 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
 
 
 @pytest.fixture
+def refrozen() -> Iterator[None]:
+    """For a test whose code thaws what is frozen, which would make every later collection slow."""
+    yield
+    gc.freeze()
+
+
+@pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
     """A file system of its own that is soon full."""
     path = tmp_path / "disk"

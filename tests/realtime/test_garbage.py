@@ -9,7 +9,7 @@ from weberlink.realtime.garbage import FULL_EVERY, PATIENCE, GarbageSchedule, fr
 
 
 @pytest.fixture(autouse=True)
-def frozen():
+def frozen(refrozen):
     freeze_garbage()
     yield
     thaw_garbage()

@@ -10,6 +10,7 @@ import pytest
 from weberlink.session.tick_loop import TickLoop
 
 PERIOD = 0.001
+pytestmark = pytest.mark.usefixtures("refrozen")
 
 
 class Side:

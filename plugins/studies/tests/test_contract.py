@@ -32,6 +32,7 @@ from weberlink_studies.paper.command import PAPER, SCENES, PaperOptions
 from weberlink_studies.precision.study import STUDY as PRECISION
 from weberlink_studies.precision.study import Effort
 from weberlink_studies.sheet import save, sheet
+from weberlink_studies.stability import display
 from weberlink_studies.stability.cells import EXTREMES, SystemCell
 from weberlink_studies.stability.display import STUDY as DISPLAY
 from weberlink_studies.stability.display import DisplayCell, DisplayOptions
@@ -75,6 +76,12 @@ def evaluated(workers: int) -> FrameResult:
     return EVALUATE.result(EvaluationOptions(study, traces, wire=True, window=None), workers=workers)
 
 
+def displayed(folder: Path, workers: int) -> FrameResult:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(display, "RUN_S", 1.5)
+        return replace(DISPLAY, cases=lambda _: DISPLAYED).result(DisplayOptions(("none",)), workers=1)
+
+
 EXACT = {"exact": INTEGRATORS["exact"]}
 
 
@@ -114,7 +121,7 @@ STUDIES = {
         {"stability_map.png", "stability_wall.png"}, 5, True,
     ),
     "stability --cells": StudyCase(
-        lambda *_: replace(DISPLAY, cases=lambda _: DISPLAYED).result(DisplayOptions(("none",)), workers=1),
+        displayed,
         {"stability_display.png"}, 2,
     ),
     "ratings": StudyCase(lambda folder, _: rated(folder), CURVES | {"curves.csv"}, 30),

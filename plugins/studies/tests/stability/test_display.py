@@ -10,6 +10,7 @@ from weberlink import configs
 from weberlink.cli.shipped import find
 from weberlink.config import load
 from weberlink_studies.frame import data_frame
+from weberlink_studies.stability import display
 from weberlink_studies.stability.display import DisplayCell, cells, file_cells, former, judged, rows_of
 from weberlink_studies.stability.held_out import COUNT, SCENES, held_out
 
@@ -40,7 +41,8 @@ def test_drawn_cells_are_compared_with_the_baselines_and_the_others_with_the_sch
     assert list(found.worse[:3]) == [True, False, True]
 
 
-def test_the_shipped_files_are_tried_as_they_are() -> None:
+def test_the_shipped_files_are_tried_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(display, "RUN_S", 4.0)
     assert all(find(cell.scene).exists() for cell in file_cells())
     (row,) = rows_of((DisplayCell("rotation", 50), "bounded"))
     assert not row["failure"]

@@ -63,6 +63,9 @@ HANDS: dict[str, tuple[str, ...]] = {
 }
 
 
+RUN_S = 10.6  # length of a run, besides two round trips [s]
+
+
 class DisplayCell(NamedTuple):
     """One run: scene and hand by name, delay each way [ms]; a lossy link has jitter and loses 5 % in bursts.
 
@@ -179,7 +182,7 @@ def _simulated(cell: DisplayCell, scheme: str) -> tuple[tuple[Records, Records],
     link = [f"emulate={{delay_ms: {delay}{faults}}}", f"silence_ms={silence}", f"longest_round_trip_ms={longest}"]
     overrides = [*(f"link.{each}" for each in link), *more, *HANDS.get(cell.hand, ()), *cell.overrides]
     configuration = load(find(file), overrides)
-    records, failure = recorded(configuration, scheme, 10.6 + 4e-3 * delay)
+    records, failure = recorded(configuration, scheme, RUN_S + 4e-3 * delay)
     system = configuration.system
     turning = "joint_" if system.codec.joints is not None else "rotation_" if system.codec.rotation is not None else ""
     return records, turning, bound_share(records[0], accounts(system), turning), failure
