@@ -41,7 +41,7 @@ MARK = "WEBERLINK_TRIAL"
 FOR_S, AFTER_S = 2.0, 0.3
 """How long a force is waited for to end, and for how long it must be gone [s]."""
 STARTS, STARTS_S = 4, 30.0
-DAEMONS = ("weberlink.session.daemon master", ".tests.pushing")
+DAEMONS = ("weberlink.session.daemon master", ".tests.test_host_that_ends")
 """In the command line of the process that commands a board."""
 PLANE = {"shape": "plane", "stiffness_n_m": 300.0}
 

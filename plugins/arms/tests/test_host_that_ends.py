@@ -1,6 +1,7 @@
-"""A process pushes with an arm, and is ended, killed or stopped: what the motors do from then on.
+"""A process pushes with an arm, and is killed or stopped: what the motors do from then on.
 
-Only a process of its own can be killed or stopped; what a bus watchdog does is in virtual time elsewhere.
+Only a process of its own can be; what a bus watchdog does is in virtual time elsewhere. The process is this file, run
+with DRIVER OPTIONS VALUES: the torques of a leader or the angles of a follower, and the options, are JSON.
 """
 
 import json
@@ -8,9 +9,9 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any, NamedTuple
 
 import pytest
@@ -18,9 +19,11 @@ import pytest
 from tests.program import ROOT
 from tests.wait import PATIENCE, until
 from weberlink.hardware.emulator import EMULATORS
+from weberlink.master.devices import LEADERS
 from weberlink.realtime.process import prepare
+from weberlink.slave.robots import FOLLOWERS
 from weberlink.testing.serving import PtyDevice
-from weberlink.testing.time import ahead_of_other_work
+from weberlink.testing.time import TICK, ahead_of_other_work
 from weberlink_arms.feetech.arm import SO101
 
 pytestmark = pytest.mark.realtime
@@ -63,7 +66,8 @@ def arm_that_is_led(family: Family, folder: Path) -> Iterator[tuple[list[str], A
     values[family.axis] = 0.3 if family.leads else GOAL_RAD
     with PtyDevice(emulator, folder / "arm", begin=lambda: prepare(60, lock_memory=False, cpu=None)) as wire:
         options = json.dumps({"port": str(wire.path), **family.options})
-        yield [sys.executable, "-m", "plugins.arms.tests.pushing", family.driver, options, json.dumps(values)], emulator
+        program = "plugins.arms.tests.test_host_that_ends"
+        yield [sys.executable, "-m", program, family.driver, options, json.dumps(values)], emulator
 
 
 @contextmanager
@@ -115,3 +119,19 @@ def test_arm_pushes_on_nothing_afterwards(family: Family, number: int, tmp_path:
         if number == signal.SIGSTOP and family.driver.startswith("so101"):
             process.send_signal(signal.SIGCONT)
             until(lambda: push(emulator, family) > family.push, "the arm to push again")
+
+
+def main(driver: str, options: str, values: str) -> None:
+    """Push with an arm until it has a fault."""
+    prepare(50, lock_memory=False, cpu=None)  # as a session
+    arm_class: Any = (LEADERS if driver in LEADERS else FOLLOWERS)[driver]
+    with closing(arm_class(arm_class.Options.model_validate_json(options), TICK)) as arm:
+        arm.open(monotonic())
+        while True:
+            arm.command(tuple(json.loads(values)), monotonic())
+            arm.latest(monotonic())
+            sleep(TICK)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -3,10 +3,12 @@
 Three joints move the tip along x, y and z, three turn the tool, and the seventh moves nothing: so the Jacobian is
 constant and everything can be said in numbers. The host name says how it begins, for example "reflex", "offset=8" or
 "offset=2,ground=0.4". SIGUSR1 provokes a reflex, SIGUSR2 cuts the link. `trials/franka` drives the real library
-with the same driver.
+with the same driver. `PROGRAM` is the command that starts the controller with it, for `FrankaRobot`.
 """
 
 import enum
+import sys
+from pathlib import Path
 from signal import SIGUSR1, SIGUSR2, signal
 from time import monotonic, sleep
 
@@ -14,6 +16,11 @@ import numpy as np
 
 from weberlink.geometry.rotation import quaternion, turned
 
+ROOT = Path(__file__).parents[3]
+PROGRAM = (
+    *(sys.executable, "-c"),
+    f"import sys; sys.path.insert(0, {str(ROOT)!r}); from plugins.franka.tests.library import main; main()",
+)
 CYCLE_S = 0.001
 GROUND_N_M = 2000.0
 GROUND_N_S_M = 20.0
@@ -27,52 +34,28 @@ RATE_N_M = 1.0
 """Largest change of a torque in a cycle."""
 
 
-class ControlException(RuntimeError):  # noqa: N818 - the maker's name
-    pass
+class ControlException(RuntimeError): ...  # noqa: N818 - the maker's names, here and below
 
 
-class NetworkException(RuntimeError):  # noqa: N818 - the maker's name
-    pass
+class NetworkException(RuntimeError): ...  # noqa: N818
 
 
-class RealtimeConfig(enum.Enum):
-    kEnforce = 0  # noqa: N815 - the maker's name
-    kIgnore = 1  # noqa: N815
+RealtimeConfig = enum.Enum("RealtimeConfig", "kEnforce kIgnore", start=0)
+RobotMode = enum.Enum("RobotMode", "Other Idle Move Guiding Reflex UserStopped AutomaticErrorRecovery", start=0)
 
 
-class RobotMode(enum.Enum):
-    Other = 0
-    Idle = 1
-    Move = 2
-    Guiding = 3
-    Reflex = 4
-    UserStopped = 5
-    AutomaticErrorRecovery = 6
-
-
-class Errors:
-    def __init__(self) -> None:
-        self.names: list[str] = []
-
-    def __bool__(self) -> bool:
-        return bool(self.names)
-
+class Errors(list[str]):
     def __str__(self) -> str:
-        return "[" + ", ".join(f'"{name}"' for name in self.names) + "]"
+        return "[" + ", ".join(f'"{name}"' for name in self) + "]"
 
 
-class Duration:
-    def __init__(self, seconds: float) -> None:
-        self._seconds = seconds
-
-    def to_sec(self) -> float:
-        return self._seconds
+class Duration(float):
+    to_sec = float.__float__
 
 
 class Torques:
     def __init__(self, arg0: list[float]) -> None:
-        if len(arg0) != 7:
-            raise ValueError("expected 7 torques")
+        assert len(arg0) == 7
         self.tau_J = list(arg0)
         self.motion_finished = False
 
@@ -125,7 +108,7 @@ class Arm:
 
     def stop(self, error: str) -> None:
         self.mode, self.torque = RobotMode.Reflex, np.zeros(7)
-        self.errors.names.append(error)
+        self.errors.append(error)
 
 
 class Model:
@@ -146,7 +129,7 @@ class ActiveControlBase:
         self._arm, self._robot = arm, robot
         self._due = monotonic()
 
-    def readOnce(self) -> tuple[RobotState, Duration]:  # noqa: N802 - the maker's name
+    def readOnce(self) -> tuple[RobotState, Duration]:  # noqa: N802
         arm, cycles = self._arm, 0
         self._due += CYCLE_S
         sleep(max(0.0, self._due - monotonic()))
@@ -157,7 +140,7 @@ class ActiveControlBase:
         self._check()
         return RobotState(arm), Duration(cycles * CYCLE_S)
 
-    def writeOnce(self, arg0: Torques) -> None:  # noqa: N802 - the maker's name
+    def writeOnce(self, arg0: Torques) -> None:  # noqa: N802
         self._check()
         wanted = np.array(arg0.tau_J)
         if np.abs(wanted - self._arm.torque).max() > RATE_N_M:
@@ -189,13 +172,8 @@ class Robot:
     def load_model(self) -> Model:
         return Model()
 
-    def set_collision_behavior(
-        self,
-        lower_torque_thresholds: list[float],
-        upper_torque_thresholds: list[float],
-        lower_force_thresholds: list[float],
-        upper_force_thresholds: list[float],
-    ) -> None: ...
+    def set_collision_behavior(self, *thresholds: list[float]) -> None:
+        assert [len(each) for each in thresholds] == [7, 7, 6, 6]
 
     def start_torque_control(self) -> ActiveControlBase:
         self._arm.mode = RobotMode.Move
@@ -206,3 +184,10 @@ class Robot:
 
     def automatic_error_recovery(self) -> None:
         self._arm.mode, self._arm.errors = RobotMode.Idle, Errors()
+
+
+def main() -> None:
+    sys.modules["pylibfranka"] = sys.modules[__name__]
+    from weberlink_franka import controller  # noqa: PLC0415
+
+    sys.exit(controller.main(sys.argv[1:]))

@@ -5,9 +5,8 @@ from collections.abc import Callable
 from plugins.franka.tests.library import Arm, Model, RobotMode, RobotState
 from weberlink.geometry.rotation import IDENTITY, Quaternion
 from weberlink.geometry.vector import Vector
-from weberlink.slot import Slot
 from weberlink_franka.control_loop import CYCLE_S, ControlLoop
-from weberlink_franka.messages import COMMAND, COMMAND_AT, MEMORY_SIZE, STATE, STATE_AT, ArmCommand, ArmState, Phase
+from weberlink_franka.messages import MEMORY_SIZE, ArmCommand, ArmState, Phase, command_slot, state_slot
 from weberlink_franka.options import FrankaOptions
 
 
@@ -21,8 +20,8 @@ class LoopBench:
         self.orphaned = False
         self.largest_step = 0.0  # largest change of a torque in a cycle [N m]
         memory = bytearray(MEMORY_SIZE)
-        self._written, self._read = Slot(memory, COMMAND_AT, COMMAND), Slot(memory, STATE_AT, STATE)
-        slots = Slot(memory, COMMAND_AT, COMMAND), Slot(memory, STATE_AT, STATE)
+        self._written, self._read = command_slot(memory), state_slot(memory)
+        slots = command_slot(memory), state_slot(memory)
         self.loop = ControlLoop(FrankaOptions.model_validate(options), Model(), *slots, lambda: self.orphaned)
         self.loop.begin(RobotState(self.arm))
         self.state = ArmState(Phase.STARTING, self.now)
@@ -56,8 +55,7 @@ class LoopBench:
 
     def wait(self, seconds: float, until: Callable[[], bool] = lambda: False) -> ArmState:
         """Let it run without commands."""
-        for _ in range(round(seconds / CYCLE_S)):
-            if until():
-                break
+        end = self.now + seconds
+        while self.now < end - 0.5 * CYCLE_S and not until():
             self.cycle()
         return self.state

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from plugins.franka.tests.program import PROGRAM
+from plugins.franka.tests.library import PROGRAM
 from weberlink.testing.robots import HardwareRobotContract, RobotBench
 from weberlink.testing.time import TICK, real_time
 from weberlink_franka.driver import FrankaRobot

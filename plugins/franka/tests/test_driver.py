@@ -8,7 +8,7 @@ from time import monotonic
 import pytest
 
 from plugins.franka.tests import library
-from plugins.franka.tests.program import PROGRAM, ROOT
+from plugins.franka.tests.library import PROGRAM, ROOT
 from tests.wait import until
 from weberlink.geometry.vector import Vector
 from weberlink.slave.robots.contract import RobotFault
