@@ -1,4 +1,4 @@
-"""Every servo arm keeps the contract before an emulated one, in virtual time, and takes or refuses its options."""
+"""Every servo arm keeps its contract before an emulated one, in virtual time, and takes or refuses its options."""
 
 from collections.abc import Iterator
 from math import pi
@@ -11,6 +11,7 @@ from plugins.arms.tests.benches import FAMILIES, FOLLOWERS, LEADERS, Stepped
 from weberlink.master import devices
 from weberlink.slave import robots
 from weberlink.testing.arms import ArmBench, HardwareFollowerContract, HardwareLeaderContract
+from weberlink.testing.robots import HardwareRobotContract, RobotBench
 from weberlink.testing.time import TICK
 
 SO101 = ("so101_leader", "so101_follower")
@@ -46,6 +47,27 @@ class TestFollowers(HardwareFollowerContract):
     @pytest.fixture(params=FOLLOWERS)
     def bench(self, request: pytest.FixtureRequest) -> Iterator[ArmBench]:
         yield bench_of(request.param)
+
+
+class TestDynamixel(HardwareRobotContract):
+    FAULTS = ("unplug", "silent", "late", "garbled", "overload", "trip_watchdog", "dead", "restart")
+
+    @pytest.fixture
+    def bench(self) -> Iterator[RobotBench]:
+        floor_m = 0.10
+        floor = {"shape": "plane", "point_m": [0.0, 0.0, floor_m], "stiffness_n_m": 500.0}
+        driver = robots.ROBOTS.load("dynamixel")
+        robot = driver(driver.Options(approach_m_s=0.2), None, TICK)
+        stepped = Stepped(robot, benches.made("open_manipulator_x", scene=[floor]))
+        yield RobotBench(
+            robot,
+            stepped.tick,
+            above=(0.20, 0.02, floor_m + 0.04),
+            below=(0.20, 0.02, floor_m - 0.02),
+            tolerance_m=0.012,
+            settle_ticks=500,
+            faults=stepped.faults,
+        )
 
 
 COMMON: list[tuple[dict[str, Any], str]] = [

@@ -28,8 +28,18 @@ from weberlink_devices.spacemouse.device import PuckExchange, SpaceMouseOptions
 SERIAL_FAULTS = ("unplug", "silent", "garbled", "restart", "guardian")
 
 
-class ForceDimension:
+@pytest.mark.realtime
+class TestForceDimension(ForceDeviceContract, StoppedHostContract):
     NAME = "force_dimension"
+    FAULTS = ("unplug", "silent", "garbled", "restart", "button", "too_fast")
+    SIGNS = ({"model": "omega.6"}, {"serial_number": 7})
+    REFUSED = (
+        ({"force_n": 12.1}, "force_n: expected at most 12 N for omega.3"),
+        ({"torque_n_m": 0.1}, "torque_n_m: expected at most 0 N m"),
+        ({"watchdog_ms": 4.99}, "watchdog_ms: expected 0, or at least 5"),
+        ({"watchdog_ms": 31.9}, "watchdog_ms"),
+    )
+    TAKEN = ({"force_n": 12.0, "watchdog_ms": 5.0}, {"watchdog_ms": 31.875}, {"watchdog_ms": 0.0})
 
     @contextmanager
     def make_bench(self, folder: Path, /, *, checked: bool = True, **options: Any) -> Iterator[DeviceBench]:
@@ -54,25 +64,10 @@ class ForceDimension:
             yield DeviceBench(device, real_time(), lambda: handle.wrench[0], faults, options=options)
 
 
-@pytest.mark.realtime
-class TestForceDimension(ForceDimension, ForceDeviceContract):
-    FAULTS = ("unplug", "silent", "garbled", "restart", "button", "too_fast")
-    SIGNS = ({"model": "omega.6"}, {"serial_number": 7})
-    REFUSED = (
-        ({"force_n": 12.1}, "force_n: expected at most 12 N for omega.3"),
-        ({"torque_n_m": 0.1}, "torque_n_m: expected at most 0 N m"),
-        ({"watchdog_ms": 4.99}, "watchdog_ms: expected 0, or at least 5"),
-        ({"watchdog_ms": 31.9}, "watchdog_ms"),
-    )
-    TAKEN = ({"force_n": 12.0, "watchdog_ms": 5.0}, {"watchdog_ms": 31.875}, {"watchdog_ms": 0.0})
-
-
-@pytest.mark.realtime
-class TestHostOfForceDimension(ForceDimension, StoppedHostContract): ...
-
-
-class LockStepContract(ForceDeviceContract):
+class LockStepContract(ForceDeviceContract, StoppedHostContract):
     """What a driver keeps besides that asks and waits for the answer."""
+
+    PATIENT: ClassVar = {"reply_ms": 100.0}
 
     @pytest.mark.parametrize("late_s", [0.11, 0.15, 0.3])
     def test_no_late_answer_is_taken_and_the_session_ends(self, late_s: float, tmp_path: Path) -> None:
@@ -91,15 +86,9 @@ class LockStepContract(ForceDeviceContract):
             until(lambda: bench.displayed == 0.0, "the end of the force", pause=0.0)
 
 
-class Haply:
-    NAME = "haply_2diy"
-
-    def make_bench(self, folder: Path, /, **options: Any) -> Any:
-        return on_a_pty("haply_2diy", folder, **{"reply_ms": 100.0, **options})
-
-
 @pytest.mark.realtime
-class TestHaply(Haply, LockStepContract):
+class TestHaply(LockStepContract):
+    NAME = "haply_2diy"
     FAULTS = SERIAL_FAULTS
     UNHEARD = ("unplug",)
     SIGNS = (
@@ -109,36 +98,30 @@ class TestHaply(Haply, LockStepContract):
         {"home_deg": (167.0, 12.0)},
     )
 
-
-@pytest.mark.realtime
-class TestHostOfHaply(Haply, StoppedHostContract):
-    PATIENT: ClassVar = {"reply_ms": 100.0}
-
-
-class Inverse3:
-    NAME = "inverse3"
-
     def make_bench(self, folder: Path, /, **options: Any) -> Any:
-        wire = WebSocketDevice(emulated("inverse3"))
-        grip = {"grip": "wireless_verse_grip", "reply_ms": 100.0}
-        return on_a_wire("inverse3", wire, lambda: wire.address, **{**grip, **options})
+        return on_a_pty(self.NAME, folder, **{**self.PATIENT, **options})
 
 
 @pytest.mark.realtime
-class TestInverse3(Inverse3, LockStepContract):
+class TestInverse3(LockStepContract):
+    NAME = "inverse3"
     FAULTS = SERIAL_FAULTS
     SIGNS = ({"preset": "led_front"}, {"preset": None})
     REFUSED = (({"port": "ws://host:1/path"}, "port"),)
     TAKEN = ({"port": "ws://host:1/#0A"},)
 
+    def make_bench(self, folder: Path, /, **options: Any) -> Any:
+        wire = WebSocketDevice(emulated(self.NAME))
+        return on_a_wire(
+            self.NAME, wire, lambda: wire.address, **{"grip": "wireless_verse_grip", **self.PATIENT, **options}
+        )
+
 
 @pytest.mark.realtime
-class TestHostOfInverse3(Inverse3, StoppedHostContract):
-    PATIENT: ClassVar = {"reply_ms": 100.0}
-
-
-class Touch:
+class TestTouch(ForceDeviceContract, StoppedHostContract):
     NAME = "touch"
+    FAULTS = ("unplug", "silent", "killed", "stopped")
+    UNHEARD = ("unplug",)
 
     @contextmanager
     def make_bench(self, folder: Path, /, *, checked: bool = True, **options: Any) -> Iterator[DeviceBench]:
@@ -159,16 +142,6 @@ class Touch:
             }
             with closing(device):
                 yield DeviceBench(device, real_time(), lambda: board.felt, faults, options=options)
-
-
-@pytest.mark.realtime
-class TestTouch(Touch, ForceDeviceContract):
-    FAULTS = ("unplug", "silent", "killed", "stopped")
-    UNHEARD = ("unplug",)
-
-
-@pytest.mark.realtime
-class TestHostOfTouch(Touch, StoppedHostContract): ...
 
 
 # --- rate control
