@@ -26,8 +26,3 @@ def test_wrong_files_are_refused_in_a_line(tmp_path: Path, body: str, message: s
         load(path)
     assert "\n" not in str(caught.value)
     assert str(path) in str(caught.value)
-
-
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"no file .*nothing\.xml"):
-        load(tmp_path / "nothing.xml")
