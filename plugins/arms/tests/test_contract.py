@@ -12,7 +12,8 @@ from weberlink.master import devices
 from weberlink.slave import robots
 from weberlink.testing.arms import ArmBench, HardwareFollowerContract, HardwareLeaderContract
 from weberlink.testing.robots import HardwareRobotContract, RobotBench
-from weberlink.testing.time import TICK
+from weberlink.testing.stepping import VirtualPort
+from weberlink.testing.time import TICK, until
 
 SO101 = ("so101_leader", "so101_follower")
 DYNAMIXEL = tuple(name for name in FAMILIES if name not in SO101)
@@ -21,14 +22,19 @@ FAULTS = ("unplug", "silent", "late", "garbled", "dead")
 
 def made(name: str, **options: Any) -> Any:
     """Not open."""
+    if name == "dynamixel":
+        robot: Any = robots.ROBOTS.load(name)
+        return robot(robot.Options(**options), None, TICK)
     driver: Any = (devices.LEADERS if name in LEADERS else robots.FOLLOWERS)[name]
     return driver(driver.Options.model_validate(options), TICK)
 
 
+MOVING = {"hand_rad": (0.4,) * 6, "hand_s": (1.0,) * 6, "hand_n_m_rad": 5.0}
+
+
 def bench_of(name: str) -> ArmBench:
     arm = made(name)
-    moving = {"hand_rad": (0.4,) * 6, "hand_s": (1.0,) * 6, "hand_n_m_rad": 5.0} if name in LEADERS else {}
-    stepped = Stepped(arm, benches.made(name, **moving))
+    stepped = Stepped(arm, benches.made(name, **(MOVING if name in LEADERS else {})))
     servos = stepped.emulator.servos
     return ArmBench(arm, stepped.tick, faults=stepped.faults, torques_on=lambda: [servo.torque_on for servo in servos])
 
@@ -56,8 +62,7 @@ class TestDynamixel(HardwareRobotContract):
     def bench(self) -> Iterator[RobotBench]:
         floor_m = 0.10
         floor = {"shape": "plane", "point_m": [0.0, 0.0, floor_m], "stiffness_n_m": 500.0}
-        driver = robots.ROBOTS.load("dynamixel")
-        robot = driver(driver.Options(approach_m_s=0.2), None, TICK)
+        robot = made("dynamixel", approach_m_s=0.2)
         stepped = Stepped(robot, benches.made("open_manipulator_x", scene=[floor]))
         yield RobotBench(
             robot,
@@ -68,6 +73,26 @@ class TestDynamixel(HardwareRobotContract):
             settle_ticks=500,
             faults=stepped.faults,
         )
+
+
+@pytest.mark.parametrize("name", [*FAMILIES, "dynamixel"])
+def test_a_replugged_arm_goes_on(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """That it does not jump is seen with its exchange."""
+    monkeypatch.setattr("weberlink.hardware.worker.RETRY_S", 0.0)
+    arm = made(name, reconnect_s=60.0)
+    stepped = Stepped(arm, benches.made("open_manipulator_x" if name == "dynamixel" else name))
+    arm.open(stepped.tick())
+    before, is_back = arm.latest(stepped.tick()).at, iter((False, False, True))
+
+    def connect() -> VirtualPort:
+        if next(is_back):
+            stepped.port.broken = None
+        return stepped._connect()
+
+    stepped._worker.device._connect = connect
+    stepped.faults["unplug"]()
+    until(lambda: arm.latest(stepped.tick()).at > before + 0.2, "it to go on", pause=0.0)
+    assert list(is_back) == []
 
 
 COMMON: list[tuple[dict[str, Any], str]] = [
