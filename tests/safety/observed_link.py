@@ -3,11 +3,8 @@
 It can also hold datagrams for any time while others pass.
 """
 
-from collections import deque
 from collections.abc import Callable
 from heapq import heappop, heappush
-from itertools import count
-from math import inf
 from random import Random
 from typing import Any
 
@@ -20,8 +17,8 @@ Hold = Callable[[bytes, float], float | None]
 """A datagram and its departure [s] to the age [s] at which it arrives; None for one that is not held."""
 
 
-class ObservedLink:
-    """Takes the place of an `EmulatedLink` in a simulation, in front of one.
+class ObservedLink(EmulatedLink[Any]):
+    """Takes the place of an `EmulatedLink` in a simulation.
 
     Datagrams are handed over one at a time, so that a risen count of executed updates belongs to the one before.
 
@@ -32,15 +29,9 @@ class ObservedLink:
         executions: the age of each executed update when it arrived [s].
     """
 
-    def __init__(
-        self, emulation: Emulation | None = None, *, hold: Hold = lambda _data, _now: None, seed: int = 1
-    ) -> None:
-        self._link: EmulatedLink[tuple[Address, float]] = EmulatedLink(emulation or Emulation(), Random(seed).random)
+    def __init__(self, emulation: Emulation | None = None, *, hold: Hold = lambda *_: None, seed: int = 1) -> None:
+        super().__init__(emulation or Emulation(), Random(seed).random)
         self._hold = hold
-        self._held: list[tuple[float, int, bytes, tuple[Address, float]]] = []
-        self._numbers = count()
-        self._ready: deque[tuple[bytes, tuple[Address, float]]] = deque()
-        self._ready_at = inf
         self._last: tuple[float, float] | None = None
         self._executed_before = 0
         self.executed: Callable[[], int] = lambda: 0
@@ -52,29 +43,17 @@ class ObservedLink:
         self.departures.append(now)
         age = self._hold(data, now)
         if age is None:
-            self._link.send(data, (tag, now), now)
+            super().send(data, (tag, now), now)
         else:
-            heappush(self._held, (now + age, next(self._numbers), data, (tag, now)))
-
-    def next_due(self) -> float | None:
-        dues = [self._link.next_due(), self._held[0][0] if self._held else None]
-        due = min((due for due in dues if due is not None), default=inf)
-        if self._ready:
-            due = min(due, self._ready_at)
-        return None if due == inf else due
+            heappush(self._flights, (now + age, next(self._numbers), data, (tag, now)))
 
     def receive(self, now: float) -> list[tuple[bytes, Address]]:
         """The next datagram that has arrived by now, if there is one."""
         self.settle()
-        if not self._ready:
-            self._ready_at = now
-            while self._held and self._held[0][0] <= now:
-                _, _, data, tag = heappop(self._held)
-                self._ready.append((data, tag))
-            self._ready.extend(self._link.receive(now))
-        if not self._ready:
+        due = self.next_due()
+        if due is None or due > now:
             return []
-        data, (address, departure) = self._ready.popleft()
+        _, _, data, (address, departure) = heappop(self._flights)
         self._last = now, departure
         self.arrivals.append(self._last)
         return [(data, address)]

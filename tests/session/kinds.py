@@ -203,48 +203,40 @@ def changed(base: Any, change: Callable[[Any], Any], since: float, until: float 
     return Changed
 
 
-class StoppedEndpoint:
-    """Datagrams wait, as in the buffer of a socket, and are read before anything else once the process goes on."""
-
-    def __init__(self, endpoint: Any, begin: float, end: float) -> None:
-        self._endpoint = endpoint
-        self._begin, self._end = begin, end
-        self._waiting: list[tuple[bytes, Address]] = []
-        self.stops = False
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._endpoint, name)
-
-    def receive_datagram(self, data: bytes, address: Address, now: float) -> None:
-        self._waiting.append((data, address))
-        self._go_on(now)
-
-    def handle_timer(self, now: float) -> None:
-        self._go_on(now)
-        if not self.stops:
-            self._endpoint.handle_timer(now)
-
-    def datagrams_to_send(self) -> list[tuple[bytes, Address]]:
-        return [] if self.stops else self._endpoint.datagrams_to_send()
-
-    def _go_on(self, now: float) -> None:
-        self.stops = self._begin <= now < self._end
-        if not self.stops:
-            for waiting in self._waiting:
-                self._endpoint.receive_datagram(*waiting, now)
-            self._waiting.clear()
-
-
 class StoppedSide:
-    """Either side, whose process stands still between two moments [s]: it does no tick."""
+    """Either side, and its endpoint, whose process stands still between two moments [s].
+
+    Datagrams wait meanwhile, as in the buffer of a socket, and are read before anything else once it goes on.
+    """
 
     def __init__(self, loop: Any, begin: float, end: float) -> None:
-        self._loop = loop
-        self.endpoint = StoppedEndpoint(loop.endpoint, begin, end)
+        self._loop, self._begin, self._end = loop, begin, end
+        self._waiting: list[tuple[bytes, Address]] = []
+        self.endpoint = self
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._loop, name)
 
+    def _runs(self, now: float) -> bool:
+        if self._begin <= now < self._end:
+            return False
+        for waiting in self._waiting:
+            self._loop.endpoint.receive_datagram(*waiting, now)
+        self._waiting.clear()
+        return True
+
+    def receive_datagram(self, data: bytes, address: Address, now: float) -> None:
+        self._waiting.append((data, address))
+        self._runs(now)
+
+    def handle_timer(self, now: float) -> None:
+        if self._runs(now):
+            self._loop.endpoint.handle_timer(now)
+
     def tick(self, index: int, deadline: float, now: float) -> None:
-        if not self.endpoint.stops:
+        if self._runs(now):
             self._loop.tick(index, deadline, now)
+
+    def datagrams_to_send(self) -> list[tuple[bytes, Address]]:
+        told: list[tuple[bytes, Address]] = self._loop.endpoint.datagrams_to_send()
+        return told
