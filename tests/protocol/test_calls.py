@@ -283,6 +283,7 @@ def test_calls_in_the_wrong_state_raise_or_do_nothing() -> None:
         ({"outgoing": ()}, "1 to"),
         ({"outgoing": (forms(3),) * 3}, "1 to"),
         ({"agreement": {"a.b": object()}}, "'a.b'"),
+        ({"agreement": {"a.b": 2**70}}, "'a.b'"),
         ({"agreement": {"a.b": "x" * 5000}}, "bytes"),
     ],
 )

@@ -104,9 +104,3 @@ def test_both_ends_say_the_same_about_a_difference(master: dict[str, object], sl
     assert said == differences(Role.RESPONDER, slave, master)
     assert (said == "") == (master == slave)
     assert differences(Role.INITIATOR, {"a": None}, {}) == "a: master has None, slave has nothing"
-
-
-@pytest.mark.parametrize("value", [object(), {1, 2}, 2**70])
-def test_a_value_that_cannot_be_packed_is_named(value: object) -> None:
-    with pytest.raises(ValueError, match=r"'codec\.x'"):
-        local_end(agreement={"codec.x": value})

@@ -34,7 +34,8 @@ LONGEST_QUESTION, LONGEST_ANSWER = 1024, 4096  # bytes
 LOOK_S = 0.01  # time between two checks for the peer's answer [s]
 QUESTIONS_A_LOOK = 8
 LONGEST_REASON = 100  # characters of an outcome
-AT_ONCE = frozenset({"emergency", "stop", "delay_ms", "jitter_ms", "loss"})
+LINK_SETTINGS = ("delay_ms", "jitter_ms", "loss")  # what may be changed of an emulated link; as of `link.emulate`
+AT_ONCE = frozenset({"emergency", "stop", *LINK_SETTINGS})
 """Requests that concern one side alone, and are done when they are answered."""
 NO_EMULATION = "this session emulates no link: add emulate: {} under link in its file"
 IS_NEWER = "this run was ordered after that stop"

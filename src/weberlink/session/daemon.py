@@ -31,7 +31,7 @@ from weberlink.registry import fault_of, in_words
 from weberlink.session import description
 from weberlink.session.composition.link import live_context
 from weberlink.session.composition.sides import build_side
-from weberlink.session.control_socket import ControlSocket
+from weberlink.session.control_socket import LINK_SETTINGS, ControlSocket
 from weberlink.session.description import DaemonOrder, failure
 from weberlink.session.key_watch import key_watch
 from weberlink.session.side import Side
@@ -39,7 +39,6 @@ from weberlink.session.tick_loop import REASONS, AfterTick, TickLoop
 from weberlink.session.waiting import received
 from weberlink.telemetry.ring import RingWriter
 
-LINK_SETTINGS = ("delay_ms", "jitter_ms", "loss")  # what may be changed of an emulated link; as of `link.emulate`
 RING_SECONDS = 10.0
 STOP_SLACK_S, STOP_FADES = 1.0, 2.0
 """Longest orderly stop: a time [s], and multiples of that in which the force fades, because late ticks stretch it."""

@@ -4,12 +4,13 @@ import asyncio
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from math import inf
-from signal import SIG_UNBLOCK, SIGHUP, SIGINT, SIGTERM, Signals, pthread_sigmask
+from signal import SIG_UNBLOCK, SIGHUP, SIGINT, Signals, pthread_sigmask
 from time import monotonic
 from typing import NamedTuple
 
 import uvloop
 
+from weberlink.order import STOP_SIGNALS
 from weberlink.protocol.aio.udp import UdpShell
 from weberlink.realtime.garbage import GarbageSchedule, freeze_garbage, thaw_garbage
 from weberlink.realtime.ticker import Ticker
@@ -75,32 +76,24 @@ class TickLoop:
         self._signalled = False
         self._done = asyncio.Event()
 
-    def run(self, stop_signals: tuple[Signals, ...] = (SIGINT, SIGTERM, SIGHUP)) -> Run:
-        """Run to the end; once for each object.
-
-        Args:
-            stop_signals: begin a stop; must be () outside the main thread.
-
-        Raises:
-            BaseException: whatever the side, the transport or a callback of the loop raised. By then `side.fail` has
-                been called and the transport is closed.
-        """
+    def run(self) -> Run:
+        """Run to the end; once for each object, in the main thread. Raises whatever the side, the transport or a
+        callback of the loop raised; by then `side.fail` has been called and the transport is closed."""
         with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-            runner.run(self._run(stop_signals))
+            runner.run(self._run())
         if self._error is not None:
             raise self._error
-        outcome = self._side.outcome or self._reason
-        return Run(outcome, not self._failed)
+        return Run(self._side.outcome or self._reason, not self._failed)
 
-    async def _run(self, stop_signals: tuple[Signals, ...]) -> None:
+    async def _run(self) -> None:
         loop = asyncio.get_running_loop()
         loop.set_exception_handler(
             lambda _loop, context: self._fault(context.get("exception") or RuntimeError(context["message"]))
         )
-        for number in stop_signals:
+        for number in STOP_SIGNALS:
             loop.add_signal_handler(number, self._signal, number)
         # A parent may have blocked them until there is a handler.
-        pthread_sigmask(SIG_UNBLOCK, stop_signals)
+        pthread_sigmask(SIG_UNBLOCK, STOP_SIGNALS)
         try:
             for begin in self._on_open:
                 begin(loop)
@@ -111,7 +104,7 @@ class TickLoop:
             self._fault(error)
         finally:
             self._ticker.stop()
-            for number in stop_signals:
+            for number in STOP_SIGNALS:
                 loop.remove_signal_handler(number)
             self._transport.close()
 

@@ -6,14 +6,12 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from weberlink.session.control_socket import LiveChangeError, ask
+from weberlink.session.control_socket import LINK_SETTINGS, LiveChangeError, ask
 from weberlink.session.emergency import NO_SESSION
 from weberlink.watching.rings import RingSource
 from weberlink.watching.session import WatchedSession
 
 ANSWER_S = 2.0  # how long a daemon may take to answer
-LINK_KEYS = frozenset({"delay_ms", "jitter_ms", "loss"})
-"""Settings of the emulated link: each side applies them to what it sends."""
 
 Answer = dict[str, Any]
 
@@ -31,8 +29,8 @@ async def change(session: WatchedSession | None, request: Mapping[str, Any]) -> 
         return refusal("nothing to change; name weber, predictor, delay_ms, jitter_ms or loss")
     if session is None or session.ended:
         return refusal(f"{NO_SESSION} to change")
-    link = {key: value for key, value in request.items() if key in LINK_KEYS}
-    settings = {key: value for key, value in request.items() if key not in LINK_KEYS}
+    link = {key: value for key, value in request.items() if key in LINK_SETTINGS}
+    settings = {key: value for key, value in request.items() if key not in LINK_SETTINGS}
     answer: Answer = {}
     if settings:
         answer = await asyncio.to_thread(ask_daemon, session.ring, settings)

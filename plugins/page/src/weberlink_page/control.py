@@ -4,8 +4,9 @@ import asyncio
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from weberlink.session.control_socket import LINK_SETTINGS
 from weberlink.session.emergency import NO_SESSION
-from weberlink.watching.control import LINK_KEYS, Answer, ask_daemon, change, refusal
+from weberlink.watching.control import Answer, ask_daemon, change, refusal
 from weberlink_page.session import PageSession
 
 INHERIT_TIMES = 150
@@ -43,7 +44,7 @@ class SessionControl:
         if session is not None:
             self.take(session, answer)
             if answer["accepted"]:
-                settings = {key: value for key, value in request.items() if key not in LINK_KEYS}
+                settings = {key: value for key, value in request.items() if key not in LINK_SETTINGS}
                 self.agreed.setdefault(session.name, {}).update(settings)
         return answer
 
