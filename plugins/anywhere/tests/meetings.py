@@ -3,9 +3,8 @@
 import asyncio
 import json
 import os
-from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
+from collections.abc import AsyncIterator, Coroutine, Sequence
 from contextlib import asynccontextmanager, suppress
-from functools import wraps
 from typing import Any, Self
 
 from websockets.asyncio.client import ClientConnection, connect
@@ -18,23 +17,6 @@ from weberlink_anywhere.sealing import Sealing
 from weberlink_anywhere.signalling import Answer, Busy, Description, Offer
 
 PATHS = (Description("ufrag", "p" * 22, ("1 1 udp 2130706431 192.0.2.1 4000 typ host",)),)
-
-
-def in_loop(
-    test: Callable[..., Coroutine[Any, Any, None]], loop_factory: Callable[[], asyncio.AbstractEventLoop] | None = None
-) -> Callable[..., None]:
-    """The test in an event loop of its own, with a limit."""
-
-    @wraps(test)
-    def run(**fixtures: Any) -> None:
-        async def limited() -> None:
-            async with asyncio.timeout(3 * PATIENCE):
-                await test(**fixtures)
-
-        with asyncio.Runner(loop_factory=loop_factory) as runner:
-            runner.run(limited())
-
-    return run
 
 
 class Pair:

@@ -14,10 +14,9 @@ import msgpack
 import pytest
 import uvloop
 
-from plugins.anywhere.tests.meetings import in_loop
 from tests.compiled import replaces_methods
 from tests.protocol.harness import forms, make_endpoint, sample_update
-from tests.wait import soon
+from tests.wait import in_loop, soon
 from weberlink.protocol import Connected, Endpoint, Event, PeerSilent, Role, State, UpdateReceived
 from weberlink.protocol.aio import UdpShell
 from weberlink.protocol.aio.udp import PEER_SHARE, STRANGER_SHARE, peer_address

@@ -11,7 +11,8 @@ import pytest
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 
-from plugins.anywhere.tests.meetings import PATIENCE, Pair, in_loop
+from plugins.anywhere.tests.meetings import PATIENCE, Pair
+from tests.wait import in_loop
 from weberlink.config.finders import running
 from weberlink_anywhere import hand_over
 from weberlink_anywhere.hand_over import PathNews

@@ -11,7 +11,8 @@ import pytest
 
 from plugins.anywhere.tests import certificates
 from plugins.anywhere.tests.mailbox_server import MailboxServer
-from plugins.anywhere.tests.meetings import PATHS, PATIENCE, Host, Pair, ThirdParty, in_loop, running, waiting
+from plugins.anywhere.tests.meetings import PATHS, PATIENCE, Host, Pair, ThirdParty, running, waiting
+from tests.wait import in_loop
 from weberlink.protocol.keys import Right
 from weberlink_anywhere.order import FinderOrder, PairingOrder
 from weberlink_anywhere.pair import start

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from aioice import stun
 
-from plugins.anywhere.tests.meetings import in_loop
+from tests.wait import in_loop
 from weberlink_anywhere import ice
 from weberlink_anywhere.sockets import BINDING, HOLD_S, Binding, OwnSocket, SocketLoop
 

@@ -3,6 +3,7 @@
 import asyncio
 import socket
 from collections.abc import Awaitable, Callable, Iterator
+from functools import partial, wraps
 from random import Random
 from time import monotonic
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 import uvloop
 
 from tests.protocol.harness import forms, make_endpoint, sample_update
-from tests.wait import PATIENCE, soon
+from tests.wait import in_loop, soon
 from weberlink.protocol import Connected, Endpoint, Event, PeerClosed, PeerSilent, Role, State, UpdateReceived
 from weberlink.protocol.aio import AddressInUseError, UdpShell
 from weberlink.protocol.aio.sockets import MOST_S, address_of, name_of, resolve
@@ -22,22 +23,19 @@ ANY: Address = ("127.0.0.1", 0)
 SHELLS: list[UdpShell] = []
 
 
-def live(main: Callable[[], Awaitable[None]]) -> Callable[[], None]:
+def live(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
     """Make a test of a coroutine, in an event loop of its own; the shells that it made are closed at the end."""
 
-    async def bounded() -> None:
+    @partial(in_loop, loop_factory=uvloop.new_event_loop)
+    @wraps(test)
+    async def closing(**fixtures: Any) -> None:
         try:
-            async with asyncio.timeout(2.0 * PATIENCE):
-                await main()
+            await test(**fixtures)
         finally:
             while SHELLS:
                 SHELLS.pop().close()
 
-    def test() -> None:
-        with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-            runner.run(bounded())
-
-    return test
+    return closing
 
 
 def shell_of(endpoint: Endpoint, **arguments: Any) -> UdpShell:
@@ -93,24 +91,20 @@ async def engage(
 @pytest.mark.parametrize(
     ("called", "listens"), [("127.0.0.1", "127.0.0.1"), ("localhost", "127.0.0.1"), ("127.0.0.2", "0.0.0.0")]
 )
-def test_two_shells_connect_exchange_updates_and_part(called: str, listens: str) -> None:
+@live
+async def test_two_shells_connect_exchange_updates_and_part(called: str, listens: str) -> None:
     """By a name, which is kept in events; a slave on all addresses answers from the one that was called."""
-
-    @live
-    async def session() -> None:
-        master_shell, master, slave_shell, slave = await engage(host=called, listen=(listens, 0))
-        for tick in range(20):
-            now = monotonic()
-            for shell in (master_shell, slave_shell):
-                shell.service(now)
-            assert master.send_update(now, sample_update(tick))
-            master_shell.flush(now)
-            event = await until(slave, UpdateReceived)
-            assert event.update == sample_update(tick)  # type: ignore[attr-defined]
-        slave.close(monotonic(), "slave: done")
-        assert await until(master, PeerClosed) == PeerClosed("slave: done")
-
-    session()
+    master_shell, master, slave_shell, slave = await engage(host=called, listen=(listens, 0))
+    for tick in range(20):
+        now = monotonic()
+        for shell in (master_shell, slave_shell):
+            shell.service(now)
+        assert master.send_update(now, sample_update(tick))
+        master_shell.flush(now)
+        event = await until(slave, UpdateReceived)
+        assert event.update == sample_update(tick)  # type: ignore[attr-defined]
+    slave.close(monotonic(), "slave: done")
+    assert await until(master, PeerClosed) == PeerClosed("slave: done")
 
 
 @pytest.mark.parametrize(
@@ -127,21 +121,17 @@ def test_a_link_local_address_keeps_its_zone(name: Any, address: Address) -> Non
 
 
 @pytest.mark.parametrize("is_under_way", [False, True])
-def test_a_farewell_leaves_with_the_socket(is_under_way: bool) -> None:
+@live
+async def test_a_farewell_leaves_with_the_socket(is_under_way: bool) -> None:
     """It waits in the endpoint, or in an emulated link of ten seconds, when the shell is closed."""
-
-    @live
-    async def session() -> None:
-        link: EmulatedLink[Address] = EmulatedLink(Emulation(), Random(1).random)
-        master_shell, master, _slave_shell, slave = await engage(link=link)
-        link.change(Emulation(delay_s=10.0))
-        master.close(monotonic(), "master: device fault")
-        if is_under_way:
-            master_shell.flush(monotonic())
-        master_shell.close()
-        assert await until(slave, PeerClosed) == PeerClosed("master: device fault")
-
-    session()
+    link: EmulatedLink[Address] = EmulatedLink(Emulation(), Random(1).random)
+    master_shell, master, _slave_shell, slave = await engage(link=link)
+    link.change(Emulation(delay_s=10.0))
+    master.close(monotonic(), "master: device fault")
+    if is_under_way:
+        master_shell.flush(monotonic())
+    master_shell.close()
+    assert await until(slave, PeerClosed) == PeerClosed("master: device fault")
 
 
 @live
@@ -293,25 +283,21 @@ async def test_a_peer_that_moves_is_followed() -> None:
 
 @pytest.mark.parametrize("dscp", [0, 46, 63])
 @pytest.mark.parametrize("host", ["127.0.0.1", "::1"])
-def test_class_of_service_is_asked_for_and_seen(host: str, dscp: int) -> None:
+@live
+async def test_class_of_service_is_asked_for_and_seen(host: str, dscp: int) -> None:
     if host == "::1" and not socket.has_ipv6:
         pytest.skip("this Python has no IPv6")
-
-    @live
-    async def session() -> None:
-        try:
-            slave_shell, _ = await open_slave(listen=(host, 0), dscp=dscp)
-        except OSError:
-            pytest.skip("this host has no IPv6 loopback")
-        master_shell, _ = await open_master(slave_shell.address, dscp=7)
-        await soon(
-            lambda: master_shell.paths[0].dscp is not None and slave_shell.paths[0].dscp is not None,
-            "what must come",
-            pause=0.001,
-        )
-        assert (master_shell.paths[0].dscp, slave_shell.paths[0].dscp) == (dscp, 7)
-
-    session()
+    try:
+        slave_shell, _ = await open_slave(listen=(host, 0), dscp=dscp)
+    except OSError:
+        pytest.skip("this host has no IPv6 loopback")
+    master_shell, _ = await open_master(slave_shell.address, dscp=7)
+    await soon(
+        lambda: master_shell.paths[0].dscp is not None and slave_shell.paths[0].dscp is not None,
+        "what must come",
+        pause=0.001,
+    )
+    assert (master_shell.paths[0].dscp, slave_shell.paths[0].dscp) == (dscp, 7)
 
 
 @live
