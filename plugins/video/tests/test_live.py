@@ -48,9 +48,15 @@ class Reader(AbstractContextManager["Reader"]):
 
     def __init__(self, pid: int, side: str) -> None:
         path = path_beside(default_path(f"{pid}-{side}"))
-        until(path.exists, "who serves the pictures")
         self._socket = socket.socket(socket.AF_UNIX)
-        self._socket.connect(str(path))
+
+        def connects() -> bool:
+            with suppress(FileNotFoundError, ConnectionRefusedError):  # the path is there before its socket listens
+                self._socket.connect(str(path))
+                return True
+            return False
+
+        until(connects, "who serves the pictures")
         self._socket.setblocking(False)
         self._rest = b""
 
