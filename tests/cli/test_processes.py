@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -131,8 +132,12 @@ def test_a_master_of_another_file_or_key_is_told_which(tmp_path: Path) -> None:
         slave.telemetry("slave")
         with Program("slave", LAN, *arguments("a")) as other:
             assert f"127.0.0.1:{port} is in use" in told(other)
-        for key, further, part in (("a", ["codec.force.weber=0.2"], "codec.force.weber"), ("b", [], "keys")):
-            with Program("master", LAN, *arguments(key, *further), "--duration", 3) as master:
+        others = ((("a", "codec.force.weber=0.2"), "codec.force.weber"), (("b",), "keys"))
+        with ExitStack() as stack:
+            masters = [
+                stack.enter_context(Program("master", LAN, *arguments(*given), "--duration", 3)) for given, _ in others
+            ]
+            for master, (_, part) in zip(masters, others, strict=True):
                 assert part in told(master, 3.0)
 
 
