@@ -8,12 +8,9 @@ import argparse
 import asyncio
 import json
 import os
-import signal
-import subprocess
-import sys
 import tempfile
 from base64 import b64decode
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from io import BytesIO
 from math import inf
@@ -31,7 +28,10 @@ from PIL import Image
 
 from plugins.anywhere.tests.namespaces import Namespace
 from plugins.page.tests.browser import browser
+from plugins.page.tests.monitors import Monitor
 from plugins.video.tests.test_live import Reader
+from trials.rig import Side
+from weberlink.config import MASTER, SLAVE
 from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.keys import generate
 from weberlink_video.pattern import time_in
@@ -47,17 +47,6 @@ return [x, y, x + 640 * scale, y + 480 * scale];
 """Of the test picture on the page [px]."""
 PORT = 47_200
 SLOW = Emulation(delay_s=0.01, rate_bit_s=2e6)
-
-
-@contextmanager
-def program(*arguments: object, prefix: Sequence[str] = ()) -> Iterator["subprocess.Popen[str]"]:
-    command = [*prefix, sys.executable, "-m", "weberlink", *map(str, arguments)]
-    started = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    try:
-        yield started
-    finally:
-        started.send_signal(signal.SIGINT)
-        started.communicate(timeout=30)
 
 
 def session(
@@ -76,7 +65,7 @@ def session(
 
 
 @contextmanager
-def lan() -> Iterator[tuple[Sequence[str], str]]:
+def lan() -> Iterator[tuple[tuple[str, ...], str]]:
     """What runs a command on the robot's host, and its address, while this thread is on the operator's."""
     robot, desk = Namespace("robot"), Namespace("desk")
     try:
@@ -132,15 +121,12 @@ def glass_to_glass(folder: Path, name: str, seconds: float) -> dict[str, Any]:
     with ExitStack() as stack:
         prefix, host = stack.enter_context(lan()) if name == LAN else ((), "127.0.0.1")
         file = session(folder, LINKS[name], host=host)
-        stack.enter_context(program("slave", file, prefix=prefix))
-        operator = stack.enter_context(program("master", file)).pid
-        monitor = stack.enter_context(program("monitor", "--port", 0, "--session", operator))
-        assert monitor.stdout is not None
-        lines = iter(monitor.stdout.readline, "")
-        address = next(word for line in lines for word in line.split() if word.startswith("http://"))
+        stack.enter_context(Side(SLAVE, file, prefix=prefix))
+        operator = stack.enter_context(Side(MASTER, file))
+        monitor = stack.enter_context(Monitor("--session", operator.pid))
         page = stack.enter_context(browser(folder / "profile"))
         page.size(1280, 800)
-        page.open(address)
+        page.open(monitor.address)
         page.wait(lambda: page.number("frame-age") > 0.0, "a picture")
         sleep(4.0)
         seen = asyncio.run(screen(page.driver.capabilities["goog:chromeOptions"]["debuggerAddress"], seconds))
@@ -180,16 +166,14 @@ def force(folder: Path, seconds: float, *, shows: bool, is_slow: bool) -> dict[s
     with ExitStack() as stack:
         if is_slow:
             stack.enter_context(bottleneck(SLOW, {front: PORT, front + 1: PORT + 1}))
-        stack.enter_context(program("slave", files[0]))
+        stack.enter_context(Side(SLAVE, files[0]))
         sleep(2.0)
-        master = stack.enter_context(
-            program("master", files[1], "--duration", seconds, "--json", folder / "report.json")
-        )
+        master = stack.enter_context(Side(MASTER, files[1], "--duration", seconds))
         with Reader(master.pid, "master") if shows else nullcontext() as reader:
-            while master.poll() is None:
+            while master.status is None:
                 ages += [1e3 * (monotonic() - each.at) for each in reader.read() if each.jpeg] if reader else []
                 sleep(2e-3)
-    report = json.loads((folder / "report.json").read_text())
+        report = master.report
     ticks = report["ticks"]["master"]
     told = {"one_way_us": report["link"]["one_way_us"], "late_us": ticks["lateness_us"], "missed": ticks["missed"]}
     told |= {"faults": report["faults"]["master"]}
