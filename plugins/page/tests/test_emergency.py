@@ -21,12 +21,13 @@ import numpy as np
 
 from plugins.page.tests.monitors import Monitor
 from plugins.page.tests.test_web import served
-from tests.wait import PATIENCE, soon
-from tests.watching.sources import Daemon, daemons
+from tests.wait import PATIENCE, in_loop, soon
+from tests.watching.sources import daemons
 from weberlink.telemetry.runtime_directory import directory
 from weberlink_page.front import EMERGENCY, MOST_SILENT, PROOF_HEADER
 
 PAGES, IDLE = 4, 1200
+NAME = str(2**22 + os.getpid())  # of a session that nobody else on this host has
 FLOOD = f"""
 import asyncio, contextlib, resource, socket, sys, aiohttp
 host, port, name = sys.argv[1:]
@@ -66,8 +67,9 @@ def stop(where: str, token: str) -> float:
     return at
 
 
-def test_stop_reaches_the_daemons_while_the_loop_stands_still(tmp_path: Path) -> None:
-    async def run(sides: list[Daemon]) -> None:
+@in_loop
+async def test_stop_reaches_the_daemons_while_the_loop_stands_still(tmp_path: Path) -> None:
+    with daemons(tmp_path) as sides:
         async with served(tmp_path) as (where, watch):
             watch.look(monotonic())
             asker = Thread(target=stop, args=(where, watch.requests.token))
@@ -77,12 +79,10 @@ def test_stop_reaches_the_daemons_while_the_loop_stands_still(tmp_path: Path) ->
                 assert monotonic() < end, "the stop waits for the loop"
             await asyncio.to_thread(asker.join)
 
+
+@in_loop
+async def test_stop_is_answered_after_silent_connections_speak_as_newer_ones_take_their_place(tmp_path: Path) -> None:
     with daemons(tmp_path) as sides:
-        asyncio.run(run(sides))
-
-
-def test_stop_is_answered_after_silent_connections_speak_as_newer_ones_take_their_place(tmp_path: Path) -> None:
-    async def run(sides: list[Daemon]) -> None:
         async with served(tmp_path) as (where, watch):
             watch.look(monotonic())
 
@@ -102,32 +102,28 @@ def test_stop_is_answered_after_silent_connections_speak_as_newer_ones_take_thei
             await asyncio.to_thread(crowd)
         assert all(side.halted_at is not None for side in sides)
 
+
+@in_loop
+async def test_a_stop_that_is_not_acknowledged_says_so_and_stays_armed(tmp_path: Path) -> None:
+    async with served(tmp_path) as (where, watch), aiohttp.ClientSession() as client:
+        with socket(AF_UNIX, SOCK_DGRAM) as side:
+            side.bind(str(tmp_path / "weberlink-7-slave.ask"))
+            headers = {PROOF_HEADER: watch.requests.token}
+            async with client.post(f"http://{where}{EMERGENCY}", headers=headers) as response:
+                told = await response.json()
+            assert (response.status, told["accepted"], told["why"]) == (409, False, "7-slave: does not answer")
+            first = json.loads(side.recv(100))
+            side.setblocking(False)
+            with suppress(BlockingIOError):  # what has come meanwhile
+                while side.recv(100):
+                    pass
+            side.settimeout(PATIENCE)
+            assert json.loads(await asyncio.to_thread(side.recv, 100)) == first
+
+
+@in_loop
+async def test_the_front_is_started_again_and_its_arguments_tell_no_token(tmp_path: Path) -> None:
     with daemons(tmp_path) as sides:
-        asyncio.run(run(sides))
-
-
-def test_a_stop_that_is_not_acknowledged_says_so_and_stays_armed(tmp_path: Path) -> None:
-    async def run() -> None:
-        async with served(tmp_path) as (where, watch), aiohttp.ClientSession() as client:
-            with socket(AF_UNIX, SOCK_DGRAM) as side:
-                side.bind(str(tmp_path / "weberlink-7-slave.ask"))
-                headers = {PROOF_HEADER: watch.requests.token}
-                async with client.post(f"http://{where}{EMERGENCY}", headers=headers) as response:
-                    told = await response.json()
-                assert (response.status, told["accepted"], told["why"]) == (409, False, "7-slave: does not answer")
-                first = json.loads(side.recv(100))
-                side.setblocking(False)
-                with suppress(BlockingIOError):  # what has come meanwhile
-                    while side.recv(100):
-                        pass
-                side.settimeout(PATIENCE)
-                assert json.loads(await asyncio.to_thread(side.recv, 100)) == first
-
-    asyncio.run(run())
-
-
-def test_the_front_is_started_again_and_its_arguments_tell_no_token(tmp_path: Path) -> None:
-    async def run(sides: list[Daemon]) -> None:
         said: list[str] = []
         async with served(tmp_path, said) as (where, watch):
             for _ in range(2):
@@ -139,12 +135,10 @@ def test_the_front_is_started_again_and_its_arguments_tell_no_token(tmp_path: Pa
             assert ["was killed by SIGKILL" in line for line in said] == [True, True]
         assert all(side.halted_at is not None for side in sides)
 
-    with daemons(tmp_path) as sides:
-        asyncio.run(run(sides))
 
-
-def test_a_request_that_does_not_come_is_given_up_and_the_front_goes_on(tmp_path: Path) -> None:
-    async def run() -> None:
+@in_loop
+async def test_a_request_that_does_not_come_is_given_up_and_the_front_goes_on(tmp_path: Path) -> None:
+    with daemons(tmp_path):
         said: list[str] = []
         async with served(tmp_path, said) as (where, watch):
             reader, writer = await asyncio.open_connection(*where.split(":"))
@@ -156,12 +150,9 @@ def test_a_request_that_does_not_come_is_given_up_and_the_front_goes_on(tmp_path
             assert said == []
             writer.close()
 
-    with daemons(tmp_path):
-        asyncio.run(run())
-
 
 def test_requests_that_are_none_are_answered_and_write_nothing() -> None:
-    with Monitor() as monitor:
+    with Monitor("--session", NAME) as monitor:
         host, port = monitor.url.removeprefix("http://").split(":")
         monitor.until_said("waiting for a daemon")
         before = monitor.said
@@ -186,13 +177,13 @@ def front_of(pid: int) -> int | None:
 
 def test_stop_is_answered_within_100_ms_and_the_page_survives_a_crowd_and_a_flood() -> None:
     """The median, which a busy machine does not decide: a stop that waits for its turn takes longer each time."""
-    taken, name = [], str(2**22 + os.getpid())
-    with daemons(directory(), name) as sides, Monitor("--session", name) as monitor:
+    taken = []
+    with daemons(directory(), NAME) as sides, Monitor("--session", NAME) as monitor:
         where, key = monitor.url.removeprefix("http://"), monitor.key
         resource.prlimit(monitor.pid, resource.RLIMIT_NOFILE, (1024, 1024))
         assert os.getpriority(os.PRIO_PROCESS, monitor.pid) >= 5, "daemons go before it"
         monitor.until_said("slave at")
-        command = [sys.executable, "-c", FLOOD, *where.split(":"), name]
+        command = [sys.executable, "-c", FLOOD, *where.split(":"), NAME]
         with subprocess.Popen(command, stdout=subprocess.PIPE) as flood:
             assert flood.stdout is not None
             for _ in range(PAGES):

@@ -1,6 +1,5 @@
 """Sessions that come and go, which of them each page is shown, and its bounded queue."""
 
-import asyncio
 import json
 from pathlib import Path
 from typing import Any, get_args
@@ -9,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.wait import in_loop
 from tests.watching.sources import HandSource, records, write
 from weberlink.telemetry.ring import RingWriter
 from weberlink.watching.rings import find_rings
@@ -26,11 +26,8 @@ def told(viewer: Viewer) -> list[dict[str, Any]]:
     return [json.loads(text) for text in iter(viewer.take, None)]
 
 
-def test_page_follows_to_the_next_session_and_sees_each_end(tmp_path: Path) -> None:
-    asyncio.run(follow(tmp_path))  # the watcher asks daemons for their settings
-
-
-async def follow(tmp_path: Path) -> None:
+@in_loop  # the watcher asks daemons for their settings
+async def test_page_follows_to_the_next_session_and_sees_each_end(tmp_path: Path) -> None:
     said: list[str] = []
     watch, viewer = SessionWatcher(tmp_path, None, said.append), Viewer(None, may_change=True)
     watch.join(viewer)
@@ -101,11 +98,12 @@ async def asked(watch: SessionWatcher, viewer: Viewer, request: object) -> Any:
         ({"type": "record", "do": "start", "token": "right"}, "record: this monitor does not do that"),
     ],
 )
-def test_invalid_request_is_refused_with_the_reason(request_: object, why: str) -> None:
+@in_loop
+async def test_invalid_request_is_refused_with_the_reason(request_: object, why: str) -> None:
     watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
     if isinstance(request_, dict) and request_.get("token") == "right":
         request_ = request_ | {"token": watch.requests.token}
-    answer = asyncio.run(asked(watch, Viewer(None, may_change=True), request_))
+    answer = await asked(watch, Viewer(None, may_change=True), request_)
     assert answer["type"] == "answer" and answer["accepted"] is False
     assert why in answer["why"]
 

@@ -15,7 +15,7 @@ import aiohttp
 import pytest
 from aiohttp import web
 
-from tests.wait import PATIENCE, soon
+from tests.wait import in_loop, soon
 from tests.watching.sources import HandSource
 from weberlink.session.emergency import NO_SESSION
 from weberlink_page import access
@@ -64,13 +64,11 @@ def visit(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
     """Run a test with a client, the address of a server, and its watcher; other arguments are those of pytest."""
 
     @wraps(test)
-    def run(**arguments: Any) -> None:
-        async def whole() -> None:
-            async with asyncio.timeout(PATIENCE), served() as (where, watch), aiohttp.ClientSession() as client:
-                await test(client, where, watch, **arguments)
+    async def whole(**arguments: Any) -> None:
+        async with served() as (where, watch), aiohttp.ClientSession() as client:
+            await test(client, where, watch, **arguments)
 
-        asyncio.run(whole())
-
+    run = in_loop(whole)
     _, _, _, *further = inspect.signature(test).parameters.values()
     run.__signature__ = inspect.Signature(further)  # type: ignore[attr-defined]
     return run
