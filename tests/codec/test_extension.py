@@ -1,13 +1,11 @@
 """A predictor and a deadband of another distribution, named in a configuration file: those of docs/library.md."""
 
 import json
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
-from tests.session.packages import install
+from tests.session.packages import install, said
+from tests.session.systems import CONFIGS
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "library.md").read_text(encoding="utf-8")
@@ -33,7 +31,7 @@ from weberlink.session.composition.channels import channels
 
 def run(overrides):
     try:
-        configuration = load(Path("configs/loopback.yaml"), overrides)
+        configuration = load(Path("LOOPBACK"), overrides)
     except ConfigurationError as error:
         return str(error)
     figures, _ = simulate(configuration, 1.0)
@@ -41,21 +39,17 @@ def run(overrides):
     return [figures.outcome, figures.felt.packets, channel.bank, repr(channel.deadband)]
 
 print(json.dumps([run(overrides) for overrides in json.loads(sys.argv[1])]))
-"""
+""".replace("LOOPBACK", str(CONFIGS / "loopback.yaml"))
 
 
 def test_entries_that_are_installed_can_be_named_in_a_file_and_are_checked_as_ours(tmp_path: Path) -> None:
     text = "".join(f"[{group}]\n{line.replace(chr(34), '')}\n" for group, line in ENTRY_POINTS)
     folder = install(tmp_path, "my-codec", MODULES, text)
     asked = [*(overrides for overrides, _, _ in RUNS), *([override] for override in REFUSED)]
-    command = [sys.executable, "-c", SCRIPT, json.dumps(asked)]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join((str(folder), os.environ.get("PYTHONPATH", "")))}
-    ran = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment, check=False)
-    assert ran.returncode == 0, ran.stderr
-    found = json.loads(ran.stdout)
+    found = said(folder, SCRIPT, json.dumps(asked))
     for (_, bank, deadband), (outcome, packets, used, shape) in zip(RUNS, found, strict=False):
         assert outcome == "completed" and packets > 0
         assert bank is None or used == bank
         assert deadband in shape
-    for said, expected in zip(found[len(RUNS) :], REFUSED.values(), strict=True):
-        assert expected in said
+    for refusal, expected in zip(found[len(RUNS) :], REFUSED.values(), strict=True):
+        assert expected in refusal

@@ -51,20 +51,12 @@ def test_an_error_stays_unsent_only_if_the_change_of_force_would(
 
 @pytest.mark.parametrize("above", [0.0, 1e-9])
 def test_the_least_contact_alone_is_none(above: float) -> None:
+    """A model that is `asked` for a force counts: else the robot may stop above a surface that the hand presses on."""
     hand, least = HandPosition(MasterControl(SETTINGS), force_bound), LEAST_CONTACT + above
     cases = {"displayed": (least, 1.0, 0.0), "touched": (1.0, least, 0.0), "asked": (1.0, 0.0, FREE_FORCE + above)}
     for displayed, touched, asked in cases.values():
         hand.felt = felt((displayed, 0.0, 0.0), (0.0, -touched, 0.0), asked)
         assert (hand.sample()[2] < inf) == (above > 0.0)
-
-
-def test_a_model_that_is_felt_before_the_robot_touches_leads_it_there() -> None:
-    """Otherwise the robot may stop within the deadband above a surface that the hand presses on."""
-    hand = HandPosition(MasterControl(SETTINGS), force_bound)
-    hand.felt = felt((0.0, 0.0, 2.0), ZERO, 2.0)
-    assert hand.sample()[2] == pytest.approx(force_bound(2.0) / COUPLING)
-    hand.felt.asked = FREE_FORCE
-    assert hand.sample()[2] == inf
 
 
 def test_a_position_that_is_not_finite_is_named() -> None:

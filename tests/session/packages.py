@@ -1,7 +1,12 @@
 """Packages of others, as pip would leave them: modules and a .dist-info beside each other in a folder."""
 
+import json
+import os
+import subprocess
+import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 
 def install(folder: Path, name: str, modules: Mapping[str, str], entry_points: str) -> Path:
@@ -13,3 +18,14 @@ def install(folder: Path, name: str, modules: Mapping[str, str], entry_points: s
     (information / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n", encoding="utf-8")
     (information / "entry_points.txt").write_text(entry_points, encoding="utf-8")
     return folder
+
+
+def said(folder: Path, script: str, argument: str) -> Any:
+    """What a script says as JSON, in a process that finds the packages of a folder."""
+    ended = subprocess.run(
+        [sys.executable, "-c", script, argument],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), *sys.path])},
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert ended.returncode == 0, ended.stderr
+    return json.loads(ended.stdout)
