@@ -244,7 +244,7 @@ class Bound:
         self.most, self.slew, self.width, self.contact = most, slew, width, contact
         self._nothing: Joints = (0.0,) * (width * len(most))
         growth = [max(limit, 1e-300) * ROUNDING / ramp for limit in most]
-        self.approach = Approach(self._nothing, [width] * len(most), slew, growth, grows=True)
+        self.approach = Approach(self._nothing, width, slew, growth, grows=True)
         self.asked = 0.0
         self.clipped = False
 

@@ -36,15 +36,15 @@ class Follower(Approach):
     def __init__(
         self,
         start: Joints,
-        widths: Sequence[int],
+        width: int,
         *,
         speed: float,
         approach_speed: float,
         ramp: float,
         step_toward: Callable[[Any, Any, float], Any] = toward,
     ) -> None:
-        count = len(widths)
-        super().__init__(start, widths, (speed,) * count, (approach_speed,) * count, step_toward=step_toward)
+        count = len(start) // width
+        super().__init__(start, width, (speed,) * count, (approach_speed,) * count, step_toward=step_toward)
         self._ramp = ramp
         self.share = 0.0
         self.clipped = self.touches = False
@@ -259,8 +259,8 @@ class Guard(Follower):
     ) -> None:
         if len(presses) != len(trips):
             raise ValueError(f"{len(presses)} press limits, but {len(trips)} of a trip")
-        start, widths = (0.0,) * len(lower), [len(lower) // len(presses)] * len(presses)
-        super().__init__(start, widths, speed=speed, approach_speed=approach_speed, ramp=ramp)
+        start, width = (0.0,) * len(lower), len(lower) // len(presses)
+        super().__init__(start, width, speed=speed, approach_speed=approach_speed, ramp=ramp)
         if not all(low <= high for low, high in zip(lower, upper, strict=True)):
             raise ValueError(f"no range from {lower} to {upper}")
         self.lower, self.upper, self._presses = lower, upper, presses

@@ -20,7 +20,7 @@ class ToolOrientation(Follower):
     """
 
     def __init__(self, *, speed: float, approach_speed: float, ramp: float) -> None:
-        super().__init__(IDENTITY, (4,), speed=speed, approach_speed=approach_speed, ramp=ramp, step_toward=toward)
+        super().__init__(IDENTITY, 4, speed=speed, approach_speed=approach_speed, ramp=ramp, step_toward=toward)
         self.applied: Vector = ZERO
 
     def move(self, commanded: Vector | None, step: float) -> Quaternion:

@@ -10,9 +10,8 @@ from weberlink.control.gate import Approach, toward
 from weberlink.geometry.joints import Joints
 
 TICK = 1e-3
-WIDTHS, RATES, APPROACHES = (3, 1, 1), (1000.0, 50.0, inf), (100.0, 5.0, 20.0)
-PARTS = ((0, 3), (3, 4), (4, 5))
-values = st.tuples(*[st.floats(-20.0, 20.0)] * 5)
+RATES, APPROACHES = (1000.0, 50.0, inf), (100.0, 5.0, 20.0)
+values = st.tuples(*[st.floats(-20.0, 20.0)] * 9)
 
 
 @given(st.lists(st.floats(-20.0, 20.0), min_size=1, max_size=4), st.data(), st.floats(0.0, 5.0))
@@ -24,15 +23,16 @@ def test_a_step_goes_straight_to_the_goal_and_no_further(goal: list[float], data
     assert moved == tuple(goal) or apart > way
 
 
+@pytest.mark.parametrize("width", [1, 3])
 @given(st.lists(st.tuples(values, st.sampled_from([0.0, TICK, 2.0 * TICK])), max_size=60), st.booleans())
-def test_no_part_changes_faster_than_it_may(course: list[tuple[Joints, float]], grows: bool) -> None:
-    approach = Approach((0.0,) * 5, WIDTHS, RATES, APPROACHES, grows=grows)
+def test_no_part_changes_faster_than_it_may(width: int, course: list[tuple[Joints, float]], grows: bool) -> None:
+    approach = Approach((0.0,) * 3 * width, width, RATES, APPROACHES, grows=grows)
     before = approach.held
-    for goal, step in course:
-        arrived = approach.arrived
+    for nine, step in course:
+        goal, arrived = nine[: 3 * width], approach.arrived
         after = approach.advance(goal, step)
-        for (first, last), rate, slow in zip(PARTS, RATES, APPROACHES, strict=True):
-            here, there = before[first:last], after[first:last]
+        for part, (rate, slow) in enumerate(zip(RATES, APPROACHES, strict=True)):
+            here, there = (each[part * width : (part + 1) * width] for each in (before, after))
             assert not dist(here, there) > rate * step * (1.0 + 1e-9) + 1e-12
             if not arrived:
                 way = hypot(*there) - hypot(*here) if grows else dist(here, there)
@@ -43,7 +43,7 @@ def test_no_part_changes_faster_than_it_may(course: list[tuple[Joints, float]], 
 
 
 def test_a_force_falls_at_its_rate_and_grows_in_the_approach() -> None:
-    approach = Approach((0.0,), (1,), (1000.0,), (100.0,), grows=True)
+    approach = Approach((0.0,), 1, (1000.0,), (100.0,), grows=True)
     assert [approach.advance((5.0,), TICK)[0] for _ in range(3)] == pytest.approx([0.1, 0.2, 0.3])
     assert [approach.advance((-5.0,), TICK)[0] for _ in range(2)] == pytest.approx([-0.4, -0.5])
     assert not approach.held_back, "the approach is no slew limit"
@@ -55,13 +55,13 @@ def test_a_force_falls_at_its_rate_and_grows_in_the_approach() -> None:
 @pytest.mark.parametrize("rates", [(0.0, 1.0), (1.0, -1.0), (nan, 1.0), (1.0, nan)])
 def test_a_rate_that_is_none_is_refused(rates: tuple[float, float]) -> None:
     with pytest.raises(ValueError, match="positive"):
-        Approach((0.0,), (1,), rates[:1], rates[1:])
-    with pytest.raises(ValueError, match="2 axes, but parts of 3"):
-        Approach((0.0, 0.0), (3,), (1.0,), (1.0,))
+        Approach((0.0,), 1, rates[:1], rates[1:])
+    with pytest.raises(ValueError, match="2 axes, but 1 parts of 3"):
+        Approach((0.0, 0.0), 3, (1.0,), (1.0,))
 
 
 def test_parts_move_alone_and_arrive_together() -> None:
-    approach = Approach((0.0, 0.0), (1, 1), (50.0, 50.0), (5.0, 5.0))
+    approach = Approach((0.0, 0.0), 1, (50.0, 50.0), (5.0, 5.0))
     near, far = 0.001, copysign(0.02, -1.0)
     assert approach.advance((near, far), TICK) == (near, pytest.approx(-0.005))
     assert not approach.arrived

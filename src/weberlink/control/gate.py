@@ -28,7 +28,7 @@ class Approach:
 
     Args:
         start: what left last.
-        widths: how many axes each part has.
+        width: how many axes each part has.
         rates: fastest change of each part while it follows [1/s], > 0; may be infinite.
         approaches: the same until it has arrived.
         grows: whether the approach bounds how fast a value grows, not how it changes: a force may fall at once.
@@ -46,24 +46,22 @@ class Approach:
     def __init__(
         self,
         start: Joints,
-        widths: Sequence[int],
+        width: int,
         rates: Sequence[float],
         approaches: Sequence[float],
         *,
         grows: bool = False,
         step_toward: Callable[[Any, Any, float], Any] = toward,
     ) -> None:
+        if len(start) != width * len(rates):
+            raise ValueError(f"{len(start)} axes, but {len(rates)} parts of {width}")
         self.parts: list[tuple[int, int, float, float]] = []
-        first = 0
-        for width, rate, approach in zip(widths, rates, approaches, strict=True):
+        for first, rate, approach in zip(range(0, len(start), width), rates, approaches, strict=True):
             if not (rate > 0.0 and approach > 0.0):
                 raise ValueError(f"rates must be positive, not {rate!r} and {approach!r}")
             self.parts.append((first, first + width, rate, approach))
-            first += width
-        if first != len(start):
-            raise ValueError(f"{len(start)} axes, but parts of {first}")
         self._rate = rates[0] if len(rates) == 1 else None
-        self._grows, self._rest, self._step_toward = grows, (0.0,) * first, step_toward
+        self._grows, self._rest, self._step_toward = grows, (0.0,) * len(start), step_toward
         self.held = start
         self.arrived = self.held_back = False
 

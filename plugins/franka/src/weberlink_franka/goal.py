@@ -44,8 +44,8 @@ class Goal:
     def _place_at(self, tip: Vector, turned: Quaternion) -> None:
         options = self._options
         self.position, self.turned = tip, turned
-        self._place = Approach(tip, [3], [options.speed_m_s], [options.approach_m_s])
-        self._turn = Approach(turned, [4], [TURN_RAD_S], [options.approach_rad_s], step_toward=rotation.toward)
+        self._place = Approach(tip, 3, [options.speed_m_s], [options.approach_m_s])
+        self._turn = Approach(turned, 4, [TURN_RAD_S], [options.approach_rad_s], step_toward=rotation.toward)
 
     def take(self, command: ArmCommand) -> None:
         """Follow this command from now on, while it is fresh."""
