@@ -85,9 +85,7 @@ class Tick(NamedTuple):
 class Law:
     """Both ends of a channel on a lossless link, which assert the law at every tick.
 
-    Attributes:
-        beyond: the largest number of updates beyond the bounded rate, over all stretches of ticks; forced ones left
-            out.
+    `beyond`: the most updates beyond the bounded rate, over all stretches of ticks; forced ones left out.
     """
 
     def __init__(self, channel: Any, *, encoder: Any = None) -> None:

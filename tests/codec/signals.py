@@ -104,25 +104,13 @@ def contact(
     god: GodObject,
     *,
     ticks: int,
-    path: Path = stroke,
-    normal: Vector = (0.3, -0.2, 0.93),
-    lift: Callable[[float], float] = lambda t: 0.0,
+    path: Path = stroke,  # of the hand, relative to the surface at rest
+    normal: Vector = (0.3, -0.2, 0.93),  # of the surface, in the frame of the stream
+    lift: Callable[[float], float] = lambda t: 0.0,  # of the surface along its normal at a time [m]
     noise: float = NOISE,
     seed: int = 1,
 ) -> Stream:
-    """The signal of a hand on a surface.
-
-    On a curved surface the tangential motion follows the surface, so the depth is that of the path.
-
-    Args:
-        god: the model that computes the force.
-        ticks: duration [ms].
-        path: path of the hand, relative to the surface at rest.
-        normal: normal of the surface, in the frame of the stream.
-        lift: displacement of the surface along its normal at a time [m].
-        noise: rms noise of the force sensor on each axis [N].
-        seed: seed of the noise.
-    """
+    """The signal of a hand on a surface. On a curved one it moves along it, so that the depth is that of the path."""
     z = np.array(normal) / np.linalg.norm(normal)
     x = np.cross([0.0, 1.0, 0.0], z)
     x /= np.linalg.norm(x)

@@ -34,23 +34,14 @@ def exact(predictor: str, weber: float, axes: str = "xyz") -> Channel:
 
 
 class Case(NamedTuple):
-    """A signal, and the expected result at k = 0.10.
-
-    Attributes:
-        name: description of the signal.
-        samples: the signal.
-        sent: number of updates, by predictor or the same for all; a model that is used saves most of them.
-        decoded: value at the other end at the last sample; None if it depends on the predictor.
-        channel: makes the channel of a predictor.
-        rejected: number of samples that are not finite.
-    """
+    """A signal, and the expected result at k = 0.10."""
 
     name: str
     samples: Samples
-    sent: int | dict[str, int]
-    decoded: Vector | None = None
-    channel: Callable[..., Channel] = force_channel
-    rejected: int = 0
+    sent: int | dict[str, int]  # updates, by predictor or the same for all; a model that is used saves most of them
+    decoded: Vector | None = None  # at the other end at the last sample; None if it depends on the predictor
+    channel: Callable[..., Channel] = force_channel  # of a predictor
+    rejected: int = 0  # samples that are not finite
 
 
 def steady(value: Vector, position: Vector = ZERO) -> Samples:

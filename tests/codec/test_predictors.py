@@ -68,13 +68,10 @@ def test_linear_continues_a_ramp() -> None:
 
 
 @given(
-    normal=vectors.filter(lambda v: norm(v) > 0.01),
-    offset=st.floats(-0.05, 0.05),
-    stiffness=st.floats(10.0, 1e5),
+    normal=vectors.filter(lambda v: norm(v) > 0.01), offset=st.floats(-0.05, 0.05), stiffness=st.floats(10.0, 1e5),
     depths=st.tuples(st.floats(1e-4, 0.02), st.floats(1e-4, 0.02)).filter(lambda d: abs(d[0] - d[1]) > 1e-4),
-    slide=vectors,
-    somewhere=vectors,
-)
+    slide=vectors, somewhere=vectors,
+)  # fmt: skip
 @examples(80)
 def test_plane_recovers_a_wall_from_two_samples(
     normal: Vector, offset: float, stiffness: float, depths: tuple[float, float], slide: Vector, somewhere: Vector
@@ -91,24 +88,15 @@ def test_plane_recovers_a_wall_from_two_samples(
 
 
 @given(
-    centre=vectors,
-    radius=st.floats(0.01, 0.1),
-    concave=st.booleans(),
-    stiffness=st.floats(10.0, 1e4),
+    centre=vectors, radius=st.floats(0.01, 0.1), concave=st.booleans(), stiffness=st.floats(10.0, 1e4),
     directions=st.tuples(vectors, vectors).filter(lambda d: min(norm(d[0]), norm(d[1])) > 0.01),
-    depths=st.tuples(st.floats(5e-4, 5e-3), st.floats(5e-4, 5e-3)),
-    probe=vectors,
-)
+    depths=st.tuples(st.floats(5e-4, 5e-3), st.floats(5e-4, 5e-3)), probe=vectors,
+)  # fmt: skip
 @examples(100)
 def test_sphere_recovers_a_dome_and_a_cavity_from_two_samples(
-    centre: Vector,
-    radius: float,
-    concave: bool,
-    stiffness: float,
-    directions: tuple[Vector, Vector],
-    depths: tuple[float, float],
-    probe: Vector,
-) -> None:
+    centre: Vector, radius: float, concave: bool, stiffness: float, directions: tuple[Vector, Vector],
+    depths: tuple[float, float], probe: Vector,
+) -> None:  # fmt: skip
     u1, u2 = unit(directions[0]), unit(directions[1])
     assume(abs(dot(u1, u2)) <= 0.98 and abs(depths[0] - depths[1]) >= 1e-4)
     sign = 1.0 if concave else -1.0
