@@ -11,18 +11,10 @@ from weberlink.geometry.joints import Joints
 
 TICK = 1e-3
 SPEC = ArmSpec(
-    name="arm",
-    joints=("base", "elbow"),
-    gripper=True,
-    lower=(-2.0, -1.5, 0.0),
-    upper=(2.0, 1.5, 1.0),
-    torque_nm=(1.0, 1.0, 0.5),
-    stiffness_nm_rad=(10.0, 10.0, 5.0),
-    rate_hz=1000.0,
-    calibrated=True,
-    buttons=2,
+    name="arm", joints=("base", "elbow"), gripper=True, lower=(-2.0, -1.5, 0.0), upper=(2.0, 1.5, 1.0),
+    torque_nm=(1.0, 1.0, 0.5), stiffness_nm_rad=(10.0, 10.0, 5.0), rate_hz=1000.0, calibrated=True, buttons=2,
     watchdog_s=0.0,
-)
+)  # fmt: skip
 
 
 def spec(**changes: Any) -> ArmSpec:

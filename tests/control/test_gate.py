@@ -1,6 +1,6 @@
 """Steps towards what is wanted, part by part: never faster than the rate, and slowly until it is there."""
 
-from math import copysign, dist, hypot, inf, nan
+from math import dist, hypot, inf, nan
 
 import pytest
 from hypothesis import given
@@ -58,13 +58,3 @@ def test_a_rate_that_is_none_is_refused(rates: tuple[float, float]) -> None:
         Approach((0.0,), 1, rates[:1], rates[1:])
     with pytest.raises(ValueError, match="2 axes, but 1 parts of 3"):
         Approach((0.0, 0.0), 3, (1.0,), (1.0,))
-
-
-def test_parts_move_alone_and_arrive_together() -> None:
-    approach = Approach((0.0, 0.0), 1, (50.0, 50.0), (5.0, 5.0))
-    near, far = 0.001, copysign(0.02, -1.0)
-    assert approach.advance((near, far), TICK) == (near, pytest.approx(-0.005))
-    assert not approach.arrived
-    while not approach.arrived:
-        approach.advance((near, far), TICK)
-    assert approach.advance((0.04, far), TICK) == (0.04, far)

@@ -14,13 +14,9 @@ from weberlink.geometry.joints import Joints, is_finite
 from weberlink.master.mapping.mapped_leader import MappedLeader
 
 LEADER = spec(
-    name="leader",
-    joints=("pan", "lift", "roll"),
-    lower=(-2.0, -1.0, -3.0, 0.1),
-    upper=(2.0, 1.5, 3.0, 0.6),
-    torque_nm=(1.0, 0.8, 0.6, 0.4),
-    stiffness_nm_rad=(10.0, 8.0, 6.0, 4.0),
-)
+    name="leader", joints=("pan", "lift", "roll"), lower=(-2.0, -1.0, -3.0, 0.1), upper=(2.0, 1.5, 3.0, 0.6),
+    torque_nm=(1.0, 0.8, 0.6, 0.4), stiffness_nm_rad=(10.0, 8.0, 6.0, 4.0),
+)  # fmt: skip
 JOINTS = ("base", "elbow", "wrist", "roll")
 MOVED: dict[str, Any] = {
     "joints": {
