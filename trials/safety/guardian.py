@@ -30,9 +30,9 @@ from weberlink.geometry.vector import norm
 from weberlink.master.devices import DEVICES
 from weberlink.realtime.process import prepare
 from weberlink.testing.serving import PtyDevice
-from weberlink.testing.umockdev import Testbed, TestbedNode
 from weberlink.testing.wires import emulated
 from weberlink_devices.inverse3.websocket_device import WebSocketDevice
+from weberlink_devices.umockdev import Testbed, TestbedNode
 
 OWN, SERVICE = "of the session", "service"
 REFUSED, GOES_ON, STAYS, ENDED = "refused", "goes on", "stays", "ended soon after its start"

@@ -1,6 +1,6 @@
 """Emulated devices: the interface of one, its faults, what it says of itself to the kernel, and the table of them all.
 
-`weberlink.testing.serving` and `weberlink.testing.umockdev` connect one to a port.
+`weberlink.testing.serving` connects one to a port, `weberlink device emulate` also one of the kernel.
 """
 
 from abc import ABC, abstractmethod
@@ -20,8 +20,9 @@ EMULATORS: Registry[Any] = Registry("emulated device", BUILT_IN, "weberlink.emul
 
 An entry is a subclass of `FaultyDevice`, an `Emulator`, with the pydantic class of its `Options` and the name of its
 `transport`: serial, hid, evdev, or one of its own. For a device of the kernel (hid, evdev) it has `identity`, a
-`HidIdentity` or one that has `entry(number, instance)`: what `weberlink.testing.umockdev` is told. With a transport of
-its own it has `served(begin)`, which gives a `weberlink.testing.serving.ServedDevice` with an `address`."""
+`HidIdentity` or one that has `entry(number, instance)`, which tells umockdev of it. With a transport of its own it has
+`served(begin)`, which gives a `weberlink.testing.serving.ServedDevice` with an `address`.
+"""
 
 
 @dataclass

@@ -1,6 +1,6 @@
 """What the tests of a driver need: contracts that every driver keeps, wires, and the time of ticks.
 
-Contracts need pytest; `weberlink device emulate` uses `serving` and `umockdev` without. A distribution with a driver
+Contracts need pytest; `weberlink device emulate` uses `serving` without. A distribution with a driver
 inherits from the contract of its family, and gives it a bench:
 
     class TestAcme(ForceDeviceContract):

@@ -26,7 +26,7 @@ from weberlink.master.devices import DEVICES, LEADERS
 from weberlink.order import COMPLETED, FAILED, STOP_SIGNALS
 from weberlink.realtime.process import prepare
 from weberlink.testing.serving import PtyDevice, ServedDevice
-from weberlink.testing.umockdev import Testbed, TestbedNode
+from weberlink_devices.umockdev import Testbed, TestbedNode
 
 PORT = "{port}"  # placeholder for the port in the arguments of the command
 PRIORITY = 60  # above the daemons, since a real device has its own processor

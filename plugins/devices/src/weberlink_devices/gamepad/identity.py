@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from struct import Struct, calcsize, pack
 from typing import NamedTuple
 
-from weberlink.testing.umockdev import TestbedEntry, usb_interface
+from weberlink_devices.umockdev import TestbedEntry, usb_interface
 
 EVENT = Struct("@llHHi")
 """struct input_event of a 64-bit kernel: seconds, microseconds, type, code, value."""

@@ -13,7 +13,7 @@ from tests.hardware.test_emulator import Echo
 from tests.program import ROOT
 from weberlink.hardware.emulator import HidIdentity
 from weberlink.hardware.fault import HardwareFault
-from weberlink.testing.umockdev import ADVICE, WRAPPER, Testbed, TestbedNode, missing
+from weberlink_devices.umockdev import ADVICE, WRAPPER, Testbed, TestbedNode, missing
 
 REASON = missing()
 DESCRIPTOR = bytes.fromhex("06abff0a0002a1017508150025ff950e09018102950e09029102c0")
