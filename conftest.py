@@ -9,7 +9,6 @@ fails once is wrong, or has found something. Tests marked `hunt` explore; they r
 import fcntl
 import gc
 import os
-import subprocess
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from contextlib import suppress
@@ -144,19 +143,3 @@ def refrozen() -> Iterator[None]:
     """For a test whose code thaws what is frozen, which would make every later collection slow."""
     yield
     gc.freeze()
-
-
-@pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of its own that is soon full."""
-    path = tmp_path / "disk"
-    path.mkdir()
-    command = ["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", str(path)]
-    try:
-        mounted = subprocess.run(command, capture_output=True, check=False).returncode == 0
-    except FileNotFoundError:
-        mounted = False
-    if not mounted:
-        pytest.skip("mounting a small file system is not permitted here")
-    yield path
-    subprocess.run(["umount", "-l", str(path)], check=True, timeout=60)

@@ -9,9 +9,8 @@ from typing import Any
 
 import pytest
 
-from tests.cli.packages import add_drivers
 from tests.program import weberlink
-from tests.session.packages import install
+from tests.session.packages import add_drivers, install
 from tests.session.systems import CONFIGS
 
 PAGE = (CONFIGS.parent / "docs" / "how-to" / "driver.md").read_text(encoding="utf-8")

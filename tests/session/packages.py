@@ -8,6 +8,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+from weberlink.master.devices import DEVICES
+from weberlink.slave.robots import ROBOTS
+
 
 def install(folder: Path, name: str, modules: Mapping[str, str], entry_points: str) -> Path:
     """Put a distribution, with its modules by name, into a folder, which becomes one of `sys.path`."""
@@ -29,3 +34,10 @@ def said(folder: Path, script: str, argument: str) -> Any:
     )  # fmt: skip
     assert ended.returncode == 0, ended.stderr
     return json.loads(ended.stdout)
+
+
+def add_drivers(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Add the packages of a folder for one test."""
+    monkeypatch.syspath_prepend(str(folder))
+    for table in (DEVICES, ROBOTS):
+        monkeypatch.setattr(table, "_loaded", dict(table._loaded))

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.packages import add_drivers
 from tests.program import PATIENT, Program, document, weberlink
-from tests.session.packages import install
+from tests.session.packages import add_drivers, install
 from tests.session.systems import ARMS, CONFIGS, HAS_ARMS
 
 DISTRIBUTION = "breaking-parts"

@@ -16,7 +16,7 @@ import pytest
 from plugins.page.tests import axe
 from plugins.page.tests.browser import Browser, browser
 from plugins.page.tests.scripted_server import Message, ScriptedServer
-from tests.cli import arm_sessions as arms
+from plugins.recording.tests import arm_sessions as arms
 from tests.session.systems import system
 from tests.watching.sources import RATE, HandSource, description, records
 from weberlink_page.rows import samples_message

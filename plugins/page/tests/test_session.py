@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.cli import arm_sessions as arms
+from plugins.recording.tests import arm_sessions as arms
 from tests.figures.test_verdict import clean
 from tests.watching.sources import BANK, RATE, HandSource, description, pieces, records
 from weberlink.figures.session import Layout

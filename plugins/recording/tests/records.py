@@ -9,7 +9,7 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
-from tests.cli import arm_sessions
+from plugins.recording.tests import arm_sessions
 from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT, TOPICS
 from weberlink.telemetry.reader import DTYPE
 from weberlink_recording.container import metadata_of

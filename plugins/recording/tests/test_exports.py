@@ -13,8 +13,8 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+from plugins.recording.tests import arm_sessions as arms
 from plugins.recording.tests.records import of_arms
-from tests.cli import arm_sessions as arms
 from tests.program import weberlink
 from tests.session.systems import CONFIGS
 from weberlink.figures.channel import arm_in

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from PIL import Image
 
+from plugins.recording.tests import arm_sessions
 from plugins.recording.tests.records import FACTS, MONOTONIC_S, WALL_S, origin
 from plugins.recording.tests.test_exports import session
-from tests.cli import arm_sessions
 from tests.records import ticks
 from weberlink.telemetry.message import ENCAPSULATION
 from weberlink_recording.lerobot_export import write_dataset
