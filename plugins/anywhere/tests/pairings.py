@@ -2,15 +2,13 @@
 
     python -m plugins.anywhere.tests.pairings PATIENCE "wrong code" "drop 0 slave" ...
 
-Prints one JSON object: the outcome of each trial. A process of its own, since the reactor of Twisted runs once. Uses a
-real mailbox server on loopback, and real folders of peers. A trial is a course of events, or a rule of the malicious
-mailbox.
+Prints one JSON object: the outcome of each trial. A process of its own, since the reactor of Twisted runs once. Uses
+real mailbox servers on loopback, and real folders of peers. A trial is a course of events, or a rule of the mailbox.
 """
 
 import json
 import sys
 from collections.abc import Awaitable, Callable
-from contextlib import ExitStack
 from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,9 +16,10 @@ from typing import Any, NamedTuple
 
 from twisted.internet.defer import Deferred, gatherResults, succeed
 from wormhole._wordlist import PGPWordList
+from wormhole_mailbox_server.database import create_channel_db
+from wormhole_mailbox_server.server import make_server
+from wormhole_mailbox_server.server_websocket import WebSocketServer, WebSocketServerFactory
 
-from plugins.anywhere.tests.mailbox_server import MailboxServer
-from plugins.anywhere.tests.malicious_mailbox import MaliciousMailbox
 from weberlink_anywhere.key_confirmation import PairingError
 from weberlink_anywhere.order import PairingOrder
 from weberlink_anywhere.pairing import PairingSession, events_out, reactor
@@ -28,6 +27,51 @@ from weberlink_anywhere.peers import Peer, PeerStore
 
 LONG = 60.0
 """Patience where all messages come [s]."""
+
+
+class Connection(WebSocketServer):
+    """Of a host to a mailbox that may change or drop what others have sent it."""
+
+    def onMessage(self, payload: bytes, isBinary: bool) -> None:  # noqa: N802, N803 - of autobahn
+        mailbox, told = self.factory, json.loads(payload)
+        mailbox.seen.append(payload.decode())
+        super().onMessage(payload, isBinary)
+        if told["type"] == "bind" and self._side not in mailbox.sides:
+            mailbox.sides.append(self._side)
+        if (told["type"], mailbox.rule, len(mailbox.sides)) == ("open", "recorded", 3):
+            for old in mailbox.of_slave:
+                super().send("message", **old)
+
+    def send(self, mtype: str, **told: Any) -> None:
+        mailbox = self.factory
+        if mtype == "message" and told["side"] != self._side:
+            to = ("slave", "master")[mailbox.sides.index(self._side) % 2]
+            if to == "slave":
+                mailbox.of_slave.append(dict(told))
+            if (told["phase"], to) == (mailbox.phase, mailbox.whom):
+                if mailbox.rule == "drop":
+                    return
+                body = bytearray.fromhex(told["body"])
+                body[-1] ^= 1
+                told["body"] = body.hex()
+        super().send(mtype, **told)
+
+
+class Mailbox(WebSocketServerFactory):
+    """A mailbox server in this process, with the rule "drop PHASE TO", "changed PHASE TO", "recorded", or none.
+
+    The first host to come is the slave, which invites; a third host of "recorded" is given what the slave got.
+    """
+
+    protocol = Connection
+
+    def __init__(self, trial: str) -> None:
+        super().__init__(None, make_server(create_channel_db(":memory:")))
+        self.rule, self.phase, self.whom, *_ = *trial.split(), "", ""
+        self.sides: list[str] = []
+        self.of_slave: list[dict[str, Any]] = []
+        self.seen: list[str] = []
+        self.url = f"ws://127.0.0.1:{reactor.listenTCP(0, self, interface='127.0.0.1').getHost().port}/v1"
 
 
 class End(NamedTuple):
@@ -150,30 +194,22 @@ COURSES: dict[str, Callable[[Rig, str], Awaitable[Ends]]] = {
     "words refused": lambda rig, url: rig.pair(url, consents=False),
     "code used twice": lambda rig, url: with_third(rig, url, is_first=False),
 }
-ALONE = ("third party first", "thief with the code", "code used twice")
-"""With a server of their own, which gives the number of a void code to nobody else."""
 
 
 async def attacks(patience_s: float, names: list[str]) -> dict[str, Any]:
     """Run the trials of these names at once, after an honest pairing, whose messages are searched for secrets."""
-    with ExitStack() as stack:
-        server = stack.enter_context(MailboxServer())
-        evil = stack.enter_context(MaliciousMailbox(server.url))
-        rig = Rig(Path(stack.enter_context(TemporaryDirectory())), patience_s)
+    with TemporaryDirectory() as folder:
+        rig = Rig(Path(folder), patience_s)
 
         def trial(name: str) -> Awaitable[Ends]:
-            if name not in COURSES:
-                return rig.pair(evil.url(name.replace(" ", "/"), 0), rig.short)
-            if name in ALONE:
-                return COURSES[name](rig, stack.enter_context(MailboxServer()).url)
-            return COURSES[name](rig, evil.url(name.replace(" ", ""), 0))
+            return COURSES.get(name, lambda rig, url: rig.pair(url, rig.short))(rig, Mailbox(name).url)
 
-        url = evil.url("honest", 0)
-        honest = await rig.pair(url)
+        mailbox = Mailbox("honest")
+        honest = await rig.pair(mailbox.url)
         done = await gatherResults([Deferred.fromCoroutine(trial(name)) for name in names])
         peer = honest["slave"].peer
         assert peer is not None, honest
-        told = "".join(evil.trial(url).seen)
+        told = "".join(mailbox.seen)
         secrets = [peer.key.hex(), peer.name, peer.name.encode().hex(), peer.own, "hello"]
         ends = {"honest": honest} | dict(zip(names, done, strict=True))
         return {
@@ -181,7 +217,7 @@ async def attacks(patience_s: float, names: list[str]) -> dict[str, Any]:
                 name: {who: "paired" if e.peer else e.reason for who, e in of.items()} for name, of in ends.items()
             },
             "unsound": [name for name, of in ends.items() if not is_sound({s: of[s] for s in ("slave", "master")})],
-            "words": rig.words[url],
+            "words": rig.words[mailbox.url],
             "learnt": [secret for secret in secrets if secret in told],
         }
 

@@ -5,12 +5,17 @@ import json
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from ipaddress import ip_address
 from pathlib import Path
 from typing import ClassVar
 
 import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.hashes import SHA256
+from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
-from plugins.anywhere.tests import certificates
 from plugins.anywhere.tests.mailbox_server import MailboxServer
 from plugins.anywhere.tests.meetings import PATHS, PATIENCE, Host, Pair, ThirdParty, running, waiting
 from tests.wait import in_loop
@@ -59,11 +64,19 @@ async def test_unreachable_server_is_said_in_one_line(mailbox: MailboxServer, ur
 
 @pytest.fixture(scope="module")
 def tls(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[MailboxServer, Path]]:
-    """A mailbox server with TLS, by the options of its unit, and the file of the authority behind its certificate."""
-    folder = tmp_path_factory.mktemp("tls")
-    authority = certificates.write(folder)
+    """A mailbox server with TLS, by the options of its unit, and the file of its certificate, signed by itself."""
+    folder, now, key = tmp_path_factory.mktemp("tls"), datetime.now(UTC), ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "127.0.0.1")])
+    begins, ends = now - timedelta(hours=1), now + timedelta(hours=1)
+    made = x509.CertificateBuilder(name, name, key.public_key(), x509.random_serial_number(), begins, ends)
+    made = made.add_extension(x509.SubjectAlternativeName([x509.IPAddress(ip_address("127.0.0.1"))]), critical=True)
+    certificate = made.sign(key, SHA256()).public_bytes(Encoding.PEM)
+    for file in ("cert.pem", "chain.pem"):
+        (folder / file).write_bytes(certificate)
+    private = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+    (folder / "privkey.pem").write_bytes(private)
     with MailboxServer(tls=folder) as server:
-        yield server, authority
+        yield server, folder / "cert.pem"
 
 
 @pytest.mark.parametrize("is_trusted", [True, False])
