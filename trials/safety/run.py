@@ -130,44 +130,15 @@ CODING_M = 0.5e-3  # what the coding of a position may be off, twice: its deadba
 
 
 @dataclass(frozen=True)
-class Figures:
-    """Of one run."""
-
-    # from the cut to the last tick in which the robot was still commanded to move, and with a force on the hand; None
-    # where it flaps
-    robot_ms: float | None
-    force_ms: float | None
-    robot_age_ms: float  # largest true age of the loop in such a tick
-    force_age_ms: float
-    beyond_mm: float  # how far the robot was from the nearest place where the hand had been by then
-    allowed_mm: float  # how far the hand moves within the limit at its largest speed before the cut
-    backed_mm: float  # how far the robot was sent up from where it was without a session, and how far otherwise
-    astray_mm: float
-    hand_n: float  # largest force on the hand, and of the robot on what it touches
-    robot_n: float
-    step_n: float  # largest change of the force on the hand in a tick, from the cut on
-    early_n: float  # how far the force was above an even rise to its limit, in the ramp after the link is good again
-    # largest change of the robot in a tick as it comes back once the link is good, less that of the hand
-    step_mm: float
-    fault_ms: tuple[float | None, ...]  # from the cut to the first named fault of each end; None for none
-    faults: tuple[tuple[str, ...], ...]  # their names
-    returned: bool  # whether both ends are in a session at the end
-    # largest round trip that the ends agreed on until the link was good again; the age and the time after a cut may
-    # exceed the silence limit by this
-    round_trip_ms: float
-
-
-@dataclass(frozen=True)
 class Run:
-    """A case, its figures (None if a side raised an error), and the laws that it broke."""
+    """A case, its figures (none if a side raised an error), and the laws that it broke."""
 
     case: Case
-    figures: Figures | None
+    figures: dict[str, Any]
     violations: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        figures = {} if self.figures is None else asdict(self.figures)
-        return {"fault": self.case.fault, **asdict(self.case), **figures, "violations": self.violations}
+        return {"fault": self.case.fault, **asdict(self.case), **self.figures, "violations": self.violations}
 
 
 def run(case: Case) -> Run:
@@ -186,7 +157,7 @@ def run(case: Case) -> Run:
             if number * loaded.system.tick_period < case.restored:
                 agreed = max(agreed, agreed_by(simulated))
     except Exception as error:
-        return Run(case, None, (f"a loop ended with {type(error).__name__}: {error}",))
+        return Run(case, {}, (f"a loop ended with {type(error).__name__}: {error}",))
     masters, slaves = zip(*records, strict=True)
     figures = measure(case, as_array(masters), as_array(slaves), ways, agreed, loaded)
     return Run(case, figures, tuple(violated(case, figures, loaded)))
@@ -194,7 +165,7 @@ def run(case: Case) -> Run:
 
 def measure(
     case: Case, master: Records, slave: Records, ways: list[ObservedLink], agreed: float, loaded: Configuration
-) -> Figures:
+) -> dict[str, Any]:
     """The figures of a run, from the records of both sides and of the two links, and the agreed round trip [s]."""
     at, limit, tick = master["at"], loaded.system.link.silence_ms * 1e-3 + agreed, loaded.system.tick_period
     failing = (at >= CUT) & (at < case.restored)
@@ -210,34 +181,41 @@ def measure(
     pressed = float(slave["raw"][alone][0, 2]) / ROBOT_N_M if len(retreat) else 0.0
     envelope = loaded.system.master.limits.force_n / (loaded.system.master.limits.ramp_ms * 1e-3)
     named = [failing & (side["fault"] != Fault.NONE) for side in (master, slave)]
-    return Figures(
-        robot_ms=None if case.flap_hz else 1e3 * float((at[moving] - CUT).max(initial=0.0)),
-        force_ms=None if case.flap_hz else 1e3 * float((at[felt] - CUT).max(initial=0.0)),
-        robot_age_ms=1e3 * float(loop_ages(ways[1], ways[0], at)[moving].max(initial=0.0)),
-        force_age_ms=1e3 * float(loop_ages(ways[0], ways[1], at)[felt].max(initial=0.0)),
-        beyond_mm=1e3 * _beyond(master["position"], slave["output"], np.flatnonzero(failing)),
-        allowed_mm=1e3 * float(went[before].max()) / tick * limit,
-        backed_mm=1e3 * (float(retreat[:, 2].sum()) - pressed),  # it counts from the tip, not from the command
-        astray_mm=1e3 * float(np.abs(retreat[:, :2]).sum() - np.minimum(retreat[:, 2], 0.0).sum()),
-        hand_n=float(force[at >= CUT].max()),
-        robot_n=float(np.linalg.norm(slave["raw"][failing], axis=1).max()),
-        step_n=float(_steps(master["output"][at >= CUT]).max()),
-        early_n=float((force[back] - envelope * (at[back] - at[back][:1] + tick)).max(initial=0.0)),
-        step_mm=1e3 * max(0.0, float(moved[after][1:].max() - went[after].max())),
-        fault_ms=tuple(1e3 * float(at[when][0] - CUT) if when.any() else None for when in named),
-        faults=tuple(
-            tuple(sorted(Fault(value).name for value in set(side["fault"][when].tolist())))
+    return {
+        # From the cut to the last tick in which the robot was still commanded to move, and with a force on the hand.
+        "robot_ms": None if case.flap_hz else 1e3 * float((at[moving] - CUT).max(initial=0.0)),
+        "force_ms": None if case.flap_hz else 1e3 * float((at[felt] - CUT).max(initial=0.0)),
+        # The largest true age of the loop in such a tick.
+        "robot_age_ms": 1e3 * float(loop_ages(ways[1], ways[0], at)[moving].max(initial=0.0)),
+        "force_age_ms": 1e3 * float(loop_ages(ways[0], ways[1], at)[felt].max(initial=0.0)),
+        # How far the robot was from the nearest place where the hand had been by then, and the hand moves within
+        # the limit at its largest speed before the cut.
+        "beyond_mm": 1e3 * _beyond(master["position"], slave["output"], np.flatnonzero(failing)),
+        "allowed_mm": 1e3 * float(went[before].max()) / tick * limit,
+        # How far the robot was sent up from where its tip was without a session, and how far otherwise.
+        "backed_mm": 1e3 * (float(retreat[:, 2].sum()) - pressed),
+        "astray_mm": 1e3 * float(np.abs(retreat[:, :2]).sum() - np.minimum(retreat[:, 2], 0.0).sum()),
+        "hand_n": float(force[at >= CUT].max()),
+        "robot_n": float(np.linalg.norm(slave["raw"][failing], axis=1).max()),
+        "step_n": float(_steps(master["output"][at >= CUT]).max()),  # in a tick, from the cut on
+        # Once the link is good: above an even rise of the force; of the robot in a tick, beyond the hand.
+        "early_n": float((force[back] - envelope * (at[back] - at[back][:1] + tick)).max(initial=0.0)),
+        "step_mm": 1e3 * max(0.0, float(moved[after][1:].max() - went[after].max())),
+        "fault_ms": [1e3 * float(at[when][0] - CUT) if when.any() else None for when in named],  # from the cut
+        "faults": [
+            sorted(Fault(value).name for value in set(side["fault"][when].tolist()))
             for side, when in zip((master, slave), named, strict=True)
-        ),
-        returned=bool(master["state"][-1] == slave["state"][-1] == ENGAGED),
-        round_trip_ms=1e3 * agreed,
-    )
+        ],
+        "returned": bool(master["state"][-1] == slave["state"][-1] == ENGAGED),
+        # The age and the time after a cut may exceed the silence limit by this, agreed until the link was good again.
+        "round_trip_ms": 1e3 * agreed,
+    }
 
 
-def violated(case: Case, figures: Figures, loaded: Configuration) -> list[str]:
+def violated(case: Case, figures: dict[str, Any], loaded: Configuration) -> list[str]:
     """The laws that a run has broken."""
     system, limits, coding_mm = loaded.system, loaded.system.master.limits, 1e3 * CODING_M
-    limit_ms, tick = system.link.silence_ms + figures.round_trip_ms, system.tick_period
+    limit_ms, tick = system.link.silence_ms + figures["round_trip_ms"], system.tick_period
     within = limit_ms + 1e3 * tick + 0.01
     assert loaded.device is not None
     wall_n = loaded.device.options.stiffness_n_m * WALL_M_S * tick  # type: ignore[attr-defined]
@@ -246,23 +224,23 @@ def violated(case: Case, figures: Figures, loaded: Configuration) -> list[str]:
     approach_mm = 1e3 * system.slave.limits.approach_speed_m_s * tick + coding_mm
     backs_off = is_silent and case.retract
     laws = (
-        ("the robot moved at a loop age of [ms]", figures.robot_age_ms, within, True),
-        ("force was on the hand at a loop age of [ms]", figures.force_age_ms, within, True),
-        ("the robot moved after the cut for [ms]", figures.robot_ms or 0.0, within, True),
-        ("force was on the hand after the cut for [ms]", figures.force_ms or 0.0, within, True),
-        ("the robot went beyond the hand [mm]", figures.beyond_mm, figures.allowed_mm + coding_mm, True),
-        ("force on the hand [N]", figures.hand_n, limits.force_n * (1.0 + 1e-9), True),
-        ("change of the force in a tick [N]", figures.step_n, wall_n * (1.0 + 1e-9), True),
-        ("without a session at the end", float(not figures.returned), 0.0, True),
-        ("the force came back above its ramp [N]", figures.early_n, STILL, is_one_cut),
-        ("the robot came back in a tick by [mm]", figures.step_mm, approach_mm, is_one_cut),
-        ("the robot backed off [mm]", figures.backed_mm, 1e3 * system.slave.limits.retract_m + 0.1, backs_off),
-        ("the robot moved otherwise [mm]", figures.astray_mm, coding_mm, backs_off),
+        ("the robot moved at a loop age of [ms]", figures["robot_age_ms"], within, True),
+        ("force was on the hand at a loop age of [ms]", figures["force_age_ms"], within, True),
+        ("the robot moved after the cut for [ms]", figures["robot_ms"] or 0.0, within, True),
+        ("force was on the hand after the cut for [ms]", figures["force_ms"] or 0.0, within, True),
+        ("the robot went beyond the hand [mm]", figures["beyond_mm"], figures["allowed_mm"] + coding_mm, True),
+        ("force on the hand [N]", figures["hand_n"], limits.force_n * (1.0 + 1e-9), True),
+        ("change of the force in a tick [N]", figures["step_n"], wall_n * (1.0 + 1e-9), True),
+        ("without a session at the end", float(not figures["returned"]), 0.0, True),
+        ("the force came back above its ramp [N]", figures["early_n"], STILL, is_one_cut),
+        ("the robot came back in a tick by [mm]", figures["step_mm"], approach_mm, is_one_cut),
+        ("the robot backed off [mm]", figures["backed_mm"], 1e3 * system.slave.limits.retract_m + 0.1, backs_off),
+        ("the robot moved otherwise [mm]", figures["astray_mm"], coding_mm, backs_off),
         *(
             (f"the {side} names a fault after [ms]", inf if first is None else first, within, not case.flap_hz)
             if is_one_cut
             else (f"the {side} names no fault", float(first is None), 0.0, is_silent)
-            for side, first in zip(("master", "slave"), figures.fault_ms, strict=True)
+            for side, first in zip(("master", "slave"), figures["fault_ms"], strict=True)
         ),
     )
     return [f"{law}: {figure:.4g}, {most:.4g} allowed" for law, figure, most, holds in laws if holds and figure > most]

@@ -140,10 +140,6 @@ async def test_every_path_refuses_foreign_hosts_and_origins(client: Client, wher
     for path in ("", "ws", "metrics", "api/sessions"):
         for foreign in ({"host": "evil.example"}, {"origin": EVIL}):
             assert await status(client, f"http://{where}/{path}", **foreign) == 403
-    for headers in ({"Origin": "http://127.0.0.1:1"}, {"Origin": "null"}, {"Host": "evil.example"}):
-        with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
-            await client.ws_connect(f"http://{where}/ws", headers=headers)
-        assert refused.value.status == 403
     async with client.ws_connect(f"http://{where}/ws", headers={"Origin": f"http://{where}"}):
         pass
 
