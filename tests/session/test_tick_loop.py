@@ -160,6 +160,18 @@ def test_a_fault_of_the_opening_or_of_a_callback_is_an_own_fault_that_no_further
     assert fails_again or side.journal[-3:] == ["fail", "flush", "close"]
 
 
+def test_what_works_beside_the_ticks_ends_before_the_threads_of_the_loop():
+    ended = []
+
+    def begin(loop):
+        if not ended:
+            loop.run_in_executor(None, int)
+            loop.call_later(0.0, begin, loop)
+
+    assert go(Side(leave=3), on_open=[begin], on_close=[lambda: ended.append(True)]).orderly
+    assert ended == [True]
+
+
 def test_a_signal_ends_an_opening_that_hangs():
     side = Side()
 

@@ -145,10 +145,7 @@ def serve(order: DaemonOrder, configuration: Configuration, control_socket: int)
             return failure(str(stopped)) | {"failed": str(stopped) == EMERGENCY, "realtime": asdict(grants)}
         stack.callback(side.close)
         stack.callback(control.close)
-        on_open = [control.open]
-        if order.side == SLAVE and (watch := key_watch(configuration, finder, context.security, side.endpoint)):
-            on_open.append(watch.open)
-            stack.callback(watch.close)
+        watch = key_watch(configuration, finder, context.security, side.endpoint) if order.side == SLAVE else None
         ran = TickLoop(
             side,
             udp,
@@ -156,7 +153,8 @@ def serve(order: DaemonOrder, configuration: Configuration, control_socket: int)
             duration_s=order.duration_s,
             start_at=epoch,
             stop_limit_s=stop_limit_s(system, order.side),
-            on_open=on_open,
+            on_open=[control.open] if watch is None else [control.open, watch.open],
+            on_close=[] if watch is None else [watch.close],
             after_tick=_after_tick(side, udp, ring, described),
             busy_poll=system.realtime.busy_poll,
         ).run()

@@ -44,6 +44,7 @@ class TickLoop:
         start_at: the first deadline [s, `time.monotonic`]; None for one period after opening.
         stop_limit_s: hard bound on an orderly stop [s].
         on_open: begins what works in the loop beside its ticks, before the transport opens.
+        on_close: ends it while the loop still runs.
         busy_poll: poll sockets and clock instead of sleeping between ticks (`Ticker`); takes a processor.
     """
 
@@ -57,6 +58,7 @@ class TickLoop:
         start_at: float | None = None,
         stop_limit_s: float = 1.0,
         on_open: Sequence[Callable[[asyncio.AbstractEventLoop], None]] = (),
+        on_close: Sequence[Callable[[], None]] = (),
         after_tick: AfterTick | None = None,
         busy_poll: bool = False,
     ) -> None:
@@ -68,7 +70,7 @@ class TickLoop:
         self._stop_at_index: float | None = None
         self._stop_limit = stop_limit_s
         self._stop_by = inf
-        self._on_open, self._after_tick = on_open, after_tick
+        self._on_open, self._on_close, self._after_tick = on_open, on_close, after_tick
         self._garbage = GarbageSchedule(max(1, round(GARBAGE_EVERY_S / self._period)))
         self._reason: str | None = None
         self._error: BaseException | None = None
@@ -106,6 +108,8 @@ class TickLoop:
             self._ticker.stop()
             for number in STOP_SIGNALS:
                 loop.remove_signal_handler(number)
+            for end in self._on_close:
+                end()
             self._transport.close()
 
     async def _open(self, loop: asyncio.AbstractEventLoop) -> None:
