@@ -175,12 +175,17 @@ class OutgoingStream:
         self.is_pending, self.is_forgotten, self.is_missed = True, False, False
         self._early = min(copies, self._allowance.left(now)) if copies else 0
 
-    def repeated(self, sequence: int, now: float) -> bool:
-        """The update was sent again in the datagram of that number; returns whether an answer is urgent."""
+    def can_be_carried(self, now: float) -> bool:
+        """Whether a datagram that leaves now in any case is to be this update again, as an early repeat."""
+        return self.is_pending and now >= self.sent_at + SHORTEST_PACE and self._allowance.left(now) > 0
+
+    def repeated(self, sequence: int, now: float, *, is_carried: bool = False) -> bool:
+        """The update was sent again in the datagram of that number, `is_carried` if one had to leave in any case;
+        returns whether an answer is urgent."""
         self._newest = sequence
         is_urgent = now >= self._urgent_at
-        if self._early:
-            self._early -= 1
+        if self._early or is_carried:
+            self._early -= self._early > 0
             self._allowance.pay(now)
         else:
             self._count += 1

@@ -16,7 +16,7 @@ from weberlink.protocol.events import (
 from weberlink.protocol.liveness import HeartbeatSchedule, Liveness
 from weberlink.protocol.local_end import LocalEnd
 from weberlink.protocol.negotiation import NUMBERS, Negotiation, RoundTripAgreement, in_ms
-from weberlink.protocol.retransmission import Allowance, OutgoingStream, copies_needed
+from weberlink.protocol.retransmission import RESIDUAL, Allowance, OutgoingStream, copies_needed
 from weberlink.protocol.security import Protection
 from weberlink.protocol.timing import Clock
 from weberlink.protocol.wire import ACKNOWLEDGEMENT_MASK, Content, Envelope, Report
@@ -427,17 +427,25 @@ class Session:
         if is_engaged:
             for stream in self._streams if is_encoding else ():
                 if stream.update is not None and stream.is_pending and now >= stream.due_at(*self._patience()):
-                    # The newest update again, with a new number and time stamp.
-                    sequence, datagram = self._seal_update(stream, stream.update, now)
-                    if stream.repeated(sequence, now):
-                        self.heartbeats.ask()
-                    self._statistics.repeats += 1
-                    return datagram
+                    return self._repeat(stream, stream.update, now)
             if now >= min(self.negotiation.due, self.round_trip.due):
                 return self._send_change(now)
         if now < self.heartbeats.due(is_engaged=is_engaged):
             return None
-        return self.send_heartbeat(now, is_encoding=is_engaged and is_encoding)
+        is_encoding = is_engaged and is_encoding
+        if is_encoding and self._statistics.outgoing_loss > RESIDUAL and not self.heartbeats.has_own_message(now):
+            for stream in self._streams:  # An update that may be lost says all that this heartbeat would say
+                if stream.update is not None and stream.can_be_carried(now):
+                    return self._repeat(stream, stream.update, now, is_carried=True)
+        return self.send_heartbeat(now, is_encoding=is_encoding)
+
+    def _repeat(self, stream: OutgoingStream, update: Update, now: float, *, is_carried: bool = False) -> bytes:
+        """The newest update again, with a new number and time stamp."""
+        sequence, datagram = self._seal_update(stream, update, now)
+        if stream.repeated(sequence, now, is_carried=is_carried):
+            self.heartbeats.ask()
+        self._statistics.repeats += 1
+        return datagram
 
     def take_lost(self, now: float) -> list[int]:
         """Streams of which the peer needs a new state: it has forgotten the newest update, or that has not arrived and

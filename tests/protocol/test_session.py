@@ -10,6 +10,7 @@ from weberlink.protocol import DropReason, Role, Statistics
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.events import PeerClosed, UpdateReceived
 from weberlink.protocol.liveness import INTRODUCTIONS, Liveness
+from weberlink.protocol.retransmission import RESIDUAL, SHORTEST_PACE
 from weberlink.protocol.security import REKEY_AFTER_S, Security
 from weberlink.protocol.session import Outcome, Session
 from weberlink.protocol.wire import PHASE, DirectionLayout, Kind
@@ -129,6 +130,26 @@ def test_a_heartbeat_reports_again_once_the_link_has_changed() -> None:
     assert hear(1, delay=-0.003) and not hear(1, delay=-0.003)
     assert hear(10, delay=-0.003, lost=1) and not reports()
     assert hear(200, delay=-0.003) and not reports()
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.1])
+@pytest.mark.parametrize("allowed", [True, False])
+def test_on_a_lossy_link_a_heartbeat_that_is_due_is_the_missing_update_again(loss: float, *, allowed: bool) -> None:
+    """No datagram is added, and it is one of the early repeats that are allowed."""
+    sender, receiver, counted = pair(Checksum())
+    receiver.heartbeats.ask()
+    question = receiver.send_heartbeat(0.01)  # leaves before the update can have come, so it is no evidence of a loss
+    sender.send_update(0.01, sample_update(10))  # lost
+    counted.outgoing_loss = loss
+    if not allowed:
+        while sender._allowance.left(0.01):
+            sender._allowance.pay(0.01)
+    now = 0.01 + SHORTEST_PACE
+    deliver(sender, question, now)
+    answer = sender.handle_timer(now, is_engaged=True, is_encoding=True)
+    assert answer is not None
+    assert isinstance(deliver(receiver, answer, now), UpdateReceived) is (allowed and loss > RESIDUAL)
+    assert sender.handle_timer(now, is_engaged=True, is_encoding=True) is None
 
 
 def test_a_report_that_is_overtaken_changes_nothing() -> None:
