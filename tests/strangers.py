@@ -18,21 +18,19 @@ from typing import Any
 
 import pytest
 
-NOBODY = 65534
-SOMEBODY = 12345
-"""Two users other than the one of the tests; they need no account."""
+NOBODY = 65534  # another user than the one of the tests
 
 needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root can act as another user")
 
 Attack = Callable[..., Any]
 
 
-def as_stranger(attack: Attack, *arguments: Any, user: int = NOBODY) -> Any:
+def as_stranger(attack: Attack, *arguments: Any) -> Any:
     """Run an attack as another user; returns what it got, or "refused" where it had no permission."""
     reading, writing = os.pipe()
     pid = os.fork()
     if pid == 0:
-        _become(user, writing, attack, arguments)
+        _become(writing, attack, arguments)
     os.close(writing)
     with os.fdopen(reading, "rb") as answer:
         told = answer.read()
@@ -43,12 +41,12 @@ def as_stranger(attack: Attack, *arguments: Any, user: int = NOBODY) -> Any:
     return document["got"]
 
 
-def _become(user: int, writing: int, attack: Attack, arguments: tuple[Any, ...]) -> None:
+def _become(writing: int, attack: Attack, arguments: tuple[Any, ...]) -> None:
     """The whole life of the other process."""
     try:
         os.setgroups([])
-        os.setresgid(user, user, user)
-        os.setresuid(user, user, user)
+        os.setresgid(NOBODY, NOBODY, NOBODY)
+        os.setresuid(NOBODY, NOBODY, NOBODY)
         try:
             held = attack(*arguments)
         except PermissionError:

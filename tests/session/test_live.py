@@ -153,10 +153,7 @@ def test_figures_agree_with_each_other_and_with_the_records(session: Session) ->
     assert ticks["master"]["count"] == len(master)
     assert ticks["master"]["count"] + ticks["master"]["missed"] == master["tick"][-1] - master["tick"][0] + 1
     assert force["packets"] > 0
-    assert force["reduction"] == pytest.approx(1.0 - force["packets"] / force["samples"])
     assert force["packets_per_s"] == pytest.approx(force["packets"] / report["duration_s"])
-    assert force["reduction_all"] < force["reduction"]
-    assert sum(force["selected"].values()) == force["packets"]
     assert force["coding"]["violation_fraction"] <= ticks["slave"]["missed"] / ticks["slave"]["count"]
     assert report["link"]["received"] + report["link"]["dropped"] <= report["link"]["sent"]
     assert report["link"]["rtt_us"]["p50"] >= 2e3 * DELAY_MS
