@@ -55,3 +55,16 @@ def test_the_play_out_uses_nothing_beyond_the_age_limit(end: str, stall_ms: int)
     assert max(duel.ages) <= limit
     assert max(duel.ages) >= min(limit, playout_ms + stall_ms) - 1, "what is in time is used"
     assert duel.ages[-1] == playout_ms
+
+
+def test_what_waits_when_the_master_lets_go_is_never_used() -> None:
+    duel = Duel(configuration(*OVERRIDES, "codec.position.predictor=zoh", "link.playout_ms=40"), "slave")
+    duel.engage()
+    held = []
+    for tick in range(200):
+        leads = tick < 100
+        duel.peer.report_encoding(duel.now, is_encoding=leads)
+        assert not leads or duel.update(Content(0, 0, 0, (tick,), None))
+        duel.tick()
+        held.append(duel.side.incoming[0].decoder.newest is not None)
+    assert held == [False] * 40 + [True] * 60 + [False] * 100

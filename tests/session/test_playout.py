@@ -41,15 +41,6 @@ def test_updates_are_used_at_a_constant_age(playout: int) -> None:
     assert 10 + playout <= max(smooth) <= 13 + playout, "the least delay of 10 ms, and the play-out"
 
 
-def test_what_waits_at_silence_is_never_used() -> None:
-    overrides = ("link.emulate={delay_ms: 10, blackouts_s: [[1.0, 1.0]]}", "link.playout_ms=40")
-
-    def look(simulation: Simulation) -> None:
-        assert simulation.slave.index <= 1100 or newest_tick(simulation) <= 1000
-
-    run(HAND, 1.9, *overrides, watch=look)
-
-
 def test_what_is_decided_on_was_measured_that_long_ago() -> None:
     slave = run(HAND, 1.5, "codec.force.lookahead_ms=20", "codec.position.lookahead_ms=5").slave
     decided = np.flatnonzero(
