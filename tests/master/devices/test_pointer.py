@@ -9,7 +9,7 @@ from weberlink.geometry.rotation import IDENTITY, vector
 from weberlink.geometry.vector import ZERO, Vector, distance
 from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
-from weberlink.master.devices.pointer import PointerDevice, PointerOptions
+from weberlink.master.devices.pointer import PointerDevice, PointerIntention, PointerOptions
 from weberlink.master.devices.target_link import PointerTarget
 from weberlink.testing.time import TICK
 
@@ -52,6 +52,14 @@ def test_jumping_target_moves_the_handle_at_bounded_speed() -> None:
     fastest = max(speeds([reading.position for reading in seen]))
     assert 0.4 < fastest <= 0.5 * (1 + 1e-9)
     assert max(reading.position[0] for reading in seen) == pytest.approx(RIGHT[0], abs=1e-3)
+
+
+def test_the_hand_means_to_be_no_farther_from_the_handle_than_its_reach() -> None:
+    intention = PointerIntention(PointerOptions(reach_m=0.04))
+    for _ in range(1000):
+        intention.follow(LEFT, RIGHT, TICK)
+        assert distance(intention.position, RIGHT) <= 0.04 * (1 + 1e-9)
+    assert intention.position == pytest.approx((RIGHT[0] - 0.04, 0.0, RIGHT[2]), abs=1e-6)
 
 
 def test_release_clears_the_button_stops_the_hand_and_lets_go_of_its_pull() -> None:
