@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import accumulate
 from math import cos, pi, sin
 
-from weberlink.geometry.vector import Vector
+from weberlink.geometry.vector import Vector, interpolate
 
 
 def minimum_jerk(share: float) -> float:
@@ -24,9 +24,7 @@ class StraightLeg:
 
     def at(self, share: float) -> Vector:
         """Position [m] after this share of the duration [s], 0 to 1; at rest at both ends."""
-        share = minimum_jerk(share)
-        (x, y, z), (u, v, w) = self.start, self.end
-        return (x + share * (u - x), y + share * (v - y), z + share * (w - z))
+        return interpolate(self.start, self.end, minimum_jerk(share))
 
 
 @dataclass(frozen=True, slots=True)
