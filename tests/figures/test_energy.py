@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.figures.test_session import NONE, RATE, records
+from tests.figures.test_session import NONE, RATE, records, score
 from tests.session.systems import ARMS, configuration
 from weberlink.config import load
 from weberlink.control.axes import HANDLE, LEVER
 from weberlink.control.contract import AccountParameters
 from weberlink.figures.energy import accounts_in
-from weberlink.figures.session import Layout, Records, SessionScore
-from weberlink.figures.tree import to_json
+from weberlink.figures.session import Records
 from weberlink.protocol.states import State
 
 OF_HAND = AccountParameters(allowance=0.02, refill=0.01, damping=1.0, rise=160.0)
@@ -21,9 +20,7 @@ TICK = 1.0 / RATE
 
 def energy(master: Records, *accounts: AccountParameters) -> dict[str, float]:
     torque_bank = ("zoh",) if len(accounts) > 1 else None
-    score = SessionScore(Layout(RATE, ("zoh",), torque_bank, accounts=accounts))
-    score.add(master, NONE)
-    found: dict[str, float] = to_json(score.figures().energy)
+    found: dict[str, float] = score(master, NONE, torque_bank=torque_bank, accounts=accounts)["energy"]
     return found
 
 

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from tests.figures.test_session import NONE, records
-from tests.figures.test_verdict import clean, figures, put
+from tests.figures.test_session import NONE, figures, records
+from tests.figures.test_verdict import clean, put
 from weberlink.figures.report import WIDTH, session_report, status_line
 from weberlink.figures.tree import Energy, Figures
 from weberlink.protocol.paths import LinkPath

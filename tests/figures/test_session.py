@@ -14,6 +14,7 @@ from tests.examples import examples
 from tests.records import ticks
 from weberlink.control.contract import AccountParameters
 from weberlink.figures.session import Layout, Records, SessionScore, nearest_ticks
+from weberlink.figures.tree import Figures
 from weberlink.protocol.states import State
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.record import COUNTERS, FIELDS
@@ -28,11 +29,15 @@ def records(count: int, *, phase: float = 0.0, **columns: Any) -> Records:
     return ticks(count, start=10.0 + phase, **usual | columns)
 
 
-def score(master: Records, slave: Records, pieces: int = 1, torque_bank: tuple[str, ...] | None = None) -> Any:
-    scored = SessionScore(Layout(RATE, ("zoh", "plane"), torque_bank))
+def figures(master: Records, slave: Records, pieces: int = 1, **layout: Any) -> Figures:
+    scored = SessionScore(Layout(RATE, ("zoh", "plane"), **layout))
     for one, other in zip(np.array_split(master, pieces), np.array_split(slave, pieces), strict=True):
         scored.add(one, other)
-    return scored.figures().to_json()
+    return scored.figures()
+
+
+def score(master: Records, slave: Records, pieces: int = 1, **layout: Any) -> Any:
+    return figures(master, slave, pieces, **layout).to_json()
 
 
 @examples(50)
@@ -172,7 +177,7 @@ def test_torque_and_orientation_have_their_figures() -> None:
         rotation_updates_sent=tick // 20, rotation_selected=[1, 0] * 500, rotation_sent=tick < 10,
         rotation_output=(0.0, 0.0, -(pi - 0.02)),  # 0.01 rad apart
     )  # fmt: skip
-    summary = score(master, slave, 7, ("zoh", "linear"))
+    summary = score(master, slave, 7, torque_bank=("zoh", "linear"))
     torque, orientation = summary["torque"], summary["orientation"]
     assert torque["error_rms"] == pytest.approx(0.03, rel=1e-5)
     assert torque["violation_fraction"] == 1.0

@@ -9,18 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from tests.figures.test_session import RATE, records
-from weberlink.figures.session import Layout, Records, SessionScore
+from tests.figures.test_session import figures, records
 from weberlink.figures.tree import DEGRADED, FAILURE, GOOD, Figures, Verdict, to_json
 from weberlink.figures.verdict import verdict
 
 TICKS = 10_000
-
-
-def figures(master: Records, slave: Records) -> Figures:
-    score = SessionScore(Layout(RATE, ("zoh",)))
-    score.add(master, slave)
-    return score.figures()
 
 
 @cache
