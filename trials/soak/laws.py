@@ -127,7 +127,7 @@ def away_for(sides: Both, ended: float, period: float) -> float:
 
 def answers_little(shots: Mapping[str, Any], *, is_proven: bool) -> list[str]:
     """A flood gets at most one answer to a question, no longer than that, and none without proof of the key."""
-    if not shots["answers"]:  # none, or nobody could hear them
+    if not shots["answers"]:
         return []
     found = [] if is_proven else [f"{shots['answers']} answers to who has not proved the key"]
     if shots["answers"] > shots["sent"] or shots["answered_bytes"] > shots["sent_bytes"]:

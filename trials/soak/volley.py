@@ -1,12 +1,10 @@
 """Floods: the datagrams that somebody without the key, or with a recording, can send, and a process that sends them.
 
-It sends to one address at a given rate, paced by the millisecond, and counts the answers. With `spoof` it writes the IP
-and UDP headers itself, which takes root, so that the datagrams seem to come from `source`.
+It sends to one address at a given rate, paced by the millisecond, and counts the answers.
 """
 
 import os
 import socket
-import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing import get_context
@@ -70,63 +68,37 @@ def _calls(genuine: Sequence[bytes], key: bytes, random: Random, count: int) -> 
 
 
 Address = tuple[str, int]
-
-PRIORITY = 30
-"""Of SCHED_FIFO, below the daemons and the relay: a flood from elsewhere does not wait for a processor of this host."""
+PRIORITY = 30  # of SCHED_FIFO, below the daemons and the relay: a flood does not wait for a processor of this host
 _PACE = 0.001
 _LONGEST_DEBT = 0.05  # what a stall of this process may make up for at once [s]; the rest of it is not sent
 
 
-def spoofed(data: bytes, source: tuple[str, int], target: tuple[str, int]) -> bytes:
-    """An IPv4 packet with a UDP datagram that says it comes from `source`; the kernel fills in the IP checksum."""
-    size = 8 + len(data)
-    addresses = socket.inet_aton(source[0]) + socket.inet_aton(target[0])
-    head = struct.pack("!BBHHHBBH", 0x45, 0, 20 + size, 0, 0, 64, socket.IPPROTO_UDP, 0) + addresses
-    return head + struct.pack("!HHHH", source[1], target[1], size, 0) + data  # no UDP checksum, which IPv4 permits
-
-
-def fire(
-    datagrams: Sequence[bytes], target: Address, source: Address, rate: int, seconds: float, spoof: bool
-) -> dict[str, Any]:
+def fire(datagrams: Sequence[bytes], target: Address, source: Address, rate: int, seconds: float) -> dict[str, int]:
     """Send for a time; returns what was sent, and what was answered."""
-    sizes, hears = [len(data) for data in datagrams], not spoof
-    if hears:
-        gun = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        gun.bind(source)
-        gun.setblocking(False)
-    else:
-        gun = socket.socket(socket.AF_INET, socket.SOCK_RAW, socket.IPPROTO_RAW)
-        datagrams = [spoofed(data, source, target) for data in datagrams]
-    sent = sent_bytes = 0
-    answers: list[int] = []
-    began = monotonic()
-    forgiven = 0.0
-    while (now := monotonic()) < began + seconds:
-        due = int((now - began - forgiven) * rate)
-        if due - sent > rate * _LONGEST_DEBT:
-            forgiven += (due - sent) / rate - _LONGEST_DEBT
-            due = int((now - began - forgiven) * rate)
-        while sent < due:
-            try:
-                gun.sendto(datagrams[sent % len(datagrams)], target)
-            except OSError:  # the buffer is full
-                break
-            sent_bytes += sizes[sent % len(sizes)]
-            sent += 1
-        answers += _heard(gun) if hears else []
+    gun = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    gun.bind(source)
+    gun.setblocking(False)
+    sent, sent_bytes, due, answers = 0, 0, 0.0, list[int]()
+    now = began = monotonic()
+    while now < began + seconds:
+        before, now = now, monotonic()
+        due = min(due + (now - before) * rate, _LONGEST_DEBT * rate)
+        with suppress(OSError):  # the buffer is full
+            while due >= 1.0:
+                sent_bytes += gun.sendto(datagrams[sent % len(datagrams)], target)
+                sent, due = sent + 1, due - 1.0
+        answers += _heard(gun)
         sleep(_PACE)
-    lasted = monotonic() - began
     sleep(0.2)
-    answers += _heard(gun) if hears else []
+    answers += _heard(gun)
     gun.close()
     return {
         "sent": sent,
         "sent_bytes": sent_bytes,
-        "seconds": lasted,
-        "answers": len(answers) if hears else None,
+        "answers": len(answers),
         "answered_bytes": sum(answers),
         "longest_answer": max(answers, default=0),
-        "shortest_question": min(sizes),
+        "shortest_question": min(map(len, datagrams)),
     }
 
 
