@@ -43,17 +43,13 @@ class Meddler:
         return self.keys(self.inner.open(state, message))
 
     def meddle(self, payload: bytes) -> bytes:
-        """Now and then another payload."""
         return mutate(payload, self.random) if self.random.random() < self.rate else payload
 
     def keys(self, result: tuple[bytes, Protection] | None) -> tuple[bytes, Any] | None:
-        """The result of an exchange, whose keys then meddle too."""
         return None if result is None else (result[0], MeddledProtection(self, result[1]))
 
 
 class MeddledProtection:
-    """The keys of a session of a `Meddler`."""
-
     def __init__(self, owner: Meddler, inner: Protection) -> None:
         self._owner, self._inner = owner, inner
 
@@ -72,7 +68,6 @@ class MeddledProtection:
 
 
 def mutate(data: bytes, random: Random) -> bytes:
-    """Change bytes at random."""
     changed = bytearray(data or b"\0")
     match random.randrange(6):
         case 0:
@@ -114,7 +109,6 @@ def harm(pair: Pair, side: Side, source: tuple[str, int], recorded: list[bytes],
 
 
 def check(endpoint: Endpoint) -> None:
-    """What must hold whatever has come in."""
     statistics = endpoint.statistics
     assert isinstance(endpoint.state, State)
     assert len(endpoint.datagrams_to_send()) <= 64

@@ -48,8 +48,6 @@ CALLS = {"min": "max", "max": "min", "abs": "", "any": "all", "all": "any"}
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change of a source."""
-
     group: str  # of `SOURCES`
     path: str  # of the source, from the root
     line: int  # of the change, from 1

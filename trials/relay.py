@@ -32,8 +32,6 @@ _PROBES = (24, 26, 28)  # bytes of a question about a path, with 0 to 2 acknowle
 
 
 class Direction:
-    """One direction of the relay; pure. `send` passes a datagram on, and says whether that was possible."""
-
     def __init__(self, send: Callable[[bytes], bool], uniform: Callable[[], float]) -> None:
         self.passed = 0  # datagrams
         self._send = send
@@ -50,7 +48,6 @@ class Direction:
         self._links[-1].send(data, data, now)
 
     def deliver(self, now: float) -> None:
-        """Pass on what is due."""
         for link in self._links:
             for data, original in link.receive(now):
                 if self._pass(data) and data == original:
@@ -75,8 +72,6 @@ class Direction:
 
 
 class Books(NamedTuple):
-    """What the relay has done so far."""
-
     forward: int  # datagrams passed on to the slave
     backward: int  # and to the master
     calls: int  # HELLOs from the master
@@ -108,7 +103,6 @@ class Relay:
         return [self.front, self._back, *self._former, *([] if self._thief is None else [self._thief])]
 
     def look(self, now: float) -> None:
-        """Record how long nobody has looked at the sockets."""
         self._late = max(self._late, now - self._looked_at - LONGEST_WAIT)
         self._looked_at = now
 
@@ -170,7 +164,6 @@ class Relay:
         return sum(each.replay(count, since, until) for each in self._ways(way))
 
     def recall(self, way: str, count: int) -> list[bytes]:
-        """The newest datagrams of this session that were passed on."""
         return [data for each in self._ways(way) for _, data in list(each.remembered)[-count:]]
 
     def _ways(self, way: str) -> list[Direction]:

@@ -53,8 +53,6 @@ def within(seconds: float, condition: Callable[[], T]) -> T | None:
 
 
 class Ring(Telemetry):
-    """What a daemon records, also in pieces."""
-
     def take(self) -> Records:
         """What is new since the last call, and is not kept."""
         self._read()
@@ -64,7 +62,6 @@ class Ring(Telemetry):
 
     @property
     def overrun(self) -> int:
-        """Records that nobody read in time."""
         return self._reader.overrun
 
 
@@ -83,7 +80,6 @@ class Command(Program):
 
     @property
     def said(self) -> str:
-        """What it has written for its user."""
         return self._out.read_text(errors="replace")
 
     @property
@@ -99,11 +95,9 @@ class Command(Program):
 
     @property
     def status(self) -> int | None:
-        """Exit status; None while it runs."""
         return self._process.poll()
 
     def ends(self, seconds: float) -> bool:
-        """Whether it ends by itself in this time."""
         return within(seconds, lambda: self.status is not None) is not None
 
 
@@ -138,7 +132,6 @@ class Side(Command):
 
     @property
     def outcome(self) -> str:
-        """Why it ended."""
         return str(self.report.get("outcome", self.last_line))
 
     @property
@@ -150,7 +143,6 @@ class Side(Command):
 
     @property
     def records(self) -> Records:
-        """All that its daemon has recorded so far."""
         return NOTHING if self.ring is None else self.ring.records
 
     def take(self) -> Records:
@@ -162,7 +154,6 @@ class Side(Command):
 
     @property
     def is_engaged(self) -> bool:
-        """Whether its newest record is of a session."""
         return self.ring is not None and bool(self.ring.last["state"] == ENGAGED)
 
     @property
@@ -171,7 +162,6 @@ class Side(Command):
         return 0 if self.ring is None else self.ring.pid
 
     def signal(self, number: int) -> None:
-        """Send a signal to its daemon."""
         with suppress(ProcessLookupError):
             os.kill(self.daemon or self.pid, number)
 
@@ -283,7 +273,6 @@ class Session:
         return self.silence + self.configuration.system.link.longest_round_trip_ms * 1e-3
 
     def start(self, side: str, *settings: str) -> Side:
-        """Start a side, with these settings too; an earlier one is killed if it still runs."""
         if side in self.sides:
             self.sides.pop(side).__exit__(None, None, None)
         words = [word for each in (*self._overrides, *settings) for word in ("--set", each)]

@@ -16,8 +16,6 @@ PATIENCE = 300.0  # longest time that one run may take [s]
 
 @dataclass(frozen=True)
 class Run:
-    """One verification."""
-
     name: str  # shown in the table
     model: str  # file without its suffix
     defines: tuple[str, ...] = ()  # switches of the model
@@ -158,7 +156,6 @@ MUTANTS = (
 
 
 def missing_tool() -> str | None:
-    """The first tool that is needed and not installed."""
     return next((tool for tool in ("spin", "gcc") if shutil.which(tool) is None), None)
 
 

@@ -46,8 +46,6 @@ class Muted(Duel):
 
 
 class Watch:
-    """Measures what really leaves for the devices of an end."""
-
     def __init__(self, duel: Duel) -> None:
         self._side = duel.side
         self._port: Any = duel.side.port
@@ -79,7 +77,6 @@ class Watch:
             self.largest[name] = limit, value
 
     def look(self, now: float) -> None:
-        """After a tick."""
         newest = [sent[-1] for sent in self._sent if sent]
         for sent in self._sent:
             del sent[:-1]
@@ -139,7 +136,6 @@ def beyond_a_fade(before: Joints, after: Joints) -> float:
 
 
 def run(kind: str, end: str, seed: int, updates: int) -> Largest:
-    """A random session in which the peer sends so many updates of its own making."""
     file, *overrides = KINDS[kind]
     duel, draw = Muted(configuration(*OVERRIDES, *overrides, file=file), end), Random(f"{kind} {end} {seed}")
     duel.engage()

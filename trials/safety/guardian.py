@@ -68,8 +68,6 @@ BOARDS = (
 
 @dataclass
 class Pushing:
-    """A session that pushes."""
-
     launcher: subprocess.Popen[bytes]
     force: Callable[[], float]  # beyond what remains without a motor
     group: ControlGroup
@@ -77,7 +75,6 @@ class Pushing:
     guardian: int
 
     def daemon(self) -> int:
-        """The process that commands the board."""
         return next(pid for pid in self.group.processes if any(word in line(pid) for word in DAEMONS))
 
     def kill_all(self, *others: int) -> None:
@@ -85,7 +82,6 @@ class Pushing:
             signalled(pid, signal.SIGKILL)
 
     def end_unit(self) -> None:
-        """All at once, the service's processes too; then what systemd does."""
         assert self.service is not None
         signalled(self.guardian, signal.SIGSTOP)
         self.kill_all(self.guardian, self.service.process.pid)

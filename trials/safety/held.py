@@ -27,8 +27,6 @@ TAPS = "[{motion: tap, at_m: [0, 0, 0], height_m: 0.002, frequency_hz: 5, count:
 
 @dataclass(frozen=True)
 class Held:
-    """One row: which datagrams were held, and how many were executed."""
-
     direction: str  # `TO_SLAVE` or `TO_MASTER`
     mode: str  # only the batch is held, nothing passes that way until it is delivered, or the link is always as slow
     age_s: float  # of each datagram of the batch when it arrives

@@ -55,8 +55,6 @@ PREDICTION = (
 
 @dataclass(frozen=True)
 class Case:
-    """One run."""
-
     motion: str  # of `MOTIONS`
     direction: str  # of `DIRECTIONS`, in which datagrams are lost
     scheme: str = "none"  # of control
@@ -74,12 +72,10 @@ class Case:
 
     @property
     def restored(self) -> float:
-        """When the link is good again for good [s]."""
         return CUT + (FLAPPING if self.flap_hz else self.dark)
 
     @property
     def longest_dark(self) -> float:
-        """Length of the longest cut [s]."""
         return 0.5 / self.flap_hz if self.flap_hz else self.dark
 
     @property
@@ -90,7 +86,6 @@ class Case:
 
     @property
     def overrides(self) -> tuple[str, ...]:
-        """Of configs/loopback.yaml, as of `--set`."""
         home, steps = MOTIONS[self.motion]
         script = [
             {"duration_s": seconds} | ({"motion": "reach", "to_m": to} if to else {"motion": "rest"})
@@ -142,7 +137,6 @@ class Run:
 
 
 def run(case: Case) -> Run:
-    """Run a case and judge it."""
     loaded = configuration(*case.overrides)
     ways = [
         ObservedLink(Emulation(delay_s=delay, blackouts=case.blackouts if case.direction in (way, BOTH) else ()))
@@ -166,7 +160,6 @@ def run(case: Case) -> Run:
 def measure(
     case: Case, master: Records, slave: Records, ways: list[ObservedLink], agreed: float, loaded: Configuration
 ) -> dict[str, Any]:
-    """The figures of a run, from the records of both sides and of the two links, and the agreed round trip [s]."""
     at, limit, tick = master["at"], loaded.system.link.silence_ms * 1e-3 + agreed, loaded.system.tick_period
     failing = (at >= CUT) & (at < case.restored)
     force = np.linalg.norm(master["output"], axis=1)
@@ -213,7 +206,6 @@ def measure(
 
 
 def violated(case: Case, figures: dict[str, Any], loaded: Configuration) -> list[str]:
-    """The laws that a run has broken."""
     system, limits, coding_mm = loaded.system, loaded.system.master.limits, 1e3 * CODING_M
     limit_ms, tick = system.link.silence_ms + figures["round_trip_ms"], system.tick_period
     within = limit_ms + 1e3 * tick + 0.01

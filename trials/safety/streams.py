@@ -83,7 +83,6 @@ SESSIONS = {
 
 
 def losses(kinds: tuple[Kind, ...]) -> Iterator[Lost]:
-    """Each kind of each sender, and all pairs of them."""
     single = list(product(ENDS, (*kinds, Kind.HEARTBEAT, Kind.CHANGE)))
     yield from ((each,) for each in single)
     yield from combinations(single, 2)
@@ -91,8 +90,6 @@ def losses(kinds: tuple[Kind, ...]) -> Iterator[Lost]:
 
 @dataclass(frozen=True)
 class Found:
-    """What came of a loss."""
-
     unfelt_ms: int  # longest time in which the robot followed in a contact with nothing on the hand
     alone_ms: int  # longest time in which the robot stood or followed so
     limit_ms: float  # S and the agreed round trip
@@ -102,7 +99,6 @@ class Found:
 
 
 def run(name: str, lost: Lost) -> Found:
-    """Run a session with this loss."""
     session = SESSIONS[name]
     lost_at: list[float] = []
 
@@ -142,7 +138,6 @@ def run(name: str, lost: Lost) -> Found:
 
 
 def longest(flags: NDArray[np.bool_]) -> int:
-    """Length of the longest run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(int), [0]))))
     return int(np.diff(edges)[::2].max(initial=0))
 

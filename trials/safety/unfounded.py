@@ -37,8 +37,6 @@ REPAIR_S = 0.06  # a lost update is repeated a round trip and so much later, on 
 
 @dataclass(frozen=True)
 class Cell:
-    """A random session."""
-
     seed: int
     overrides: tuple[str, ...]  # of configs/loopback.yaml, as of `--set`
     delay_s: tuple[float, float]  # one-way delay to the slave and to the master [s]
@@ -53,7 +51,6 @@ class Cell:
 
 
 def cell(seed: int) -> Cell:
-    """The session of a seed: scene, hand, script, link, predictor and scheme are random."""
     chance = Random(seed)
     one = chance.uniform(0.0, 0.25)
     other = chance.choice([one, one, chance.uniform(0.0, 0.25), 0.0])  # alike, or one of them short
@@ -88,7 +85,6 @@ def cell(seed: int) -> Cell:
 
 
 def _between(chance: Random, low: float, high: float) -> float:
-    """A number whose logarithm is uniform."""
     return exp(chance.uniform(log(low), log(high)))
 
 
@@ -144,8 +140,6 @@ def _script(chance: Random) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True)
 class Finding:
-    """What a session showed."""
-
     cell: Cell  # the session
     longest: float  # longest time with more than `FREE_FORCE` on the hand while the robot touched nothing [s]
     allowed: float  # the time that the law allows [s]

@@ -36,8 +36,6 @@ STOP_SIGNALS = (SIGHUP, SIGINT, SIGTERM)
 
 
 class Soak:
-    """One run."""
-
     def __init__(self, minutes: float, seed: int, faults: Collection[str]) -> None:
         self._random = Random(seed)
         self._is_short = minutes <= SHORT_MINUTES
@@ -89,7 +87,6 @@ class Soak:
             self._apply(name, self._faults[name], under, field)
 
     def _apply(self, name: str, fault: Fault, under: str, field: Field) -> None:
-        """One fault, the way back, and the laws."""
         kind, watch, silence = self.report.kinds.setdefault(name, Kind()), field.watch, field.rig.silence
         kind.count += 1
         kind.together += bool(under)

@@ -51,8 +51,6 @@ while time.monotonic() < end:
 
 @dataclass
 class Field:
-    """Where a fault takes place."""
-
     rig: Session
     watch: Watch
     random: Random
@@ -61,7 +59,6 @@ class Field:
     ended_at: float | None = None  # when the way back began, if not when the fault returned [s]
 
     def lasting(self, short: float, least: float, most: float) -> float:
-        """How long a fault lasts [s]."""
         return short if self.short else self.random.uniform(least, most)
 
 
@@ -70,8 +67,6 @@ Inject = Callable[[Field], list[str]]
 
 @dataclass(frozen=True)
 class Fault:
-    """One kind."""
-
     inject: Inject  # does it, and returns what broke its own law
     keeps: bool = False  # whether the session is to live through it
     limit_s: float = QUICK_S  # from its end to a session

@@ -30,7 +30,6 @@ class Footprint(NamedTuple):
 
 
 def outside(records: Records) -> Records:
-    """The ticks without a session."""
     return records[records["state"] != ENGAGED]
 
 
@@ -57,7 +56,6 @@ def always(records: Records, first: Records, period: float, side: str) -> list[s
 
 
 def stays(sides: Both) -> list[str]:
-    """No side leaves the session."""
     return [
         f"the {side} left the session for {len(apart)} ticks ({', '.join(State(int(s)).name for s in states)})"
         for side, records in sides.items()

@@ -46,8 +46,6 @@ def fit(lives: Iterable[Sequence[tuple[float, float]]]) -> Growth | None:
 
 @dataclass
 class Kind:
-    """One kind of fault."""
-
     count: int = 0
     together: int = 0  # of them, under another fault
     worst_return_s: float = 0.0  # from the end of the fault to a session of both
@@ -71,7 +69,6 @@ class Report:
     summaries: dict[str, Any] = field(default_factory=dict)
 
     def measure(self, lives: Sequence[Life]) -> None:
-        """Fit growth to the lives of each daemon; say where it is beyond its bound."""
         for side in sorted({each.side for each in lives}):
             taken = [each.taken for each in lives if each.side == side]
             for quantity, bound in BOUNDS_PER_HOUR.items():
@@ -82,11 +79,9 @@ class Report:
                     self.violations.append(f"{side}: {quantity} grew by {told}")
 
     def failures(self) -> list[str]:
-        """Everything that was violated."""
         return self.violations + [f"{name}: {text}" for name, kind in self.kinds.items() for text in kind.violations]
 
     def lines(self) -> list[str]:
-        """For a person."""
         shown = [f"{'fault':15} {'count':>5} {'together':>8} {'worst return':>12} {'stalls':>6} {'violations':>10}"]
         for name, kind in self.kinds.items():
             figures = f"{kind.count:5} {kind.together:8} {kind.worst_return_s:10.2f} s {kind.stalls:6}"

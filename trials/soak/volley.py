@@ -24,7 +24,6 @@ _PROOF = 16
 
 
 def load(kind: str, genuine: Sequence[bytes], random: Random, key: bytes, calls: int = ROUNDS) -> list[bytes]:
-    """Datagrams of a kind, to be sent over and over."""
     sealed = [data for data in genuine if data[0] not in (Kind.HELLO, Kind.WELCOME)]
     if kind in ("forged", "replayed", "truncated") and not sealed:
         raise ValueError(f"{kind}: nothing genuine was recorded to make it of")

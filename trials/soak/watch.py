@@ -70,7 +70,6 @@ class Watch:
 
     @property
     def overruns(self) -> int:
-        """Records that nobody read in time."""
         return self._buried_overruns + sum(side.ring.overrun for side in self._session.sides.values() if side.ring)
 
     def begin(self) -> None:
@@ -81,7 +80,6 @@ class Watch:
         self._recent = {side: [] for side in SIDES}
 
     def seen(self, side: str) -> Records:
-        """What a side has written since `begin`."""
         return np.concatenate([NOTHING, *self._recent[side]])
 
     def both(self) -> dict[str, Records]:
@@ -120,7 +118,6 @@ class Watch:
             self._say(f"{side.side}: {text}")
 
     def _queues(self) -> dict[str, int]:
-        """Bytes that wait in the socket of each side."""
         master = self.books().master
         ports = {SLAVE: self._session.slave_address[1]} | ({} if master is None else {MASTER: master[1]})
         rows = [line.split() for line in Path("/proc/net/udp").read_text(encoding="ascii").splitlines()[1:]]
@@ -128,7 +125,6 @@ class Watch:
         return {side: sum(count for at, count in waiting if at == port) for side, port in ports.items()}
 
     def wait(self, seconds: float) -> None:
-        """Go on looking for so long."""
         self.until(lambda: False, seconds)
 
     def until(self, condition: Callable[[], object], limit: float) -> bool:
@@ -157,7 +153,6 @@ class Watch:
         return max(*(laws.longest_gap(self.seen(side), self.period) for side in SIDES), self._relay_late)
 
     def books(self) -> Books:
-        """Of the relay, as of now; what it was late is not forgotten."""
         books = self._session.wire.books()
         self._relay_late = max(self._relay_late, books.late)
         return books

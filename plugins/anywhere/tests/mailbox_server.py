@@ -31,7 +31,6 @@ class MailboxServer:
         return f"{'ws' if self._tls is None else 'wss'}://{self.host}:{self.port}/v1"
 
     def start(self) -> None:
-        """Start it, and wait until it listens."""
         listen = f"--port=tcp:{self.port}:interface={self.host}"
         if self._tls is not None:
             (found,) = re.findall(r"--port=ssl:4000(:\S+)", UNIT.read_text(encoding="utf-8"))

@@ -90,7 +90,6 @@ class ThirdParty:
         await self.send(type="add", phase=phase, body=body)
 
     async def stored(self) -> list[dict[str, Any]]:
-        """All messages so far, or the error."""
         await self.send(type="ping", ping="0")
         found = []
         while (told := json.loads(await self._socket.recv()))["type"] != "pong":

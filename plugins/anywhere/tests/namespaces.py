@@ -64,7 +64,6 @@ class Namespace:
 
     @property
     def prefix(self) -> tuple[str, ...]:
-        """The command that runs another command here."""
         return ("ip", "netns", "exec", self.name)
 
     def ip(self, *lines: str) -> None:
@@ -101,7 +100,6 @@ class Namespace:
             raise OSError(-error, "connections cannot be deleted")
 
     def delete(self) -> None:
-        """End the processes that still run here, and delete the namespace."""
         listed = subprocess.run(["ip", "netns", "pids", self.name], capture_output=True, text=True, check=False)
         for process in listed.stdout.split():
             with suppress(ProcessLookupError):

@@ -23,7 +23,6 @@ def ends(key: bytes = KEY) -> tuple[OutgoingCall, IncomingCalls]:
 
 
 def offered(caller: OutgoingCall, waiter: IncomingCalls, now: float = 0.0) -> Message:
-    """The offer that follows on the first two messages."""
     ready = waiter.receive(caller.first(), now, None)
     assert isinstance(ready, Message)
     assert caller.receive(ready) == Ready(None)

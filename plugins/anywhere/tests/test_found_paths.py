@@ -67,7 +67,6 @@ class End:
         return self
 
     def find(self, bound: socket.socket, found: PathFound) -> None:
-        """Hand a path over, as the finder does; the socket is closed here."""
         with bound:
             assert hand_over.send(self.finder, found, bound)
 
@@ -77,7 +76,6 @@ class End:
         return [event for event in self.events if isinstance(event, kind)]
 
     def ticks(self) -> list[int]:
-        """Of the updates that were received."""
         return [event.update.tick for event in self.of(UpdateReceived) if isinstance(event, UpdateReceived)]
 
     def told(self) -> list[hand_over.Message]:
@@ -129,7 +127,6 @@ class Middle:
         return port
 
     def _forward(self, index: int) -> None:
-        """Take what one end has sent, and send it to the other from the port that the other knows."""
         data, target = self._ports[index].recv(5000), self._ends[1 - index]
         if self.is_up and target is not None:
             for _ in range(1 + self.is_repeating):
@@ -165,7 +162,6 @@ async def engage(master: End, slave: End) -> None:
 
 
 async def send_ticks(master: End, first: int, count: int, during: Callable[[int], None] = lambda tick: None) -> None:
-    """Send an update in every tick of 1 ms, and call `during` before each."""
     for tick in range(first, first + count):
         during(tick)
         now = monotonic()

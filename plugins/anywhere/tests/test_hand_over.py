@@ -53,7 +53,6 @@ NO_MESSAGES = [
 
 @contextmanager
 def channel(bound: int = 0) -> Iterator[Any]:
-    """Both ends of a channel, and so many UDP sockets."""
     with ExitStack() as stack:
         pair = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(bound)]
@@ -65,7 +64,6 @@ def open_descriptors() -> int:
 
 
 def passed(message: hand_over.Message) -> hand_over.Message:
-    """Send a message, with a socket where it needs one, and receive it."""
     with channel(1) as (ours, theirs, bound):
         assert hand_over.send(ours, message, bound if isinstance(message, PathFound) else None)
         received = hand_over.receive(theirs)

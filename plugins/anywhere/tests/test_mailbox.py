@@ -37,8 +37,6 @@ WORDS = {
 
 @asynccontextmanager
 async def saying(*words: str) -> AsyncIterator[str]:
-    """URL of a server that says this to whoever connects."""
-
     async def tell(client: ServerConnection) -> None:
         for word in words:
             await client.send(word)
@@ -65,8 +63,6 @@ async def test_refusal_of_the_server_is_one_line(words: tuple[str, ...]) -> None
 
 @asynccontextmanager
 async def flooding(message: str) -> AsyncIterator[str]:
-    """URL of a server that says this without end."""
-
     async def flood(client: ServerConnection) -> None:
         await client.send(WELCOME)
         with suppress(ConnectionClosed):

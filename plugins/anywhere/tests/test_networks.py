@@ -22,7 +22,6 @@ def shows(expected: Networks) -> None:
 
 @pytest.fixture
 def host() -> Iterator[Namespace]:
-    """Two interfaces with a default route each; `phone` has the lower metric."""
     space = Namespace("n")
     try:
         for name, number, metric in (("wifi", 1, 200), ("phone", 2, 100)):

@@ -23,8 +23,6 @@ pytest.importorskip("wormhole_mailbox_server")
 
 
 class Hosts:
-    """The commands of two hosts, each with its own peers."""
-
     def __init__(self, mailbox: str, folder: Path) -> None:
         self.mailbox, self._folder, self._port = mailbox, folder, free_port()
 
@@ -51,14 +49,12 @@ def hosts(mailbox: MailboxServer, tmp_path: Path) -> Hosts:
 
 
 def until_line(program: Program, start: str) -> str:
-    """The rest of the first line that starts so."""
     while not (line := program.next_error()).startswith(start):
         assert line, f"the command ended without {start!r}"
     return line.removeprefix(start).rstrip()
 
 
 def until_shown(screen: RawIOBase, pattern: str) -> str:
-    """The first group of the pattern in what a terminal shows next."""
     shown = b""
     while (found := re.search(pattern.encode(), shown)) is None:
         piece = screen.read(1)

@@ -26,7 +26,6 @@ GOOD = b'{"label": null, "name": "a", "own": "b", "role": "slave", "key": "%s"}'
 
 @pytest.fixture
 def store(tmp_path: Path) -> PeerStore:
-    """With one peer."""
     made, before = PeerStore(tmp_path / "some" / "peers"), os.umask(0)
     try:
         assert list(made) == []

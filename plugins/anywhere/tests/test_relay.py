@@ -42,7 +42,6 @@ async def client(username: str | None, password: str | None) -> turn.TurnClientU
 
 
 async def refused(request: Coroutine[Any, Any, Any]) -> int:
-    """Error code with which the relay answers a request; 0 if it grants it."""
     try:
         await request
     except stun.TransactionFailed as refusal:

@@ -96,7 +96,6 @@ class Router:
         space.nft(_RULES[nat])
 
     def connect_host(self) -> None:
-        """Plug the host in, perhaps again."""
         # An interface with a larger number is the second choice of a host that does not name one.
         self.host.ip(
             f"addr replace {self.address}/{self.size} dev {self.interface}",
@@ -110,15 +109,12 @@ _PRIVATE = {FIRST: ("192.168.1.0", 24), SECOND: ("10.64.0.0", 24)}
 
 
 class Home(NamedTuple):
-    """A host, and its router for each interface."""
-
     space: Namespace
     first: Router
     second: Router | None
 
     @property
     def prefix(self) -> tuple[str, ...]:
-        """The command that runs another command on the host."""
         return self.space.prefix
 
 
@@ -135,7 +131,6 @@ class Relay:
         self._command = (*space.prefix, str(RELAY), str(secret), *addresses)
 
     def start(self) -> None:
-        """Start it, and wait until it answers."""
         environment = {**os.environ, "RUNTIME_DIRECTORY": str(self._folder)}
         with (self._folder / "log").open("wb") as log:
             self._process = subprocess.Popen(
@@ -156,7 +151,6 @@ class Relay:
         raise RuntimeError(f"the relay did not start: {(self._folder / 'log').read_text(errors='replace')}")
 
     def stop(self) -> None:
-        """Kill it; all allocations are lost."""
         if self._process is not None:
             self._process.kill()
             self._process.wait()
@@ -198,7 +192,6 @@ class Internet:
         return Home(host, first, self._router(host, second, SECOND) if second else None)
 
     def start_relay(self) -> Relay:
-        """Start coturn at `SERVER`."""
         folder = Path(self._stack.enter_context(TemporaryDirectory(prefix="wl-relay-")))
         relay = Relay(self.public, folder)
         self._stack.callback(relay.stop)
@@ -206,7 +199,6 @@ class Internet:
         return relay
 
     def start_mailbox(self) -> MailboxServer:
-        """Start the mailbox server at `SERVER`."""
         return self._stack.enter_context(MailboxServer(SERVER, MAILBOX_PORT, self.public.prefix))
 
     def _space(self, role: str) -> Namespace:

@@ -48,7 +48,6 @@ def unplug(router: Router) -> None:
 
 
 def readdress(router: Router) -> None:
-    """Give the host another address in its net, as a DHCP server may."""
     before = router.address
     base, last = before.rsplit(".", 1)
     router.address = f"{base}.{int(last) + 1}"
@@ -64,7 +63,6 @@ def renumber(router: Router) -> None:
 
 
 def shorten(router: Router) -> None:
-    """Unused mappings live for a second."""
     for kind in ("timeout", "timeout_stream"):
         router.space.set_sysctl(f"netfilter/nf_conntrack_udp_{kind}", 1)
 
@@ -130,7 +128,6 @@ def inflict(fault: Fault) -> tuple["Interruption | None", list[str]]:
 
 
 def is_in_contact(operator: Side) -> bool:
-    """Whether there was force on the hand for the last 0.3 s, in a session."""
     last = operator.records[-300:]
     forces = np.linalg.norm(last["output"], axis=1)
     return len(last) == 300 and bool((forces > CONTACT_N).all() and (last["state"] == ENGAGED).all())
@@ -138,8 +135,6 @@ def is_in_contact(operator: Side) -> bool:
 
 @dataclass(frozen=True)
 class Interruption:
-    """Of one run."""
-
     away_ms: float  # how long hand or robot were without a session
     back_ms: float | None  # from the end of the fault until both are in a session again; None if they are not
     # from the last datagram that a side heard to its last tick with force on the hand, or of the session in which the
@@ -151,7 +146,6 @@ class Interruption:
 
 
 def measure(master: Records, slave: Records, failed: float, restored: float) -> Interruption:
-    """The figures of a run whose fault began in a session at `failed`, and was over at `restored` [s]."""
     gone = [side["at"][(side["at"] >= failed) & (side["state"] != ENGAGED)] for side in (master, slave)]
     is_back = master["state"][-1] == slave["state"][-1] == ENGAGED
     force = np.linalg.norm(master["output"], axis=1)

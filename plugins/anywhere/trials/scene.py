@@ -93,8 +93,6 @@ def waits(slave: Side) -> bool:
 
 @dataclass(frozen=True)
 class Meeting:
-    """Of two hosts."""
-
     line: str  # the outcome that the operator's command reports
     route: str = ""  # "direct", "punched" or "relayed"; "" without a session
     engaged_s: float | None = None  # from the operator's command to the first tick of the session; None without one
@@ -124,7 +122,6 @@ def meeting(operator: Side) -> Meeting:
 
 
 def meet(place: Scene, *arguments: str) -> Meeting:
-    """Start the robot's side, then the operator's."""
     with place.robot.command(SLAVE, *arguments) as robot:
         if not waits(robot):
             return Meeting(f"slave: {robot.last_line}")
@@ -133,7 +130,6 @@ def meet(place: Scene, *arguments: str) -> Meeting:
 
 
 def expected_route(robot: str, operator: str) -> str:
-    """By which way two hosts must meet; "" if they cannot."""
     if BLOCKED in (robot, operator):
         return ""
     if SYMMETRIC in (robot, operator) and NONE not in (robot, operator):
@@ -142,7 +138,6 @@ def expected_route(robot: str, operator: str) -> str:
 
 
 def nat_row(laws: Laws, kinds: tuple[str, ...] = NATS) -> dict[str, Any]:
-    """Every kind of NAT with every other."""
     found = {}
     write(f"{'robot':10} {'operator':10} {'way':8} {'engaged s':>9} {'started':>7} {'rtt ms':>7} {'jitter ms':>9}")
     for robot, operator in [("", ""), *((one, other) for one in kinds for other in kinds)]:

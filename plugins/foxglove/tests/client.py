@@ -33,7 +33,6 @@ class FoxgloveClient:
         self._thread.join()
 
     def answer(self, op: str, to: str, **content: Any) -> dict[str, Any]:
-        """Send something, and wait for what it brings."""
         known = len(self.told)
         self._socket.send(json.dumps({"op": op, **content}))
         return until(lambda: next((each for each in self.told[known:] if each["op"] == to), {}), to)

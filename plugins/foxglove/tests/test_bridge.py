@@ -35,7 +35,6 @@ class View:
         self._follower.look(self._now)
 
     def until(self, topic: str, count: int = 1) -> list[bytes]:
-        """Messages of a topic, once there are so many."""
         until(lambda: self.look() or len(self.client.messages[topic]) >= count, f"{count} messages of {topic}")  # type: ignore[func-returns-value]
         return self.client.messages[topic]
 
@@ -44,7 +43,6 @@ class View:
         return [decode(message, self.client.types[topic]) for message in self.until(topic, count)]
 
     def ask(self, name: str) -> dict[str, Any]:
-        """The answer to the wish that a parameter be 0.2."""
         return self.client.answer("setParameters", "status", parameters=[{"name": name, "value": 0.2}])
 
     def __enter__(self) -> Self:

@@ -26,7 +26,6 @@ class Browser:
         self._requests: list[str] = []
 
     def open(self, address: str) -> None:
-        """A page, with an empty console and no requests yet."""
         self.driver.get("about:blank")
         self._read()
         self._console.clear()
@@ -34,31 +33,25 @@ class Browser:
         self.driver.get(address)
 
     def size(self, width: int, height: int) -> None:
-        """Of what is seen of the page [px]."""
         self.driver.execute_cdp_cmd(
             "Emulation.setDeviceMetricsOverride",
             {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False},
         )
 
     def scheme(self, name: str) -> None:
-        """What the system prefers: `dark` or `light`."""
         features = [{"name": "prefers-color-scheme", "value": name}]
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
 
     def run(self, script: str, *arguments: object) -> Any:
-        """The value of `return ...` in the page."""
         return self.driver.execute_script(script, *arguments)
 
     def text(self, name: str) -> str:
-        """Of the element with this id, as it reads."""
         return str(self.run("return document.getElementById(arguments[0]).innerText", name))
 
     def data(self, name: str, key: str = "value") -> str:
-        """Of the element with this id."""
         return str(self.run("return document.getElementById(arguments[0]).dataset[arguments[1]] ?? ''", name, key))
 
     def picked(self, name: str) -> str:
-        """What a control is set to."""
         return str(self.run("return document.getElementById(arguments[0]).value", name))
 
     def number(self, name: str) -> float:
@@ -80,7 +73,6 @@ class Browser:
         )
 
     def pixels(self, selector: str) -> int:
-        """How many different colours a drawn canvas has."""
         count = self.run(
             "const c = document.querySelector(arguments[0]); const d = document.createElement('canvas');"
             "d.width = c.width; d.height = c.height; const x = d.getContext('2d'); x.drawImage(c, 0, 0);"
@@ -95,7 +87,6 @@ class Browser:
         return list(self._console)
 
     def hosts(self) -> set[str]:
-        """With whom the page wished to speak: host and port."""
         self._read()
         parts = [urlsplit(address) for address in self._requests]
         return {part.netloc for part in parts if part.scheme in SCHEMES_OF_THE_NETWORK}

@@ -12,7 +12,6 @@ PLAIN = {str: "string", int: "number", float: "number", bool: "boolean", type(No
 
 
 def declarations() -> str:
-    """All message types as TypeScript."""
     kinds = {name: kind for name, kind in vars(messages).items() if hasattr(kind, "__required_keys__")}
     lines = ["// Written by `python -m plugins.page.tests.declarations` from messages.py.", ""]
     for name, kind in kinds.items():
@@ -27,7 +26,6 @@ def declarations() -> str:
 
 
 def typescript(hint: Any) -> str:
-    """A type hint in TypeScript."""
     origin, arguments = get_origin(hint), get_args(hint)
     inner = [f'"{each}"' if origin is Literal else typescript(each) for each in arguments]
     if origin in (NotRequired, Annotated):

@@ -12,15 +12,12 @@ class Monitor(Command):
 
     @property
     def url(self) -> str:
-        """Of the server, once the page is served; without the slash at the end."""
         return self.until_said(r"(http://[^ /]+)/#")
 
     @property
     def address(self) -> str:
-        """Of the page with the key, as it is printed."""
         return self.until_said(r"http://\S+#key=\S+")
 
     @property
     def key(self) -> str:
-        """Of who may change something."""
         return self.address.partition("#key=")[2]

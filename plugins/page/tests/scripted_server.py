@@ -54,8 +54,6 @@ class ScriptedServer:
         return f"http://127.0.0.1:{self.port}/"
 
     def start(self) -> None:
-        """Serve, on the same port as before if there was one."""
-
         async def start() -> None:
             site = Site(self, access.names("127.0.0.1"), lambda: (b"", "text/plain"))  # type: ignore[arg-type]
             application = site.application()
@@ -73,8 +71,6 @@ class ScriptedServer:
             self._runner = None
 
     def say(self, *messages: Message) -> None:
-        """To every page."""
-
         async def say() -> None:
             for viewer in self.viewers:
                 self._put(viewer, messages)
@@ -111,7 +107,6 @@ class ScriptedServer:
 
     @web.middleware
     async def _answered(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        """Answer what the page asks by HTTP."""
         if request.method == "POST":
             self.posted.append((request.path_qs, request.headers.get("X-WeberLink-Token")))
             answer = self.answer({"type": request.path})

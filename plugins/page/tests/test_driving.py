@@ -19,8 +19,6 @@ ABOVE, BELOW = (0.0, 0.0, 0.03), (0.0, 0.01, -0.02)
 
 
 class Device:
-    """What arrives at the device of a session."""
-
     def __init__(self, pid: int) -> None:
         assert pid == PID
         self.sent: list[tuple[Vector, bool]] = []
@@ -65,7 +63,6 @@ class Visit:
         return answer
 
     def states(self) -> list[str]:
-        """What each page was told last of the handle."""
         return [[json.loads(text) for text in iter(page.take, None)][-1]["state"] for page in self.pages]
 
 

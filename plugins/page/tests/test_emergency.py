@@ -58,7 +58,6 @@ asyncio.run(main())
 
 
 def stop(where: str, token: str) -> float:
-    """Ask for an emergency stop; returns when [s]."""
     client = http.client.HTTPConnection(where, timeout=PATIENCE)
     at = monotonic()
     client.request("POST", EMERGENCY, headers={PROOF_HEADER: token})
@@ -168,7 +167,6 @@ def test_requests_that_are_none_are_answered_and_write_nothing() -> None:
 
 
 def front_of(pid: int) -> int | None:
-    """The process that takes the connections of a monitor."""
     for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
         if b"weberlink_page.front" in Path(f"/proc/{child}/cmdline").read_bytes():
             return int(child)

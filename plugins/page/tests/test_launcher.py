@@ -38,8 +38,6 @@ sys.exit(1 if "failing=1" in sys.argv else 0)
 
 
 class Told:
-    """A launcher, and what it says."""
-
     def __init__(self, notes: Path, order: TryOrder) -> None:
         self.notes = notes
         self.lines: list[str] = []
@@ -65,7 +63,6 @@ class Told:
 
     @property
     def ended(self) -> tuple[int, dict[str, Any] | None]:
-        """Status and report of the last session."""
         assert self.launcher.last is not None
         return self.launcher.last.status, self.launcher.last.report
 
@@ -130,7 +127,6 @@ def test_another_scene_is_another_session_and_one_is_started_at_a_time(tmp_path:
 
 
 async def restart_and_stop(told: Told, when: str) -> None:
-    """Start another scene, and stop at a moment of the start."""
     await told.until_begun(1)
     assert told.launcher.request_start("box", 0) == {"accepted": True}
     while len(told.launcher.started) < 2 and when == "after":

@@ -73,7 +73,6 @@ def flat(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 
 @pytest.fixture(scope="module")
 def deep(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    """One with WebGL."""
     with browser(tmp_path_factory.mktemp("deep")) as one:
         yield one
 
@@ -122,7 +121,6 @@ def greeting(kind: str = "3") -> list[Message]:
 
 
 def visit(page: Browser, server: ScriptedServer, *messages: Message) -> None:
-    """Open the page, which is told these when it connects."""
     server.greeting = list(messages)
     page.open(server.address)
     page.wait(lambda: page.data("scene") in ("webgl", "missing"), "the 3-D view, or that there is none")
@@ -130,7 +128,6 @@ def visit(page: Browser, server: ScriptedServer, *messages: Message) -> None:
 
 
 def chain(page: Browser) -> Any:
-    """Actions of a person at the page."""
     from selenium.webdriver import ActionChains  # noqa: PLC0415 - an optional library
 
     return ActionChains(page.driver, duration=20)

@@ -48,7 +48,6 @@ class Rig:
         self.ticks = 0
 
     def tick(self, count: int = 50) -> None:
-        """Write records of now."""
         made = records(count, first=self.ticks)
         made["at"] = monotonic() + np.arange(count) * 1e-6
         write(self.ring, made)

@@ -67,8 +67,6 @@ class Page:
 
     @asynccontextmanager
     async def holding(self, target: Target) -> AsyncIterator[None]:
-        """Hold the handle, as a page does."""
-
         async def repeat() -> None:
             while True:
                 await self.send(type="drive", target=target, held=True)
@@ -79,7 +77,6 @@ class Page:
         repeating.cancel()
 
     async def drive(self, target: Target, condition: Callable[[], object], what: str) -> None:
-        """Hold the handle until a condition holds."""
         async with self.holding(target):
             await soon(condition, what)
 
@@ -101,8 +98,6 @@ async def opened(client: aiohttp.ClientSession, monitor: Monitor) -> AsyncIterat
 
 
 class Ends:
-    """What both daemons of a session record."""
-
     def __init__(self, page: Page) -> None:
         session = page.hello["session"]
         self.master, self.slave = (Telemetry(default_path(f"{session}-{side}")) for side in ("master", "slave"))

@@ -73,7 +73,6 @@ def test_pinned_page_stays_with_its_session_and_others_see_the_newest() -> None:
 
 
 async def asked(watch: SessionWatcher, viewer: Viewer, request: object) -> Any:
-    """The answer to a request, or its refusal."""
     read = watch.requests.read(viewer, json.dumps(request))
     return read if read["type"] == "answer" else await watch.requests.answer(viewer, read)
 

@@ -30,7 +30,6 @@ def endpoint() -> str:
 
 
 def ring(folder: Path, side: str, session: int = 7, described: Any = None) -> RingWriter:
-    """Of a side that runs."""
     path = folder / f"weberlink-{session}-{side}.ring"
     Description(path, described or description(side)).publish()
     return RingWriter.create(path, side=side, rate_hz=1000.0, capacity=4096)
@@ -52,7 +51,6 @@ def body(x: float, stamp_ns: int, frame: str = "weberlink", type_name: str = TYP
 
 @contextmanager
 def steadily(publisher: Publisher, x: float, **other: Any) -> Iterator[None]:
-    """Publish a pose at 100 Hz during the block."""
     ended = Event()
 
     def publish() -> None:
@@ -71,7 +69,6 @@ def steadily(publisher: Publisher, x: float, **other: Any) -> Iterator[None]:
 
 @contextmanager
 def publishing(router: str, type_name: str = TYPE) -> Iterator[Publisher]:
-    """A publisher of a node of its own."""
     with Node("leader", 0, router) as node:
         yield node.publisher(TOPIC, type_name)
 
@@ -89,8 +86,6 @@ def listening(router: str, **other: Any) -> Iterator[ListenerProcess]:
 
 
 def await_trouble(process: ListenerProcess, part: str | None) -> None:
-    """Wait until the trouble has a part, or there is none."""
-
     def is_told() -> bool:
         process.newest()
         return process.trouble is None if part is None else part in (process.trouble or "")

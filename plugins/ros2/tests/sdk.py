@@ -49,14 +49,12 @@ def listed(port: int, domain: int, at_least: int) -> list[tuple[str, list[str]]]
 
 
 def wait_for(condition: Callable[[], bool]) -> None:
-    """Wait for it, no longer than the patience."""
     give_up = time.monotonic() + PATIENCE_S
     while not condition() and time.monotonic() < give_up:
         time.sleep(0.01)
 
 
 def fields(value: Any) -> Any:
-    """A message as JSON."""
     if hasattr(value, "__dataclass_fields__"):
         return {name: fields(getattr(value, name)) for name in value.__dataclass_fields__ if name != "__msgtype__"}
     if isinstance(value, list):

@@ -29,7 +29,6 @@ def pose(at: float, *, delay: float = 0.002, stamp_s: float | None = None, **oth
 
 
 def let(subscription: Subscription = WANTED) -> Admission:
-    """Somebody lets one publisher lead."""
     admission = Admission(subscription)
     admission.engage()
     return admission

@@ -38,8 +38,6 @@ class Publisher:
 
 
 class Node:
-    """Keeps what is published."""
-
     connections, is_router = 1, False
 
     def __init__(self) -> None:
@@ -51,8 +49,6 @@ class Node:
 
 
 class Live:
-    """A bridge that follows rings in a folder."""
-
     def __init__(self, folder: Path) -> None:
         self.folder, self.node, self.now = folder, Node(), 0.0
         bridge = Ros2Bridge(self.node, Qos(), None, print, wall_offset_s)  # type: ignore[arg-type]
@@ -63,7 +59,6 @@ class Live:
         self.follower.look(self.now)
 
     def statuses(self) -> dict[str, Any]:
-        """The newest diagnostics by name."""
         return {status.name: status for status in self.node.topics[DIAGNOSTICS].messages[-1].status}
 
 

@@ -17,8 +17,6 @@ from weberlink_ros2.device import Ros2Device, Ros2Options
 
 
 class Poses(Targets):
-    """Poses of a topic as its listener hands them on."""
-
     trouble: str | None = None
     failure: str | None = None
     allowed = False
@@ -43,7 +41,6 @@ class TestRos2(DeviceContract):
 
 
 def held() -> Targets:
-    """Somebody lets the topic lead."""
     return Targets(lambda _time: (ZERO, True))
 
 

@@ -28,7 +28,6 @@ def hear(node: Node, topic: str = "/chatter") -> Heard:
 
 
 def published(node: Node, heard: Heard) -> Publisher:
-    """A publisher whose messages are heard."""
     publisher = node.publisher("/chatter", STRING)
     until(lambda: publisher.put_body(BODY, 5) or heard, "a message")
     return publisher

@@ -23,7 +23,6 @@ PICTURES = [jpeg(64, 48), jpeg(96, 64), jpeg(80, 72, progressive=True), jpeg(72,
 
 
 def claims(width: int, height: int) -> bytes:
-    """A picture of a few bytes that says it is so large."""
     made = bytearray(jpeg())
     at = made.index(b"\xff\xc0") + 5
     made[at : at + 4] = height.to_bytes(2, "big") + width.to_bytes(2, "big")

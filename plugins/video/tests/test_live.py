@@ -43,8 +43,6 @@ def write(path: Path, key: Path | None, *, port: int = 0, pictures: int = 47_001
 
 
 class Reader(AbstractContextManager["Reader"]):
-    """Who shows the pictures of a side of a session."""
-
     def __init__(self, pid: int, side: str) -> None:
         path = path_beside(default_path(f"{pid}-{side}"))
         self._socket = socket.socket(socket.AF_UNIX)

@@ -117,7 +117,6 @@ def bottleneck(emulation: Emulation, ports: Mapping[int, int]) -> Iterator[None]
 
 
 def glass_to_glass(folder: Path, name: str, seconds: float) -> dict[str, Any]:
-    """From the drawing of the test picture to the screen of the browser."""
     with ExitStack() as stack:
         prefix, host = stack.enter_context(lan()) if name == LAN else ((), "127.0.0.1")
         file = session(folder, LINKS[name], host=host)
