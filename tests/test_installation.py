@@ -40,16 +40,20 @@ def wheel(tmp_path: Path) -> Path:
     return package.parent
 
 
-def test_clone_is_installed_anew_and_a_wheel_by_its_name(wheel: Path, tmp_path: Path) -> None:
-    assert line(ROOT, ROOT / "src")[-3:] == ["install", "-e", ".[docs]"]
-    assert line(tmp_path, ROOT / "src")[-3:] == ["install", "-e", f"{ROOT}[docs]"]
-    assert line(tmp_path, wheel)[-2:] == ["install", "weberlink[docs]"]
+LINES = [
+    ("docs", ".[docs]", f"{ROOT}[docs]", "weberlink[docs]"),
+    ("studies", "./plugins/studies", f"{ROOT}/plugins/studies", "weberlink-studies"),
+    ("studies[dask]", "./plugins/studies[dask]", f"{ROOT}/plugins/studies[dask]", "weberlink-studies[dask]"),
+]
 
 
-def test_a_guest_has_a_folder_of_its_own_in_a_clone_and_a_wheel_of_its_own(wheel: Path, tmp_path: Path) -> None:
-    assert line(ROOT, ROOT / "src", extra="studies")[-3:] == ["install", "-e", "./plugins/studies"]
-    assert line(tmp_path, ROOT / "src", extra="studies[dask]")[-1] == f"{ROOT}/plugins/studies[dask]"
-    assert line(tmp_path, wheel, extra="studies[dask]")[-2:] == ["install", "weberlink-studies[dask]"]
+@pytest.mark.parametrize(("extra", "here", "elsewhere", "of_a_wheel"), LINES)
+def test_a_clone_is_installed_anew_and_a_wheel_by_its_name(
+    extra: str, here: str, elsewhere: str, of_a_wheel: str, wheel: Path, tmp_path: Path
+) -> None:
+    assert line(ROOT, ROOT / "src", extra=extra)[-3:] == ["install", "-e", here]
+    assert line(tmp_path, ROOT / "src", extra=extra)[-3:] == ["install", "-e", elsewhere]
+    assert line(tmp_path, wheel, extra=extra)[-2:] == ["install", of_a_wheel]
 
 
 def test_it_is_the_installer_of_this_environment(wheel: Path, tmp_path: Path) -> None:

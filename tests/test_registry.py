@@ -58,36 +58,26 @@ def raised(deed: Callable[[], object]) -> Exception:
 
 
 def test_error_of_a_part_names_kind_distribution_error_and_line(acme: Any) -> None:
-    table: Registry[Any] = Registry("driver", {}, "weberlink.test_drivers")
-    error = raised(lambda: table["late"]().act(acme.fail))
-    line = PARTS.splitlines().index('    raise ValueError("two\\nlines")') + 1
-    assert fault_of(error) == (f"driver fault: late of acme-parts: ValueError: two lines (parts.py:{line})", True)
-    # The base class has no name of its own, and code of others that the part calls counts as the part's.
-    assert fault_of(raised(lambda: table["late"]().act(lambda: {}["x"]))) is not None
-
-
-def test_a_part_derived_from_one_that_is_built_in_is_named_itself(acme: Any) -> None:
     table: Registry[Any] = Registry("driver", {"plain": acme.Driver}, "weberlink.test_drivers")
-    table.load("plain")
+    table.load("plain")  # the base of the other one
+    line = PARTS.splitlines().index('    raise ValueError("two\\nlines")') + 1
     told = fault_of(raised(lambda: table["late"]().act(acme.fail)))
-    assert told is not None and told.text.startswith("driver fault: late of acme-parts: ") and told.is_foreign
+    assert told == (f"driver fault: late of acme-parts: ValueError: two lines (parts.py:{line})", True)
 
 
-def test_code_beside_a_part_counts_where_no_part_runs(acme: Any) -> None:
-    table: Registry[Any] = Registry("scheme", {}, "weberlink.test_schemes")
-    table.load("scheme")
+def test_code_that_a_part_calls_and_code_beside_one_count_as_the_part_s(acme: Any) -> None:
+    drivers: Registry[Any] = Registry("driver", {}, "weberlink.test_drivers")
+    assert fault_of(raised(lambda: drivers["late"]().act(lambda: {}["x"]))) is not None
+    schemes: Registry[Any] = Registry("scheme", {}, "weberlink.test_schemes")
+    schemes.load("scheme")
     told = fault_of(raised(acme.fail))
-    assert told is not None
-    assert " of acme-parts: ValueError: two lines (parts.py:" in told.text
+    assert told is not None and " of acme-parts: ValueError: two lines (parts.py:" in told.text
 
 
 def test_built_in_part_is_named_without_a_distribution() -> None:
-    table: Registry[Any] = Registry("own", {"driver": OwnDriver})
-    driver = table["driver"]()
-    told = fault_of(raised(driver.act))
-    assert told is not None
+    told = fault_of(raised(Registry[Any]("own", {"driver": OwnDriver})["driver"]().act))
+    assert told is not None and not told.is_foreign
     assert told.text.startswith("own fault: driver: KeyError: 'x' (test_registry.py:")
-    assert not told.is_foreign
 
 
 def test_other_errors_are_nobody_s_fault() -> None:

@@ -3,7 +3,6 @@
 import json
 import re
 import shlex
-import stat
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -67,6 +66,7 @@ WRONG = {
     "loopback --duration 0 --log missing/log": "--log",
     f"simulate {FIG6} --duration 0 --trace -": "--trace",
     "keygen -": "out",
+    f"keygen {LOOPBACK}": "loopback.yaml exists already",
     "configs --out a.yaml": "--out",
     "configs deley": "delay",
 }
@@ -94,17 +94,6 @@ def test_a_file_in_place_of_the_directory_for_telemetry_is_one_line(monkeypatch:
         (Path(login) / "weberlink").touch()
         monkeypatch.setenv("XDG_RUNTIME_DIR", login)
         assert "weberlink is a file" in complaint(run("loopback --duration 0"), 1)
-
-
-def test_a_key_is_private_and_never_written_over_another(tmp_path: Path) -> None:
-    path = tmp_path / "a.key"
-    assert run("keygen", path).status == run("keygen", tmp_path / "b.key").status == 0
-    content = path.read_bytes()
-    assert (stat.S_IMODE(path.stat().st_mode), content != (tmp_path / "b.key").read_bytes()) == (0o600, True)
-    assert str(path) in complaint(run("keygen", path))
-    assert path.read_bytes() == content
-    path.chmod(0o644)
-    assert "chmod 600" in complaint(run("check configs/lan.yaml --set", f"link.key_file={path}"))
 
 
 @pytest.mark.parametrize("name", FILES)

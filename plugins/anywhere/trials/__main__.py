@@ -19,8 +19,8 @@ from typing import Any
 from plugins.anywhere.tests.namespaces import missing
 from plugins.anywhere.tests.testbed import NATS
 from plugins.anywhere.trials.faults import FAULTS, inflict
+from plugins.anywhere.trials.laws import Laws, write
 from plugins.anywhere.trials.scene import nat_row, readme_row
-from tests.laws import Laws, write
 from weberlink.figures.environment import environment, footer
 
 ATTEMPTS = 3  # A row in which the host itself stood still says nothing, and is tried again

@@ -26,7 +26,7 @@ from plugins.anywhere.tests.testbed import (
     Internet,
     Relay,
 )
-from tests.laws import Laws, write
+from plugins.anywhere.trials.laws import Laws, write
 from tests.program import ENGAGED
 from trials.rig import Side, within
 from weberlink.config import MASTER, SLAVE

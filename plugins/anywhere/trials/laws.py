@@ -4,8 +4,6 @@ import sys
 from textwrap import wrap
 
 INDENT = " " * 7  # under a law, behind its "ok" or "BROKEN"
-
-
 COLUMNS = 80
 
 
