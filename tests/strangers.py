@@ -84,10 +84,10 @@ def squat_link(path: str | Path, target: str | Path) -> None:
     Path(path).symlink_to(target)
 
 
-def squat_large(path: str | Path, size: int = 2**30) -> None:
+def squat_large(path: str | Path) -> None:
     """Take a name with a file that claims to be large and takes no room."""
     with Path(path).open("wb") as file:
-        file.truncate(size)
+        file.truncate(2**30)
     Path(path).chmod(0o666)
 
 

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,7 @@ BROKEN = "broken"
 COLOURS = {READY: "green", NOTHING: "dim", UNSEEN: "dim"}
 
 LATENCY_MS = 1  # value that the rules set the latency timer of an FTDI chip to
+TTYS, LINKS = Path("/sys/class/tty"), Path("/dev/serial/by-id")
 
 
 SIDES: Mapping[str, Registry[Any]] = {"master": DEVICES, "slave": ROBOTS}
@@ -45,10 +46,7 @@ class DeviceAccess:
     """Access to this machine, replaceable in tests."""
 
     accessible: Callable[[str], bool] = lambda path: os.access(path, os.R_OK | os.W_OK)
-    groups: frozenset[int] = field(default_factory=lambda: frozenset((*os.getgroups(), os.getegid())))
     rules: Sequence[Path] = rules.FOLDERS
-    ttys: Path = Path("/sys/class/tty")
-    links: Path = Path("/dev/serial/by-id")
 
 
 @dataclass(frozen=True)
@@ -154,7 +152,7 @@ def _status(side: str, table: Registry[Any], name: str, host: DeviceAccess, has_
     advice = [line for _, line in states if line]
     usable = [device for device, (state, _) in zip(plugged, states, strict=True) if state == READY]
     if len(usable) > 1:
-        choices = " or ".join(f"port: {_lasting(device.path, host.links)}" for device in usable)
+        choices = " or ".join(f"port: {_lasting(device.path)}" for device in usable)
         choices = getattr(driver, "CHOSEN_BY", choices)
         advice.append(f"{len(usable)} are plugged in; say which under {SECTIONS[side]}: {choices}")
     state = READY if usable else states[0][0] if states else NOTHING
@@ -169,13 +167,13 @@ def _device_state(
     if path.startswith("/") and not host.accessible(path):
         if covered and not has_rules:
             return NO_RULES, rules.install_line()
-        group = rules.group_line(path, host.groups)
+        group = rules.group_line(path)
         if group is None and covered:
             group = f"unplug {path} and plug it in again: it was plugged in before the rules were installed"
         return NO_PERMISSION, group or f"no permission to open {path}; {package} documents the udev rule that it needs"
     if device.problem is not None:
         return UNUSABLE, f"{path}: {device.problem}"
-    timer = host.ttys / Path(path).name / "device" / "latency_timer"  # which only FTDI chips have
+    timer = TTYS / Path(path).name / "device" / "latency_timer"  # which only FTDI chips have
     try:
         latency_ms = int(timer.read_text())
     except (OSError, ValueError):
@@ -187,10 +185,10 @@ def _device_state(
     return READY, f"{path} delays replies by {latency_ms} ms (latency timer): {line}"
 
 
-def _lasting(path: str, links: Path) -> str:
+def _lasting(path: str) -> str:
     """The stable name of a port, if it has one."""
     try:
-        named = sorted(links.iterdir())
+        named = sorted(LINKS.iterdir())
     except OSError:
         return path
     return next((str(link) for link in named if os.path.realpath(link) == os.path.realpath(path)), path)

@@ -11,7 +11,7 @@ import shutil
 import stat
 import subprocess
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from importlib.metadata import entry_points
 from importlib.resources import files
@@ -90,15 +90,15 @@ def install_line() -> str:
     return f"sudo {shlex.join(words)} device rules"
 
 
-def group_line(path: str, groups: Iterable[int]) -> str | None:
-    """How to join the group that may open a device, if this process, of these groups, lacks that alone."""
+def group_line(path: str) -> str | None:
+    """How to join the group that may open a device, if this process lacks that alone."""
     try:
         status = os.stat(path)  # noqa: PTH116 - a device, not a file to read
         group = grp.getgrgid(status.st_gid)
     except (OSError, KeyError):
         return None
     may = status.st_mode & (stat.S_IRGRP | stat.S_IWGRP) == stat.S_IRGRP | stat.S_IWGRP
-    if not may or status.st_gid == 0 or status.st_gid in groups:
+    if not may or status.st_gid == 0 or status.st_gid in (*os.getgroups(), os.getegid()):
         return None
     with suppress(KeyError):  # of a user without a name
         if pwd.getpwuid(os.getuid()).pw_name in group.gr_mem:

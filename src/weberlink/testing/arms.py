@@ -14,14 +14,15 @@ from weberlink.slave.robots import FOLLOWERS
 from weberlink.testing.contract import FaultContract
 from weberlink.testing.time import until
 
+MOVES_RAD = 0.15  # also of a follower that is told to move on by 0.25 rad
+
 
 @dataclass
 class ArmBench:
-    """An arm; the first axis of a leader moves by more than `moves_rad`, as its hand or program does."""
+    """An arm; the first axis of a leader moves by more than `MOVES_RAD`, as its hand or program does."""
 
     arm: Any  # not open
     tick: Callable[[], float]  # the time of the next tick [s]; waits for it where time is real
-    moves_rad: float = 0.15  # also of a follower that is told to move on by 0.25 rad
     faults: Mapping[str, Callable[[], None]] = field(default_factory=dict)  # none for one that is computed
     torques_on: Callable[[], Sequence[bool]] | None = None  # of the motors of hardware
 
@@ -89,7 +90,7 @@ class _ArmContract:
             assert len(reading.angles) == len(reading.torques) == arm.spec.axes
             assert is_finite(reading.angles) and is_finite(reading.torques)
             before = reading.at
-            return bool(abs(reading.angles[0] - first.angles[0]) > bench.moves_rad)
+            return bool(abs(reading.angles[0] - first.angles[0]) > MOVES_RAD)
 
         until(has_moved, "the arm to move", pause=0.0)
 

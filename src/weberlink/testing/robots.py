@@ -12,7 +12,7 @@ from weberlink.geometry.vector import Vector, distance, dot, is_finite, norm
 from weberlink.slave.robots import ROBOTS
 from weberlink.slave.robots.contract import OrientedRobot, Robot, RobotFault
 from weberlink.testing.contract import FaultContract, assert_is_read_while_open
-from weberlink.testing.time import PATIENCE, until
+from weberlink.testing.time import PATIENCE, TICK, until
 
 
 @dataclass
@@ -144,11 +144,11 @@ class HardwareRobotContract(FaultContract, RobotContract):
             robot.latest(bench.tick())
 
 
-def approach(bench: RobotBench, goal: Vector, speed: float = 0.2) -> Vector:
-    """Lead it to a place at this speed [m/s], and wait; gives where it came to."""
+def approach(bench: RobotBench, goal: Vector) -> Vector:
+    """Lead it to a place at 0.2 m/s, and wait; gives where it came to."""
     robot = bench.robot
     start = robot.latest(bench.tick()).position
-    steps = max(1, round(distance(start, goal) / speed / 0.001))
+    steps = max(1, round(distance(start, goal) / 0.2 / TICK))
     for step in range(1, steps + 1):
         share = step / steps
         x, y, z = (a + share * (b - a) for a, b in zip(start, goal, strict=True))

@@ -23,7 +23,6 @@ def serve(
     emulator: Emulator,
     descriptor: int,
     stopping: Callable[[], bool],
-    clock: Callable[[], float] = monotonic,
     encode: Callable[[bytes], bytes] = bytes,
 ) -> None:
     """Carry bytes between an emulator and a descriptor until told to stop, and add the wire faults.
@@ -33,7 +32,7 @@ def serve(
     """
     leaving: deque[tuple[float, bytes]] = deque()
     while not stopping():
-        now = clock()
+        now = monotonic()
         emulator.advance(now)
         faults = emulator.faults
         for reply in emulator.replies(now):
@@ -47,11 +46,11 @@ def serve(
             except OSError:
                 break
         due = [at for at in (emulator.next_timer(), leaving[0][0] if leaving else None) if at is not None]
-        pause = min(LONGEST_PAUSE_S, max(0.0, min(due) - clock())) if due else LONGEST_PAUSE_S
+        pause = min(LONGEST_PAUSE_S, max(0.0, min(due) - monotonic())) if due else LONGEST_PAUSE_S
         try:
             ready, _, _ = select((descriptor,), (), (), pause)
             if ready:
-                emulator.receive(os.read(descriptor, CHUNK), clock())
+                emulator.receive(os.read(descriptor, CHUNK), monotonic())
         except OSError:
             select((), (), (), 0.001)
 

@@ -16,10 +16,10 @@ PATIENCE = 180.0  # until a test gives up on what must come [s]; says nothing ab
 PAUSE = 0.01
 
 
-def virtual_time(start: float = 100.0) -> Callable[[], float]:
+def virtual_time() -> Callable[[], float]:
     """Times one tick apart [s]."""
     count = iter(range(1_000_000))
-    return lambda: start + next(count) * TICK
+    return lambda: 100.0 + next(count) * TICK
 
 
 def real_time() -> Callable[[], float]:

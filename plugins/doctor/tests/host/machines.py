@@ -1,10 +1,9 @@
 """An emulated machine for the checks, on which everything is right unless a test changes it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from weberlink.config import SIDES
 from weberlink_doctor.host.checks import CHECKS
 from weberlink_doctor.host.examination import examine
 from weberlink_doctor.host.machine import Machine, Unreadable
@@ -109,13 +108,13 @@ ROWS = {
 """Rows of the table by the name of their findings, where that is another one."""
 
 
-def asking(file: str | None = None, sides: Sequence[str] = SIDES, **settings: Any) -> Needs:
+def asking(file: str | None = None, **settings: Any) -> Needs:
     """What is usual, but for these settings of a file."""
     changed = {
         name: getattr(USUAL, name).model_copy(update=value) if isinstance(value, dict) else value
         for name, value in settings.items()
     }
-    return Needs(USUAL.model_copy(update=changed), sides, None if file is None else Path(file))
+    return Needs(USUAL.model_copy(update=changed), file=None if file is None else Path(file))
 
 
 def look(check: str, here: Machine, needs: Needs | None = None) -> Finding:

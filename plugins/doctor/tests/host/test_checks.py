@@ -70,10 +70,10 @@ def at(address: str) -> dict[str, Any]:
     return {"resolve": lambda _name: [address]}
 
 
-def rights(*refused: str, p99: float = 60.0, missed: int = 0, **answers: Any) -> dict[str, Any]:
+def rights(*refused: str, p99: float = 60.0, **answers: Any) -> dict[str, Any]:
     """A trial of rights with these refused, and this lateness [us]."""
     grants = GRANTS | dict.fromkeys(refused, REFUSED)
-    trial = replace(TRIAL, grants=grants, lateness_us={"p50": 10.0, "p99": p99, "max": p99}, missed=missed)
+    trial = replace(TRIAL, grants=grants, lateness_us={"p50": 10.0, "p99": p99, "max": p99})
     return {"rights_trial": lambda **_: trial, **answers}
 
 
