@@ -18,19 +18,13 @@ def on_terminal(*arguments: object) -> tuple[int, list[str]]:
         termios.tcsetwinsize(theirs, (24, WIDTH))
         with Program(*arguments, terminal=theirs) as program:
             os.close(theirs)
-            text = _shown(user)
+            pieces = []
+            with suppress(OSError):  # EIO is the end of a terminal
+                while piece := os.read(user, 65_536):
+                    pieces.append(piece)
             status = program.finish()[0]
     finally:
         for descriptor in (user, theirs):
             with suppress(OSError):
                 os.close(descriptor)
-    return status, re.split(r"[\r\n]+", re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", text))
-
-
-def _shown(user: int) -> str:
-    """All that a program writes to its terminal until it closes it."""
-    pieces = []
-    with suppress(OSError):  # EIO is the end of a terminal
-        while piece := os.read(user, 65_536):
-            pieces.append(piece)
-    return b"".join(pieces).decode()
+    return status, re.split(r"[\r\n]+", re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", b"".join(pieces).decode()))

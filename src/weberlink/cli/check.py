@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, NamedTuple
 from weberlink.codec import Channel
 from weberlink.config import Configuration, System
 from weberlink.config.joints import AngleCodecSettings, JointTorqueCodecSettings
-from weberlink.config.model import MappingSettings
 from weberlink.config.settings import PredictedSettings
 from weberlink.control.table import SCHEMES
 from weberlink.master.devices.contract import Device
@@ -74,7 +73,11 @@ def _hand_and_tool(system: System, device: Device | None, robot: Robot | None) -
     if device is not None:
         yield f"master    device {system.master.device.driver}{_detail(device)}, {_displayed(system, device)}"
         if system.master.mapping is not None:
-            yield f"          mapped: {_mapping(system.master.mapping)}"
+            mapping = system.master.mapping.model_dump(exclude_defaults=True, exclude={"walls"})
+            mapped = [f"{name} {value}" for name, value in mapping.items()]
+            if system.master.mapping.walls is not None:
+                mapped.append(f"walls of {system.master.mapping.walls.stiffness_n_m:g} N/m")
+            yield f"          mapped: {', '.join(mapped) or 'one to one'}"
     if robot is not None:
         if hasattr(robot, "measure_steps"):
             robot.measure_steps(perf_counter)  # as the daemon does
@@ -105,13 +108,6 @@ def _detail(part: Device | Robot) -> str:
     """What a part says that it chose."""
     said = getattr(part, "description", str)()
     return f", {said}" if said else ""
-
-
-def _mapping(mapping: MappingSettings) -> str:
-    parts = [f"{name} {value}" for name, value in mapping.model_dump(exclude_defaults=True, exclude={"walls"}).items()]
-    if mapping.walls is not None:
-        parts.append(f"walls of {mapping.walls.stiffness_n_m:g} N/m")
-    return ", ".join(parts) or "one to one"
 
 
 def _arms(system: System, leader: "ArmSpec | None", follower: "ArmSpec | None") -> Iterator[str]:

@@ -79,18 +79,22 @@ class SessionTrial:
 def run_child(module: str, answer: Callable[..., T], name: str, limit_s: float = LIMIT_S, **request: Any) -> T:
     """Run a module as a program with a name and a request in JSON; makes an answer of the fields that it writes as
     JSON, or of `failure`, why there are none."""
-    command = python("-m", module, name, json.dumps(request))
+    said, why = run(python("-m", module, name, json.dumps(request)), limit_s)
+    try:
+        return answer(**json.loads(said))
+    except (ValueError, TypeError):
+        return answer(failure=f"the child process of the trial failed: {why}")
+
+
+def run(command: Sequence[str], limit_s: float) -> tuple[str, str]:
+    """What a command writes, and why it ended, if it ended badly."""
     try:
         done = subprocess.run(  # noqa: S603
             command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=limit_s, check=False
         )
     except (OSError, subprocess.TimeoutExpired) as error:
-        return answer(failure=f"a child process cannot be tried: {error}")
-    try:
-        return answer(**json.loads(done.stdout))
-    except (ValueError, TypeError):
-        last = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
-        return answer(failure=f"the child process of the trial failed: {last}")
+        return "", f"it cannot be tried: {error}"
+    return done.stdout, (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
 
 
 def rights_trial(
@@ -168,15 +172,10 @@ def session_trial(settings: Mapping[str, object]) -> SessionTrial:
     """Run the default session with these settings of its file."""
     line = python("-m", "weberlink", "loopback", "--duration", f"{SESSION_S:g}", "--json", "-")
     line += [word for name, value in settings.items() for word in ("--set", f"{name}={json.dumps(value)}")]
-    try:
-        done = subprocess.run(  # noqa: S603
-            line, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=LIMIT_S, check=False
-        )
-    except (OSError, subprocess.TimeoutExpired) as error:
-        return SessionTrial(failure=f"a session cannot be tried: {error}")
-    if not done.stdout:
-        return SessionTrial(failure=(done.stderr.strip().splitlines() or ["a session ended without a report"])[-1])
-    sides = json.loads(done.stdout)["ticks"].values()
+    said, why = run(line, LIMIT_S)
+    if not said:
+        return SessionTrial(failure=why)
+    sides = json.loads(said)["ticks"].values()
     missed = max(side["missed"] / (side["missed"] + side["count"]) for side in sides)
     return SessionTrial(max(side["lateness_us"]["p99"] for side in sides), missed)
 
