@@ -14,7 +14,6 @@ from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
 from itertools import cycle
-from math import inf
 from pathlib import Path
 from time import sleep
 from typing import IO, Any
@@ -27,8 +26,9 @@ from tests import examples
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
-TOOK = "weberlink/took"  # seconds that each file took in its last run, in the cache of pytest
+TOOK = "weberlink/took"  # seconds that the parts of each file took in their last run, in the cache of pytest
 took: dict[str, float] = defaultdict(float)  # the same of this run
+LIVE = " live"  # keyword of a live test, as `realtime` is the name of a folder too
 PROCESSORS = len(os.sched_getaffinity(0))
 
 
@@ -47,8 +47,9 @@ def is_realtime(item: pytest.Item) -> bool:
     return item.get_closest_marker("realtime") is not None
 
 
-def file_of(nodeid: str) -> str:
-    return nodeid.partition("::")[0]
+def part_of(test: pytest.Item | pytest.TestReport) -> str:
+    """The tests of a file that are live, or those that are not."""
+    return test.nodeid.partition("::")[0] + (LIVE if LIVE in test.keywords else "")
 
 
 @cache
@@ -68,13 +69,17 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         config.hook.pytest_deselected(items=explores)
         items[:] = [item for item in items if item not in explores]
     before: dict[str, float] = config.cache.get(TOOK, {}) if hasattr(config, "cache") else {}
-
-    def order(item: pytest.Item) -> tuple[bool, float, str, bool]:
-        """Long files first, so that no worker ends long after the others."""
-        live, file = is_realtime(item), file_of(item.nodeid)
-        return live and not may_use_fifo(), -before.get(file, inf), file, live
-
-    items.sort(key=order)
+    for item in filter(is_realtime, items):
+        item.keywords[LIVE] = True
+    place = dict[str, float]()
+    for live in (False, True):
+        # Long parts first, so that no worker ends long after the others, and both kinds at any time.
+        seconds = {name: before.get(name, 1.0) for name in map(part_of, items) if name.endswith(LIVE) is live}
+        done = 0.0
+        for name in sorted(seconds, key=lambda name: (-seconds[name], name)):
+            place[name] = done / sum(seconds.values())
+            done += seconds[name]
+    items.sort(key=lambda item: (is_realtime(item) and not may_use_fifo(), place[part_of(item)], part_of(item)))
 
 
 def pytest_collection_finish() -> None:
@@ -84,7 +89,7 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    took[file_of(report.nodeid)] += report.duration
+    took[part_of(report)] += report.duration
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
