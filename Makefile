@@ -15,7 +15,7 @@ SBOM := $(VENV)/sbom
 PAGE := plugins/page/src/weberlink_page/page
 PAGE_TOOLS := build/page
 
-GUESTS := anywhere arms devices doctor foxglove franka mujoco page recording ros2 studies video
+GUESTS := anywhere arms devices doctor foxglove franka mujoco page predictors recording ros2 studies video
 DEMO := doctor page recording
 
 MINUTES ?= 60

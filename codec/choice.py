@@ -121,9 +121,6 @@ def _check(name: str, entry: Any) -> None:
 
 HYBRID = "hybrid"
 CHOICES: Registry[type[Choice]] = Registry(
-    "choice",
-    {HYBRID: "weberlink.codec.hybrid:Hybrid", "adaptive": "weberlink.codec.adaptive:AdaptiveChoice"},
-    "weberlink.choices",
-    _check,
+    "choice", {HYBRID: "weberlink.codec.hybrid:Hybrid"}, "weberlink.choices", _check
 )
 """By name: what a configuration file may name in the place of a predictor."""

@@ -24,7 +24,7 @@ from typing import Any
 
 ROOT = Path(__file__).parents[1]
 SOURCES = {
-    "codec": ["codec"],
+    "codec": ["codec", "plugins/predictors/src"],
     "protocol": ["protocol"],
     "control": ["src/weberlink/control"],
     "ports and safety": ["master/*.py", "slave/*.py"],

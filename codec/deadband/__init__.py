@@ -17,19 +17,8 @@ def _check(name: str, entry: Any) -> None:
     check_overrides(f"deadband {name}", entry, Deadband, "configured", "bound", "error")
 
 
-_HERE = "weberlink.codec.deadband"
 ISOTROPIC = "isotropic"
-DEADBANDS: Registry[type[Deadband]] = Registry(
-    "deadband",
-    {
-        ISOTROPIC: f"{_HERE}.isotropic:ForceDeadband",
-        "cone": f"{_HERE}.cone:ConeDeadband",
-        "level_crossing": f"{_HERE}.level_crossing:LevelCrossingDeadband",
-        "velocity_adaptive": f"{_HERE}.velocity:VelocityDeadband",
-    },
-    "weberlink.deadbands",
-    _check,
-)
+DEADBANDS: Registry[type[Deadband]] = Registry("deadband", {ISOTROPIC: ForceDeadband}, "weberlink.deadbands", _check)
 """The deadbands of a force, by name."""
 
 __all__ = [

@@ -22,7 +22,7 @@ class ModelKind(IntEnum):
 class ModelRecord(NamedTuple):
     """A model as telemetry records it; NaN if it describes no surface.
 
-    A `SurfacePatch` counts as the plane or sphere that it is at its newest sample.
+    Another surface counts as the plane or sphere that it is at its newest sample.
     """
 
     kind: ModelKind

@@ -26,20 +26,21 @@ from weberlink.slave.scenes.solids import CarvedShape
 class ByShape:
     """Validates settings by the model of their `shape`, which `find` gives; only shapes that are named are imported."""
 
-    def __init__(self, find: Callable[[str], type[BaseModel]], built_in: Iterable[str] = SHAPES.built_in) -> None:
+    def __init__(self, find: Callable[[str], type[BaseModel]], names: Iterable[str] = SHAPES.built_in) -> None:
         self._find = find
-        self._built_in = built_in
+        self._names = names  # for the schema
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return no_info_plain_validator_function(self._validate)
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         found = []
-        for name in self._built_in:
+        for name in self._names:
             with suppress(ValueError):  # of a shape that cannot be carved
                 found.append(self._find(name))
         union: Any = Union[tuple(found)]  # noqa: UP007 - of a table
-        return handler(TypeAdapter(Annotated[union, Field(discriminator="shape")]).core_schema)
+        form: Any = union if len(found) == 1 else Annotated[union, Field(discriminator="shape")]
+        return handler(TypeAdapter(form).core_schema)
 
     def _validate(self, value: object) -> BaseModel:
         name = value.get("shape") if isinstance(value, Mapping) else getattr(value, "shape", None)

@@ -121,8 +121,8 @@ def test_simulate_completes_every_shipped_file(name: str, key: str) -> None:
 
 def test_a_trace_is_the_signal_to_the_last_digit(tmp_path: Path) -> None:
     path = tmp_path / "trace.csv"
-    assert run("simulate configs/scene-plane.yaml --duration 1 --trace", path).status == 0
-    read, made = read_trace(path), simulate(load(CONFIGS / "scene-plane.yaml"), 1.0)[1].trace
+    assert run("simulate configs/scene-sphere.yaml --duration 1 --trace", path).status == 0
+    read, made = read_trace(path), simulate(load(CONFIGS / "scene-sphere.yaml"), 1.0)[1].trace
     for name in ("time_s", "position_m", "force_n"):
         assert getattr(read, name).tolist() == getattr(made, name).tolist()
     assert np.abs(made.force_n).max() > 0.1

@@ -76,6 +76,7 @@ sys.modules.update(dict.fromkeys(["matplotlib", "mujoco", "scipy"]))
 from tests.program import weberlink
 json.dump([weberlink(*line) for line in json.loads(sys.argv[1])], sys.stdout)
 """
+PREDICTORS = "is of weberlink-predictors, which is not installed; install it with: "
 WITHOUT = [
     # A package is asked for where it is needed only, and after what is nearer: a name that is wrong.
     (["doctor"], 2, install_line("doctor")),
@@ -83,6 +84,10 @@ WITHOUT = [
     (["record", "info", "a.mcap"], 2, install_line("recording")),
     (["check", LOOPBACK, "--set", "master.device.driver=touch"], 2, install_line("devices")),
     (["device", "test", "operator"], 2, install_line("doctor")),
+    *(
+        (["check", LOOPBACK, "--set", f"codec.force.{setting}"], 2, f"{PREDICTORS}{install_line('predictors')}")
+        for setting in ("predictor=adaptive", "predictor=surface", "bank=[zoh, path]", "deadband={shape: cone}")
+    ),
 ]
 
 

@@ -11,7 +11,7 @@ from tests.codec.signals import contact_stream, rubbing_stream
 from weberlink.codec import Channel, Decoder, Encoder, Update, force_channel, position_channel
 from weberlink.codec.channel import joint_channel
 from weberlink.codec.choice import CHOICES
-from weberlink.codec.deadband import Deadband
+from weberlink.codec.deadband import DEADBANDS, Deadband, DeadbandSetup, Reference
 from weberlink.codec.predictors import PREDICTORS, suits
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, scale
 from weberlink.protocol.wire import UpdateLayout
@@ -61,6 +61,13 @@ def make_channel(predictor: str, *, position: bool = False, **options: Any) -> C
     """With options of its function, and of the channel."""
     own = {name: options.pop(name) for name in sorted(OF_ANY & options.keys())}
     return replace((position_channel if position else force_channel)(predictor=predictor, **options), **own)
+
+
+def shaped(name: str, weber: float, floor: float, reference: Reference = "actual") -> Deadband:
+    """A deadband of a force, with the floor that it needs at least."""
+    kind = DEADBANDS[name]
+    least = max(floor, 1e-3) if kind.needs_floor else floor
+    return kind.configured(DeadbandSetup(weber, least, reference, 1e-3, kind.Options()))
 
 
 def shown_by(decoder: Decoder, tick: float, place: Vector = ZERO) -> Any:

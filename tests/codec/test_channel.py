@@ -10,7 +10,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tests.codec.law import ESTIMATED, make_channel
+from tests.codec.law import make_channel
 from weberlink.codec import force_channel, position_channel
 from weberlink.codec.channel import Smoothing
 from weberlink.codec.predictors import PREDICTORS, FitLimits
@@ -58,33 +58,24 @@ def test_geometry_does_not_predict_positions(predictor: str) -> None:
         position_channel(predictor=predictor)
 
 
-@pytest.mark.parametrize("predictor", ESTIMATED)
-def test_a_hybrid_takes_no_estimated_predictor(predictor: str) -> None:
-    with pytest.raises(ValueError, match=f"{predictor}: not for hybrid"):
-        force_channel(predictor="hybrid", bank=["zoh", predictor])
-    channel = force_channel(predictor="adaptive", bank=["zoh", predictor])
-    assert channel.bank == ("zoh", predictor)
-    assert [form.previous is None for form in channel.forms] == [False, True]
-
-
-BANK = ("zoh", "linear", "plane", "path", "affine")
-READS = [(3,), (3,), (3, 3), (3,), (3, 3)]
+BANK = ("zoh", "linear", "plane")
+READS = [(3,), (3,), (3, 3)]
 
 
 @pytest.mark.parametrize(
     ("options", "newest"),
     [
         ({}, READS),
-        ({"every_position": True}, [(3, 3)] * 5),
-        ({"smoothing": Smoothing(10)}, [(3, 3)] * 5),
+        ({"every_position": True}, [(3, 3)] * 3),
+        ({"smoothing": Smoothing(10)}, [(3, 3)] * 3),
         ({"smoothing": Smoothing(10), "bank": BANK[:2]}, READS[:2]),
     ],
 )
 def test_an_update_carries_what_is_read(options: dict[str, Any], newest: list[tuple[int, ...]]) -> None:
     """By the predictor, by somebody beside it, or by the ramp, which begins at the value of any model before."""
-    channel = make_channel("adaptive", **{"bank": BANK, **options})
+    channel = make_channel("hybrid", **{"bank": BANK, **options})
     assert [form.newest for form in channel.forms] == newest
-    assert [form.previous for form in channel.forms] == [(3,), (3,), (3, 3), None, None][: len(newest)]
+    assert [form.previous for form in channel.forms] == READS[: len(newest)]
     assert [form.newest for form in position_channel(predictor="hybrid").forms] == [(3,)] * 2
 
 

@@ -1,36 +1,29 @@
 """The contract of every channel: force, position and joints, with each predictor."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import copysign, inf, nan
 from random import Random
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.codec.law import KINDS, Kind, Law, shown_by
+from tests.codec.law import KINDS, Kind, Law, shaped, shown_by
 from tests.examples import examples
 from weberlink.codec import Channel, Decoder, Encoder, Update
 from weberlink.codec.channel import Smoothing
-from weberlink.codec.deadband import Deadband, ForceDeadband, PositionDeadband
-from weberlink.codec.deadband.cone import ConeDeadband
-from weberlink.codec.deadband.level_crossing import LevelCrossingDeadband
-from weberlink.codec.deadband.velocity import VelocityDeadband
+from weberlink.codec.deadband import DEADBANDS, Deadband, ForceDeadband, PositionDeadband, Reference
 from weberlink.codec.rate import UpdateRate
 from weberlink.update import MAX_GAP, ModelParameters, PreviousSample
 
 every = pytest.mark.parametrize("kind", KINDS, ids="-".join)
 seeds = st.integers(0, 2**32 - 1)
-SHAPES: dict[str, Callable[[float, float], Deadband]] = {
-    **{
-        reference: (lambda k, floor, which=reference: ForceDeadband(k, floor, which))
-        for reference in ("actual", "displayed", "sent")
-    },
-    "cone": ConeDeadband,
-    "levels": lambda k, floor: LevelCrossingDeadband(k, max(floor, 1e-3)),
-    "velocity": lambda k, floor: VelocityDeadband(k, floor, "displayed"),
-}
+SHAPES: list[tuple[str, Reference]] = [
+    (shape, reference)
+    for shape, kind in DEADBANDS.items()
+    for reference in (("actual",) if kind.needs_actual else get_args(Reference))
+]
 
 
 def is_slow(kind: Kind) -> bool:
@@ -52,7 +45,8 @@ def options(draw: st.DrawFn, kind: Kind) -> dict[str, Any]:
     found["lookahead"] = draw(st.sampled_from([0, 0, 1, 2, 7] if is_slow(kind) else [0, 0, 1, 2, 7, 37]))
     if kind.of == "position":
         return found | {"weber": weber, "bound": draw(st.sampled_from([0.0, 1e-5, 2e-4]))}
-    found["deadband"] = SHAPES[draw(st.sampled_from(list(SHAPES)))](weber, draw(st.sampled_from([0.0, 0.002, 0.02])))
+    shape, reference = draw(st.sampled_from(SHAPES))
+    found["deadband"] = shaped(shape, weber, draw(st.sampled_from([0.0, 0.002, 0.02])), reference)
     if found["deadband"].is_ball and not found["lookahead"]:
         ramps = st.builds(Smoothing, st.integers(1, 30), st.sampled_from([0.4, 0.7]))
         found["smoothing"] = draw(st.none() | ramps)

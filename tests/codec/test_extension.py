@@ -6,6 +6,7 @@ from pathlib import Path
 
 from tests.session.packages import install, said
 from tests.session.systems import CONFIGS
+from weberlink.codec.choice import CHOICES
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "library.md").read_text(encoding="utf-8")
@@ -16,7 +17,10 @@ MODULES = {
 ENTRY_POINTS = re.findall(r'\[project\.entry-points\."(.*?)"\]\n(.*)\n', PAGE)
 RUNS = [
     (["codec.force.bank=[zoh, damped]", "codec.position.predictor=damped"], ["zoh", "damped"], "ForceDeadband"),
-    (["codec.force.predictor=adaptive", "codec.force.bank=[damped, path]"], ["damped", "path"], "ForceDeadband"),
+    *(
+        ([f"codec.force.predictor={name}", "codec.force.bank=[damped, plane]"], ["damped", "plane"], "ForceDeadband")
+        for name in CHOICES
+    ),
     (["codec.force.deadband={shape: constant, bound_n: 0.1}"], None, "Constant(width=0.1)"),
 ]
 REFUSED = {

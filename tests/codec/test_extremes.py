@@ -10,10 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.codec.law import ESTIMATED, FORCE_PREDICTORS, Law, make_channel
+from tests.codec.law import FORCE_PREDICTORS, Law, make_channel
 from tests.codec.signals import up
 from tests.examples import examples
 from weberlink.codec import Channel, Decoder, Update, force_channel
+from weberlink.codec.choice import CHOICES
 from weberlink.codec.predictors import PREDICTORS
 from weberlink.codec.sample import INT16_MAX, Quantizer
 from weberlink.geometry.vector import ZERO, Vector, is_finite, scale
@@ -114,7 +115,7 @@ CASES = [
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_what_is_sent_and_decoded_under_the_law(case: Case, predictor: str) -> None:
     tick, _, position = case.samples[-1]
-    is_tuned = predictor in (*ESTIMATED, "adaptive")  # the number of its updates may change
+    is_tuned = predictor not in ON_A_WALL  # the number of its updates may change
     for weber, axes in ((WEBER, "xyz"), (0.0, "xyz"), (0.30, "z"))[: 1 if is_tuned else 3]:
         law = Law(case.channel(predictor=predictor, weber=weber, **({"axes": axes} if weber != WEBER else {})))
         coded = [law.tick(tick, (value, place)) for tick, value, place in case.samples]
@@ -144,9 +145,9 @@ def test_no_peer_can_make_a_decoder_display_what_it_must_not(
     of_force: bool, updates: list[Any], probes: list[tuple[float, Vector]], axes: str
 ) -> None:
     """With any levels, gap, selector and time; an update that does not fit is refused and changes nothing."""
-    channel = make_channel(
-        "adaptive", position=not of_force, axes=axes, **({"bank": tuple(PREDICTORS)} if of_force else {})
-    )
+    choice = [*CHOICES][-1]
+    bank = [name for name in PREDICTORS if of_force and CHOICES[choice].takes(PREDICTORS[name])] or None
+    channel = make_channel(choice, position=not of_force, axes=axes, bank=bank)
     decoder, forms = Decoder(channel), channel.forms
     for tick, selector, newest, gap, previous, data in updates:
         form = forms[selector % len(forms)]

@@ -15,6 +15,7 @@ from tests.figures.test_session import RATE, records, score
 from tests.records import ticks
 from tests.session.kinds import HAND, run
 from tests.session.systems import configuration
+from weberlink.codec.deadband import DEADBANDS
 from weberlink.figures.channel import in_session
 from weberlink.figures.distribution import RESOLUTION, Distribution
 from weberlink.figures.felt import MARGIN_S, AlignedError, JumpsOfRecords, QualityStatistics, Threshold
@@ -28,7 +29,7 @@ from weberlink.telemetry.record import RELEASED
 WEBERS = (0.25, 0.05)
 
 
-@pytest.mark.parametrize("shape", ["cone", "level_crossing"])
+@pytest.mark.parametrize("shape", [name for name, kind in DEADBANDS.items() if not kind.is_ball])
 def test_what_the_peer_holds_is_within_the_deadband_of_its_shape_and_factor(shape: str) -> None:
     """Also once k falls to a fifth."""
     overrides = (

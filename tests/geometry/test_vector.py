@@ -1,13 +1,13 @@
-"""Lengths and sines: right for every number there is, and the same on every host that keeps IEEE 754."""
+"""Lengths: right for every number there is, and the same on every host that keeps IEEE 754."""
 
-from math import cos, hypot, inf, isnan, nan, pi, sin, sqrt
+from math import hypot, inf, isnan, nan, sqrt
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from weberlink.geometry.vector import ZERO, Vector, cosine, distance, norm, sine, unit
+from weberlink.geometry.vector import ZERO, Vector, distance, norm, unit
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 close = st.floats(-1e-150, 1e-150)
@@ -33,30 +33,3 @@ def test_what_is_not_finite_has_no_finite_length(axis: int) -> None:
     assert norm(tuple(inf if each == axis else 1.0 for each in range(3))) == inf  # type: ignore[arg-type]
     assert isnan(norm(tuple(nan if each == axis else 1e300 for each in range(3))))  # type: ignore[arg-type]
     assert distance((inf, 0.0, 0.0), ZERO) == inf
-
-
-folds = st.builds(
-    lambda quarters, beside: 0.5 * pi * quarters + beside,
-    st.integers(-9, 9),
-    st.sampled_from([-1e-3, -1e-12, 0.0, 1e-12, 1e-3]),
-)
-
-
-@given(angle=st.floats(-1e6, 1e6) | st.floats(-10.0, 10.0) | folds)
-def test_it_is_the_sine_of_the_library_to_a_billionth(angle: float) -> None:
-    assert abs(sine(angle) - sin(angle)) <= 1e-9
-    assert abs(cosine(angle) - cos(angle)) <= 1e-9
-
-
-def test_near_zero_it_is_the_angle() -> None:
-    assert sine(0.0) == 0.0
-    assert sine(1e-8) == pytest.approx(1e-8, rel=1e-12)
-
-
-@pytest.mark.parametrize(("angle", "expected"), [
-    (0.1, "0x1.98eaecb8bcb2cp-4"), (1.0, "0x1.aed548f0927bdp-1"),
-    (4.0, "-0x1.837b9dddc2167p-1"), (-1e5, "-0x1.24daa9c49ed83p-5"),
-])  # fmt: skip
-def test_every_host_gives_the_same_bits(angle: float, expected: str) -> None:
-    """Sums and products, which IEEE 754 rounds in one way, in an order that must not change."""
-    assert sine(angle).hex() == expected

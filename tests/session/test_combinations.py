@@ -10,6 +10,7 @@ import pytest
 
 from tests.session.systems import configuration
 from weberlink.codec import choice
+from weberlink.codec.deadband import DEADBANDS
 from weberlink.codec.predictors import PREDICTORS
 from weberlink.geometry.vector import distance
 from weberlink.protocol.states import State
@@ -21,9 +22,8 @@ pytestmark = pytest.mark.hypothesis  # so that `make hunt` runs it
 RATE = 500.0
 SECONDS = 0.4
 SCHEMES = ("none", "bounded")
-DEADBANDS = ("isotropic", "cone", "level_crossing", "velocity_adaptive")
 FILES: dict[object, str] = {3: "scene-height-field.yaml", 6: "rotation.yaml"}
-CHOICES = ((*PREDICTORS, *choice.CHOICES), SCHEMES, DEADBANDS, tuple(FILES))
+CHOICES = ((*PREDICTORS, *choice.CHOICES), SCHEMES, tuple(DEADBANDS), tuple(FILES))
 PRESSED = (
     "master.device.script=[{motion: reach, to_m: [0.0, 0.0, -0.008], duration_s: 0.15},"
     " {motion: reach, to_m: [0.01, 0.0, -0.008], duration_s: 0.15}]"

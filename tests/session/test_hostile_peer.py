@@ -12,53 +12,36 @@ from tests.compiled import replaces_methods
 from tests.examples import examples
 from tests.session.hostile import Content, Duel
 from tests.session.systems import ARMS, HAS_ARMS, configuration
-from weberlink.codec.parameters import pack
 from weberlink.config import Configuration
 from weberlink.protocol.endpoint import QUEUED_EVENTS
 from weberlink.protocol.wire import LONGEST_CHANGE, Kind
 from weberlink.session.tuning import Tuning
 from weberlink.update import MAX_GAP, MOST_PARAMETER_BYTES, ModelParameters, PreviousSample
 
+LOCAL = ("link.security=none", "link.listen=127.0.0.1:0", "link.slave=127.0.0.1:0")
 SMOOTH = ("codec.force.smooth_ms=10", "link.playout_ms=5")
-MIXED = ("codec.force.predictor=adaptive", "codec.position.predictor=adaptive")
 SYSTEMS: dict[str, tuple[str, ...]] = {
-    "none": ("codec.force.predictor=adaptive", "control.scheme=none"),
-    "smooth": (*MIXED, "control.scheme=none", *SMOOTH),
-    "bounded": (*MIXED, "control.scheme=bounded"),
-    "paths": ("codec.force.predictor=path", "codec.position.predictor=path", "control.scheme=none"),
+    "none": ("control.scheme=none",),
+    "smooth": ("codec.position.predictor=hybrid", "control.scheme=none", *SMOOTH),
+    "bounded": ("codec.position.predictor=hybrid", "control.scheme=bounded"),
 }
 FILES = {"rotation": "rotation.yaml", **({"arms": ARMS} if HAS_ARMS else {})}
 
 
 @cache
 def configured(name: str) -> Configuration:
-    overrides = ("link.security=none", "link.listen=127.0.0.1:0", "link.slave=127.0.0.1:0")
-    return configuration(*overrides, *SYSTEMS.get(name, ()), file=FILES.get(name, "loopback.yaml"))
+    return configuration(*LOCAL, *SYSTEMS.get(name, ()), file=FILES.get(name, "loopback.yaml"))
 
 
 level = st.sampled_from([-(2**15), -(2**15) + 1, -1, 0, 1, 2**15 - 1]) | st.integers(-(2**15), 2**15 - 1)
 levels = st.lists(level, min_size=1, max_size=8).map(tuple)
 
 
-@st.composite
-def paths(draw: Any) -> ModelParameters:
-    """Parameters of a path, most of which a sender with look-ahead could make: the first knot is at 0."""
-    known, inner, count = draw(st.integers(0, 127)), draw(st.integers(0, 7)), draw(st.integers(0, 6))
-    width, exponent = draw(st.integers(0, 15)), draw(st.integers(0, 63))
-    chords = sorted(draw(st.sets(st.integers(1, 127), min_size=inner, max_size=inner)))
-    numbers = draw(st.lists(st.integers(0, (1 << width) - 1), max_size=24))
-    fields = [7, width, exponent, known, inner, count, *chords, *numbers]
-    widths = [3, 4, 6, 7, 3, 3, *[7] * len(chords), *[width] * len(numbers)]
-    return ModelParameters(pack(fields, widths)[:MOST_PARAMETER_BYTES])
-
-
 payloads = (
     st.none()
     | st.builds(PreviousSample, st.sampled_from([1, 2, 10, MAX_GAP]) | st.integers(1, MAX_GAP), levels)
     | st.builds(ModelParameters, st.binary(max_size=MOST_PARAMETER_BYTES))
-    | paths()
 )
-contents = st.builds(Content, st.integers(0, 1), st.integers(0, 7), st.integers(-90, 1000), levels, payloads)
 BODIES = [
     b"", b"\x00", b"\x01", b"{}", b"[]", b"null", b"1", b'{"weber":0.2}', b'{"weber":1e999}', b'{"weber":NaN}',
     b'{"weber":true}', b'{"predictor":"zoh"}', b'{"predictor":null}', b'{"scheme":"none"}',
@@ -66,18 +49,23 @@ BODIES = [
 ]  # fmt: skip
 bodies = st.sampled_from(BODIES) | st.binary(max_size=LONGEST_CHANGE)
 numbers = st.sampled_from([1, 1, 2, *range(8)])
-moves = st.one_of(
-    st.tuples(st.just("update"), contents),
-    st.tuples(st.just("update"), contents),
-    st.tuples(st.just("change"), numbers, st.integers(-3000, 3000), bodies, st.booleans()),
-    st.tuples(st.just("garble"), st.sampled_from([k for k in Kind if k not in (Kind.HELLO, Kind.WELCOME)]),
-              st.integers(0, 255), st.binary(max_size=60)),
-    st.tuples(st.just("credit"), st.integers(0, 2**40)),
-    st.tuples(st.just("encoding"), st.booleans()),
-    st.tuples(st.just("renew"), st.none() | st.text(max_size=70)),
-    st.tuples(st.just("ask"), st.sampled_from([{"weber": 0.3}, {"predictor": "zoh"}, {"scheme": "none"}])),
-    st.tuples(st.just("tick"), st.integers(1, 12)),
-)  # fmt: skip
+
+
+def moves_with(payloads: st.SearchStrategy[Any]) -> st.SearchStrategy[list[tuple[Any, ...]]]:
+    """What a peer and the own user do, with updates of such payloads."""
+    contents = st.builds(Content, st.integers(0, 1), st.integers(0, 7), st.integers(-90, 1000), levels, payloads)
+    return st.lists(st.one_of(
+        st.tuples(st.just("update"), contents),
+        st.tuples(st.just("update"), contents),
+        st.tuples(st.just("change"), numbers, st.integers(-3000, 3000), bodies, st.booleans()),
+        st.tuples(st.just("garble"), st.sampled_from([k for k in Kind if k not in (Kind.HELLO, Kind.WELCOME)]),
+                  st.integers(0, 255), st.binary(max_size=60)),
+        st.tuples(st.just("credit"), st.integers(0, 2**40)),
+        st.tuples(st.just("encoding"), st.booleans()),
+        st.tuples(st.just("renew"), st.none() | st.text(max_size=70)),
+        st.tuples(st.just("ask"), st.sampled_from([{"weber": 0.3}, {"predictor": "zoh"}, {"scheme": "none"}])),
+        st.tuples(st.just("tick"), st.integers(1, 12)),
+    ), min_size=1, max_size=30)  # fmt: skip
 
 
 def move(duel: Duel, kind: str, *what: Any) -> None:
@@ -102,21 +90,22 @@ def move(duel: Duel, kind: str, *what: Any) -> None:
             duel.tick(*what)
 
 
-FROM_THE_START = Content(0, 0, 1, (1000,), ModelParameters(pack([7, 1, 0, 1, 0, 0], [3, 4, 6, 7, 3, 3])))
-"""A path whose first knot is at 0, of a sample that is still to come."""
 PROPOSED = ("change", 1, 100, b'{"weber":0.2}', False)
 
 
 @pytest.mark.parametrize("hero", ["master", "slave"])
 @pytest.mark.parametrize("name", [*SYSTEMS, *FILES])
-@given(played=st.lists(moves, min_size=1, max_size=30))
-@example(played=[("update", FROM_THE_START)])
+@given(played=moves_with(payloads))
 @example(played=[PROPOSED, ("renew", "bye")])  # the proposal is still queued when the next session begins
 @example(played=[("renew", "bye"), ("ask", {"weber": 0.3}), ("tick", 1), ("ask", {"weber": 0.3})])
 @examples(15)
 def test_no_tick_raises_whatever_an_authentic_peer_says(name: str, hero: str, played: list[Any]) -> None:
     """Of any predictor and control scheme, at either end, with what it is asked by its own user meanwhile."""
-    duel = Duel(configured(name), hero)
+    play(configured(name), hero, played)
+
+
+def play(loaded: Configuration, hero: str, played: list[Any]) -> None:
+    duel = Duel(loaded, hero)
     duel.engage()
     for kind, *what in played:
         move(duel, kind, *what)

@@ -20,7 +20,7 @@ from weberlink.session.composition.slave import build_robot
 from weberlink.slave.integrators import INTEGRATORS
 
 # Between them these files name every optional part, and each part is left out by another.
-NAMED = ("adaptive", "delay", "lan", "loopback", "phantom", "replay", "rotation")
+NAMED = ("delay", "lan", "loopback", "phantom", "replay", "rotation")
 FILES = (*([str(ARMS)] if HAS_ARMS else []), *(f"{name}.yaml" for name in (*NAMED, "scene-simulated-robot")))
 SIDES = ("master", "slave")
 BUILD = """
@@ -48,7 +48,7 @@ for arguments in json.loads(sys.argv[1]):
 """Builds each case in a process of its own, forked from one that has imported what every daemon imports."""
 OBSERVERS = {
     *(f"weberlink.{name}" for name in ("cli", "figures", "watching", "session.launcher")),
-    *(f"weberlink_{name}" for name in ("anywhere", "arms", "foxglove", "franka", "ros2", "studies")),
+    *(f"weberlink_{name}" for name in ("anywhere", "arms", "foxglove", "franka", "predictors", "ros2", "studies")),
     *("matplotlib", "scipy"),
     *("aioice", "twisted", "wormhole", "foxglove", "pylibfranka", "rosbags", "websockets", "zenoh"),
 }

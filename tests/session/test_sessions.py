@@ -28,6 +28,7 @@ from tests.session.kinds import (
     says,
 )
 from tests.session.systems import ARMS, configuration, system
+from weberlink.codec.choice import CHOICES
 from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.events import Address
 from weberlink.protocol.liveness import HORIZON_SHARE
@@ -66,8 +67,8 @@ CODED: list[tuple[str, tuple[str, ...]]] = [
     *(("hand", (f"codec.force.predictor={name}",)) for name in ("zoh", "linear", "plane", "sphere", "hybrid")),
     ("hand", ("axes=z", "codec.force.predictor=hybrid")),
     ("hand", ("axes=z", "codec.force.predictor=linear")),
-    *(("hand", (*LOOKAHEAD, f"codec.force.predictor={name}")) for name in ("hybrid", "path", "adaptive")),
-    *(("turning", (f"codec.rotation.torque.predictor={name}",)) for name in ("linear", "hybrid", "adaptive")),
+    *(("hand", (*LOOKAHEAD, f"codec.force.predictor={name}")) for name in CHOICES),
+    *(("turning", (f"codec.rotation.torque.predictor={name}",)) for name in ("linear", *CHOICES)),
     ("arm", ()),
 ]
 
@@ -425,7 +426,7 @@ DISAGREE = [
     ("hand", (), ("control.allowance_j=0.1",), "control.allowance_j"),
     ("hand", (), ("codec.force.lookahead_ms=20",), "codec.force.lookahead_ms"),
     ("hand", (), ("codec.position.lookahead_ms=5",), "codec.position.lookahead_ms"),
-    ("hand", (), ("codec.force.deadband={shape: cone}",), "codec.force.deadband"),
+    ("hand", (), ("codec.force.reference=sent",), "codec.force.reference"),
     ("turning", (), ("codec.rotation=null",), "codec.rotation"),
     ("turning", ("codec.rotation=null",), (), "codec.rotation"),
     ("arm", (), ("codec.joints.torque.weber=0.3",), "codec.joints.torque.weber"),

@@ -15,7 +15,7 @@ from tests.program import ENGAGED, Records
 from tests.safety.observed_link import ObservedLink, agreed_by, observed
 from tests.session.systems import configuration
 from weberlink.codec.choice import CHOICES, HYBRID
-from weberlink.codec.predictors import PREDICTORS
+from weberlink.codec.predictors import PREDICTORS, suits
 from weberlink.config import Configuration
 from weberlink.protocol.emulation import Emulation
 from weberlink.session.simulation import as_array
@@ -46,9 +46,10 @@ ALL_HZ = 5.0  # with all predictors: each cut is as long as the silence limit
 ROBOT_N_M = 2500.0  # stiffness towards its command [N/m]; a contact pushes its tip back by force / stiffness
 DELAYS_S = (0.0, 0.05, 0.15)  # one way [s]
 DEFAULT = (HYBRID, "linear")
+POSITIONS = (*(name for name in PREDICTORS if name != "linear" and suits(name, "position")), *CHOICES)
 PREDICTION = (
     *((force, "linear") for force in (*PREDICTORS, *CHOICES)),
-    *((HYBRID, position) for position in ("zoh", "path", *CHOICES)),
+    *((HYBRID, position) for position in POSITIONS),
 )
 """(force, position)."""
 

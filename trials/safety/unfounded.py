@@ -20,17 +20,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.session.systems import configuration
-from weberlink.codec.choice import HYBRID
-from weberlink.codec.predictors import PREDICTORS
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
 from weberlink.figures.session import Records
 from weberlink.session.simulation import build_simulation
 from weberlink.telemetry.fault import Fault
 
 SECONDS = 4.0  # length of a session [s]
-# What each session draws from: models of a surface have the most to go wrong.
+# What each session draws from, also of the guest `predictors`: models of a surface have the most to go wrong.
 SCHEMES = ("none", *("bounded",) * 3)
-PREDICTION = (*PREDICTORS, HYBRID, *("surface", "adaptive") * 3)
+PREDICTION = (
+    *("zoh", "linear", "plane", "sphere", "affine", "surface", "path", "elastic", "hybrid"),
+    *("surface", "adaptive") * 3,
+)
 PATIENCE = 0.05  # what the law allows beyond the round trip [s]
 REPAIR_S = 0.06  # a lost update is repeated a round trip and so much later, on a link that loses one in fifty [s]
 

@@ -29,10 +29,10 @@ def schema() -> dict[str, Any]:
     document = System.model_json_schema()
     definitions = document["$defs"]
     explained: dict[str, type] = {each.__name__: each for each in _heirs(Settings)}
-    explained |= {settings_of(shape).__name__: DEADBANDS[shape].Options for shape in DEADBANDS.built_in}
+    explained |= {settings_of(shape).__name__: DEADBANDS[shape].Options for shape in DEADBANDS}
     for name, section in (definitions | {System.__name__: document}).items():
         for base in reversed(explained[name].__mro__) if name in explained else ():
-            if base.__module__.startswith("weberlink."):
+            if base.__module__.startswith(("weberlink.", "weberlink_")):
                 _explain(section, base)
     del definitions["DriverSettings"]
     parts: tuple[tuple[str, str, tuple[Registry[Any], ...]], ...] = (
@@ -54,7 +54,7 @@ def schema() -> dict[str, Any]:
         is_optional = "anyOf" in definitions[owner]["properties"][field]
         definitions[owner]["properties"][field] = {"anyOf": [made, {"type": "null"}]} if is_optional else made
     # A deadband of another package may take any options.
-    others = {"properties": {"shape": {"not": {"enum": list(DEADBANDS.built_in)}, "type": "string"}}, "type": "object"}
+    others = {"properties": {"shape": {"not": {"enum": list(DEADBANDS)}, "type": "string"}}, "type": "object"}
     deadband = definitions["ForceCodecSettings"]["properties"]["deadband"]
     deadband["oneOf"].append(others)
     del deadband["discriminator"]

@@ -1,6 +1,6 @@
 """What the sections of a file are made of: their base, the names of predictors, and the shape of a deadband."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import fields
 from functools import cache
@@ -22,7 +22,6 @@ from weberlink.codec.choice import CHOICES
 from weberlink.codec.deadband import DEADBANDS, Deadband
 from weberlink.codec.predictors import PREDICTORS, suits
 from weberlink.config.errors import one_of
-from weberlink.installation import guests
 from weberlink.options import Options
 from weberlink.registry import Registry
 from weberlink.slave.scenes.settings import ByShape
@@ -67,8 +66,7 @@ class PredictorFor:
         return no_info_after_validator_function(self._check, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        names = [name for table in self._tables for name in (*table.built_in, *guests(table.group)) if name in table]
-        return handler(schema) | {"enum": self._suitable(names)}
+        return handler(schema) | {"enum": self._suitable()}
 
     def _check(self, name: str) -> str:
         for table in self._tables:
@@ -76,15 +74,15 @@ class PredictorFor:
                 table.check_known(name)  # says how to install it
         if any(name in table for table in self._tables) and self._suits(name):
             return name
-        raise ValueError(one_of(self._suitable(name for table in self._tables for name in table), name))
+        raise ValueError(one_of(self._suitable(), name))
 
     def _suits(self, name: str) -> bool:
         return name not in PREDICTORS or suits(name, self._signal)
 
-    def _suitable(self, names: Iterable[str]) -> list[str]:
-        """Those that suit, without any that cannot be imported."""
+    def _suitable(self) -> list[str]:
+        """All names, without those of what cannot be imported."""
         known = []
-        for name in names:
+        for name in (name for table in self._tables for name in table):
             with suppress(ImportError, ValueError):
                 known += [name] if self._suits(name) else []
         return known
@@ -143,4 +141,4 @@ def settings_of(shape: str) -> type[ShapeSettings]:
     return create_model(title, __base__=ShapeSettings, __doc__=deadband.summary, shape=(tag, ...), **own)
 
 
-DeadbandSettings = Annotated[SerializeAsAny[ShapeSettings], ByShape(settings_of, DEADBANDS.built_in)]
+DeadbandSettings = Annotated[SerializeAsAny[ShapeSettings], ByShape(settings_of, DEADBANDS)]

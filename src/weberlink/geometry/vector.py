@@ -1,13 +1,13 @@
-"""Three-vectors as plain tuples of floats, the cube that they lie in, and the sine.
+"""Three-vectors as plain tuples of floats, and the cube that they lie in.
 
 On three numbers, plain Python is faster than numpy. A system with fewer than three axes keeps the unused components at
 exactly 0.
 
-Lengths and sines are computed by sums, products and a square root, which IEEE 754 rounds in one way only, so two hosts
-agree to the last bit. The last bit of `math.hypot` and `math.sin` depends on the library of the host.
+Lengths are computed by sums, products and a square root, which IEEE 754 rounds in one way only, so two hosts agree to
+the last bit. That of `math.hypot` depends on the library of the host.
 """
 
-from math import inf, pi, sqrt
+from math import inf, sqrt
 
 Vector = tuple[float, float, float]
 
@@ -102,23 +102,3 @@ def check_home(home: Vector, half_edge: float) -> None:
     """See that a home position lies in the cube; raises ValueError naming both. All in metres."""
     if max(map(abs, home)) > half_edge:
         raise ValueError(f"home_m: expected a point within the workspace of +-{half_edge} m, got {home}")
-
-
-def sine(angle: float) -> float:
-    """The sine of a finite angle [rad]; within 1e-9 for magnitudes up to 1e6."""
-    x = angle % (2.0 * pi)
-    if x > pi:
-        x -= 2.0 * pi
-    if x > 0.5 * pi:
-        x = pi - x
-    elif x < -0.5 * pi:
-        x = -pi - x
-    y = x * x
-    # The series to x^13; its next term is below 1e-9 on a quarter turn.
-    tail = 1.0 - y / 72.0 * (1.0 - y / 110.0 * (1.0 - y / 156.0))
-    return x * (1.0 - y / 6.0 * (1.0 - y / 20.0 * (1.0 - y / 42.0 * tail)))
-
-
-def cosine(angle: float) -> float:
-    """The cosine of a finite angle [rad]; as exact as `sine`."""
-    return sine(angle + 0.5 * pi)

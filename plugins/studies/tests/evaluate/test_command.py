@@ -113,7 +113,7 @@ def test_a_file_that_is_no_trace_is_one_line_that_names_it(
 
 def test_a_simulated_trace_can_be_evaluated_and_figures_are_not_lost(tmp_path: Path) -> None:
     path = tmp_path / "trace.csv"
-    assert weberlink("simulate", CONFIGS / "scene-plane.yaml", "--duration", 1, "--trace", path).status == 0
+    assert weberlink("simulate", CONFIGS / "scene-sphere.yaml", "--duration", 1, "--trace", path).status == 0
     (row,) = document(weberlink(*EVALUATE, "--json", "-", path).output)["rows"]
     assert row["packets"] > 0
     assert "--plots" in weberlink(*EVALUATE, path, "--plots", "-").errors

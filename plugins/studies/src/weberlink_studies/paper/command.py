@@ -5,7 +5,6 @@ A case is a signal with the codec alone, or a session of the whole system.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from importlib.resources import files
 from itertools import product
 from math import isnan
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rich.console import RenderableType
 
+from weberlink.cli.shipped import find
 from weberlink.config import Configuration, load
 from weberlink.figures.session import score_of
 from weberlink.figures.tree import to_json
@@ -144,7 +144,7 @@ def _configuration(scene: PaperScene, predictor: str, weber: float, floor: float
         f"codec.force.floor_n={floor}",
         f"master.device.seed={SEED}",
     ]
-    return load(Path(str(files("weberlink.configs") / scene.file)), overrides)
+    return load(find(scene.file.removesuffix(".yaml")), overrides)
 
 
 def _seconds(case: PaperCase) -> float:

@@ -12,17 +12,17 @@ import pytest
 from tests.codec.signals import GodObject, Stream, contact, stroke
 from weberlink.codec import force_channel
 from weberlink.codec.predictors import FitLimits
-from weberlink.codec.predictors.contact import ContactEstimator
-from weberlink.codec.predictors.estimation import EncodeContext, History, Signal
-from weberlink.codec.predictors.surface import (
+from weberlink.codec.sample import Sample
+from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, unit
+from weberlink_predictors.contact import ContactEstimator
+from weberlink_predictors.estimation import EncodeContext, History, Signal
+from weberlink_predictors.surface import (
     DampedHypothesis,
     FrictionalHypothesis,
     FrictionlessHypothesis,
     MovingHypothesis,
     SurfacePatch,
 )
-from weberlink.codec.sample import Sample
-from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, unit
 
 NORMAL = unit((0.3, -0.2, 0.93))
 MU = 0.3

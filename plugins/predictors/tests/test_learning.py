@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from plugins.predictors.trials.learned import MOST, SIZE, sample, worst_difference
 from tests.codec.signals import NOISE, Stream
 from tests.examples import examples
-from trials.learned import MOST, SIZE, sample, worst_difference
 from weberlink.codec import Channel, force_channel, position_channel
-from weberlink.codec.predictors.estimation import History, Signal
-from weberlink.codec.predictors.learning import RIDGE, Equations, Learned, PathLearner
-from weberlink.codec.predictors.path import HORIZONS, STEP_S
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale, subtract, unit
+from weberlink_predictors.estimation import History, Signal
+from weberlink_predictors.learning import RIDGE, Equations, Learned, PathLearner
+from weberlink_predictors.path import HORIZONS, STEP_S
 
 BOUND = 0.1
 Force = Callable[[float], float]  # Of a time [s]

@@ -14,13 +14,13 @@ surface is q = p + c f. Each of four hypotheses estimates c:
 Curvature is the turn of the normal per displacement of q. The frequency w of a motion follows from second differences
 of n.q over a time T: they are -4 sin^2(w T / 2) times the deviation of n.q from its mean.
 
-`weberlink.codec.adaptive` compares the hypotheses by the updates that they save.
+`weberlink_predictors.adaptive` compares the hypotheses by the updates that they save.
 """
 
 from math import asin, exp, sqrt
 
-from weberlink.codec.predictors.estimation import History, Signal
 from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
+from weberlink_predictors.estimation import History, Signal
 
 STEP_S = 0.010  # Time over which displacements and changes of force are taken [s]
 TURN_S = 0.030  # Time over which a turn of the normal is taken [s]

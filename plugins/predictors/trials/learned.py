@@ -1,6 +1,6 @@
 """A day of the learned path: its least squares lose no digits, however long a session lasts.
 
-    python -m trials.learned --hours 24
+    python -m plugins.predictors.trials.learned --hours 24
 
 The sums of one horizon take a sample in every step of 4 ms, as in a daemon. At every full hour what they expect is
 compared with what sums expect that began sixty time constants before: of what is older, forgetting leaves a part in
@@ -12,9 +12,9 @@ import sys
 from math import exp, inf, pi, sin
 from random import Random
 
-from weberlink.codec.predictors.learning import MEMORY_S, RIDGE, Equations, Noted, State
-from weberlink.codec.predictors.path import STEP_S
 from weberlink.geometry.vector import ZERO, Vector, norm
+from weberlink_predictors.learning import MEMORY_S, RIDGE, Equations, Noted, State
+from weberlink_predictors.path import STEP_S
 
 SIZE = 8
 FRESH = 60

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from tests.codec.signals import GodObject
 from tests.examples import examples
 from weberlink.codec import Channel, Decoder, Update, force_channel
-from weberlink.codec.predictors.surface import SURFACE, SurfacePatch
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
+from weberlink_predictors.surface import SURFACE, SurfacePatch
 
 UP: Vector = (0.0, 0.0, 1.0)
 S = 500.0

@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from weberlink.codec.parameters import Block, pack, unpack
-from weberlink.codec.predictors.estimation import Candidate, CandidatePredictor, EncodeContext, Signal
 from weberlink.codec.predictors.model import FitLimits, Model
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale, subtract
 from weberlink.update import ModelParameters
+from weberlink_predictors.estimation import Candidate, CandidatePredictor, EncodeContext, Signal
+from weberlink_predictors.parameters import Block, pack, unpack
 
 WINDOW_S = 0.014  # Length of the regression window [s]
 STEP_S = 0.001  # Time from one sample of the window to the next, where the ticks allow [s]

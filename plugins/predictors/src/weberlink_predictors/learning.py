@@ -17,9 +17,9 @@ state of the signal has its own estimates: free, loading and unloading.
 from math import exp, isfinite, isnan, sqrt
 from typing import NamedTuple
 
-from weberlink.codec.predictors.estimation import History, Signal
-from weberlink.codec.predictors.path import HORIZONS, STEP_S
 from weberlink.geometry.vector import ZERO, Vector, add, dot, subtract
+from weberlink_predictors.estimation import History, Signal
+from weberlink_predictors.path import HORIZONS, STEP_S
 
 LAGS_S = (0.001, 0.003, 0.009, 0.027)  # Times over which differences and, except the first, running means are taken [s]
 MOTION_S = (0.004, 0.016)  # Times over which the motion of the hand is taken [s]

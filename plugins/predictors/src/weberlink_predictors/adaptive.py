@@ -22,12 +22,12 @@ from weberlink.codec.channel import Channel
 from weberlink.codec.choice import NOTHING, Ahead, Choice, DueSample
 from weberlink.codec.deadband import Deadband
 from weberlink.codec.predictors.contract import FittedPredictor, Predictor
-from weberlink.codec.predictors.estimation import Candidate, CandidatePredictor, EncodeContext, History, Signal
 from weberlink.codec.predictors.model import FitLimits, Hold, Model
 from weberlink.codec.predictors.zoh import ZOH
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.update import MAX_GAP
+from weberlink_predictors.estimation import Candidate, CandidatePredictor, EncodeContext, History, Signal
 
 MEMORY_S = 3.0  # Time constant of the record [s]
 MIN_LIFETIME_S = 0.003  # A candidate whose model lasts no longer is suspended: it costs time and saves no update [s]

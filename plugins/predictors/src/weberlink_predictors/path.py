@@ -1,6 +1,6 @@
 """A learned path: displacements from the newest sample at a few moments, straight in between, held after the last.
 
-The sender learns what follows a sample (`weberlink.codec.predictors.learning`), and the receiver only plays it:
+The sender learns what follows a sample (`weberlink_predictors.learning`), and the receiver only plays it:
 
     f(t) = f_1 + path(t - t_1)                          path
     f(t) = f_1 + path(t - t_1) + K_1 d + K_2 u (u d)    elastic
@@ -16,12 +16,12 @@ from itertools import pairwise
 from math import frexp, ldexp
 from typing import Any, ClassVar
 
-from weberlink.codec.parameters import Float, pack, unpack
-from weberlink.codec.predictors.estimation import Candidate, CandidatePredictor, EncodeContext, Signal
 from weberlink.codec.predictors.model import FitLimits, Model
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, add, distance, subtract
 from weberlink.update import MOST_PARAMETER_BYTES, ModelParameters
+from weberlink_predictors.estimation import Candidate, CandidatePredictor, EncodeContext, Signal
+from weberlink_predictors.parameters import Float, pack, unpack
 
 STEP_S = 0.004  # Time from one sample that is learned to the next [s]
 HORIZONS = (1, 2, 4, 8, 16, 32)  # Moments of the knots, in steps after the sample
@@ -87,7 +87,7 @@ class LearnedCandidate:
     """Makes the path that is expected, rounded as it travels."""
 
     def __init__(self, signal: Signal, *, elastic: bool, reach: int = len(HORIZONS)) -> None:
-        from weberlink.codec.predictors.learning import PathLearner  # noqa: PLC0415 - it imports this module
+        from weberlink_predictors.learning import PathLearner  # noqa: PLC0415 - it imports this module
 
         self._learner = signal.estimator(PathLearner)
         self._elastic = elastic
@@ -120,7 +120,7 @@ class LearnedCandidate:
         self, context: EncodeContext, stiffness: tuple[float, float], tail: Sequence[Vector], exponent: int
     ) -> Path:
         """The path through the known samples to what is expected after them."""
-        from weberlink.codec.predictors.chords import Chords  # noqa: PLC0415
+        from weberlink_predictors.chords import Chords  # noqa: PLC0415
 
         newest, ahead = context.newest, context.ahead
         values = [subtract(context.history.values[-1], newest.value)]

@@ -12,9 +12,9 @@ from typing import Annotated, Self
 
 from annotated_types import Interval
 
-from weberlink.codec.deadband.cone import DIRECTION_RAD, ConeOptions, chord, chord_of
 from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, check_not_negative
 from weberlink.geometry.vector import Vector, distance, norm
+from weberlink_predictors.cone import DIRECTION_RAD, ConeOptions, chord, chord_of
 
 LEAST_WEBER = 1e-4  # Smallest Weber factor of the grid; finer than any wire step needs
 HYSTERESIS = 0.25

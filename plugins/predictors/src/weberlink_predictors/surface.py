@@ -18,13 +18,14 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Any, ClassVar
 
-from weberlink.codec.parameters import Float, Uniform, pack, unpack
-from weberlink.codec.predictors.contact import ContactEstimator
-from weberlink.codec.predictors.estimation import Candidate, CandidatePredictor, EncodeContext, History, Signal
 from weberlink.codec.predictors.model import FitLimits, Model, ModelKind, ModelRecord
 from weberlink.codec.sample import Sample, SampleGrid
-from weberlink.geometry.vector import ZERO, Vector, cosine, dot, is_finite, norm, scale, sine, subtract, unit
+from weberlink.geometry.vector import ZERO, Vector, dot, is_finite, norm, scale, subtract, unit
 from weberlink.update import ModelParameters
+from weberlink_predictors.contact import ContactEstimator
+from weberlink_predictors.estimation import Candidate, CandidatePredictor, EncodeContext, History, Signal
+from weberlink_predictors.parameters import Float, Uniform, pack, unpack
+from weberlink_predictors.trigonometry import cosine, sine
 
 LEAST_CURVATURE = 0.5  # A smaller curvature is set to 0, which costs less run time [1/m]
 LEAST_FRICTION = 0.03  # A smaller coefficient of friction is noise: the surface counts as frictionless

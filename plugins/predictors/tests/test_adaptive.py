@@ -2,24 +2,27 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from random import Random
+from typing import Any
 
 import pytest
 
 from tests.codec.law import FITTED
 from tests.codec.signals import GodObject, Stream, contact, stroke, up
 from weberlink.codec import Channel, Encoder, force_channel
-from weberlink.codec.adaptive import REST_S, AdaptiveChoice, FittedCandidate, Shadow
+from weberlink.codec.channel import Smoothing
 from weberlink.codec.choice import NOTHING, DueSample
 from weberlink.codec.deadband import ForceDeadband
 from weberlink.codec.predictors import PREDICTORS, FitLimits
-from weberlink.codec.predictors.estimation import KEPT_S, LONGEST_GAP_S, History, Signal
 from weberlink.codec.predictors.model import Hold
 from weberlink.codec.replay import code
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO
+from weberlink_predictors.adaptive import REST_S, AdaptiveChoice, FittedCandidate, Shadow
+from weberlink_predictors.estimation import KEPT_S, LONGEST_GAP_S, History, Signal
 
 LIMITS = FitLimits()
 DEADBAND = ForceDeadband(0.1)
@@ -31,6 +34,28 @@ def bank(*names: str) -> Channel:
 
 def sends(channel: Channel, stream: Stream) -> list[int]:
     return [tick for tick, update in enumerate(code(channel, stream).updates) if update is not None]
+
+
+def test_a_hybrid_takes_no_estimated_predictor() -> None:
+    for predictor in ("affine", "surface", "path", "elastic"):
+        with pytest.raises(ValueError, match=f"{predictor}: not for hybrid"):
+            force_channel(bank=["zoh", predictor])
+
+
+@pytest.mark.parametrize(
+    ("options", "newest"),
+    [
+        ({}, [(3,), (3, 3), (3,), (3, 3)]),
+        ({"every_position": True}, [(3, 3)] * 4),
+        ({"smoothing": Smoothing(9)}, [(3, 3)] * 4),
+    ],
+)
+def test_an_update_carries_what_is_read_and_no_sample_beside_parameters(
+    options: dict[str, Any], newest: list[tuple[int, ...]]
+) -> None:
+    channel = replace(bank("linear", "plane", "path", "affine"), **options)
+    assert [form.newest for form in channel.forms] == newest
+    assert [form.previous for form in channel.forms] == [(3,), (3, 3), None, None]
 
 
 # History.

@@ -11,12 +11,13 @@ from hypothesis import strategies as st
 
 from tests.codec.law import make_channel
 from tests.codec.signals import Stream
+from tests.codec.test_lookahead import check_that_only_the_delay_is_left
 from tests.examples import examples
 from weberlink.codec import Decoder, Update, force_channel
-from weberlink.codec.predictors.affine import AFFINE, SLOWEST, SOFTEST, WIDEST, Affine, LocalAffine
-from weberlink.codec.predictors.estimation import EncodeContext, History, Signal
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, distance, dot, norm, scale, unit
+from weberlink_predictors.affine import AFFINE, SLOWEST, SOFTEST, WIDEST, Affine, LocalAffine
+from weberlink_predictors.estimation import EncodeContext, History, Signal
 
 S = 800.0
 coordinates = st.floats(-0.02, 0.02)
@@ -159,3 +160,7 @@ def test_a_drift_in_time_alone_is_the_slope(per_tick: int) -> None:
 def test_extreme_samples_make_a_finite_model_or_none(size: float) -> None:
     model = estimated([(scale(tremor(tick), size * 1e3), scale(tremor(tick + 7), size * 1e3)) for tick in range(20)])
     assert model is None or all(abs(each) < 1e300 for row in model.stiffness for each in row)
+
+
+def test_without_a_known_future_look_ahead_is_a_delay() -> None:
+    check_that_only_the_delay_is_left("affine")

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from weberlink.codec import force_channel
-from weberlink.codec.parameters import EXPONENT_BITS, Block, Float, Uniform, pack, unpack
 from weberlink.codec.predictors import PREDICTORS
-from weberlink.codec.predictors.affine import Affine
-from weberlink.codec.predictors.path import Path
-from weberlink.codec.predictors.surface import SurfacePatch
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, unit
+from weberlink_predictors.affine import Affine
+from weberlink_predictors.parameters import EXPONENT_BITS, Block, Float, Uniform, pack, unpack
+from weberlink_predictors.path import Path
+from weberlink_predictors.surface import SurfacePatch
 
 LARGEST_EXPONENT = 2**EXPONENT_BITS - 1
 widths_of_fields = st.lists(st.integers(1, 20), max_size=10)

@@ -1,0 +1,1 @@
+"""A day of the learned path in a few minutes."""
