@@ -8,6 +8,7 @@ import os
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from weberlink.codec import Channel, Decoder, Encoder, force_channel, position_channel
+    from weberlink.codec.choice import CHOICES, Choice
     from weberlink.codec.deadband import DEADBANDS, Deadband
     from weberlink.codec.predictors import PREDICTORS, EstimatedPredictor, FittedPredictor, Predictor
     from weberlink.codec.replay import Coded, code
@@ -22,10 +23,12 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
+    "CHOICES",
     "DEADBANDS",
     "PREDICTORS",
     "Channel",
     "Checksum",
+    "Choice",
     "Coded",
     "Configuration",
     "ConfigurationError",
@@ -57,6 +60,7 @@ __all__ = [
 
 _PLACES = {
     "weberlink.codec": "Channel Decoder Encoder force_channel position_channel",
+    "weberlink.codec.choice": "CHOICES Choice",
     "weberlink.codec.deadband": "DEADBANDS Deadband",
     "weberlink.codec.predictors": "PREDICTORS EstimatedPredictor FittedPredictor Predictor",
     "weberlink.codec.replay": "Coded code",

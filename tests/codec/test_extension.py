@@ -1,4 +1,4 @@
-"""A predictor and a deadband of another distribution, named in a configuration file: those of docs/library.md."""
+"""A predictor, a choice and a deadband of another distribution, named in a file: those of docs/library.md."""
 
 import json
 import re
@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "library.md").read_text(encoding="utf-8")
 MODULES = {
     name: next(block for block in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL) if f"# {name}.py" in block)
-    for name in ("my_predictors", "my_deadbands")
+    for name in ("my_predictors", "my_deadbands", "my_choices")
 }
 ENTRY_POINTS = re.findall(r'\[project\.entry-points\."(.*?)"\]\n(.*)\n', PAGE)
 RUNS = [
@@ -21,6 +21,7 @@ RUNS = [
         ([f"codec.force.predictor={name}", "codec.force.bank=[damped, plane]"], ["damped", "plane"], "ForceDeadband")
         for name in CHOICES
     ),
+    (["codec.force.predictor=second"], ["zoh", "linear"], "ForceDeadband"),
     (["codec.force.deadband={shape: constant, bound_n: 0.1}"], None, "Constant(width=0.1)"),
 ]
 REFUSED = {
