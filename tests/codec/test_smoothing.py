@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.codec.law import make_channel
+from tests.codec.law import POSITION_PREDICTORS, make_channel
 from tests.codec.signals import contact_stream, up
 from weberlink.codec import Decoder, Encoder, Update, force_channel
 from weberlink.codec.channel import Smoothing
@@ -76,7 +76,7 @@ def test_an_update_on_its_way_during_a_live_change_has_the_ramp_of_its_tick() ->
     assert decoder.value(5) == pytest.approx(up(0.9))
 
 
-@pytest.mark.parametrize("predictor", ["zoh", "path", "hybrid", "adaptive"])
+@pytest.mark.parametrize("predictor", POSITION_PREDICTORS)
 def test_after_a_loss_the_ends_display_the_same_when_the_ramp_is_over(predictor: str) -> None:
     ticks = 8
     channel = make_channel(predictor, smoothing=Smoothing(ticks, 0.7))
