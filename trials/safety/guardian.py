@@ -36,10 +36,8 @@ from weberlink_devices.umockdev import Testbed, TestbedNode
 
 OWN, SERVICE = "of the session", "service"
 REFUSED, GOES_ON, STAYS, ENDED = "refused", "goes on", "stays", "ended soon after its start"
-MARK = "WEBERLINK_TRIAL"
-"""In the environment of a session and of its guardian: the folder of the run."""
-FOR_S, AFTER_S = 2.0, 0.3
-"""How long a force is waited for to end, and for how long it must be gone [s]."""
+MARK = "WEBERLINK_TRIAL"  # in the environment of a session and of its guardian: the folder of the run
+FOR_S, AFTER_S = 2.0, 0.3  # how long a force is waited for to end, and for how long it must be gone [s]
 STARTS, STARTS_S = 4, 30.0
 DAEMONS = ("weberlink.session.daemon master", ".tests.test_host_that_ends")
 """In the command line of the process that commands a board."""

@@ -25,14 +25,11 @@ from weberlink.protocol.wire import Kind
 from weberlink.session.simulation import as_array
 from weberlink.telemetry.fault import Fault
 
-BEGIN, LASTS, AFTER = 1.5, 2.5, 0.7
-"""When the kinds begin to be lost, for how long, and how long all pass again [s]."""
+BEGIN, LASTS, AFTER = 1.5, 2.5, 0.7  # when the kinds begin to be lost, for how long, and how long all pass again [s]
 DELAY_S = 0.005  # one way
 ENDS = MASTER, SLAVE = ("master", "slave")  # by what they send
-TICKS_MS = 12.0
-"""Added to the limit: what is in the air, and the ticks of both ends [ms]."""
-Lost = tuple[tuple[str, Kind], ...]
-"""Sender and kind of the datagrams that are lost."""
+TICKS_MS = 12.0  # added to the limit: what is in the air, and the ticks of both ends [ms]
+Lost = tuple[tuple[str, Kind], ...]  # sender and kind of the datagrams that are lost
 
 
 @dataclass(frozen=True)

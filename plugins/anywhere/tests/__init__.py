@@ -2,5 +2,4 @@
 
 from pathlib import Path
 
-FILE = Path(__file__).parents[1] / "configs" / "anywhere.yaml"
-"""The shipped one."""
+FILE = Path(__file__).parents[1] / "configs" / "anywhere.yaml"  # the shipped one

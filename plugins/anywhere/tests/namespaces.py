@@ -17,8 +17,7 @@ from pathlib import Path
 import pytest
 
 SERVER = "203.0.113.1"
-SERVER_NAME = "relay.example"
-"""The public server, and its name in every namespace."""
+SERVER_NAME = "relay.example"  # the public server, and its name in every namespace
 
 
 CLONE_NEWNET = 0x40000000

@@ -25,8 +25,7 @@ from weberlink_anywhere.order import PairingOrder
 from weberlink_anywhere.pairing import PairingSession, events_out, reactor
 from weberlink_anywhere.peers import Peer, PeerStore
 
-LONG = 60.0
-"""Patience where all messages come [s]."""
+LONG = 60.0  # patience where all messages come [s]
 
 
 class Connection(WebSocketServer):
@@ -90,8 +89,7 @@ class Rig:
 
     def __init__(self, folder: Path, short: float) -> None:
         self._folder, self._numbers, self.short = folder, count(1), short
-        self.words: dict[str, dict[str, str]] = {}
-        """That each side was shown, by mailbox."""
+        self.words: dict[str, dict[str, str]] = {}  # that each side was shown, by mailbox
 
     def store(self) -> PeerStore:
         return PeerStore(self._folder / str(next(self._numbers)))

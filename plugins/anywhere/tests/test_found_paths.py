@@ -27,8 +27,7 @@ from weberlink_anywhere.hand_over import PathFound, PathLost, PathNews, PathSile
 
 OPERATOR, ROBOT, HOST = "operator", "robot", "127.0.0.1"
 NONSENSE = [b"x", bytes(5000), msgpack.packb([2, ROBOT, "x" * 5000, True]), msgpack.packb([0, 1, 0]), b"\xc1" * 40]
-STUN = b"\x00\x01\x00\x00" + hand_over.STUN_COOKIE + bytes(12)
-"""A binding request without attributes."""
+STUN = b"\x00\x01\x00\x00" + hand_over.STUN_COOKIE + bytes(12)  # A binding request without attributes
 CHANNEL = 0x4001
 
 

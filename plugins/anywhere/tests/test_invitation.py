@@ -51,8 +51,7 @@ def test_any_text_is_a_code_or_is_refused_in_one_line(typed: str) -> None:
 
 TEXT = str(Invitation("7-confidence-ribcage", "ws://relay.example:4000/v1"))
 LONG = str(Invitation("123-microscope-yesteryear", "wss://relay.robotics.university.example/v1"))
-HALVES = {" ": (0, 0), "▀": (1, 0), "▄": (0, 1), "█": (1, 1)}
-"""Which halves of a cell are light."""
+HALVES = {" ": (0, 0), "▀": (1, 0), "▄": (0, 1), "█": (1, 1)}  # which halves of a cell are light
 
 
 def qr_codes(lines: list[str], ground: int) -> list[str]:

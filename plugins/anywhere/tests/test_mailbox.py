@@ -23,8 +23,7 @@ from weberlink_anywhere.sealing import Sealing
 from weberlink_anywhere.signalling import MailboxUnreachable
 
 LONG = "\x1b[2J\n" + "x" * 5000
-LONGEST = 500
-"""Characters of a line that a person is told."""
+LONGEST = 500  # characters of a line that a person is told
 WELCOME = json.dumps({"type": "welcome", "welcome": {}})
 WORDS = {
     "error": (WELCOME, json.dumps({"type": "error", "error": LONG})),

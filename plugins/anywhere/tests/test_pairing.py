@@ -10,8 +10,7 @@ import pytest
 from tests.program import ROOT
 
 pytest.importorskip("wormhole_mailbox_server")
-PATIENCE = 300.0
-"""Until the program counts as hung [s]."""
+PATIENCE = 300.0  # until the program counts as hung [s]
 VOID = "a wrong code, or a message changed on the way"
 SILENT = "the other host stopped answering"
 GONE = "nobody waits with the code|was used already"

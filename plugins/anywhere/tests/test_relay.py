@@ -13,8 +13,7 @@ from plugins.anywhere.tests.testbed import CONE, SECRET, TURN_PORT, Home, Intern
 from weberlink_anywhere.credentials import credentials
 
 pytestmark = needs_testbed
-QUOTA = 24
-"""`user-quota` of the shipped file."""
+QUOTA = 24  # `user-quota` of the shipped file
 LIFE_S = 60.0
 
 

@@ -100,8 +100,7 @@ async def test_socket_for_server_hears_only_the_server() -> None:
 
 
 TWO_WAYS = {"127.0.0.1": "lo", "::1": "lo"}
-LOST = 3
-"""Answers: to the check, to its repetition at once, and to the first repetition by time."""
+LOST = 3  # Answers: to the check, to its repetition at once, and to the first repetition by time
 
 
 class LosesAnswers(asyncio.DatagramProtocol):

@@ -28,14 +28,12 @@ NATS = (NONE, CONE, SYMMETRIC, BLOCKED)
 """Kinds of NAT. Cone: one mapping for all destinations (RFC 4787 "endpoint-independent"), at another port than the
 host's own. Symmetric: one for each destination. Both pass inwards only what answers (address and port-dependent
 filtering). Blocked: a cone NAT that drops UDP. None: public addresses, no filter."""
-SECOND_SERVER = "203.0.113.2"
-"""The relay has two addresses, so that kinds of NAT can be told apart (RFC 5780)."""
+SECOND_SERVER = "203.0.113.2"  # the relay has two addresses, so that kinds of NAT can be told apart (RFC 5780)
 RELAY = Path(__file__).parents[1] / "configs" / "relay" / "relay.sh"
 TURN_PORT, MAILBOX_PORT = 3478, 4000
 MAILBOX_URL = f"ws://{SERVER_NAME}:{MAILBOX_PORT}/v1"
 SECRET = "secret-of-the-test-bed"
-FIRST, SECOND = "wifi", "phone"
-"""Network interfaces of a host."""
+FIRST, SECOND = "wifi", "phone"  # network interfaces of a host
 
 _NAT = """
 table ip home {

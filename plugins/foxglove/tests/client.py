@@ -11,8 +11,7 @@ from websockets.sync.client import connect
 
 from tests.wait import until
 
-HEAD = 13
-"""Bytes before a message: kind, subscription and log time."""
+HEAD = 13  # bytes before a message: kind, subscription and log time
 
 
 class FoxgloveClient:

@@ -31,8 +31,7 @@ class ScriptedServer:
         """Paths of the requests by POST with their queries, and their tokens."""
         self.followed: list[str | None] = []
         self.viewers: list[Viewer] = []
-        self.pictures: list[bytes] = []
-        """Messages to a page that asks for pictures."""
+        self.pictures: list[bytes] = []  # messages to a page that asks for pictures
         self.port = 0
         self._runner: web.AppRunner | None = None
         self._loop = asyncio.new_event_loop()

@@ -24,8 +24,7 @@ from weberlink_page.session import PageSession
 
 TOKEN = "t0ken"
 DESK, PHONE = (1400, 900), (390, 844)
-AWAY = np.array([0.85, 2.1, 0.0]) / hypot(0.85, 2.1)
-"""Depth in the view, as it is seen at first."""
+AWAY = np.array([0.85, 2.1, 0.0]) / hypot(0.85, 2.1)  # depth in the view, as it is seen at first
 ESCAPE, ENTER, STOP, RIGHT = "\ue00c", "\ue007", "\ue032", "\ue014"
 OUTSIDE = """
 return [...document.querySelectorAll('button, input, select, canvas, td, dd')].filter(e => e.offsetParent).filter(e => {

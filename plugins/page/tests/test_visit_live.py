@@ -24,10 +24,8 @@ from weberlink_page import messages
 from weberlink_page.front import PROOF_HEADER
 
 ABOVE, ASIDE, PRESSED = (0.03, 0.03, 0.02), (0.02, 0.03, 0.02), (0.03, 0.03, -0.02)
-SURFACE_M = -0.015
-"""Below the surface of the scenes at these places; the pointer goes deeper, the handle does not."""
-RAMP_TICKS = 51
-"""Ticks in which a released force fades: 50 ms, and the tick of the release."""
+SURFACE_M = -0.015  # below the surface of the scenes at these places; the pointer goes deeper, the handle does not
+RAMP_TICKS = 51  # ticks in which a released force fades: 50 ms, and the tick of the release
 Message = dict[str, Any]
 DECLARED: TypeAdapter[Any] = TypeAdapter(
     Annotated[messages.Message, Field(discriminator="type")], config=ConfigDict(strict=True, extra="forbid")

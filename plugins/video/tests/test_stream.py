@@ -18,16 +18,14 @@ from weberlink_video.stream import DEADLINE_S, FORM_BYTES, HEAD, KEPT, MOST_FRAG
 
 STEP_S = 0.001
 LOOK_S = 0.002
-AROUND = 36
-"""Bytes of a datagram beside the fragment, without the headers of IP and UDP."""
+AROUND = 36  # bytes of a datagram beside the fragment, without the headers of IP and UDP
 FORCE = bytes(80)
 
 
 class Outcome(NamedTuple):
     ages: list[float]
     sent_bit_s: float
-    force_s: float
-    """One way of an update of the session that shares the link, p99 after the first second."""
+    force_s: float  # one way of an update of the session that shares the link, p99 after the first second
 
     def age(self, percent: int) -> float:
         return self.ages[len(self.ages) * percent // 100]
