@@ -25,11 +25,7 @@ HELD = "return document.getElementById('scene').classList.contains('held')"
 
 
 def main(folder: Path) -> None:
-    with (
-        TemporaryDirectory() as scratch,
-        browser(Path(scratch) / "profile") as page,
-        Monitor(command="try") as monitor,
-    ):
+    with TemporaryDirectory() as scratch, browser(Path(scratch) / "profile") as page, Monitor(command="try") as monitor:
         page.size(1200, 760)
         page.scheme("dark")
         page.open(monitor.address)

@@ -101,8 +101,7 @@ def test_broken_file_is_told_and_can_be_removed(store: PeerStore, content: bytes
 
 
 @pytest.mark.parametrize(
-    ("name", "mode", "good"),
-    [("robot.json", 0o640, 0o600), ("", 0o720, 0o700), ("", 0o702, 0o700)],
+    ("name", "mode", "good"), [("robot.json", 0o640, 0o600), ("", 0o720, 0o700), ("", 0o702, 0o700)]
 )
 def test_what_others_may_read_or_write_is_refused_with_the_remedy(
     store: PeerStore, name: str, mode: int, good: int

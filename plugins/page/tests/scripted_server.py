@@ -2,13 +2,13 @@
 
 import asyncio
 import json
-import threading
 from collections.abc import Callable, Coroutine
 from types import SimpleNamespace
 from typing import Any, Self
 
 from aiohttp import web
 
+from tests.watching.sources import loop_in_a_thread
 from weberlink_page import access
 from weberlink_page.viewer import Viewer
 from weberlink_page.web import Handler, Site
@@ -27,26 +27,22 @@ class ScriptedServer:
         self.sessions: list[Message] = []
         self.answer: Callable[[Message], Message | None] = lambda _: None
         self.asked: list[Message] = []
-        self.posted: list[tuple[str, str | None]] = []
-        """Paths of the requests by POST with their queries, and their tokens."""
+        self.posted: list[tuple[str, str | None]] = []  # paths of requests by POST with their queries, and tokens
         self.followed: list[str | None] = []
         self.viewers: list[Viewer] = []
         self.pictures: list[bytes] = []  # messages to a page that asks for pictures
         self.port = 0
         self._runner: web.AppRunner | None = None
-        self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
+        self._thread = loop_in_a_thread()
 
     def __enter__(self) -> Self:
-        self._thread.start()
+        self._loop = self._thread.__enter__()
         self.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self.stop()
-        self._loop.call_soon_threadsafe(self._loop.stop)
-        self._thread.join()
-        self._loop.close()
+        self._thread.__exit__(None, None, None)
 
     @property
     def address(self) -> str:

@@ -3,15 +3,16 @@
 import asyncio
 import json
 import sys
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
-from signal import SIGINT, Signals
+from signal import SIGINT
 from time import monotonic
 from typing import Any
 
 import pytest
 
-from tests.wait import PATIENCE
+from tests.wait import in_loop
 from weberlink_page.launcher import SessionLauncher, TryOrder
 from weberlink_page.scenes import SceneChoice
 
@@ -44,7 +45,12 @@ class Told:
         self.messages: list[dict[str, Any]] = []
         self.inherited: list[tuple[str, str]] = []
         program = (sys.executable, "-S", "-c", PROGRAM, str(notes))
+        self.interrupted = asyncio.Event()
         self.launcher = SessionLauncher(order, self.lines.append, self.messages.append, self._inherit, program)
+
+    def interrupt(self) -> None:
+        self.launcher.signal(SIGINT)
+        self.interrupted.set()
 
     async def _inherit(self, former: str | None, name: str) -> None:
         self.inherited.append((former, name))
@@ -71,32 +77,20 @@ def order(*overrides: str, duration_s: float | None = None) -> TryOrder:
     return TryOrder("try.yaml", overrides, SCENES, "dome", duration_s)
 
 
-def conduct(folder: Path, order: TryOrder, act: Callable[[Told], Awaitable[Signals | None]]) -> Told:
-    """Run a visit; `act` may return a signal that interrupts it."""
-
-    async def run() -> Told:
-        told, interrupted = Told(folder / "notes", order), asyncio.Event()
-        async with asyncio.timeout(PATIENCE):
-            visit = asyncio.get_running_loop().create_task(told.launcher.run(interrupted))
-            number = await act(told)
-            if number is not None:
-                told.launcher.signal(number)
-                interrupted.set()
-            await visit
-        return told
-
-    return asyncio.run(run())
+@asynccontextmanager
+async def visit(folder: Path, order: TryOrder) -> AsyncIterator[Told]:
+    """A visit, which is over at the end of the `with`."""
+    told = Told(folder / "notes", order)
+    running = asyncio.create_task(told.launcher.run(told.interrupted))
+    yield told
+    await running
 
 
-async def nothing(_told: Told) -> None: ...
-
-
-def test_interrupted_visit_ends_with_the_report(tmp_path: Path) -> None:
-    async def interrupt(told: Told) -> Signals:
+@in_loop
+async def test_interrupted_visit_ends_with_the_report(tmp_path: Path) -> None:
+    async with visit(tmp_path, order("a=1")) as told:
         await told.until_begun(1)
-        return SIGINT
-
-    told = conduct(tmp_path, order("a=1"), interrupt)
+        told.interrupt()
     ((pid, group, arguments),) = told.started
     assert arguments == ["loopback", "try.yaml", "--json", "-", "--set", "a=1"]
     assert pid == group, "Ctrl-C does not reach it"
@@ -104,8 +98,9 @@ def test_interrupted_visit_ends_with_the_report(tmp_path: Path) -> None:
     assert [message["state"] for message in told.messages] == ["starting", "running", "idle"]
 
 
-def test_another_scene_is_another_session_and_one_is_started_at_a_time(tmp_path: Path) -> None:
-    async def change(told: Told) -> Signals:
+@in_loop
+async def test_another_scene_is_another_session_and_one_is_started_at_a_time(tmp_path: Path) -> None:
+    async with visit(tmp_path, order()) as told:
         await told.until_begun(1)
         assert not told.launcher.request_start("sea", 0)["accepted"]
         assert told.launcher.request_start("box", 0) == {"accepted": True}
@@ -113,11 +108,8 @@ def test_another_scene_is_another_session_and_one_is_started_at_a_time(tmp_path:
         assert not told.launcher.request_start("box", 0)["accepted"], "under way"
         await told.until_begun(2)
         assert told.launcher.rooms["scene"] == "box"
-        told.launcher.signal(SIGINT)
+        told.interrupt()
         assert not told.launcher.request_start("box", 0)["accepted"], "it ends"
-        return SIGINT
-
-    told = conduct(tmp_path, order(), change)
     (first, _, _), (second, _, arguments) = told.started
     assert arguments[-2:] == ["--set", "slave.scene=box"]
     assert told.inherited == [(str(first), str(second))]
@@ -126,23 +118,20 @@ def test_another_scene_is_another_session_and_one_is_started_at_a_time(tmp_path:
     ]
 
 
-async def restart_and_stop(told: Told, when: str) -> None:
-    await told.until_begun(1)
-    assert told.launcher.request_start("box", 0) == {"accepted": True}
-    while len(told.launcher.started) < 2 and when == "after":
-        await asyncio.sleep(0)
-    at = monotonic()
-    told.launcher.on_emergency(at)
-    told.launcher.on_emergency(at + 1e-3)  # the other way of the same press
-    assert told.launcher.stops == 1
-    while told.launcher.message["state"] != "idle":
-        await asyncio.sleep(0.01)
-
-
 @pytest.mark.parametrize(("when", "started"), [("before", 1), ("after", 2)])
-def test_no_start_from_before_an_emergency_stop_is_done_after_it(tmp_path: Path, when: str, started: int) -> None:
-    async def stop(told: Told) -> Signals:
-        await restart_and_stop(told, when)
+@in_loop
+async def test_no_start_from_before_an_emergency_stop_is_done_after_it(tmp_path: Path, when: str, started: int) -> None:
+    async with visit(tmp_path, order()) as told:
+        await told.until_begun(1)
+        assert told.launcher.request_start("box", 0) == {"accepted": True}
+        while len(told.launcher.started) < 2 and when == "after":
+            await asyncio.sleep(0)
+        at = monotonic()
+        told.launcher.on_emergency(at)
+        told.launcher.on_emergency(at + 1e-3)  # the other way of the same press
+        assert told.launcher.stops == 1
+        while told.launcher.message["state"] != "idle":
+            await asyncio.sleep(0.01)
         assert len(told.launcher.started) == started
         late = told.launcher.request_start("box", 0)
         assert (late["accepted"], "emergency stop" in late["why"]) == (False, True), "asked before it was known"
@@ -152,29 +141,30 @@ def test_no_start_from_before_an_emergency_stop_is_done_after_it(tmp_path: Path,
             await asyncio.sleep(0.01)
         told.launcher.on_emergency(monotonic() - 0.5)  # a press from before, repeated
         await told.until_begun(begun + 1)
-        return SIGINT
-
-    told = conduct(tmp_path, order(), stop)
+        told.interrupt()
     assert told.ended == (0, {"outcome": "interrupted", "ticks": 7})
 
 
-def test_a_session_that_an_emergency_stop_ended_leaves_another_to_be_started(tmp_path: Path) -> None:
-    async def go_on(told: Told) -> Signals:
+@in_loop
+async def test_a_session_that_an_emergency_stop_ended_leaves_another_to_be_started(tmp_path: Path) -> None:
+    async with visit(tmp_path, order("stopped=1", duration_s=0.2)) as told:
         while told.launcher.last is None:
             await asyncio.sleep(0.01)
-        return SIGINT
-
-    told = conduct(tmp_path, order("stopped=1", duration_s=0.2), go_on)
+        told.interrupt()
     assert (told.launcher.message["state"], told.launcher.message["why"]) == ("idle", "failed: emergency stop")
 
 
-def test_first_session_that_does_not_begin_ends_the_visit(tmp_path: Path) -> None:
-    told = conduct(tmp_path, order("wrong=1"), nothing)
+@in_loop
+async def test_first_session_that_does_not_begin_ends_the_visit(tmp_path: Path) -> None:
+    async with visit(tmp_path, order("wrong=1")) as told:
+        pass
     message = {"type": "launcher", "state": "failed", "scene": "dome", "why": "wrong: no such key", "stops": 0}
     assert (told.launcher.message, told.ended) == (message, (1, None))
 
 
-def test_limited_visit_ends_with_its_session(tmp_path: Path) -> None:
-    told = conduct(tmp_path, order("failing=1", duration_s=0.2), nothing)
+@in_loop
+async def test_limited_visit_ends_with_its_session(tmp_path: Path) -> None:
+    async with visit(tmp_path, order("failing=1", duration_s=0.2)) as told:
+        pass
     assert told.started[0][2][-2:] == ["--duration", "1.000"], "the shortest"
     assert told.ended == (1, {"outcome": "completed", "ticks": 7})

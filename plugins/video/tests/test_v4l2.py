@@ -12,27 +12,16 @@ HEADER = Path("/usr/include/linux/videodev2.h")
 PROGRAM = r"""
 #include <linux/videodev2.h>
 #include <stdio.h>
-#include <stddef.h>
-#include <string.h>
-#define SAY(name) printf("%s %lu\n", #name, (unsigned long)(name))
+#define SHOW(it) for (size_t at = 0; at < sizeof it; at++) printf("%02x", ((unsigned char *)&it)[at]); printf("\n")
+static struct v4l2_buffer buffer = {
+    .index = 1, .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .bytesused = 3, .flags = 4, .field = 5, .timestamp = {6, 7},
+    .sequence = 8, .memory = V4L2_MEMORY_MMAP, .m.offset = 9, .length = 10};
+static struct v4l2_format form = {
+    .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .fmt.pix = {.width = 2, .height = 3, .pixelformat = V4L2_PIX_FMT_MJPEG}};
+static struct v4l2_streamparm parm = {
+    .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .parm.capture.timeperframe = {2, 3}};
 int main(void) {
-    struct v4l2_buffer buffer; memset(&buffer, 0, sizeof buffer);
-    buffer.index = 1; buffer.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
-    buffer.bytesused = 3; buffer.flags = 4; buffer.field = 5;
-    buffer.timestamp.tv_sec = 6; buffer.timestamp.tv_usec = 7; buffer.sequence = 8; buffer.memory = V4L2_MEMORY_MMAP;
-    buffer.m.offset = 9; buffer.length = 10;
-    for (size_t at = 0; at < sizeof buffer; at++) printf("%02x", ((unsigned char *)&buffer)[at]);
-    printf("\n");
-    struct v4l2_format form; memset(&form, 0, sizeof form);
-    form.type = V4L2_BUF_TYPE_VIDEO_CAPTURE; form.fmt.pix.width = 2; form.fmt.pix.height = 3;
-    form.fmt.pix.pixelformat = V4L2_PIX_FMT_MJPEG;
-    for (size_t at = 0; at < sizeof form; at++) printf("%02x", ((unsigned char *)&form)[at]);
-    printf("\n");
-    struct v4l2_streamparm parm; memset(&parm, 0, sizeof parm);
-    parm.type = V4L2_BUF_TYPE_VIDEO_CAPTURE; parm.parm.capture.timeperframe.numerator = 2;
-    parm.parm.capture.timeperframe.denominator = 3;
-    for (size_t at = 0; at < sizeof parm; at++) printf("%02x", ((unsigned char *)&parm)[at]);
-    printf("\n");
+    SHOW(buffer); SHOW(form); SHOW(parm);
     printf("%lu %lu %lu %lu %lu %lu %lu %lu\n", VIDIOC_QUERYCAP, VIDIOC_S_FMT, VIDIOC_REQBUFS, VIDIOC_QUERYBUF,
            VIDIOC_QBUF, VIDIOC_DQBUF, (unsigned long)VIDIOC_STREAMON, VIDIOC_S_PARM);
     printf("%lu %lu %d %d %d %d\n", sizeof(struct v4l2_capability), sizeof(struct v4l2_requestbuffers),
