@@ -105,7 +105,7 @@ class TestHaply(LockStepContract):
 @pytest.mark.realtime
 class TestInverse3(LockStepContract):
     NAME = "inverse3"
-    FAULTS = SERIAL_FAULTS
+    FAULTS = (*SERIAL_FAULTS, "lost", "unready")
     SIGNS = ({"preset": "led_front"}, {"preset": None})
     REFUSED = (({"port": "ws://host:1/path"}, "port"),)
     TAKEN = ({"port": "ws://host:1/#0A"},)
@@ -120,7 +120,7 @@ class TestInverse3(LockStepContract):
 @pytest.mark.realtime
 class TestTouch(ForceDeviceContract, StoppedHostContract):
     NAME = "touch"
-    FAULTS = ("unplug", "silent", "killed", "stopped")
+    FAULTS = ("unplug", "silent", "killed", "stopped", "warm")
     UNHEARD = ("unplug",)
 
     @contextmanager
@@ -130,12 +130,13 @@ class TestTouch(ForceDeviceContract, StoppedHostContract):
             options |= {"library": str(fake_hd.library())}
             device: Any = armed("touch", checked=checked, **options)
 
-            def flicker() -> None:
-                board.error, board.errors_left = 0x0200, 3
+            def warm_motors(errors: int) -> None:
+                board.error, board.errors_left = 0x0200, errors
 
             faults: dict[str, Callable[[], object]] = {
                 "unplug": lambda: setattr(board, "unplugged", 1),
-                "flicker": flicker,
+                "flicker": lambda: warm_motors(3),
+                "warm": lambda: warm_motors(1_000_000),
                 "silent": lambda: setattr(board, "silent", 1),
                 "killed": lambda: os.kill(device.servo_pid, signal.SIGKILL),
                 "stopped": lambda: os.kill(device.servo_pid, signal.SIGSTOP),

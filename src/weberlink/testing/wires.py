@@ -74,8 +74,7 @@ def _faults_of(emulator: Any, flicker: int) -> dict[str, Callable[..., object]]:
         "silent": lambda: setattr(wrong, "silent", True),
         "late": lambda late_s=0.2: setattr(wrong, "late_s", late_s),
         "garbled": lambda: setattr(wrong, "garble", 1_000_000),
-        "restart": lambda: emulator.inject("restart", 1.0),
-    }
+    } | {name: lambda name=name: emulator.inject(name, 1.0) for name in emulator.OWN_FAULTS}
 
 
 class HidWire:

@@ -10,7 +10,7 @@ import pytest
 from tests.wait import until
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.master.devices.contract import DeviceFault
-from weberlink.testing.devices import drive, fault_of, refusal
+from weberlink.testing.devices import drive, refusal
 from weberlink.testing.wires import on_a_wire
 from weberlink_devices.inverse3.emulator import Inverse3Emulator, Inverse3EmulatorOptions
 from weberlink_devices.inverse3.http_requests import service_devices, service_version
@@ -98,19 +98,6 @@ def test_device_in_use_is_refused_unless_shared() -> None:
         emulator.inject("push", 0.5)
         device.open(monotonic())
         drive(device, lambda: distance(emulator.force, (0.2, -0.4, 1.3)) < CLOSE, PULL)
-
-
-@pytest.mark.parametrize(
-    ("fault", "said"), [("lost", "the service has lost device 049D"), ("unready", "device 049D is not ready")]
-)
-def test_device_that_cannot_be_used_is_a_fault(fault: str, said: str) -> None:
-    with bench() as (device, emulator, _):
-        device.open(monotonic())
-        emulator.inject(fault, 1.0)
-        assert said in fault_of(device, PULL)
-        until(lambda: emulator.force == ZERO, "the service")
-        with pytest.raises(DeviceFault, match=r"049D|lists no Inverse3"):
-            device.open(monotonic())
 
 
 def test_late_answers_are_never_taken_for_others() -> None:

@@ -1,7 +1,7 @@
 """Both ends of our WebSocket, and what may go wrong with it."""
 
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import Thread
 from time import monotonic
@@ -24,7 +24,6 @@ class Echo:
     def __init__(self) -> None:
         self.faults = WireFaults()
         self.left = 0
-        self.drops = False
 
     def join(self, now: float) -> "Echo":
         self._waiting = [b"hello"]
@@ -49,8 +48,7 @@ class Echo:
         return None
 
     def drops_connections(self) -> bool:
-        drops, self.drops = self.drops, False
-        return drops
+        return False
 
 
 @contextmanager
@@ -65,29 +63,21 @@ def heard(port: WebSocketPort, count: int) -> list[bytes | None]:
     return [port.receive(monotonic() + PATIENCE) for _ in range(count)]
 
 
-def test_both_our_ends_talk_and_part() -> None:
-    """Beside the port a guardian writes on the same connection."""
-    service = Echo()
+def test_both_our_ends_talk_and_part_and_a_guardian_is_told_of_each_force_and_of_each_rest() -> None:
+    """It writes on the same connection."""
+    service, done, zero = Echo(), list[Any](), text_frame("zero")
     with WebSocketDevice(service) as wire:
         with port_to(wire.address) as port:
-            port.send("one", rest=True)
-            port._socket.send(text_frame("zero"))
-            port.send("two", rest=False)
-            assert heard(port, 4) == [b"hello", b"ONE", b"ZERO", b"TWO"]
+            port.guard(Noting(done, zero))
+            port.send("rest", rest=True)
+            port._socket.send(zero)
+            port.send("force", rest=False)
+            assert heard(port, 4) == [b"hello", b"REST", b"ZERO", b"FORCE"]
             assert port.receive(monotonic()) is None
         until(lambda: service.left == 1, "the session to end")
-
-
-def test_guardian_is_told_of_each_force_and_of_each_rest() -> None:
-    done: list[Any] = []
-    with WebSocketDevice(Echo()) as wire, port_to(wire.address) as port:
-        port.guard(Noting(done, text_frame("zero")))
-        port.send("rest", rest=True)
-        port.send("force", rest=False)
-        assert heard(port, 3) == [b"hello", b"REST", b"FORCE"]
     size = len(text_frame("force"))
     told = [each if isinstance(each, str) else (each[0], len(each[1])) for each in done]
-    assert told == ["watches", ("after", len(text_frame("zero"))), ("before", size), ("after", size), "stopped"]
+    assert told == ["watches", ("after", len(zero)), ("before", size), ("after", size), "stopped"]
 
 
 def test_a_server_that_compresses_pings_and_closes() -> None:
@@ -111,24 +101,6 @@ def test_a_server_that_compresses_pings_and_closes() -> None:
                     use()
         server.shutdown()
         thread.join()
-
-
-def test_closed_connections_are_faults_and_a_port_stays_the_same() -> None:
-    service = Echo()
-    with WebSocketDevice(service) as wire:
-        address = wire.address
-        disconnects: tuple[Callable[[], None], ...] = (lambda: setattr(service, "drops", True), wire.unplug)
-        for disconnect in disconnects:
-            with port_to(address) as port:
-                disconnect()
-                with pytest.raises(HardwareFault, match=f"{address}: closed the connection"):
-                    while port.receive(monotonic() + PATIENCE) is not None:
-                        pass
-        with pytest.raises(HardwareFault, match="nothing listens there"):
-            WebSocketPort(address, PATIENCE)
-        wire.plug()
-        with port_to(wire.address):
-            assert wire.address == address
 
 
 NO_WEBSOCKET = "answers, but not as a WebSocket"

@@ -1,7 +1,6 @@
 """The driver `touch` on the fake library: limits, what the library complains of, and two devices."""
 
 import os
-import re
 import signal
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -149,13 +148,6 @@ def test_force_error_is_told_and_ramps_again(board: Board) -> None:
         assert "HD_WARM_MOTORS" in str(touch.trouble)
         drive(touch, lambda: touch.trouble is None and board.displayed > 1.99, (0.0, 0.0, 2.0))
         assert min(force for _, force in board.forces[seen:]) <= 2.0 * LONGEST_S / RAMP_S * 1.01
-
-
-def test_lasting_force_error_ends_the_session(board: Board) -> None:
-    with opened() as touch:
-        board.error, board.errors_left = 0x0200, 10 * ERRORS_MOST
-        assert re.search("HD_WARM_MOTORS.*let them cool", fault_of(touch, (0.0, 0.0, 2.0)))
-        until(lambda: board.displayed == 0.0, "the force", pause=TICK)
 
 
 class Library(SimpleNamespace):
