@@ -5,6 +5,7 @@ import signal
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from threading import Lock
 from time import monotonic, sleep
@@ -70,11 +71,12 @@ def _faults_of(emulator: Any, flicker: int) -> dict[str, Callable[..., object]]:
     """Those of the answers of an emulator."""
     wrong: WireFaults = emulator.faults
     return {
+        **{name: partial(emulator.inject, name, 1.0) for name in emulator.OWN_FAULTS},
         "flicker": lambda: setattr(wrong, "garble", flicker),
         "silent": lambda: setattr(wrong, "silent", True),
         "late": lambda late_s=0.2: setattr(wrong, "late_s", late_s),
         "garbled": lambda: setattr(wrong, "garble", 1_000_000),
-    } | {name: lambda name=name: emulator.inject(name, 1.0) for name in emulator.OWN_FAULTS}
+    }
 
 
 class HidWire:
