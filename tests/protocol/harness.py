@@ -42,8 +42,7 @@ AGREEMENT = {"rate_hz": 1000, "codec.force.weber": 0.1, "codec.force.predictor":
 TICK = 0.001
 CLEAR = Emulation(delay_s=0.001)
 SILENCE = 0.1
-GAP = HeartbeatSchedule(0.0, silence=SILENCE, tick_period=TICK).max_gap
-"""Longest between two datagrams over a path without delay [s]."""
+GAP = HeartbeatSchedule(0.0, silence=SILENCE, tick_period=TICK).max_gap  # between datagrams, without delay [s]
 MENDED_WITHIN = 0.16
 """Time after the last loss, if nobody fell silent, in which the newest update arrives: one gap of the other end for the
 evidence, and the longest pace between two repeats [s]."""
@@ -59,9 +58,7 @@ class Side:
     drift: float = 0.0
     events: list[Event] = field(default_factory=list)
     received_at: list[tuple[float, UpdateReceived]] = field(default_factory=list)
-    sessions: int = 0
-    renewals: int = 0
-    """Events after which the owner must send a new state."""
+    renewals: int = 0  # events after which the owner must send a new state
     renewed: int = 0  # how many of them `renew` has answered
     silences: int = 0  # events after which what the peer has sent counts no more
 
@@ -74,7 +71,6 @@ class Side:
     def collect(self, world: float) -> None:
         while (event := self.endpoint.next_event()) is not None:
             self.events.append(event)
-            self.sessions += isinstance(event, Connected)
             self.renewals += isinstance(event, Connected | PeerReturned | UpdateLost)
             self.silences += isinstance(event, PeerSilent)
             if isinstance(event, UpdateReceived):
@@ -189,8 +185,8 @@ class Pair:
         self.guests: list[Side] = []  # further masters, over the same links
         self.tap: list[tuple[float, Side, bytes]] = []  # everything sent: world time, sender, bytes
         self.sent_to: list[tuple[Address, int]] = []  # target and kind of the same
+        # Whether to drop a datagram of this sender, in addition to the faults of the links.
         self.swallow: Callable[[Side, bytes], bool] = lambda side, data: False
-        """Whether to drop a datagram of this sender, in addition to the faults of the links."""
 
     def link(self, emulation: Emulation) -> EmulatedLink[tuple[Address, Address]]:
         self.seed += 1

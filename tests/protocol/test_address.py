@@ -54,7 +54,7 @@ def test_attacker_who_copies_datagrams_gets_only_challenges() -> None:
 
     def on_tick(pair: Pair, now: float, tick: int) -> None:
         for side, values in ((pair.master, 3), (pair.slave, 6)):
-            if side.sessions and tick % 7 == 0:
+            if side.endpoint.sessions and tick % 7 == 0:
                 side.endpoint.send_update(now, Update(tick, 0, (tick % 100,) * values))
 
     def race(side: Side, data: bytes) -> bool:

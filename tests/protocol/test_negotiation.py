@@ -97,7 +97,7 @@ def test_a_proposal_is_answered_in_its_own_session_alone() -> None:
     pair.master.endpoint = make_endpoint(Role.INITIATOR, seed=2)
     pair.master.endpoint.connect(pair.master.local(pair.now))
     pair.run(0.2)
-    assert pair.slave.sessions == 2
+    assert pair.slave.endpoint.sessions == 2
     pair.slave.endpoint.answer_change(held, None)
     tick = propose(pair)
     pair.run(0.02)
