@@ -10,6 +10,8 @@ from itertools import product
 from math import ceil, floor, inf
 from random import Random
 
+import pytest
+
 from weberlink.protocol import (
     Address,
     Connected,
@@ -37,6 +39,7 @@ from weberlink.update import MAX_SELECTOR, PreviousSample, Update, UpdateForm
 MASTER: Address = ("192.0.2.1", 40_000)
 SLAVE: Address = ("192.0.2.2", 47_000)
 STRANGER: Address = ("203.0.113.9", 9)
+OTHER: Address = ("192.0.2.9", 40_009)
 KEY = bytes(range(32))
 AGREEMENT = {"rate_hz": 1000, "codec.force.weber": 0.1, "codec.force.predictor": "hybrid"}
 TICK = 0.001
@@ -205,6 +208,13 @@ class Pair:
             side.endpoint.connect(side.local(self.now))
         return self
 
+    def join(self, address: Address = OTHER, **changes: object) -> Side:
+        """Another end, which calls the same slave."""
+        other = make_endpoint(Role.INITIATOR, **{"seed": 77, **changes})  # type: ignore[arg-type]
+        other.connect(self.now)
+        self.guests.append(Side(other, address))
+        return self.guests[-1]
+
     def engage(self) -> "Pair":
         """Connect, and let both ends measure the link."""
         self.connect().run(0.2)
@@ -270,6 +280,9 @@ class Pair:
 
 def suites() -> list[Security]:
     return [PresharedKey(KEY), Checksum()]
+
+
+by_suite = pytest.mark.parametrize("security", suites())
 
 
 def sample_update(tick: int) -> Update:

@@ -9,12 +9,13 @@ from tests.protocol.harness import (
     AGREEMENT,
     ENGAGED,
     MASTER,
+    OTHER,
     SILENCE,
     SLAVE,
     STRANGER,
     Pair,
-    Side,
     both,
+    by_suite,
     dropped,
     forms,
     kind_of,
@@ -26,7 +27,6 @@ from tests.protocol.harness import (
     suites,
 )
 from weberlink.protocol import (
-    Address,
     ChangeProposed,
     Connected,
     DropReason,
@@ -59,21 +59,11 @@ from weberlink.protocol.states import moved
 from weberlink.protocol.wire import Kind
 from weberlink.update import ModelParameters, PreviousSample, Update
 
-OTHER: Address = ("192.0.2.9", 40_009)
 OTHER_KEY = PresharedKey(bytes(32))
-by_suite = pytest.mark.parametrize("security", suites())
 
 
 def named(**changes: object) -> Pair:
     return Pair(master={"name": "ann@operator", **changes}, slave={"name": "robot:47000", **changes}).engage()
-
-
-def join(pair: Pair, address: Address = OTHER, **changes: object) -> Side:
-    """A second master, which calls the same slave."""
-    other = make_endpoint(Role.INITIATOR, **{"seed": 77, "name": "bob@desk", **changes})  # type: ignore[arg-type]
-    other.connect(pair.now)
-    pair.guests.append(Side(other, address))
-    return pair.guests[-1]
 
 
 # --- how two ends find each other, or refuse to
@@ -148,10 +138,10 @@ def test_ends_that_do_not_agree_are_both_told_why(
     assert all(part in pair.master.refusal() for part in said) and pair.master.refusal().isprintable()
     assert set(pair.slave.of(Refused)) == set(pair.master.of(Refused))
     assert states(pair) == [State.CLOSED, State.LISTENING]
-    pair.guests.append(Side(make_endpoint(Role.INITIATOR, security=security, seed=9, name="ann@operator"), OTHER))
     if "agreement" not in slave and "version" not in slave:
-        pair.guests[0].endpoint.connect(pair.now)
-        assert pair.run(0.3).guests[0].endpoint.state is State.ENGAGED
+        other = pair.join(security=security, name="ann@operator")
+        pair.run(0.3)
+        assert other.endpoint.state is State.ENGAGED
 
 
 @by_suite
@@ -170,7 +160,7 @@ def test_a_slave_serves_one_master(
     pair = named(security=security)
     pair.swallow = lambda side, data: side is pair.master and not is_heard
     pair.run(0.15)
-    other = join(pair, security=security, **changes)
+    other = pair.join(security=security, **{"name": "bob@desk", **changes})
     pair.run(0.3)
     assert all(part in other.refusal() for part in said)
     assert len(pair.slave.of(Connected)) == 1 and not pair.slave.of(Refused)
@@ -316,7 +306,7 @@ def test_invalid_updates_raise_and_send_nothing() -> None:
 def test_take_over_is_repeated_until_the_slave_serves_the_new_master() -> None:
     """The slave's answer arrives, but for a time nothing that the new master sends under the keys of the session."""
     pair = named()
-    other = join(pair, take_over=True)
+    other = pair.join(take_over=True, name="bob@desk")
     pair.swallow = lambda side, data: side is other and kind_of(data) != Kind.HELLO
     pair.run(0.3)
     pair.swallow = lambda side, data: False
@@ -333,11 +323,11 @@ def test_of_two_masters_that_may_take_over_the_last_one_stays(is_deaf: bool) -> 
 
     Deaf: of all that the slave sends under the keys of a session, nothing reaches it."""
     pair = named()
-    first = join(pair, take_over=True)
+    first = pair.join(take_over=True, name="bob@desk")
     deaf = lambda data: is_deaf and pair.slave.endpoint.peer == OTHER and kind_of(data) != Kind.WELCOME  # noqa: E731
     pair.swallow = lambda side, data: side is pair.slave and (kind_of(data) == Kind.BYE or deaf(data))
     pair.run(0.3)
-    second = join(pair, ("192.0.2.10", 40_010), take_over=True, seed=78, name="eve@desk")
+    second = pair.join(("192.0.2.10", 40_010), take_over=True, seed=78, name="eve@desk")
     pair.run(1.5)
     assert len(first.of(Refused)) == 1 and first.endpoint.state is State.CLOSED
     assert not first.of(TakenOver) and not second.of(TakenOver)
@@ -404,7 +394,7 @@ def test_an_answer_that_comes_too_late_counts_as_received_and_a_forged_one_does_
 def test_one_of_two_simultaneous_masters_is_served() -> None:
     """Both have a pending session; the first datagram under its keys decides."""
     pair = Pair(master={"name": "ann@operator"}, slave={"name": "robot:47000"}).connect()
-    other = join(pair)
+    other = pair.join(name="bob@desk")
     pair.run(1.0)
     assert {other.endpoint.state, pair.master.endpoint.state} == {State.ENGAGED, State.CLOSED}
     assert len(other.of(Refused) + pair.master.of(Refused)) == len(pair.slave.of(Connected)) == 1

@@ -4,7 +4,7 @@ from random import Random
 
 import pytest
 
-from tests.protocol.harness import ENGAGED, MASTER, Pair, Side, kind_of, make_endpoint, sent, states
+from tests.protocol.harness import ENGAGED, MASTER, Pair, kind_of, make_endpoint, sent, states
 from weberlink.protocol import Connected, DropReason, Endpoint, PeerClosed, Refused, Right, Role, State, StopAsked, Told
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.endpoint import WITHDRAWN
@@ -35,14 +35,6 @@ def driven() -> Pair:
     return pair
 
 
-def guest(pair: Pair, right: Right, asks: Right, **changes: object) -> Side:
-    """Another end that calls."""
-    end = make_endpoint(Role.INITIATOR, seed=77, **caller(right, asks, **changes))
-    pair.guests.append(Side(end, ("192.0.2.9", 40_009)))
-    end.connect(pair.now)
-    return pair.guests[-1]
-
-
 def close_when_asked(pair: Pair, _now: float, _tick: int) -> None:
     """What the owner of the robot's end does."""
     slave = pair.slave
@@ -67,7 +59,7 @@ def test_a_watcher_is_told_who_is_served_and_disturbs_nothing() -> None:
     pair = driven()
     pair.slave.endpoint.told = lambda: {"force_n": 1.5}
     before = len(pair.slave.events)
-    watcher = guest(pair, Right.WATCH, Right.WATCH, **FILES_DIFFER)
+    watcher = pair.join(**caller(Right.WATCH, Right.WATCH, **FILES_DIFFER))
     pair.run(0.3)
     (told,) = watcher.of(Told)
     assert told == Told({"name": "arm", "state": "engaged", "serves": "ann@desk", "force_n": 1.5})
@@ -92,7 +84,7 @@ def test_a_stop_gets_through_while_another_drives_with_another_file() -> None:
     pair = driven()
     pair._on_tick = close_when_asked
     at = pair.now
-    pedal = guest(pair, Right.STOP, Right.STOP, **FILES_DIFFER)
+    pedal = pair.join(**caller(Right.STOP, Right.STOP, **FILES_DIFFER))
     while not pedal.of(Told):
         pair.run(0.001)
         assert pair.now < at + 0.1
@@ -131,7 +123,7 @@ def test_a_key_that_is_withdrawn_ends_the_session_and_opens_none(left: list[Held
     pair.run(0.01)
     assert pair.slave.of(PeerClosed) == [PeerClosed(WITHDRAWN)]
     assert pair.master.refusal() == WITHDRAWN and pair.master.endpoint.state is State.CLOSED
-    again = guest(pair, Right.DRIVE, Right.DRIVE)
+    again = pair.join(**caller(Right.DRIVE, Right.DRIVE))
     pair.run(1.0)
     assert again.endpoint.state is not State.ENGAGED and slave.sessions == 1 and not again.of(Connected)
 

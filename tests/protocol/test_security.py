@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from tests.protocol.harness import KEY, exchanged, suites
+from tests.protocol.harness import KEY, by_suite, exchanged
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Security
@@ -15,7 +15,6 @@ from weberlink.protocol.wire import CLEAR_BYTES, PHASE, Kind, pack, sequence_of
 CLEAR = b"\x03\x01\x00\x00"[:CLEAR_BYTES]
 DATAGRAM = CLEAR + b"what follows is hidden"
 SAID = DATAGRAM[:1] + DATAGRAM[CLEAR_BYTES:]
-by_suite = pytest.mark.parametrize("security", suites())
 
 
 def flipped(data: bytes, first: int = 0, last: int | None = None) -> list[bytes]:

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from tests.protocol.harness import exchanged, forms, local_end, sample_update, suites
+from tests.protocol.harness import by_suite, exchanged, forms, local_end, sample_update
 from weberlink.protocol import DropReason, Role, Statistics
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.events import PeerClosed, UpdateReceived
@@ -49,7 +49,7 @@ def exchange(sender: Session, receiver: Session, now: float) -> None:
     deliver(sender, receiver.send_heartbeat(now), now)
 
 
-@pytest.mark.parametrize("security", suites())
+@by_suite
 def test_a_session_survives_the_wrap_of_its_numbers(security: Security) -> None:
     sender, receiver, counted = pair(security, first_sequence=2**16 - 500)
     for step in range(1000):
@@ -181,7 +181,7 @@ def test_a_farewell_counts_however_late_and_a_wrapped_time_stamp_does_not() -> N
     assert deliver(receiver, held, 1.0 + wrap + 0.001) in (DropReason.IMPLAUSIBLE, DropReason.STALE)
 
 
-@pytest.mark.parametrize("security", suites())
+@by_suite
 @pytest.mark.parametrize(("period", "rekey_after", "changes"), [(1.0, 2**20, 400 // REKEY_AFTER_S), (0.01, 100, 4)])
 def test_keys_are_replaced_by_time_and_by_count_without_a_loss(
     security: Security, period: float, rekey_after: int, changes: int
