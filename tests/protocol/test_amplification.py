@@ -14,6 +14,7 @@ from tests.protocol.harness import (
     STRANGER,
     Pair,
     both,
+    by_suite,
     forms,
     kind_of,
     make_endpoint,
@@ -43,17 +44,12 @@ DATAGRAMS = st.one_of(
 )
 
 
-def engaged(security: Security) -> list[Endpoint]:
-    """A master and a slave in a session, at 0.2 s."""
-    pair = Pair(**both(security=security, outgoing=(forms(3),), incoming=(forms(3),))).engage()
-    return [side.endpoint for side in pair.sides]
-
-
-@pytest.mark.parametrize("security", suites())
+@by_suite
 @examples(60)
 @given(st.lists(DATAGRAMS, min_size=1, max_size=20))
 def test_no_bytes_raise_or_disturb_a_session(security: Security, datagrams: list[bytes]) -> None:
-    master, slave = engaged(security)
+    pair = Pair(**both(security=security, outgoing=(forms(3),), incoming=(forms(3),))).engage()  # at 0.2 s
+    master, slave = (side.endpoint for side in pair.sides)
     for data in datagrams:
         master.receive_datagram(data, SLAVE, 0.21)
         slave.receive_datagram(data, MASTER, 0.21)

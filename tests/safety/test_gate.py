@@ -21,40 +21,33 @@ def test_in_random_sessions_every_tick_is_within_every_limit(kind: str, end: str
     assert max(nearest) == pytest.approx(1.0), "the peer reaches a limit"
 
 
-class Noting(Duel):
-    """Notes the age of each update as it is used [ticks]."""
-
-    def begin(self) -> None:
-        side, self.ages = self.side, list[int]()
-
-        def applied(event: UpdateReceived) -> None:
-            self.ages.append(self.index - event.update.tick)
-            Side._apply(side, event)
-
-        side._apply = applied  # type: ignore[method-assign]
-
-
 @pytest.mark.parametrize("end", ["master", "slave"])
 @pytest.mark.parametrize("stall_ms", [15, 60, 70, 90])
 def test_the_play_out_uses_nothing_beyond_the_age_limit(end: str, stall_ms: int) -> None:
     """A process that stands still finds updates that have waited meanwhile."""
     playout_ms, predictors = 50, ("codec.force.predictor=zoh", "codec.position.predictor=zoh")
-    duel = Noting(configuration(*OVERRIDES, *predictors, f"link.playout_ms={playout_ms}"), end)
+    duel = Duel(configuration(*OVERRIDES, *predictors, f"link.playout_ms={playout_ms}"), end)
     duel.peer.report_encoding(0.0, is_encoding=True)
     duel.engage()
-    duel.begin()
+    ages = []  # of each update as it is used [ticks]
+
+    def applied(event: UpdateReceived) -> None:
+        ages.append(duel.index - event.update.tick)
+        Side._apply(duel.side, event)
+
+    duel.side._apply = applied  # type: ignore[method-assign]
     for tick in range(200):
         duel.update(Content(0, 0, 0, (tick,), None))
         duel.tick()
-    assert set(duel.ages) == {playout_ms}
+    assert set(ages) == {playout_ms}
     duel.index += stall_ms
     for tick in range(100):
         duel.update(Content(0, 0, 0, (tick,), None))
         duel.tick()
     limit = 1e3 * duel.side.endpoint.liveness.limit
-    assert max(duel.ages) <= limit
-    assert max(duel.ages) >= min(limit, playout_ms + stall_ms) - 1, "what is in time is used"
-    assert duel.ages[-1] == playout_ms
+    assert max(ages) <= limit
+    assert max(ages) >= min(limit, playout_ms + stall_ms) - 1, "what is in time is used"
+    assert ages[-1] == playout_ms
 
 
 def test_what_waits_when_the_master_lets_go_is_never_used() -> None:

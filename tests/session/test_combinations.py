@@ -54,21 +54,11 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         metafunc.parametrize("combination", chosen, ids=lambda each: "-".join(map(str, each)))
 
 
-def overridden(combination: Combination) -> tuple[str, ...]:
-    predictor, scheme, shape, _ = combination
-    return (
-        f"codec.force.predictor={predictor}",
-        f"control.scheme={scheme}",
-        f"codec.force.deadband.shape={shape}",
-        "codec.force.floor_n=0.02",
-        f"rate_hz={RATE:g}",
-        "link.emulate.delay_ms=3",
-        PRESSED,
-    )
-
-
 def test_run_is_finite_and_limited_and_within_the_deadband(combination: Combination) -> None:
-    settings = configuration(*overridden(combination), file=FILES[combination[-1]])
+    predictor, scheme, shape, axes = combination
+    coded = (f"codec.force.predictor={predictor}", f"codec.force.deadband.shape={shape}", "codec.force.floor_n=0.02")
+    linked = (f"control.scheme={scheme}", f"rate_hz={RATE:g}", "link.emulate.delay_ms=3", PRESSED)
+    settings = configuration(*coded, *linked, file=FILES[axes])
     limit, force = settings.system.master.limits.force_n, settings.system.codec.force
     error = force_deadband(force, settings.system.tick_period, force.weber).error
     simulation = build_simulation(settings)
