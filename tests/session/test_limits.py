@@ -8,19 +8,14 @@ import pytest
 from tests.session.kinds import HAND, KINDS, STEP, TICK, run
 
 
-def thrown(seconds: float, **values: Any) -> Any:
+class Thrown(HAND.robot):  # type: ignore[misc]
     """A robot whose sensor says this and its negative in turn, whatever it touches."""
 
-    class Thrown(HAND.robot):  # type: ignore[misc]
-        def latest(self, now: float) -> Any:
-            sign = 1.0 if int(now / seconds) % 2 else -1.0
-            turned = {name: tuple(sign * part for part in value) for name, value in values.items()}
-            return super().latest(now)._replace(**turned)
-
-    return Thrown
+    def latest(self, now: float) -> Any:
+        sign = 1.0 if int(now / 0.02) % 2 else -1.0
+        return super().latest(now)._replace(force=(0.0, 0.0, 10.0 * sign), torque=(0.0, 0.3 * sign, 0.0))
 
 
-THROWN = thrown(0.02, force=(0.0, 0.0, 10.0), torque=(0.0, 0.3, 0.0))
 LIMITS = [
     ("hand", ("master.limits.force_n=1.5",), "felt", 0, 1.5, None),
     ("turning", ("master.limits.torque_nm=0.01",), "felt", 1, 0.01, None),
@@ -28,10 +23,10 @@ LIMITS = [
     ("hand", ("slave.limits.speed_m_s=0.05", "slave.limits.approach_speed_m_s=0.05"), "moved", 0, 0.05 * TICK, None),
     ("turning", ("slave.limits.turn_rad_s=0.3", "slave.limits.approach_turn_rad_s=0.3"), "moved", 1, 0.3 * TICK, None),
     ("hand", ("slave.limits.contact_n=2",), "pressed", 0, 2.0, None),
-    ("hand", ("control.scheme=none",), "changed", 0, 3000 * TICK + 10.0 * STEP, THROWN),
-    ("hand", ("control.scheme=none", "master.limits.slew_n_s=500"), "changed", 0, 0.5 + 10.0 * STEP, THROWN),
-    ("turning", ("master.limits.slew_nm_s=20",), "changed", 1, 0.02 + 0.5 * STEP, THROWN),
-    ("turning", (), "changed", 1, 0.125 + 0.5 * STEP, THROWN),
+    ("hand", ("control.scheme=none",), "changed", 0, 3000 * TICK + 10.0 * STEP, Thrown),
+    ("hand", ("control.scheme=none", "master.limits.slew_n_s=500"), "changed", 0, 0.5 + 10.0 * STEP, Thrown),
+    ("turning", ("master.limits.slew_nm_s=20",), "changed", 1, 0.02 + 0.5 * STEP, Thrown),
+    ("turning", (), "changed", 1, 0.125 + 0.5 * STEP, Thrown),
 ]
 
 
