@@ -20,7 +20,7 @@ from weberlink_studies.precision.reference import (
 UP = (0.0, 0.0, 1.0)
 FLOOR = HalfSpace((0.0, 0.0, 0.0), UP)
 SOLVERS: dict[str, Solver] = {"dop853": dop853, "closed_form": closed_form, "lsoda": lsoda}
-SLOW = ("wall_1e7", "hollow_1e6", "rough_1e6")
+SLOW = ("wall_1e7", "hollow_1e6", "rough_1e6", "overdamped")
 """Problems whose reference takes seconds."""
 EVENTS = {"wall_1e7": 4, "stick_slip": 6}
 """Events of a problem at least."""
