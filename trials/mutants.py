@@ -33,7 +33,7 @@ SOURCES = {
     "devices": ["master/devices", "plugins/devices/src"],
 }
 """What is mutated, by group; a drawing takes as many of each."""
-NOT_MUTATED = ("emulators", "emulator", "__main__", "__init__")
+NOT_MUTATED = ("emulators", "emulator", "emulation", "umockdev", "umockdev_service", "__main__", "__init__")
 TESTS = {"master": "tests/master/test_*.py", "slave": "tests/slave/test_*.py"}
 """Tests of a package, where they are not its whole folder."""
 SESSIONS = "tests/session"
