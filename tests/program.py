@@ -80,6 +80,12 @@ class Ended(NamedTuple):
     output: str
     errors: str
 
+    def complaint(self, status: int = 2) -> str:
+        """The one line on standard error of a command that failed and printed nothing else."""
+        assert (self.status, self.output) == (status, ""), self
+        (line,) = self.errors.splitlines()
+        return line
+
 
 def weberlink(*arguments: object) -> Ended:
     """Run a command in this process: 0.1 s instead of the 1 s of a process."""

@@ -26,13 +26,6 @@ def run(line: str, *further: object) -> Ended:
     return weberlink(*(re.sub("^configs/", f"{CONFIGS}/", word) for word in shlex.split(line)), *further)
 
 
-def complaint(ended: Ended, status: int = 2) -> str:
-    """The one line on standard error of a command that printed nothing else."""
-    assert (ended.status, ended.output) == (status, ""), ended
-    (line,) = ended.errors.splitlines()
-    return line
-
-
 @pytest.fixture(scope="module")
 def key(tmp_path_factory: pytest.TempPathFactory) -> str:
     path = tmp_path_factory.mktemp("cli") / "weberlink.key"
@@ -83,7 +76,7 @@ def test_a_wrong_argument_is_one_line_that_names_it(
     line: str, field: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    said = complaint(run(line))
+    said = run(line).complaint()
     assert said.startswith("weberlink: ")
     assert field in said
     assert not list(tmp_path.iterdir()), "nothing is written"
@@ -93,7 +86,7 @@ def test_a_file_in_place_of_the_directory_for_telemetry_is_one_line(monkeypatch:
     with TemporaryDirectory(dir="/dev/shm") as login:
         (Path(login) / "weberlink").touch()
         monkeypatch.setenv("XDG_RUNTIME_DIR", login)
-        assert "weberlink is a file" in complaint(run("loopback --duration 0"), 1)
+        assert "weberlink is a file" in run("loopback --duration 0").complaint(1)
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -92,9 +92,8 @@ def test_a_wrong_argument_is_one_line_that_names_it(
     arguments: tuple[str, ...], field: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    ended = weberlink("device", "emulate", *arguments)
-    assert (ended.status, ended.output, ended.errors.count("\n"), list(tmp_path.iterdir())) == (2, "", 1, [])
-    assert field in ended.errors
+    assert field in weberlink("device", "emulate", *arguments).complaint()
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", sorted(EMULATORS))
