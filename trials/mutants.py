@@ -4,7 +4,7 @@
 
 Each mutant is one changed operator, constant, condition or statement of the sources. The tests that mirror its file run
 first, then those of its package, then the sessions in virtual time, until one fails. A seed gives the same mutants as
-long as the sources are the same. The tests of another checkout are judged with `--tests`.
+long as the sources are the same.
 """
 
 import argparse
@@ -179,17 +179,11 @@ def first_failure(tree: Path, *arguments: str) -> str:
     return failed[0].split(" - ")[0].partition(" ")[2] if failed else f"pytest ended with {ran.returncode}"
 
 
-def grown(folder: Path, tests: Path) -> Path:
-    """A copy of the sources here with the tests of a checkout."""
-    tree = folder / "tree"
-    for origin, is_tests in ((ROOT, False), (tests, True)):
-        tracked = subprocess.run(["git", "ls-files", "-z"], cwd=origin, capture_output=True, check=True).stdout
-        for name in tracked.decode().split("\0"):
-            path = origin / name
-            if ("tests" in Path(name).parts) == is_tests and (path.is_symlink() or path.is_file()):
-                target = tree / name
-                target.parent.mkdir(parents=True, exist_ok=True)
-                target.symlink_to(path.readlink()) if path.is_symlink() else target.write_bytes(path.read_bytes())
+def grown(tree: Path) -> Path:
+    """A copy of the sources and their tests."""
+    tree.mkdir()
+    tracked = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True).stdout
+    subprocess.run(["xargs", "-0", "cp", "-P", "--parents", "-t", str(tree)], cwd=ROOT, input=tracked, check=True)
     return tree
 
 
@@ -198,14 +192,13 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--workers", type=int, default=os.cpu_count())
-    parser.add_argument("--tests", type=Path, default=ROOT, help="checkout whose tests are judged")
     arguments = parser.parse_args()
     mutants = drawn(arguments.count, arguments.seed)
     results: list[tuple[Mutant, str]] = []
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(arguments.workers) as pool:
         trees: SimpleQueue[Path] = SimpleQueue()
         for number in range(arguments.workers):
-            trees.put(grown(Path(folder) / str(number), arguments.tests.resolve()))
+            trees.put(grown(Path(folder) / str(number)))
 
         def work(mutant: Mutant) -> tuple[Mutant, str]:
             tree = trees.get()
