@@ -37,7 +37,7 @@ class TestAngles(MessageContract):
             lambda data: unpack_angles(data, 3),
             refused=(b"WLA1" + pack_angles(HERE, True, 1)[4:], pack_angles((*HERE, 0.0), True, 1)),
             unsendable=(((nan, 0.0, 0.0), True, 1), ((0.0, inf, 0.0), True, 1)),
-        ),
+        )
     }
 
 
@@ -218,9 +218,7 @@ def test_one_program_leads_at_a_time_until_it_ends_or_is_killed(leader: Any) -> 
         assert leader.newest().leads
 
 
-def test_who_led_an_arm_that_has_ended_does_not_lead_the_next_and_a_file_in_its_place_is_refused(
-    leader: Any,
-) -> None:
+def test_who_led_an_arm_that_has_ended_does_not_lead_the_next_and_a_file_in_its_place_is_refused(leader: Any) -> None:
     with LeaderSender(ME) as sender:
         leader.close()
         assert not any(link_path(ME, kind).exists() for kind in (LEADER, LEADER_LOCK))

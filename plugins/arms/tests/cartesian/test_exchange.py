@@ -31,10 +31,7 @@ class Bench(benches.Bench):
     """An arm, and the exchange that drives it at its rate."""
 
     def __init__(
-        self,
-        options: DynamixelOptions | None = None,
-        emulated: EmulatedOptions | None = None,
-        latency: float = 0.0,
+        self, options: DynamixelOptions | None = None, emulated: EmulatedOptions | None = None, latency: float = 0.0
     ) -> None:
         super().__init__(options or DynamixelOptions(), DynamixelEmulator(emulated), latency)
         clock, pause = self.time.clock, self.time.pause

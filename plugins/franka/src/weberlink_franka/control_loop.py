@@ -9,15 +9,7 @@ from weberlink.geometry.rotation import IDENTITY
 from weberlink.geometry.vector import ZERO, Vector, subtract
 from weberlink.slot import Slot
 from weberlink_franka.goal import REST_RAD_S, Goal
-from weberlink_franka.impedance import (
-    JOINTS,
-    Array,
-    Impedance,
-    Joints,
-    orientation_of,
-    permitted,
-    turn_between,
-)
+from weberlink_franka.impedance import JOINTS, Array, Impedance, Joints, orientation_of, permitted, turn_between
 from weberlink_franka.messages import ArmCommand, ArmState, Phase
 from weberlink_franka.options import FrankaOptions
 from weberlink_franka.sensing import ExternalForce

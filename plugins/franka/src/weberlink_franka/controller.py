@@ -19,13 +19,7 @@ from weberlink.installation import install_line
 from weberlink.realtime.garbage import freeze_garbage
 from weberlink.realtime.process import die_with_parent, forbid_core_dumps, prepare
 from weberlink_franka.control_loop import ControlLoop, position_of
-from weberlink_franka.messages import (
-    MEMORY_SIZE,
-    ArmState,
-    Phase,
-    command_slot,
-    state_slot,
-)
+from weberlink_franka.messages import MEMORY_SIZE, ArmState, Phase, command_slot, state_slot
 from weberlink_franka.options import FrankaOptions
 
 LIBRARY: Final = "pylibfranka"

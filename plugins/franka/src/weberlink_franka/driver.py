@@ -15,14 +15,7 @@ from weberlink.registry import Tier
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slot import Slot
-from weberlink_franka.messages import (
-    MEMORY_SIZE,
-    ArmCommand,
-    ArmState,
-    Phase,
-    command_slot,
-    state_slot,
-)
+from weberlink_franka.messages import MEMORY_SIZE, ArmCommand, ArmState, Phase, command_slot, state_slot
 from weberlink_franka.options import FrankaOptions
 
 NAME: Final = "franka"

@@ -8,15 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from weberlink.cli.arguments import (
-    CommandGroup,
-    File,
-    Json,
-    Set,
-    file_target,
-    finite,
-    folder_target,
-)
+from weberlink.cli.arguments import CommandGroup, File, Json, Set, file_target, finite, folder_target
 from weberlink.cli.output import attempt, fail, progress_bar, write
 from weberlink.cli.sessions import one_host
 from weberlink.order import FAILED, INTERRUPTED
@@ -28,16 +20,12 @@ if TYPE_CHECKING:
     from weberlink_studies.parallel import Progress
     from weberlink_studies.result import StudyResult
 
-Plots = Annotated[
-    Path | None,
-    typer.Option("--plots", metavar="DIR", callback=folder_target, help="Draw figures."),
-]
+Plots = Annotated[Path | None, typer.Option("--plots", metavar="DIR", callback=folder_target, help="Draw figures.")]
 Workers = Annotated[
     int | None, typer.Option("--workers", metavar="N", min=1, help="Number of processes; default: that of processors.")
 ]
 Dask = Annotated[
-    str | None,
-    typer.Option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster that works (extra: dask)."),
+    str | None, typer.Option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster that works (extra: dask).")
 ]
 Csv = Annotated[Path | None, typer.Option("--csv", metavar="OUT", callback=file_target, help="Write every row as CSV.")]
 Full = Annotated[bool, typer.Option("--full", help="Run the full, finer study, which takes longer.")]
@@ -125,8 +113,7 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
     ] = "0.10",
     floor: Annotated[float, typer.Option(metavar="N", min=0.0, callback=finite, help="Absolute threshold [N].")] = 0.02,
     deadband: Annotated[
-        str,
-        typer.Option(metavar="SHAPE,..", help="Deadbands: isotropic, cone, level_crossing, velocity_adaptive."),
+        str, typer.Option(metavar="SHAPE,..", help="Deadbands: isotropic, cone, level_crossing, velocity_adaptive.")
     ] = "isotropic",
     lookahead: Annotated[
         float, typer.Option(metavar="MS", callback=finite, help="How far the encoder looks ahead [ms].")
@@ -265,8 +252,7 @@ def experiment(
         int | None, typer.Option(metavar="N", min=1, help="Number of the subject; default: the next free one.")
     ] = None,
     duration: Annotated[
-        float | None,
-        typer.Option(metavar="S", min=0.1, callback=finite, help="Length of a trial [s]; default: 10."),
+        float | None, typer.Option(metavar="S", min=0.1, callback=finite, help="Length of a trial [s]; default: 10.")
     ] = None,
     seed: Annotated[int | None, typer.Option(metavar="N", min=0, help="Seed of the order of the trials.")] = None,
     simulate: Annotated[bool, typer.Option("--simulate", help="Let a program rate, in virtual time.")] = False,

@@ -26,9 +26,7 @@ KOCH_LEADER: Final = ArmLayout(
     offset_rad=(0.0,) * 6,
 )
 KOCH_FOLLOWER: Final = KOCH_LEADER._replace(
-    name="koch_follower",
-    title="a Koch v1.1 follower",
-    motors=(XL430_W250,) * 2 + (XL330_M288,) * 4,
+    name="koch_follower", title="a Koch v1.1 follower", motors=(XL430_W250,) * 2 + (XL330_M288,) * 4
 )
 OMX_LEADER: Final = KOCH_LEADER._replace(
     name="omx_leader",

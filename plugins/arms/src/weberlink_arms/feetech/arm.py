@@ -54,8 +54,7 @@ class So101Options(ServoOptions):
         description="position of the gripper's servo where it is closed; by LeRobot's calibration if not given",
     )
     torque_per_load_nm: SixPositive | None = Field(
-        default=None,
-        description="torque of a load of 0.1 %, by a calibration; by the data sheet if not given",
+        default=None, description="torque of a load of 0.1 %, by a calibration; by the data sheet if not given"
     )
     rated_v: float = Field(
         default=7.4, ge=4.0, le=14.0, description="supply at which the torques of the data sheet or calibration hold"

@@ -164,9 +164,7 @@ def _mean(values: Sequence[float]) -> float:
 
 
 def main(
-    arguments: Sequence[str] | None = None,
-    ask: Callable[[str], object] = input,
-    say: Callable[[str], object] = print,
+    arguments: Sequence[str] | None = None, ask: Callable[[str], object] = input, say: Callable[[str], object] = print
 ) -> int:
     """Ask for one weight after the other, and print the options; returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m weberlink_arms.feetech.calibration", description=__doc__)

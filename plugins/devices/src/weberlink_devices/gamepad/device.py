@@ -21,10 +21,7 @@ from weberlink_devices.rate_control import WAIT_S, Deflection, RateDevice, RateO
 NAME = "gamepad"
 codes: Any = evdev.ecodes
 """Of the kernel, which the module makes when it is imported."""
-KEYS = (
-    *(codes.BTN_SOUTH, codes.BTN_EAST, codes.BTN_WEST, codes.BTN_NORTH),
-    *(codes.BTN_TL, codes.BTN_TR),
-)
+KEYS = (*(codes.BTN_SOUTH, codes.BTN_EAST, codes.BTN_WEST, codes.BTN_NORTH), *(codes.BTN_TL, codes.BTN_TR))
 """The buttons 0 to 5; every gamepad has the first (Documentation/input/gamepad.rst of the kernel)."""
 TRIGGER_KEYS = (codes.BTN_TL2, codes.BTN_TR2)
 TRIGGERS = ("ABS_Z", "ABS_RZ")

@@ -20,8 +20,7 @@ class Inverse3Options(ForceOptions, HardwareOptions):
     )
     grip: Grip = Field(default="none", description="the grip that gives orientation and buttons")
     preset: Preset | None = Field(
-        default="arm_front_centered",
-        description="how the service places origin and axes, since 3.5; null: as it is",
+        default="arm_front_centered", description="how the service places origin and axes, since 3.5; null: as it is"
     )
     origin_m: Vector = Field(default=ZERO, description="becomes (0, 0, 0); in our axes, from the origin of the service")
     reach_m: float = Field(default=0.15, ge=0.01, le=0.5, description="half an edge of the workspace about the origin")

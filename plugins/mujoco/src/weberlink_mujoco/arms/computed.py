@@ -24,7 +24,7 @@ class ModelOptions(BaseModel):
 
     model: ModelName | Path = Field(
         description="name of a model that is installed, or an MJCF file with hinges that have names and "
-        "ranges, `gripper` last if there is one, and a site `tip`; a relative path starts at the folder of this file",
+        "ranges, `gripper` last if there is one, and a site `tip`; a relative path starts at the folder of this file"
     )
     home_rad: tuple[float, ...] | None = Field(
         default=None, description="angles of all axes at first; if not given, 0 or the nearest angle within the range"

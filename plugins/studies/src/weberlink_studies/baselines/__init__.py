@@ -22,7 +22,7 @@ BASELINES = {
         carries_credit=True,
         does="time-domain passivity: an observer and a controller at each port",
         reads_position=False,
-    ),
+    )
 }
 """By name."""
 

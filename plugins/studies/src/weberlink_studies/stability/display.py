@@ -373,14 +373,7 @@ def _summary(options: DisplayOptions, rows: "DataFrame") -> dict[str, Any]:
 
 
 STUDY = Study(
-    "stability --cells",
-    _cases,
-    rows_of,
-    _tables,
-    _plots,
-    lambda case: 1.0 + 1e-3 * case[0].delay_ms,
-    _summary,
-    seed=0,
+    "stability --cells", _cases, rows_of, _tables, _plots, lambda case: 1.0 + 1e-3 * case[0].delay_ms, _summary, seed=0
 )
 
 

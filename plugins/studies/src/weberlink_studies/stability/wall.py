@@ -129,10 +129,7 @@ def gain_limit(wall: SampledWall) -> float:
 def passivity_limit(wall: SampledWall) -> float:
     """The stiffness [N/m] up to which wall and device together are passive against any hand; may be 0."""
     return account.passivity_limit(
-        wall.device_damping_n_s_m,
-        wall.tick_period,
-        delay_ticks=wall.delay_ticks,
-        wall_damping=wall.wall_damping_n_s_m,
+        wall.device_damping_n_s_m, wall.tick_period, delay_ticks=wall.delay_ticks, wall_damping=wall.wall_damping_n_s_m
     )
 
 

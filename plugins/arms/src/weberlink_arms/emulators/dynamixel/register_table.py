@@ -8,12 +8,7 @@ from weberlink_arms.dynamixel.packet import (
     DATA_RANGE_ERROR,
     RESULT_FAIL,
 )
-from weberlink_arms.dynamixel.registers import (
-    EEPROM_END,
-    END,
-    MODE_POSITION,
-    Register,
-)
+from weberlink_arms.dynamixel.registers import EEPROM_END, END, MODE_POSITION, Register
 
 LIMITS = {"goal_current": "current_limit", "goal_velocity": "velocity_limit", "goal_pwm": "pwm_limit"}
 """Goals and the registers that limit their magnitude."""
