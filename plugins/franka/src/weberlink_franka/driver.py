@@ -201,12 +201,9 @@ def _is_stopped(pid: int) -> bool:
     return status.rpartition(")")[2].split()[0] == "T"  # the name before it may hold anything
 
 
-def _lag_s(options: FrankaOptions) -> float:
-    """Of the tip behind a ramp of the command, for the mass of the arm at its tip [s]."""
-    return 2.0 * options.damping_ratio * sqrt(TIP_KG / options.stiffness_n_m)
-
-
 def _spec(options: FrankaOptions) -> RobotSpec:
+    # Behind a ramp of the command, for the mass of the arm at its tip.
+    lag_s = 2.0 * options.damping_ratio * sqrt(TIP_KG / options.stiffness_n_m)
     return RobotSpec(
         name=NAME,
         axes="xyz",
@@ -221,6 +218,6 @@ def _spec(options: FrankaOptions) -> RobotSpec:
         watchdog_s=options.stale_s,
         note=(
             "the force is the robot's estimate (O_F_ext_hat_K), without its offset at opening; the tip lags its "
-            f"command by about {_lag_s(options):.2f} s, for which codec.force.predictor zoh feels contacts best"
+            f"command by about {lag_s:.2f} s, for which codec.force.predictor zoh feels contacts best"
         ),
     )

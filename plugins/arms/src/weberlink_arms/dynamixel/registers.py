@@ -106,14 +106,12 @@ REGISTERS: Final = (
     _measured(146, 1, "present_temperature", 30),
 )
 BY_NAME: Final = {register.name: register for register in REGISTERS}
-BY_ADDRESS: Final = {register.address: register for register in REGISTERS}
 
 RETURN_DELAY_TIME: Final = BY_NAME["return_delay_time"]
 DRIVE_MODE: Final = BY_NAME["drive_mode"]
 OPERATING_MODE: Final = BY_NAME["operating_mode"]
 MAX_VOLTAGE_LIMIT: Final = BY_NAME["max_voltage_limit"]
 MIN_VOLTAGE_LIMIT: Final = BY_NAME["min_voltage_limit"]
-HOMING_OFFSET: Final = BY_NAME["homing_offset"]
 CURRENT_LIMIT: Final = BY_NAME["current_limit"]
 TORQUE_ENABLE: Final = BY_NAME["torque_enable"]
 HARDWARE_ERROR: Final = BY_NAME["hardware_error_status"]
@@ -122,7 +120,6 @@ BUS_WATCHDOG: Final = BY_NAME["bus_watchdog"]
 GOAL_CURRENT: Final = BY_NAME["goal_current"]
 GOAL_POSITION: Final = BY_NAME["goal_position"]
 PRESENT_CURRENT: Final = BY_NAME["present_current"]
-PRESENT_VELOCITY: Final = BY_NAME["present_velocity"]
 PRESENT_POSITION: Final = BY_NAME["present_position"]
 PRESENT_INPUT_VOLTAGE: Final = BY_NAME["present_input_voltage"]
 

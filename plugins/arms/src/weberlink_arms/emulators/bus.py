@@ -66,10 +66,6 @@ class EmulatedBus:
         """Requests carried out."""
 
     @property
-    def bad_checksums(self) -> int:
-        return self._reader.bad
-
-    @property
     def next_request(self) -> float:
         """When the oldest waiting request has arrived [s]; infinity for never."""
         return self._requests[0][0] if self._requests else inf

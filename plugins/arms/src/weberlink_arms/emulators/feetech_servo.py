@@ -33,7 +33,6 @@ FASTEST: Final = 3400
 """Steps per second of the inner goal when `goal_velocity` is 0."""
 CENTRE_HERE: Final = 128
 """Written to `torque_enable`: the present position becomes 2048."""
-MEASURED: Final = [register for register in REGISTERS if not register.writable]
 _NAME_OF: Final = {register.address + i: register.name for register in REGISTERS for i in range(register.size)}
 
 

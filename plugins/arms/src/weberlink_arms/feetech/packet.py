@@ -18,9 +18,7 @@ HEADER: Final = b"\xff\xff"
 HIGHEST_ID: Final = 253
 
 VOLTAGE_ERROR: Final = 1
-ANGLE_ERROR: Final = 2
 HEAT_ERROR: Final = 4
-CURRENT_ERROR: Final = 8
 OVERLOAD_ERROR: Final = 32
 
 LONGEST_LENGTH: Final = 250

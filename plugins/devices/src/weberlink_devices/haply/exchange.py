@@ -168,7 +168,12 @@ class AngleValidator:
         if self._last is not None:
             self._compare(angles, self._last, max(0.0, now - self._asked_at))
         self._last, self._asked_at = angles, asked_at
-        self._check_travel()
+        for number, travel in enumerate(self._travel, 1):
+            if travel > STUCK_TRAVEL:
+                raise HardwareFault(
+                    f"encoder {number} stands still though the other arm turned by {travel:.1f} rad; "
+                    "check its cable, put the handle at its starting place and start again"
+                )
         return tip
 
     def _compare(self, angles: Pair, last: Pair, elapsed: float) -> None:
@@ -179,14 +184,6 @@ class AngleValidator:
         for mine, other in ((0, 1), (1, 0)):
             moved = steps[mine] > 0.5 * self._resolution[mine]
             self._travel[mine] = 0.0 if moved else self._travel[mine] + steps[other]
-
-    def _check_travel(self) -> None:
-        for index, travel in enumerate(self._travel):
-            if travel > STUCK_TRAVEL:
-                raise HardwareFault(
-                    f"encoder {index + 1} stands still though the other arm turned by {travel:.1f} rad; "
-                    "check its cable, put the handle at its starting place and start again"
-                )
 
 
 SETUP_S = 0.5

@@ -87,15 +87,12 @@ class Inverse3Session:
             self.profile = configured.get("profile", {}).get("name", self.profile)
         for each in listed(message, "inverse3"):
             if each.get("device_id") == self._service.device_id:
-                if self._service.has_sessions:
-                    self._configure(each.get("configure", {}))
+                wishes = each.get("configure", {}) if self._service.has_sessions else {}
+                if "preset" in wishes:
+                    self.preset = str(wishes["preset"]["preset"])
+                if "force_gate" in wishes:
+                    self.gate = float(wishes["force_gate"]["gain"])
                 self._command(each.get("commands", {}), now)
-
-    def _configure(self, wishes: dict[str, Any]) -> None:
-        if "preset" in wishes:
-            self.preset = str(wishes["preset"]["preset"])
-        if "force_gate" in wishes:
-            self.gate = float(wishes["force_gate"]["gain"])
 
     def _command(self, commands: dict[str, Any], now: float) -> None:
         wanted = commands.get("set_cursor_force")

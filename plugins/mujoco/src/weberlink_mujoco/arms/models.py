@@ -207,7 +207,8 @@ def read(path: Path) -> Any:
     """An `MjSpec` of a file, to be changed and compiled; raises ValueError with one line for a wrong file."""
     package = mujoco()
     if package.get_mju_user_warning() is None:
-        package.set_mju_user_warning(_keep_quiet)
+        # In place of its printing and its MUJOCO_LOG.TXT; a simulation checks its own state.
+        package.set_mju_user_warning(lambda _: None)
     try:
         return package.MjSpec.from_file(str(path))
     except (ValueError, package.FatalError) as error:
@@ -221,7 +222,3 @@ def compiled(spec: Any, path: Path) -> Any:
         return spec.compile()
     except (ValueError, package.FatalError) as error:
         raise ValueError(f"model: {path}: {' '.join(str(error).split())}") from None
-
-
-def _keep_quiet(message: str) -> None:
-    """Replaces MuJoCo's printing and its MUJOCO_LOG.TXT; a simulation checks its own state."""

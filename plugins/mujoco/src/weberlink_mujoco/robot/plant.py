@@ -55,7 +55,8 @@ class Plant:
         self.body = int(self.model.site_bodyid[self.site])
         self._keyframe = None if keyframe is None else self._number("keyframe", "key", keyframe)
         self.dofs = self._tree_dofs(end_effector)
-        self._take_over()
+        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
+        self.model.body_gravcomp[self.model.body_treeid == self.model.dof_treeid[self.dofs.start]] = 0.0
         self.position: Array = self.data.site_xpos[self.site]
         self.turned: Array = self.data.site_xmat[self.site]
         self.twist: Array = np.zeros((6 if turns else 3, self.model.nv))
@@ -69,13 +70,11 @@ class Plant:
         moving = np.linalg.norm(self.jacobian, axis=1)
         self.axes = "".join(axis for axis, way in zip("xyz", moving, strict=True) if way > 1e-9 * moving.max())
 
-    def force_sensor(self, name: str) -> int:
-        """Number of a force sensor; raises ValueError if there is none of this name."""
-        return self._sensor("force", "force sensor", mujoco.mjtSensor.mjSENS_FORCE, name)
-
-    def torque_sensor(self, name: str) -> int:
-        """Number of a torque sensor; raises ValueError if there is none of this name."""
-        return self._sensor("rotation.torque", "torque sensor", mujoco.mjtSensor.mjSENS_TORQUE, name)
+    def sensor(self, option: str, quantity: str, name: str) -> int:
+        """Number of a sensor of `force` or `torque`, which an option names; ValueError if there is none."""
+        kind = mujoco.mjtSensor.mjSENS_FORCE if quantity == "force" else mujoco.mjtSensor.mjSENS_TORQUE
+        there = {self.model.sensor(i).name: i for i in self._sensors(kind)}
+        return there[name] if name in there else _unknown(option, f"{quantity} sensor", name, there)
 
     def force_sensor_on(self, site: int) -> int:
         """Number of the force sensor on a site; raises ValueError if there is none."""
@@ -122,10 +121,6 @@ class Plant:
         kind = next(kind for kind, count in enumerate(counts) if count)
         return _one_line(mujoco.mju_warningText(kind, self.data.warning[kind].lastinfo))
 
-    def _sensor(self, option: str, label: str, kind: Any, name: str) -> int:
-        there = {self.model.sensor(i).name: i for i in self._sensors(kind)}
-        return there[name] if name in there else _unknown(option, label, name, there)
-
     def _sensors(self, kind: Any) -> list[int]:
         return [sensor for sensor in range(self.model.nsensor) if self.model.sensor_type[sensor] == kind]
 
@@ -145,24 +140,17 @@ class Plant:
         members = np.flatnonzero(self.model.dof_treeid == tree)
         return slice(int(members[0]), int(members[-1]) + 1)
 
-    def _take_over(self) -> None:
-        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
-        self.model.body_gravcomp[self.model.body_treeid == self.model.dof_treeid[self.dofs.start]] = 0.0
-
 
 def _load(path: Path) -> Any:
     if not path.is_file():
         raise ValueError(f"model: there is no file {path}")
     if mujoco.get_mju_user_warning() is None:
-        mujoco.set_mju_user_warning(_keep_quiet)
+        # In place of its printing and its MUJOCO_LOG.TXT; warnings are counted in `data`.
+        mujoco.set_mju_user_warning(lambda _: None)
     try:
         return mujoco.MjModel.from_xml_path(str(path))
     except (ValueError, mujoco.FatalError) as error:
         raise ValueError(f"model: {path}: {_one_line(str(error))}") from None
-
-
-def _keep_quiet(message: str) -> None:
-    """Replaces MuJoCo's printing and its MUJOCO_LOG.TXT; warnings are counted in `data`."""
 
 
 def _unknown(option: str, kind: str, name: str, there: Iterable[str]) -> int:
@@ -186,6 +174,7 @@ def settle(plant: Plant, goal: Vector) -> None:
     model, data, dofs = plant.model, plant.data, plant.dofs
     target = np.array(goal)
     turn: Array = np.zeros(model.nv)
+    simple = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
     nearest = inf
     for _ in range(ITERATIONS):
         missing = target - plant.position
@@ -199,18 +188,12 @@ def settle(plant: Plant, goal: Vector) -> None:
         stride = missing * min(1.0, LONGEST_STRIDE / length)
         turn[dofs] = jacobian.T @ np.linalg.solve(square, stride)
         mujoco.mj_integratePos(model, data.qpos, turn, 1.0)
-        _keep_limits(plant)
+        for joint in np.flatnonzero(model.jnt_limited):
+            if int(model.jnt_type[joint]) in simple:
+                address = model.jnt_qposadr[joint]
+                data.qpos[address] = np.clip(data.qpos[address], *model.jnt_range[joint])
         plant.refresh()
     else:
         raise ValueError(f"home_m: the end effector comes no closer than {nearest:.2g} m to {list(goal)}")
     plant.home[:] = data.qpos
     plant.reset()
-
-
-def _keep_limits(plant: Plant) -> None:
-    model, qpos = plant.model, plant.data.qpos
-    simple = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-    for joint in np.flatnonzero(model.jnt_limited):
-        if int(model.jnt_type[joint]) in simple:
-            address = model.jnt_qposadr[joint]
-            qpos[address] = np.clip(qpos[address], *model.jnt_range[joint])

@@ -23,7 +23,7 @@ class ForceSensing(Protocol):
 
 def force_sensing(plant: Plant, name: str) -> ForceSensing:
     """The sensing that the option `force` names; raises ValueError if the file has no such sensor."""
-    return ContactSensing(plant) if name == CONTACTS else SensorSensing(plant, plant.force_sensor(name))
+    return ContactSensing(plant) if name == CONTACTS else SensorSensing(plant, plant.sensor("force", "force", name))
 
 
 class ContactSensing:
@@ -98,7 +98,9 @@ def torque_sensing(plant: Plant, name: str) -> TorqueSensing:
     Raises:
         ValueError: the file has no such sensor, or no force sensor on the same site.
     """
-    return ContactTorque(plant) if name == CONTACTS else SensorTorque(plant, plant.torque_sensor(name))
+    if name == CONTACTS:
+        return ContactTorque(plant)
+    return SensorTorque(plant, plant.sensor("rotation.torque", "torque", name))
 
 
 class ContactTorque:
