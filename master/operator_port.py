@@ -149,6 +149,12 @@ class OperatorPort(Port):
         row.slew_ticks, row.clipped = self.slew_ticks, self.gate.clipped
         row.ramping = self.gate.ramping if self.enabled else RELEASED
         row.buttons = self.buttons & 0xFF
+        decoded: Joints = ()
+        output: Joints = ()
+        for display in self.displays:
+            decoded += display.decoded
+            output += display.output
+        row.decoded, row.output = decoded, output
 
     def halt(self, now: float) -> None:
         for display in self.displays:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.protocol.states import State
+from weberlink.telemetry.record import FORCE
 
 COLUMNS = ("t", "px", "py", "pz", "fx", "fy", "fz")
 MCAP_MAGIC = b"\x89MCAP0\r\n"
@@ -114,15 +115,17 @@ def _recorded(path: Path, sides: Sequence[Side]) -> Array:
     if lacks:
         raise TraceError(f"{path}: the {side}'s records lack {', '.join(sorted(lacks))}")
     position, force = SIGNALS[side]
-    if "joint_output" in (records.dtype.names or ()) and records["joint_output"].any():
+    if recording.joints:
         raise TraceError(f"{path}: holds the angles and torques of arms, expected a session in Cartesian space")
     engaged = records[records["state"] == State.ENGAGED.value]
-    engaged = engaged[np.isfinite(engaged[position]).all(axis=1) & np.isfinite(engaged[force]).all(axis=1)]
+    signals = np.column_stack((engaged[position][:, FORCE], engaged[force][:, FORCE]))
+    usable = np.isfinite(signals).all(axis=1)
+    engaged, signals = engaged[usable], signals[usable]
     if len(engaged) < FEWEST_ROWS:
         raise TraceError(f"{path}: expected at least {FEWEST_ROWS} ticks of an engaged session, found {len(engaged)}")
     if not (np.diff(engaged["at"]) > 0.0).all():
         raise TraceError(f"{path}: the time of the {side}'s ticks does not rise; the recording is damaged")
-    return np.column_stack((engaged["at"] - engaged["at"][0], engaged[position], engaged[force]))
+    return np.column_stack((engaged["at"] - engaged["at"][0], signals))
 
 
 def _arrays(path: Path) -> tuple[Array, Sequence[int]]:

@@ -193,8 +193,11 @@ class RobotPort(Port):
     def report(self, row: Row, *, is_led: bool) -> None:
         guard, tool = self.guard, self.tool
         clipped, ramping = guard.clipped, guard.share < 1.0
+        row.position, row.output = self.where if self._control is None else self.commanded, self.applied
         if tool is not None:
             clipped, ramping = clipped or tool.clipped, ramping or tool.share < 1.0
+            row.position += tool.commanded
+            row.output += tool.applied
         row.contact_ticks, row.clipped = guard.contact_ticks, clipped
         row.ramping = ramping if is_led or not self._by_button else RELEASED
 

@@ -16,12 +16,12 @@ LARGEST = 1e9  # No measured torque is as large [N m]; a telemetry record has ro
 class ToolOrientation(Follower):
     """Turns the tool to the decoded orientation; speeds are angular [rad/s].
 
-    `applied` is what it was last commanded, as a rotation vector near the decoded one [rad].
+    `applied` is what it was last commanded, as a rotation vector near `commanded`, the decoded one [rad].
     """
 
     def __init__(self, *, speed: float, approach_speed: float, ramp: float) -> None:
         super().__init__(IDENTITY, 4, speed=speed, approach_speed=approach_speed, ramp=ramp, step_toward=toward)
-        self.applied: Vector = ZERO
+        self.applied = self.commanded = ZERO
 
     def move(self, commanded: Vector | None, step: float) -> Quaternion:
         """Follow the decoded value for `step` more seconds, or hold where there is None; the orientation to command."""
@@ -29,7 +29,7 @@ class ToolOrientation(Follower):
         if commanded is None:
             held = self.hold(step)
         else:
-            goal = quaternion(commanded)
+            self.commanded, goal = commanded, quaternion(commanded)
             held = self.pursue(goal, step)
             self.applied = commanded if held == goal else vector(held, self.applied)
         orientation: Quaternion = held

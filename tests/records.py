@@ -16,8 +16,13 @@ def ticks(count: int, *, start: float = 0.0, every: float = TICK, **columns: Arr
     made = np.zeros(count, DTYPE)
     made["at"] = start + every * np.arange(count)
     for name, values in columns.items():
-        made[name] = values
+        put(made[name], values)
     return made
+
+
+def put(column: NDArray[Any], values: ArrayLike) -> None:
+    """Fill a column; a vector of fewer axes than it has is filled up with zeros."""
+    (column[..., : np.shape(values)[-1]] if column.ndim > 1 and np.ndim(values) else column)[...] = values
 
 
 def phases(*parts: tuple[int, dict[str, ArrayLike]], **columns: ArrayLike) -> NDArray[Any]:
@@ -26,7 +31,7 @@ def phases(*parts: tuple[int, dict[str, ArrayLike]], **columns: ArrayLike) -> ND
     begin = 0
     for count, own in parts:
         for name, values in own.items():
-            made[name][begin : begin + count] = values
+            put(made[name][begin : begin + count], values)
         begin += count
     return made
 

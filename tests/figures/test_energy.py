@@ -54,8 +54,8 @@ def test_each_session_has_an_allowance_and_a_credit_that_counts_from_zero() -> N
 def test_force_and_torque_add() -> None:
     """1 N over 50 mm and 0.1 N m over half a radian: 50 mJ each."""
     made = pushed_out(1.0, 0.05)
-    made["rotation_raw"][:, 0] = 0.5 * TICK * np.arange(len(made))
-    made["rotation_output"][:, 0] = 0.1
+    made["position"][:, 3] = 0.5 * TICK * np.arange(len(made))
+    made["output"][:, 3] = 0.1
     of_handle = replace(OF_HAND, damping=OF_HAND.damping * HANDLE**2)
     told = energy(made, OF_HAND, of_handle)
     assert told["generated_j"] == pytest.approx(0.1, rel=1e-4)

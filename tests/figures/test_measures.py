@@ -24,7 +24,7 @@ from weberlink.figures.tree import Median, Spread
 from weberlink.protocol.states import State
 from weberlink.session.composition.channels import force_deadband, measures_in
 from weberlink.session.tuning import LiveSettings
-from weberlink.telemetry.record import RELEASED
+from weberlink.telemetry.record import FORCE, RELEASED
 
 WEBERS = (0.25, 0.05)
 
@@ -45,7 +45,7 @@ def test_what_the_peer_holds_is_within_the_deadband_of_its_shape_and_factor(shap
 
     def error(record: Any, weber: float) -> float:
         deadband = force_deadband(system.codec.force, system.tick_period, weber)
-        return deadband.error(tuple(record["decoded"].tolist()), tuple(record["raw"].tolist()))
+        return deadband.error(tuple(record["decoded"][FORCE].tolist()), tuple(record["raw"][FORCE].tolist()))
 
     counted = ran.slave[in_session(ran.slave)]
     assert set(counted["weber"]) == set(WEBERS)

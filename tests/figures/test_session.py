@@ -30,7 +30,7 @@ def records(count: int, *, phase: float = 0.0, **columns: Any) -> Records:
 
 
 def figures(master: Records, slave: Records, pieces: int = 1, **layout: Any) -> Figures:
-    scored = SessionScore(Layout(RATE, ("zoh", "plane"), **layout))
+    scored = SessionScore(Layout.hand(RATE, ("zoh", "plane"), **layout))
     for one, other in zip(np.array_split(master, pieces), np.array_split(slave, pieces), strict=True):
         scored.add(one, other)
     return scored.figures()
@@ -75,13 +75,14 @@ def leaves(tree: Any) -> Iterator[Any]:
 
 
 @examples(25)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 2000), st.integers(1, 20), st.integers(1, 20))
+@given(st.integers(0, 2**32 - 1), st.integers(1, 1000), st.integers(1, 20), st.integers(1, 20))
 def test_the_figures_do_not_depend_on_the_pieces(seed: int, ticks: int, pieces: int, others: int) -> None:
-    chance = np.random.default_rng(seed)
+    chance = np.random.default_rng(seed)  # no piece is longer than records wait for their counterpart
     sides = arbitrary(chance, ticks), arbitrary(chance, ticks)
     account = AccountParameters(allowance=0.02, refill=0.01, damping=1.0, rise=160.0)
     whole, parts = (
-        SessionScore(Layout(100.0, ("zoh", "plane"), ("zoh", "linear"), accounts=(account, account))) for _ in range(2)
+        SessionScore(Layout.hand(100.0, ("zoh", "plane"), ("zoh", "linear"), accounts=(account, account)))
+        for _ in range(2)
     )
     whole.add(*sides)
     for split in zip_longest(np.array_split(sides[0], pieces), np.array_split(sides[1], others), fillvalue=NONE):
@@ -142,7 +143,7 @@ def test_the_master_alone_has_no_felt_error() -> None:
 
 def test_the_slave_alone_has_no_energy() -> None:
     force, tick = (0.0, 0.0, 2.0), np.arange(100)
-    slave = records(100, raw=force, coded=force, bound=0.2, ramping=tick < 10, rotation_updates_received=tick // 10)
+    slave = records(100, raw=force, coded=force, bound=0.2, ramping=tick < 10, second_updates_received=tick // 10)
     slave["decoded"][10:, 2] = 1.9
     summary = score(NONE, slave, torque_bank=("zoh",))
     assert summary["force"]["coding"]["error_max"] == pytest.approx(0.1)
@@ -167,15 +168,12 @@ def test_generated_energy_is_the_most_that_was_missing() -> None:
 
 
 def test_torque_and_orientation_have_their_figures() -> None:
-    tick = np.arange(1000)
-    master = records(
-        1000, rotation_output=(0.23, 0.0, 0.0), rotation_raw=(0.0, 0.0, pi + 0.01), rotation_bound=0.02,
-        rotation_updates_sent=tick // 100,
-    )  # fmt: skip
+    tick, torque, turn = np.arange(1000), (*[0.0] * 3, 0.2), (*[0.0] * 5, pi + 0.01)
+    master = records(1000, output=(*[0.0] * 3, 0.23), raw=turn, second_bound=0.02, second_updates_sent=tick // 100)
     slave = records(
-        1000, rotation_raw=(0.2, 0.0, 0.0), rotation_decoded=(0.21, 0.0, 0.0), rotation_bound=0.025,
-        rotation_updates_sent=tick // 20, rotation_selected=[1, 0] * 500, rotation_sent=tick < 10,
-        rotation_output=(0.0, 0.0, -(pi - 0.02)),  # 0.01 rad apart
+        1000, raw=torque, coded=torque, decoded=(*[0.0] * 3, 0.21), second_bound=0.025,
+        second_updates_sent=tick // 20, second_selected=[1, 0] * 500, second_sent=tick < 10,
+        output=(*[0.0] * 5, -(pi - 0.02)),  # 0.01 rad apart
     )  # fmt: skip
     summary = score(master, slave, 7, torque_bank=("zoh", "linear"))
     torque, orientation = summary["torque"], summary["orientation"]

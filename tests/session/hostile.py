@@ -16,6 +16,7 @@ from weberlink.protocol.wire import CHANGE_TICK_BITS, Kind, pack
 from weberlink.session.composition.channels import streams
 from weberlink.session.composition.link import Context, build_endpoint, build_security
 from weberlink.session.simulation import MASTER_ADDRESS, SLAVE_ADDRESS, as_array, build_simulation
+from weberlink.telemetry.record import FORCE
 from weberlink.update import Payload, PreviousSample, Update
 
 CONNECTS_WITHIN = 40  # ticks after which a peer that begins is in a session
@@ -76,7 +77,9 @@ class Duel:
         (record,) = as_array([self.side.record()])
         assert np.isfinite(record["output"]).all()
         if self._hero == "master":
-            assert np.linalg.norm(record["output"]) <= self._configuration.system.master.limits.force_n * (1.0 + 1e-9)
+            assert np.linalg.norm(record["output"][FORCE]) <= self._configuration.system.master.limits.force_n * (
+                1.0 + 1e-9
+            )
 
     def carry(self) -> None:
         """Deliver everything that both ends have said, until neither answers."""

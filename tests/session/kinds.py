@@ -16,19 +16,21 @@ from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.events import Address
 from weberlink.session.simulation import Simulation, as_array
 from weberlink.slave.robots.point import PointRobot
+from weberlink.telemetry import record
 from weberlink.telemetry.fault import Fault
 
 TICK = 1e-3
 SILENCE, RAMP = 0.1, 0.05  # of the default configuration [s]
 STEP = TICK / RAMP  # by which share a fade goes on in a tick
 Values = NDArray[Any]
+ALL = slice(0, record.MOST_AXES)  # the axes of an arm
 
 
 @dataclass(frozen=True)
 class Channel:
     """One pair of channels: what is felt, and what the robot is commanded."""
 
-    prefix: str  # of its columns in a record
+    axes: slice  # its places in the vectors of a record
     limit: float  # largest value on the hand [N, or N m]
     approach: float  # speed of the robot towards the hand [m/s, or rad/s]
     correction: float  # what one update may change of the robot's command [m, or rad]
@@ -36,18 +38,18 @@ class Channel:
 
     def size(self, values: Values) -> Values:
         """Lengths of vectors; of an arm, its largest axes."""
-        if self.prefix == "joint_":
+        if self.axes == ALL:
             return np.abs(values).max(axis=-1)
         return np.linalg.norm(values.astype(float), axis=-1)
 
     def output(self, records: Values) -> Values:
-        return records[f"{self.prefix}output"]
+        return records["output"][..., self.axes]
 
     def raw(self, records: Values) -> Values:
-        return records[f"{self.prefix}raw"]
+        return records["raw"][..., self.axes]
 
     def decoded(self, records: Values) -> Values:
-        return records[f"{self.prefix}decoded"]
+        return records["decoded"][..., self.axes]
 
     def steps(self, records: Values) -> Values:
         """Size of what changes from tick to tick of what is commanded here."""
@@ -66,8 +68,8 @@ class Kind:
     robot: Any
 
 
-FORCE = Channel("", 10.0, 0.25, 0.5e-3, 1.0)
-TORQUE = Channel("rotation_", 0.5, 1.5, 0.01, 0.02)
+FORCE = Channel(record.FORCE, 10.0, 0.25, 0.5e-3, 1.0)
+TORQUE = Channel(record.TORQUE, 0.5, 1.5, 0.01, 0.02)
 HAND = Kind("loopback.yaml", (), 0.9, (FORCE,), OperatorDevice, PointRobot)
 TURNING = Kind("rotation.yaml", (), 1.4, (FORCE, TORQUE), OperatorDevice, PointRobot)
 KINDS = {"hand": HAND, "turning": TURNING}
@@ -88,7 +90,7 @@ if HAS_ARMS:
             " objects: [{kind: box, position_m: [0.4, 0, 0.1], size_m: [0.2, 0.6, 0.2]}]}",
         ),
         0.8,
-        (Channel("joint_", 2.7, 0.5, 3e-3, 0.2),),
+        (Channel(ALL, 2.7, 0.5, 3e-3, 0.2),),
         ArmOperator,
         MujocoArm,
     )

@@ -16,6 +16,7 @@ from weberlink.geometry.vector import distance
 from weberlink.protocol.states import State
 from weberlink.session.composition.channels import force_deadband
 from weberlink.session.simulation import build_simulation
+from weberlink.telemetry.record import FORCE
 
 pytestmark = pytest.mark.hypothesis  # so that `make hunt` runs it
 
@@ -65,12 +66,12 @@ def test_run_is_finite_and_limited_and_within_the_deadband(combination: Combinat
     master, slave = simulation.advance(round(SECONDS * RATE))
     for values in (master["output"], slave["output"], slave["raw"]):
         assert np.isfinite(values).all()
-    felt = np.linalg.norm(master["output"], axis=1)
+    felt = np.linalg.norm(master["output"][:, FORCE], axis=1)
     assert felt.max() <= limit * (1.0 + 1e-9)
     unsent = slave[(slave["state"] == State.ENGAGED.value) & (slave["ramping"] == 0) & (slave["sent"] == 0)]
-    vectors = (map(tuple, unsent[name].tolist()) for name in ("decoded", "raw"))
+    vectors = (map(tuple, unsent[name][:, FORCE].tolist()) for name in ("decoded", "raw"))
     for decoded, raw, bound in zip(*vectors, unsent["bound"].tolist(), strict=True):
         assert error(decoded, raw) <= bound or distance(decoded, raw) <= force.step_n
     assert simulation.master.failure is None
     assert simulation.master.endpoint.state is State.ENGAGED
-    assert felt.max() > 0.05 and unsent["raw"].any(axis=1).sum() > 20, "the hand hardly felt the surface"
+    assert felt.max() > 0.05 and unsent["raw"][:, FORCE].any(axis=1).sum() > 20, "the hand hardly felt the surface"

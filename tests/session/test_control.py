@@ -37,7 +37,7 @@ def plane(scheme: str, stiffness: float, round_trip: float) -> tuple[str, ...]:
 
 def bound_share(ran: Run) -> float:
     """The largest share of what the account of the default settings allows out of the hand that came out."""
-    score = SessionScore(Layout(1000.0, BANK, accounts=ACCOUNTS))
+    score = SessionScore(Layout.hand(1000.0, BANK, accounts=ACCOUNTS))
     score.add(ran.master, ran.slave)
     return score.figures().energy.bound_share or 0.0
 

@@ -64,7 +64,7 @@ WITHIN = np.array([[-0.05, 0.05], [-0.05, 0.05], [-0.05, 0.001]])
 def test_the_robot_stays_within_its_workspace_whatever_it_does(overrides: tuple[str, ...]) -> None:
     """The edge is a millimetre above the surface: less than any retreat. Where it begins is outside."""
     ran = run(HAND, 2.2, f"slave.limits.workspace_m={WITHIN.tolist()}", *overrides)
-    output = ran.slave["output"]
+    output = HAND.channels[0].output(ran.slave)
     inside = int(np.argmax(output[:, 2] <= 0.001))
     assert 0 < inside < 1000
     assert ((output[inside:] >= WITHIN[:, 0]) & (output[inside:] <= WITHIN[:, 1])).all()

@@ -36,7 +36,7 @@ from weberlink.protocol.states import State
 from weberlink.session.simulation import Simulation
 from weberlink.slave.guard import TRIP_PAUSE
 from weberlink.telemetry.fault import Fault
-from weberlink.telemetry.record import FINITE, JOINTS, RELEASED
+from weberlink.telemetry.record import FINITE, FORCE, RELEASED, TORQUE
 
 BAD = (
     "link.emulate={delay_ms: 3, jitter_ms: 4, loss: 0.3, burst: BURST, reorder: 0.05, duplicate: 0.05, corrupt: 0.05,"
@@ -81,22 +81,22 @@ def coded_within(run: Run, name: str, *, ahead: bool) -> None:
     counted = slave[whole]
     if name == "arm":
         built = run.simulation.slave.outgoing
-        error = np.abs(counted["joint_decoded"].astype(float) - counted["joint_raw"])
+        error, torques = np.abs(counted["decoded"] - counted["raw"])[:, :6], np.abs(counted["raw"])[:, :6]
         codec = configuration(*KINDS["arm"].overrides, file=ARMS).system.codec
         assert codec.joints is not None and codec.gripper is not None and len(built) == 2
-        floors = np.array([codec.joints.torque.floor_nm] * (len(JOINTS) - 1) + [codec.gripper.torque.floor_nm], float)
-        webers = np.array([codec.joints.torque.weber] * (len(JOINTS) - 1) + [codec.gripper.torque.weber])
-        assert np.abs(counted["joint_raw"]).max() > 0.1
-        assert (error <= np.maximum(webers * np.abs(counted["joint_raw"]), floors) * (1 + 1e-6) + 1e-6).all()
+        floors = np.array([codec.joints.torque.floor_nm] * 5 + [codec.gripper.torque.floor_nm], float)
+        webers = np.array([codec.joints.torque.weber] * 5 + [codec.gripper.torque.weber])
+        assert torques.max() > 0.1
+        assert (error <= np.maximum(webers * torques, floors) * (1 + 1e-6) + 1e-6).all()
         return
-    error = np.linalg.norm(counted["decoded"] - counted["coded"], axis=1)
+    error = np.linalg.norm((counted["decoded"] - counted["coded"])[:, FORCE], axis=1)
     bound = counted["bound"] * (1 + 1e-9)
     assert (error <= (np.maximum(bound, FORCE_STEP) if ahead else np.where(counted["sent"], FORCE_STEP, bound))).all()
-    assert counted["sent"].sum() > 0 and np.linalg.norm(counted["coded"], axis=1).max() > 0.5
+    assert counted["sent"].sum() > 0 and np.linalg.norm(counted["coded"][:, FORCE], axis=1).max() > 0.5
     if name == "turning":
-        error = np.linalg.norm(counted["rotation_decoded"] - counted["rotation_raw"], axis=1)
-        assert (error <= np.where(counted["rotation_sent"], 0.0, counted["rotation_bound"]) + TORQUE_STEP).all()
-        assert counted["rotation_sent"].sum() > 0 and np.linalg.norm(counted["rotation_raw"], axis=1).max() > 0.02
+        error = np.linalg.norm((counted["decoded"] - counted["raw"])[:, TORQUE], axis=1)
+        assert (error <= np.where(counted["second_sent"], 0.0, counted["second_bound"]) + TORQUE_STEP).all()
+        assert counted["second_sent"].sum() > 0 and np.linalg.norm(counted["raw"][:, TORQUE], axis=1).max() > 0.02
 
 
 @pytest.mark.parametrize(("name", "overrides"), [row for row in CODED if row[0] in KINDS])

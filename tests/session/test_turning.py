@@ -10,6 +10,7 @@ from tests.session.kinds import INTERRUPTIONS, TICK, TURNING, interrupted, run
 from weberlink.geometry.rotation import LONGEST, angle_between, quaternion
 from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.devices.operator import OperatorDevice
+from weberlink.telemetry.record import FORCE, TORQUE
 
 
 def apart(one: Any, other: Any) -> Any:
@@ -23,9 +24,9 @@ def test_a_contact_is_felt_while_the_tool_is_still_turned_otherwise_than_the_han
     ran = interrupted(TURNING, INTERRUPTIONS["cut both ways"], "slave.limits.approach_turn_rad_s=0.2")
     end = ran.at(TURNING.begin + 0.6 + 0.05)  # the link brings the first news, and the hand is led again
     master, slave = ran.master[end:], ran.slave[end:]
-    assert apart(slave["rotation_output"], master["rotation_raw"]).min() > 0.05
-    for felt, there in (("output", "raw"), ("rotation_output", "rotation_raw")):
-        shown, stated = (np.linalg.norm(each, axis=1) for each in (master[felt], slave[there]))
+    assert apart(slave["output"][:, TORQUE], master["raw"][:, TORQUE]).min() > 0.05
+    for part in (FORCE, TORQUE):
+        shown, stated = (np.linalg.norm(each[:, part], axis=1) for each in (master["output"], slave["raw"]))
         assert shown[0] < 0.1 * stated[0]
         assert np.median(shown[100:] / stated[100:]) == pytest.approx(1.0, abs=0.1)
 
@@ -44,9 +45,9 @@ def test_a_hand_that_turns_through_half_a_turn_is_followed(delay: int, loss: flo
     link = f"link.emulate={{delay_ms: {delay}, loss: {loss}, seed: 1}}"
     fast = ("slave.limits.approach_turn_rad_s=10", "slave.limits.turn_rad_s=1000")
     ran = run(TURNING, 3.3, link, *fast, device=Turning)
-    vectors = ran.master["rotation_raw"]
+    vectors = ran.master["raw"][:, TORQUE]
     assert (np.linalg.norm(np.diff(vectors, axis=0), axis=1) > 0.1).sum() == 2
     assert np.linalg.norm(vectors, axis=1).max() <= LONGEST
     led = ran.slave["ramping"] == 0
-    away = apart(ran.slave["rotation_output"], vectors)[led]
+    away = apart(ran.slave["output"][:, TORQUE], vectors)[led]
     assert led.sum() > 2000 and away.max() <= 5.0 * TICK * late + 0.006, "at most 5 rad/s, and the deadband"

@@ -20,7 +20,7 @@ def start():
             process = subprocess.Popen(
                 [sys.executable, Path(__file__).with_name(script), *map(str, arguments)],
                 stdout=subprocess.PIPE,
-                env=os.environ | {"PYTHONPATH": str(ROOT)},
+                env=os.environ | {"PYTHONPATH": os.pathsep.join((str(ROOT), os.environ.get("PYTHONPATH", "")))},
             )
             running.enter_context(process)
             running.callback(process.kill)

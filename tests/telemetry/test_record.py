@@ -1,6 +1,7 @@
 """The table of fields, the layouts that follow from it, the row that makes a record, and the ledger of faults."""
 
 import struct
+from itertools import product
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 
 from weberlink.telemetry.fault import Fault, FaultLedger
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.record import ALL, CODES, FIELDS, NAMES, PARTS, RECORD, layout
+from weberlink.telemetry.record import ALL, CODES, FIELDS, MOST_AXES, NAMES, RECORD, STREAMS, layout
 from weberlink.telemetry.row import Row
 
 KINDS = {
@@ -20,6 +21,7 @@ KINDS = {
 }
 kinds = [field.kind for field in FIELDS for _ in range(field.axes)]
 records = st.tuples(*(KINDS[kind] for kind in kinds))
+each_shape = pytest.mark.parametrize("shape", [*product((1, 3, 4, MOST_AXES), range(1, STREAMS + 1))])
 
 
 @given(records)
@@ -28,16 +30,16 @@ def test_numpy_reads_what_struct_packs(record):
     assert tuple(value for field in FIELDS for value in np.atleast_1d(row[field.name]).tolist()) == record
 
 
-@pytest.mark.parametrize("parts", range(1 << len(PARTS)))
-def test_each_value_is_aligned_without_padding(parts):
-    """In whichever parts are recorded."""
-    dtype, offset = np.dtype(layout(parts).description), 0
-    for field in layout(parts).fields:
+@each_shape
+def test_each_value_is_aligned_without_padding(shape):
+    """However many axes and streams are recorded."""
+    dtype, offset = np.dtype(layout(*shape).description), 0
+    for field in layout(*shape).fields:
         kind, where = dtype.fields[field.name][:2]
         assert where == offset
         assert where % kind.base.itemsize == 0
         offset += kind.itemsize
-    assert offset == dtype.itemsize == struct.calcsize(f"<{layout(parts).format}")
+    assert offset == dtype.itemsize == struct.calcsize(f"<{layout(*shape).format}")
 
 
 def test_names_are_unique_and_the_types_of_numpy_and_struct_agree():
@@ -45,22 +47,25 @@ def test_names_are_unique_and_the_types_of_numpy_and_struct_agree():
     assert all(np.dtype(numpy).itemsize == struct.calcsize("<" + code) for numpy, code in CODES.items())
 
 
-@pytest.mark.parametrize("parts", range(1 << len(PARTS)))
-def test_a_row_gives_its_values_in_the_order_of_the_fields(parts):
-    row, expected = Row(), []
+@each_shape
+def test_a_row_gives_its_values_in_the_order_of_the_fields(shape):
+    row, expected, whole = Row(), [], []
     assert ALL.values(row) == (0,) * len(kinds)
     for number, field in enumerate(FIELDS):
-        value = tuple(number + 0.125 * place for place in range(field.axes)) if field.axes > 1 else number
-        assert np.shape(getattr(row, field.name)) == np.shape(value)
+        axes = shape[0] if field.axes == MOST_AXES else field.axes
+        value = tuple(number + 0.125 * place for place in range(axes)) if field.axes > 1 else number
         setattr(row, field.name, value)
-        if field in layout(parts).fields:
-            expected += value if field.axes > 1 else [value]
-    assert layout(parts).values(row) == tuple(expected)
+        values = value if field.axes > 1 else [value]
+        expected += values if field in layout(*shape).fields else []
+        whole += [*values, *[0.0] * (field.axes - axes)]
+    assert layout(*shape).values(row) == tuple(expected)
+    assert ALL.values(row) == tuple(whole), "what has fewer axes is filled up"
 
 
-def test_unknown_parts_are_refused():
-    with pytest.raises(ValueError, match="parts"):
-        layout(1 << len(PARTS))
+@pytest.mark.parametrize("shape", [(0, 1), (MOST_AXES + 1, 1), (3, 0), (3, STREAMS + 1)])
+def test_other_shapes_are_refused(shape):
+    with pytest.raises(ValueError, match="axes"):
+        layout(*shape)
 
 
 GRAVEST_FIRST = [

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from tests.records import assert_whole
 from weberlink.telemetry.reader import DTYPE, RingReader
-from weberlink.telemetry.record import FIELDS, HAND, RECORD, layout
+from weberlink.telemetry.record import FIELDS, MOST_AXES, RECORD, SECOND, layout
 from weberlink.telemetry.ring import (
     RECORDS_AT,
     RingFormatError,
@@ -162,17 +162,18 @@ def test_a_reader_gets_the_newest_records_without_a_gap_and_counts_the_rest(capa
                 assert len(ticks) == min(step, capacity - 1) or step == 0
 
 
-def test_fields_of_parts_that_a_session_lacks_read_as_zero(path):
+def test_axes_and_streams_that_a_session_lacks_read_as_zero(path):
     row = Row()
     for field in FIELDS:
-        setattr(row, field.name, 1 if field.axes == 1 else (1.0,) * field.axes)
-    kept = layout(1)
+        setattr(row, field.name, 1 if field.axes == 1 else (1.0,) * 3)
+    kept = layout(3, 1)
     with RingWriter.create(path, side="slave", rate_hz=4000.0, capacity=8, records=kept) as writer:
         writer.write(kept.values(row))
         with closing(RingReader(path)) as reader:
             (record,) = reader.read()
     for field in FIELDS:
-        assert np.all(record[field.name] == (field.part in ("", HAND)))
+        expected = [1.0] * 3 + [0.0] * 6 if field.axes == MOST_AXES else not field.name.startswith(SECOND)
+        assert np.all(record[field.name] == expected)
 
 
 def test_another_process_is_followed_while_it_writes_without_a_torn_record(path, start):
@@ -251,7 +252,7 @@ def test_a_killed_writer_leaves_all_that_it_published(path, start):
 @pytest.mark.parametrize(
     ("offset", "value", "message"),
     [
-        (8, 99, "layout version 99, this program reads version 3"),
+        (8, 99, "layout version 99, this program reads version 4"),
         (12, 0, "other fields than those of this program"),
         (16, 8, "other fields than those of this program"),
         (32, 1, "too few for 1 records"),

@@ -37,7 +37,7 @@ def records(ticks: int, *, first: int = 0, phase: float = 0.0, seed: int | None 
     if seed is not None:
         noise = np.random.default_rng(seed)
         for name in ("raw", "output", "decoded", "position"):
-            made[name] = noise.normal(size=(ticks, 3))
+            made[name][:, :3] = noise.normal(size=(ticks, 3))
         made["bound"] = 1.5
     return made
 

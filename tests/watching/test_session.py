@@ -30,7 +30,7 @@ def both() -> tuple[HandSource, HandSource, WatchedSession]:
 def test_figures_equal_those_of_the_launcher() -> None:
     master, slave, session = both()
     ours, theirs = records(3000, seed=1), records(3000, phase=3e-4, seed=2)
-    launcher = SessionScore(Layout(RATE, BANK))
+    launcher = SessionScore(Layout.hand(RATE, BANK))
     launcher.add(ours, theirs)
     for one, other in zip(pieces(ours, [100, 900, 1700]), pieces(theirs, [40, 950, 2900]), strict=True):
         master.put(one)
@@ -83,7 +83,7 @@ def test_session_ends_with_its_last_side(in_order: bool, level: str) -> None:
     assert slave.is_closed
 
 
-HAND = Layout(RATE, BANK)
+HAND = Layout.hand(RATE, BANK)
 
 
 @pytest.mark.parametrize(

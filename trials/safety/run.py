@@ -20,6 +20,7 @@ from weberlink.config import Configuration
 from weberlink.protocol.emulation import Emulation
 from weberlink.session.simulation import as_array
 from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.record import FORCE
 
 CUT = 0.9  # when the link fails [s]
 DARK, LONG_DARK, FLAPPING = 0.6, 4.6, 2.0
@@ -163,15 +164,15 @@ def measure(
 ) -> dict[str, Any]:
     at, limit, tick = master["at"], loaded.system.link.silence_ms * 1e-3 + agreed, loaded.system.tick_period
     failing = (at >= CUT) & (at < case.restored)
-    force = np.linalg.norm(master["output"], axis=1)
-    moved, went = (_steps(each) for each in (slave["output"], master["position"]))
+    shown, reached, place = master["output"][:, FORCE], slave["output"][:, FORCE], master["position"][:, FORCE]
+    force, moved, went = np.linalg.norm(shown, axis=1), _steps(reached), _steps(place)
     alone = failing & (slave["state"] != ENGAGED)
     moving = failing & (moved > STILL) & ~(alone & case.retract)  # how it backs off is measured apart
     felt = failing & (force > STILL)
     after = (at >= case.restored - tick) & (at < case.restored + BACK_S + 2.0 * sum(case.delay_s))
     back = after & (master["state"] == ENGAGED)
     before = (at > CUT - limit) & (at < CUT + limit)
-    retreat = np.diff(slave["output"][alone], axis=0) if alone.any() and not case.flap_hz else np.zeros((0, 3))
+    retreat = np.diff(reached[alone], axis=0) if alone.any() and not case.flap_hz else np.zeros((0, 3))
     pressed = float(slave["raw"][alone][0, 2]) / ROBOT_N_M if len(retreat) else 0.0
     envelope = loaded.system.master.limits.force_n / (loaded.system.master.limits.ramp_ms * 1e-3)
     named = [failing & (side["fault"] != Fault.NONE) for side in (master, slave)]
@@ -184,14 +185,14 @@ def measure(
         "force_age_ms": 1e3 * float(loop_ages(ways[0], ways[1], at)[felt].max(initial=0.0)),
         # How far the robot was from the nearest place where the hand had been by then, and the hand moves within
         # the limit at its largest speed before the cut.
-        "beyond_mm": 1e3 * _beyond(master["position"], slave["output"], np.flatnonzero(failing)),
+        "beyond_mm": 1e3 * _beyond(place, reached, np.flatnonzero(failing)),
         "allowed_mm": 1e3 * float(went[before].max()) / tick * limit,
         # How far the robot was sent up from where its tip was without a session, and how far otherwise.
         "backed_mm": 1e3 * (float(retreat[:, 2].sum()) - pressed),
         "astray_mm": 1e3 * float(np.abs(retreat[:, :2]).sum() - np.minimum(retreat[:, 2], 0.0).sum()),
         "hand_n": float(force[at >= CUT].max()),
-        "robot_n": float(np.linalg.norm(slave["raw"][failing], axis=1).max()),
-        "step_n": float(_steps(master["output"][at >= CUT]).max()),  # in a tick, from the cut on
+        "robot_n": float(np.linalg.norm(slave["raw"][failing, FORCE], axis=1).max()),
+        "step_n": float(_steps(shown[at >= CUT]).max()),  # in a tick, from the cut on
         # Once the link is good: above an even rise of the force; of the robot in a tick, beyond the hand.
         "early_n": float((force[back] - envelope * (at[back] - at[back][:1] + tick)).max(initial=0.0)),
         "step_mm": 1e3 * max(0.0, float(moved[after][1:].max() - went[after].max())),

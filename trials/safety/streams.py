@@ -24,6 +24,7 @@ from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.wire import Kind
 from weberlink.session.simulation import as_array
 from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.record import FORCE
 
 BEGIN, LASTS, AFTER = 1.5, 2.5, 0.7  # when the kinds begin to be lost, for how long, and how long all pass again [s]
 DELAY_S = 0.005  # one way
@@ -39,13 +40,13 @@ class Session:
     file: str | Path
     overrides: tuple[str, ...]  # the link is not encrypted, so that the kinds can be read
     kinds: tuple[Kind, ...] = (Kind.UPDATE,)  # that it sends updates with
-    prefix: str = ""  # of the columns of a record that say what is felt and what the robot is commanded
+    is_arm: bool = False
     least: tuple[float, float] = (1.0, 0.02)  # contact that counts, and what is nothing on the hand [N, or N m]
 
     def size(self, records: Records, column: str) -> NDArray[np.float64]:
         """Length of each vector; of an arm, its largest axis."""
-        values = records[f"{self.prefix}{column}"].astype(float)
-        return np.abs(values).max(axis=1) if self.prefix else np.linalg.norm(values, axis=1)
+        values = records[column]
+        return np.abs(values).max(axis=1) if self.is_arm else np.linalg.norm(values[:, FORCE], axis=1)
 
 
 def repeated(first: str, *steps: str) -> str:
@@ -75,7 +76,7 @@ SESSIONS = {
     "hand, none": Session("loopback.yaml", (*TOUCH, HAND, "control.scheme=none")),
     "hand, bounded": Session("loopback.yaml", (*TOUCH, HAND, "control.scheme=bounded")),
     "hand with torque": Session("rotation.yaml", (*TOUCH, TURNING), TWO),
-    **({"arm": Session(ARMS, (*OPEN, ARM), TWO, "joint_", (0.2, 0.004))} if HAS_ARMS else {}),
+    **({"arm": Session(ARMS, (*OPEN, ARM), TWO, True, (0.2, 0.004))} if HAS_ARMS else {}),
 }
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from tests.program import ENGAGED, Records
 from weberlink.config import MASTER, SIDES
 from weberlink.protocol.states import State
+from weberlink.telemetry.record import FORCE
 
 COUNTERS = (
     *("ticks_missed", "datagrams_sent", "datagrams_received", "datagrams_dropped", "bytes_sent"),
@@ -110,7 +111,8 @@ def wakes_gently(records: Records, side: str, *, most: float) -> list[str]:
     since = done[first:] - done[first]
     soon, since = records[first:][since < 0.1], since[since < 0.1]
     found = [] if soon["fault"].any() else [f"the {side} stood still, and named no fault"]
-    off = np.linalg.norm(soon["output"] - (0.0 if side == MASTER else records["output"][first - 1]), axis=1)
+    rest = 0.0 if side == MASTER else records["output"][first - 1, FORCE]
+    off = np.linalg.norm(soon["output"][:, FORCE] - rest, axis=1)
     wrong = off > most * since / 0.1 + STILL
     if wrong.any():
         found.append(f"the {side} went on with {off[wrong][0]:.3g} after {1e3 * since[wrong][0]:.0f} ms")

@@ -40,10 +40,8 @@ class ArmRings:
         """Add a record to each ring: joint i of a field is its place in the fields, plus i hundredths and the tick."""
         row = Row()
         row.tick, row.at = tick, monotonic() if at is None else at
-        for place, field in enumerate(("joint_position", "joint_raw", "joint_decoded", "joint_output")):
-            setattr(row, field, tuple(0.125 * place + (1 + i) / 128 + tick / 1024 for i in range(9)))
-        row.joint_predicted = (0.0,) * 9
-        row.position, row.output, row.raw = (0.25, 0.5, 0.75), (1.0, 2.0, 3.0), (4.0, 5.0, 6.0)
+        for place, field in enumerate(("position", "raw", "decoded", "output")):
+            setattr(row, field, tuple(0.125 * place + (1 + i) / 128 + tick / 1024 for i in range(3)))
         for writer in self._writers.values():
             writer.write(ALL.values(row))
 

@@ -48,7 +48,7 @@ def rings(tmp_path: Path) -> Iterator[ArmRings]:
 
 
 def expected(place: int, tick: int) -> list[float]:
-    return [0.125 * place + (1 + axis) / 128 + tick / 1024 for axis in (0, 1, 8)]
+    return [0.125 * place + (1 + axis) / 128 + tick / 1024 for axis in range(3)]
 
 
 @pytest.mark.parametrize(("side", "position", "command", "effort"), [("master", 0, 1, 3), ("slave", 0, 3, 1)])
@@ -144,8 +144,9 @@ def test_cartesian_session_is_in_metres(tmp_path: Path) -> None:
         rings.write(1)
         axes, end = units(tmp_path), find_end("master", where=tmp_path)
         sample = end.sample()
-        assert axes.features(sample.position) == {"x.pos": 0.25, "y.pos": 0.5, "z.pos": 0.75}
-        assert dict(zip(axes.efforts, sample.effort, strict=True)) == {"x.force": 1.0, "y.force": 2.0, "z.force": 3.0}
+        position, force = ([place + (1 + i) / 128 + 1 / 1024 for i in range(3)] for place in (0.0, 0.375))
+        assert axes.features(sample.position) == dict(zip(("x.pos", "y.pos", "z.pos"), position, strict=True))
+        assert (axes.efforts, sample.effort.tolist()) == (["x.force", "y.force", "z.force"], force)
         end.close()
 
 

@@ -17,10 +17,10 @@ from weberlink.protocol.paths import LinkPath
 from weberlink.telemetry.fault import Fault
 from weberlink_page.hello import hello
 from weberlink_page.report import figures_of
-from weberlink_page.rows import CARTESIAN, COLUMNS, ROTATION, Thinning, samples_message
+from weberlink_page.rows import CARTESIAN, COLUMNS, SECOND_STREAM, Thinning, samples_message
 from weberlink_page.session import BACKLOG_S, PageSession, ways_now
 
-HAND = Layout(RATE, BANK)
+HAND = Layout.hand(RATE, BANK)
 
 
 def test_backlog_repeats_the_messages_of_the_last_seconds() -> None:
@@ -57,24 +57,23 @@ def test_arms_are_told_by_axis_and_channel() -> None:
     assert (hello["axes"], hello["settings"]["weber"], hello["scene"]) == ([*arms.NAMES, "gripper"], 0.13, [])
     assert PageSession("8", HandSource("slave")).hello()["axes"] is None
 
-    places = list(arms.PLACES)
     for side in made:
         rows = told["samples", side]
         json.dumps(rows, allow_nan=False)
         ticks = np.rint(np.array(rows["t"]) * arms.RATE).astype(int)
         assert {0, arms.SENT_EVERY, arms.GRIPPER_SENT_EVERY} <= set(ticks.tolist())
-        assert not set(CARTESIAN) & set(rows["columns"])
-        for name in ("joint_position", "joint_raw", "joint_output"):
+        assert not (set(CARTESIAN) - {"bound"}) & set(rows["columns"])
+        for name in ("position", "raw", "output"):
             shown = np.array(rows["columns"][name]).T
-            np.testing.assert_allclose(shown, made[side][name][ticks][:, places], atol=1e-6)
+            np.testing.assert_allclose(shown, made[side][name][ticks, : arms.AXES], atol=1e-6)
     columns = told["samples", "slave"]["columns"]
-    bound = np.maximum(0.13 * np.abs(columns["joint_raw"]), 0.02)
-    np.testing.assert_allclose(columns["joint_bound"], bound, atol=1e-6)
+    bound = np.maximum(0.13 * np.abs(columns["raw"]), 0.02)
+    np.testing.assert_allclose(columns["bound"], bound, atol=1e-6)
 
     felt = told["felt", None]
     ticks = np.rint(np.array(felt["t"]) * arms.RATE).astype(int)
-    actual = made["slave"]["joint_raw"][ticks][:, places].astype(float)
-    error = np.abs(made["master"]["joint_output"][ticks][:, places] - actual)
+    actual = made["slave"]["raw"][ticks, : arms.AXES]
+    error = np.abs(made["master"]["output"][ticks, : arms.AXES] - actual)
     worst = (error / np.maximum(0.13 * np.abs(actual), 0.02)).max(axis=1)
     assert worst.max() > 0.1
     np.testing.assert_allclose(felt["deadbands"], worst, atol=1e-3)
@@ -105,7 +104,7 @@ def test_greeting_has_scene_settings_choices_and_who_is_there() -> None:
 def test_every_fourth_tick_and_all_events_are_shown(cuts: list[int]) -> None:
     made = records(2000)
     made["sent"][[7, 501, 502, 503]] = 1
-    made["rotation_sent"][[1999, 41]] = 1
+    made["second_sent"][[1999, 41]] = 1
     made["fault"][801:1203] = Fault.SILENCE
     made["state"][1301:] = 5
     thinning = Thinning(RATE)
@@ -115,7 +114,7 @@ def test_every_fourth_tick_and_all_events_are_shown(cuts: list[int]) -> None:
 
 def test_rows_have_their_columns_and_null_for_what_is_unknown() -> None:
     rows = records(3)
-    rows["position"] = [[0.1, 0.2, 0.3]] * 3
+    rows["position"][:, :3] = [[0.1, 0.2, 0.3]] * 3
     rows["energy"] = [0.5, np.nan, np.inf]
     told = json.loads(json.dumps(samples_message("master", rows, 9.5, HAND), allow_nan=False))
     assert (told["t"], set(told["columns"])) == ([0.5, 0.501, 0.502], set(COLUMNS))
@@ -123,8 +122,8 @@ def test_rows_have_their_columns_and_null_for_what_is_unknown() -> None:
     assert told["columns"]["rtt_us"] == [None] * 3
     assert told["columns"]["energy"] == [0.5, None, None]
     assert told["columns"]["state"] == [4, 4, 4]
-    turned = samples_message("master", rows, 0.0, replace(HAND, torque_bank=("zoh",)))["columns"]
-    assert (set(turned), len(turned["rotation_raw"])) == (set(COLUMNS) | set(ROTATION), 3)
+    turned = samples_message("master", rows, 0.0, Layout.hand(RATE, BANK, ("zoh",)))["columns"]
+    assert (set(turned), len(turned["raw"])) == (set(COLUMNS) | set(SECOND_STREAM), 6)
 
 
 def test_a_document_gives_the_figures_back() -> None:

@@ -10,6 +10,7 @@ from trials.safety.unfounded import run
 from weberlink.cli.shipped import find
 from weberlink.session.channels import UNREACHED_S
 from weberlink.session.simulation import build_simulation
+from weberlink.telemetry.record import TORQUE
 
 DAMPED = "slave.scene=[{shape: plane, stiffness_n_m: 500, damping_n_s_m: 1.0}]"
 FORMER = 7
@@ -60,8 +61,8 @@ def test_a_tool_that_does_not_turn_leaves_the_hand() -> None:
     simulation = build_simulation(configuration(*overrides, file="rotation.yaml"))
     master, slave = simulation.advance(5000)
     felt, touched = (
-        np.linalg.norm(each, axis=1) > least
-        for each, least in ((master["rotation_output"], 0.05), (slave["rotation_raw"], 0.005))
+        np.linalg.norm(each[:, TORQUE], axis=1) > least
+        for each, least in ((master["output"], 0.05), (slave["raw"], 0.005))
     )
     assert simulation.slave.faults == {"tripped": 1}
     alone = felt & ~touched & (master["at"] > 3.2)

@@ -8,12 +8,12 @@ from weberlink.config import load
 from weberlink.figures.session import Records
 from weberlink.protocol.states import State
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.record import ALL, JOINTS, RECORD
+from weberlink.telemetry.record import ALL, RECORD
 from weberlink.telemetry.row import Row
 
 RATE = 1000.0
 NAMES = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
-PLACES = (0, 1, 2, 3, 4, 8)  # columns of the joints and of the gripper
+AXES = len(NAMES) + 1  # of the joints and the gripper
 _CODEC = {
     "joints": {
         "names": list(NAMES),
@@ -40,13 +40,12 @@ SENT_EVERY, GRIPPER_SENT_EVERY = 25, 50
 
 
 def angles(tick: int, lag: int = 0) -> tuple[float, ...]:
-    """Angles of all places [rad]; the follower lags."""
-    moved = [0.5 * np.sin(0.002 * (tick - lag) + axis) if axis in PLACES else 0.0 for axis in range(len(JOINTS))]
-    return tuple(map(float, moved))
+    """Angles of all axes [rad]; the follower lags."""
+    return tuple(float(0.5 * np.sin(0.002 * (tick - lag) + axis)) for axis in range(AXES))
 
 
 def torques(tick: int, gain: float = 1.0) -> tuple[float, ...]:
-    """Torques of all places [N m]."""
+    """Torques of all axes [N m]."""
     return tuple(0.2 * gain * max(0.0, value) for value in angles(tick))
 
 
@@ -60,16 +59,16 @@ def record(side: str, tick: int, *, began: float = 10.0, lead_from: int = 0) -> 
     row.ramping = int(tick < lead_from)
     row.lateness_us, row.work_us, row.rtt_us, row.one_way_us = 60.0, 80.0, 320.0, 160.0
     row.updates_sent = tick // SENT_EVERY + 1
-    row.gripper_updates_sent = tick // GRIPPER_SENT_EVERY + 1
-    row.sent, row.gripper_sent = int(tick % SENT_EVERY == 0), int(tick % GRIPPER_SENT_EVERY == 0)
+    row.second_updates_sent = tick // GRIPPER_SENT_EVERY + 1
+    row.sent, row.second_sent = int(tick % SENT_EVERY == 0), int(tick % GRIPPER_SENT_EVERY == 0)
     row.datagrams_sent = row.updates_sent
     if side == "master":
-        row.joint_position = row.joint_raw = row.joint_predicted = angles(tick)
-        row.joint_decoded = row.joint_output = torques(tick, 0.95)
+        row.position = row.raw = row.coded = row.predicted = angles(tick)
+        row.decoded = row.output = torques(tick, 0.95)
     else:
-        row.joint_position, row.joint_output = angles(tick, 8), angles(tick, 4)
-        row.joint_raw = row.joint_predicted = torques(tick)
-        row.joint_decoded = torques(tick, 0.95)
+        row.position, row.output = angles(tick, 8), angles(tick, 4)
+        row.raw = row.coded = row.predicted = torques(tick)
+        row.decoded = torques(tick, 0.95)
     return np.frombuffer(RECORD.pack(*ALL.values(row)), DTYPE)
 
 

@@ -17,9 +17,8 @@ from plugins.recording.tests import arm_sessions as arms
 from plugins.recording.tests.records import of_arms
 from tests.program import weberlink
 from tests.session.systems import CONFIGS
-from weberlink.figures.channel import arm_in
 from weberlink.figures.session import Layout
-from weberlink.telemetry.record import JOINTS
+from weberlink.telemetry.record import TURNS
 from weberlink.watching.ros import quaternions
 from weberlink_recording.lerobot_frames import NoFramesError, frames_of
 from weberlink_recording.reader import read_recording
@@ -32,7 +31,7 @@ parquet = pytest.importorskip("pyarrow.parquet")
 TICKS = 3000
 FRAME = 34
 """Ticks of a window: the longest time between two frames at 30 Hz."""
-PLACES = list(arms.PLACES)
+
 STRIDE = round(1000.0 / RATE_HZ)
 Messages = dict[str, list[tuple[int, Any]]]
 Sides = dict[str, Any]
@@ -91,35 +90,38 @@ def turn(tmp_path_factory: pytest.TempPathFactory) -> Path:
 Table = dict[str, Any]
 
 
-def flat(records: Any) -> Table:
+AXES = {"turn": (*"xyz", *TURNS), "grasp": (*arms.NAMES, "gripper")}
+
+
+def flat(records: Any, session: str) -> Table:
     """A column of numbers for each axis of each field."""
     columns = {}
     for name in records.dtype.names:
         values = records[name].astype(float)
-        axes = [""] if values.ndim == 1 else [f"_{axis}" for axis in ("xyz" if values.shape[1] == 3 else JOINTS)]
-        columns |= {f"{name}{axis}": each for axis, each in zip(axes, values.reshape(len(values), -1).T, strict=True)}
+        axes = [""] if values.ndim == 1 else [f"_{axis}" for axis in ("xyz" if values.shape[1] == 3 else AXES[session])]
+        columns |= {f"{name}{axis}": each for axis, each in zip(axes, values.reshape(len(values), -1).T, strict=False)}
     return columns
 
 
-def read_csv(folder: Path, side: str) -> Table:
+def read_csv(folder: Path, side: str, _: str) -> Table:
     with (folder / f"session-{side}.csv").open(newline="", encoding="utf-8") as file:
         names, *rows = csv.reader(file)
     return dict(zip(names, np.array(rows, float).T, strict=True))
 
 
-def read_parquet(folder: Path, side: str) -> Table:
+def read_parquet(folder: Path, side: str, _: str) -> Table:
     table = parquet.read_table(folder / f"session-{side}.parquet")
     return {name: table[name].to_numpy().astype(float) for name in table.column_names}
 
 
-def read_ros(folder: Path, side: str) -> Table:
+def read_ros(folder: Path, side: str, session: str) -> Table:
     ticks = [tick for _, tick in decoded(folder / "session-ros.mcap")[f"/weberlink/{side}"]]
     names = ticks[0].__slots__
     columns: Table = {}
     for name in names:
         values = np.array([vector(getattr(tick, name)) for tick in ticks], float).T
-        axes = ("xyz" if len(values) == 3 else JOINTS) if len(values) > 1 else [""]
-        columns |= {f"{name}_{axis}" if axis else name: each for axis, each in zip(axes, values, strict=True)}
+        axes = ("xyz" if len(values) == 3 else AXES[session]) if len(values) > 1 else [""]
+        columns |= {f"{name}_{axis}" if axis else name: each for axis, each in zip(axes, values, strict=False)}
     return columns
 
 
@@ -129,7 +131,7 @@ def vector(message: Any, names: str = "xyz") -> list[float]:
     return list(message) if hasattr(message, "__len__") else [message]
 
 
-READERS: dict[str, Callable[[Path, str], Table]] = {"csv": read_csv, "parquet": read_parquet, "ros": read_ros}
+READERS: dict[str, Callable[[Path, str, str], Table]] = {"csv": read_csv, "parquet": read_parquet, "ros": read_ros}
 WRITTEN = {"csv": "session-slave.csv", "parquet": "session-slave.parquet", "ros": "session-ros.mcap"}
 WRITTEN |= {"lerobot": "session-lerobot"}
 
@@ -141,7 +143,7 @@ def test_every_value_is_read_back_by_the_formats_own_reader(
     path = request.getfixturevalue(session)
     export(path, to, "--out", tmp_path)
     for side, records in read_recording(path).records.items():
-        found, expected = READERS[to](tmp_path, side), flat(records)
+        found, expected = READERS[to](tmp_path, side, session), flat(records, session)
         assert set(expected) <= set(found)
         for name, values in expected.items():
             np.testing.assert_array_equal(found[name].astype(np.float32), values.astype(np.float32), name)
@@ -190,18 +192,18 @@ def messages(turn: Path) -> Messages:
 
 def test_poses_and_forces_are_those_of_the_ticks(turn: Path, messages: Messages) -> None:
     records = read_recording(turn).records
-    for pose, wrench, side, place, turned, force in (
-        ("hand", "felt", "master", "position", "rotation_raw", "output"),
-        ("robot", "measured", "slave", "output", "rotation_output", "raw"),
+    for pose, wrench, side, place, force in (
+        ("hand", "felt", "master", "position", "output"),
+        ("robot", "measured", "slave", "output", "raw"),
     ):
         few = records[side][::STRIDE]
         poses = [message.pose for _, message in messages[f"/weberlink/{pose}"]]
-        np.testing.assert_array_equal([vector(each.position) for each in poses], few[place])
+        np.testing.assert_array_equal([vector(each.position) for each in poses], few[place][:, :3])
         turns = [vector(each.orientation, "xyzw") for each in poses]
-        np.testing.assert_allclose(turns, quaternions(few[turned].astype(float)), atol=1e-12)
+        np.testing.assert_allclose(turns, quaternions(few[place][:, 3:6]), atol=1e-12)
         wrenches = [message.wrench for _, message in messages[f"/weberlink/{wrench}"]]
-        np.testing.assert_array_equal([vector(each.force) for each in wrenches], few[force])
-        np.testing.assert_allclose([vector(each.torque) for each in wrenches], few[f"rotation_{force}"], rtol=1e-6)
+        np.testing.assert_array_equal([vector(each.force) for each in wrenches], few[force][:, :3])
+        np.testing.assert_allclose([vector(each.torque) for each in wrenches], few[force][:, 3:6], rtol=1e-6)
         assert {message.header.frame_id for _, message in messages[f"/weberlink/{wrench}"]} == {wrench}
 
 
@@ -209,12 +211,12 @@ def test_arms_have_joint_states(grasp: Path, sides: Sides, tmp_path: Path) -> No
     export(grasp, "ros", "--out", tmp_path)
     found = decoded(tmp_path / "session-ros.mcap")
     assert set(found) == {f"/weberlink/{name}" for name in ("master", "slave", "leader", "follower")}
-    for topic, side, torque in (("leader", "master", "joint_output"), ("follower", "slave", "joint_raw")):
+    for topic, side, torque in (("leader", "master", "output"), ("follower", "slave", "raw")):
         states = [message for _, message in found[f"/weberlink/{topic}"]]
         few = sides[side][::STRIDE]
         assert all(list(state.name) == [*arms.NAMES, "gripper"] and not len(state.velocity) for state in states)
-        np.testing.assert_array_equal([list(state.position) for state in states], few["joint_position"][:, PLACES])
-        np.testing.assert_array_equal([list(state.effort) for state in states], few[torque][:, PLACES])
+        np.testing.assert_array_equal([list(state.position) for state in states], few["position"][:, : arms.AXES])
+        np.testing.assert_array_equal([list(state.effort) for state in states], few[torque][:, : arms.AXES])
 
 
 # --- LeRobot
@@ -240,16 +242,16 @@ def test_frames_are_regular_and_their_values_those_of_the_ticks(dataset: Path, s
     np.testing.assert_allclose(column(dataset, "timestamp"), np.arange(len(ticks)) / 30, atol=1e-6)
     np.testing.assert_allclose(np.diff(column(dataset, "session.time")), 1 / 30, atol=1e-9)
     for key, side, name, scale in (
-        ("observation.state", "slave", "joint_position", scaled),
-        ("action", "master", "joint_raw", scaled),
-        ("observation.force_window", "slave", "joint_raw", np.asarray),
-        ("observation.motion_window", "slave", "joint_position", scaled),
-        ("leader.force_window", "master", "joint_output", np.asarray),
-        ("leader.motion_window", "master", "joint_raw", scaled),
+        ("observation.state", "slave", "position", scaled),
+        ("action", "master", "raw", scaled),
+        ("observation.force_window", "slave", "raw", np.asarray),
+        ("observation.motion_window", "slave", "position", scaled),
+        ("leader.force_window", "master", "output", np.asarray),
+        ("leader.motion_window", "master", "raw", scaled),
     ):
         count = FRAME if key.endswith("window") else 1
-        shown = column(dataset, key).reshape(len(ticks), count, len(PLACES))
-        expected = np.array([scale(sides[side][name][tick - count + 1 : tick + 1][:, PLACES]) for tick in ticks])
+        shown = column(dataset, key).reshape(len(ticks), count, arms.AXES)
+        expected = np.array([scale(sides[side][name][tick - count + 1 : tick + 1, : arms.AXES]) for tick in ticks])
         np.testing.assert_allclose(shown, expected, rtol=1e-6, atol=1e-6, err_msg=key)
     assert np.diff(ticks).max() <= FRAME, "windows leave no tick out"
 
@@ -278,7 +280,7 @@ def test_layout_is_that_of_lerobot(dataset: Path) -> None:
 
 def session(sides: Sides, **other: Any) -> RecordedSession:
     both = sides | other
-    return RecordedSession(both["master"], both["slave"], Layout(arms.RATE, ("zoh",), arm=arm_in(arms.SYSTEM)))
+    return RecordedSession(both["master"], both["slave"], Layout.of(arms.SYSTEM, arms.RATE, ("zoh",), None))
 
 
 def test_episodes_end_where_nobody_leads(sides: Sides) -> None:
@@ -302,6 +304,6 @@ def test_missing_ticks_hold_and_long_gaps_end(sides: Sides) -> None:
     frame = int(np.searchsorted(frames.times, 0.505))
     tick = round(frames.times[frame] * arms.RATE)
     (window,) = (each.values for each in frames.features if each.key == "observation.force_window")
-    first = window.reshape(-1, 20, len(PLACES))[frame, :, 0]
+    first = window.reshape(-1, 20, arms.AXES)[frame, :, 0]
     held = [each if kept[each] else 499 for each in range(tick - 19, tick + 1)]
-    np.testing.assert_array_equal(first, sides["slave"]["joint_raw"][held, 0])
+    np.testing.assert_allclose(first, sides["slave"]["raw"][held, 0], rtol=1e-6)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from plugins.recording.tests.records import write_elsewhere
 from tests.program import ENGAGED, PATIENT, Program, document, weberlink
@@ -15,14 +16,16 @@ from tests.session.systems import CONFIGS, configuration
 from tests.wait import until
 from weberlink.config import load
 from weberlink.session.simulation import simulate
-from weberlink.telemetry.message import SCHEMA_TEXT
-from weberlink.telemetry.record import COUNTERS, FIELDS
+from weberlink.telemetry.message import ENCAPSULATION, TOPICS
+from weberlink.telemetry.record import COUNTERS
 from weberlink_recording.export import describe
+from weberlink_recording.former import ADDED
 from weberlink_recording.reader import Recording, RecordingError, dtype_of, read_recording
-from weberlink_recording.session import ADDED, put_together
+from weberlink_recording.session import put_together
 from weberlink_recording.writer import Origin, RecordingWriter
 
 LOOPBACK = CONFIGS / "loopback.yaml"
+FORMER = Path(__file__).with_name("former")
 HALF_STEP_N = 0.5e-3 * 3**0.5
 
 
@@ -143,25 +146,50 @@ def test_what_is_there_is_not_written_over(tmp_path: Path) -> None:
         assert taken.read_text() == "mine"
 
 
-def test_recording_of_an_older_release_still_reads(touch: Recording, tmp_path: Path) -> None:
-    path = tmp_path / "touch.mcap"
-    fields = {field.name for field in FIELDS} & set(ADDED)
-    text = "\n".join(line for line in SCHEMA_TEXT.split("\n") if not any(f" {name} " in line for name in fields))
-    old = {side: np.zeros(len(records), dtype_of(text)) for side, records in touch.records.items()}
-    for side, records in old.items():
-        for name in records.dtype.names or ():
-            records[name] = touch.records[side][name]
-    write_elsewhere(path, old, text=text, facts=touch.facts, origins=touch.origins)
-    assert not set(ADDED) & set(read_recording(path).records["slave"].dtype.names)
-    now, then = info(touch.path), info(path)
-    for key in ("duration_s", "force", "position", "link", "energy"):
+@pytest.mark.parametrize("name", ["rotation", "arms"])
+def test_recording_of_a_former_release_has_the_figures_of_that_release(name: str) -> None:
+    """With columns of their own for what turns and for arms; the figures are those that it told itself."""
+    told = document((FORMER / f"{name}.json").read_text(encoding="utf-8"))
+    found = info(FORMER / f"{name}.mcap")
+    for key, value in told.items():
+        assert_same(found[key], value, key)
+
+
+def assert_same(found: Any, told: Any, where: str) -> None:
+    """To rounding; what is new may be there besides."""
+    if isinstance(told, dict):
+        for key, value in told.items():
+            assert_same(found[key], value, f"{where}.{key}")
+    else:
+        assert found == (pytest.approx(told, rel=1e-6) if isinstance(told, float) else told), where
+
+
+def test_recording_of_the_first_release_lacks_some_figures(tmp_path: Path) -> None:
+    former, path = FORMER / "rotation.mcap", tmp_path / "turn.mcap"
+    with former.open("rb") as file:
+        messages = [*make_reader(file).iter_messages([*TOPICS.values()])]
+    whole = messages[0][0].data.decode()
+    text = "\n".join(line for line in whole.split("\n") if not any(f" {name} " in line for name in ADDED))
+    old = {}
+    for side, topic in TOPICS.items():
+        body = b"".join(
+            message.data[len(ENCAPSULATION) :] for _, channel, message in messages if channel.topic == topic
+        )
+        rows = np.frombuffer(body, dtype_of(whole))
+        old[side] = np.zeros(len(rows), dtype_of(text))
+        for name in old[side].dtype.names or ():
+            old[side][name] = rows[name]
+    recording = read_recording(former)
+    write_elsewhere(path, old, text=text, facts=recording.facts, origins=recording.origins)
+    now, then = info(former), info(path)
+    for key in ("duration_s", "force", "torque", "position", "orientation", "link"):
         assert then[key] == now[key], key
     assert then["ways"]["jitter_us"] == {"p50": None, "p99": None}
     said("record", "export", path, "--to", "ros")
-    again = read_recording(tmp_path / "touch-ros.mcap").records["slave"]
-    for name in again.dtype.names:
-        expected = touch.records["slave"][name] if ADDED.get(name, 0.0) == 0.0 else np.full(len(again), np.nan)
-        np.testing.assert_array_equal(again[name], expected)
+    again = read_recording(tmp_path / "turn-ros.mcap").records["slave"]
+    for name in again.dtype.names or ():
+        missing = np.full(len(again), ADDED.get(name, 0.0))
+        np.testing.assert_array_equal(again[name], missing if name in ADDED else recording.records["slave"][name])
 
 
 # --- files of two hosts

@@ -13,7 +13,7 @@ from tests.watching.sources import records, write
 from weberlink.figures.session import Records
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.message import ENCAPSULATION
-from weberlink.telemetry.record import RELEASED
+from weberlink.telemetry.record import FORCE, RELEASED
 from weberlink.watching.rings import RingSource
 from weberlink_ros2.bridge import Ros2Bridge
 from weberlink_ros2.diagnostics import STALE_S, Level, SideCondition
@@ -91,7 +91,7 @@ def test_every_new_tick_is_published_once_with_its_wall_clock(live: Live) -> Non
         ([each.pose.position for each in poses.messages], "position"),
         ([each.wrench.force for each in wrenches.messages], "output"),
     ):
-        assert [[each.x, each.y, each.z] for each in vectors] == new[field].tolist()
+        assert [[each.x, each.y, each.z] for each in vectors] == new[field][:, FORCE].tolist()
     named = [[each.child_frame_id for each in message.transforms] for message in frames.messages]
     assert named == [["hand", "felt"]] * 8
     at = np.array([each.header.stamp.sec + 1e-9 * each.header.stamp.nanosec for each in poses.messages])

@@ -15,6 +15,7 @@ from plugins.ros2.tests.rigs import endpoint, ring
 from tests.watching.sources import records as engaged
 from tests.watching.sources import write
 from weberlink.figures.session import Records
+from weberlink.telemetry.record import FORCE
 from weberlink_ros2.bridge import Ros2Bridge
 from weberlink_ros2.follow import SessionFollower
 from weberlink_ros2.names import Qos
@@ -80,7 +81,7 @@ def test_a_client_of_others_lists_and_receives(tmp_path: Path) -> None:
     for name, field in every.items():
         messages = received[f"/weberlink/{name}"][-TICKS:]
         place = [m["pose"]["position"] if "pose" in m else m["wrench"]["force"] for m in messages]
-        assert [list(each.values()) for each in place] == made[field].tolist()
+        assert [list(each.values()) for each in place] == made[field][:, FORCE].tolist()
     newest = {name.rpartition("/")[2]: messages[-1] for name, messages in received.items()}
     assert len(newest["scene"]["markers"]) == 2  # of configs/loopback.yaml
     assert {each["transforms"][0]["child_frame_id"] for each in received["/tf"]} >= {"robot"}

@@ -1,7 +1,7 @@
 """The error of each channel of a session against its deadband, for the hand and for the axes of an arm."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import inf
 from typing import Any, NamedTuple
 
@@ -14,11 +14,11 @@ from weberlink.figures.distribution import Distribution
 from weberlink.figures.tree import AxisErrors, Errors
 from weberlink.geometry.joints import Joints
 from weberlink.protocol.states import State
-from weberlink.telemetry.record import JOINTS
+from weberlink.telemetry.record import AXES, SECOND
 
 Records = NDArray[Any]  # structured array of telemetry records
 Series = NDArray[np.float64]
-GRIPPER = slice(len(JOINTS) - 1, len(JOINTS))  # place of the gripper in the vectors of a record
+GRIPPER = "gripper"  # name of that axis of an arm, the last one
 
 
 class Thresholds(NamedTuple):
@@ -46,36 +46,40 @@ class Stream:
 
     Args:
         name: of the channel.
-        prefix: of the record fields: "", "rotation_" or "joint_".
-        counted: prefix of the counters and flags of its updates, where its direction has an earlier channel.
+        names: of its axes.
+        first: place of the first of these axes in the vectors of a record; not 0 of the second stream of a direction.
         bank: names of the predictors in the order of selectors; empty where the choice is not reported.
         error: of displayed and actual values, row by row, shape (n, 3) each.
         measures: of the deadband; None if it measures `error`.
         thresholds: deadbands of the axes of an arm, of which the largest error of a tick counts; None for the hand.
-        axes: their places in the vectors of a record.
-        names: of these axes.
     """
 
     name: str
-    prefix: str = ""
-    counted: str = ""
+    names: tuple[str, ...] = AXES
+    first: int = 0
     bank: tuple[str, ...] = ()
     error: Callable[[Series, Series], Series] | None = None
     measures: Measures | None = None
     thresholds: Thresholds | None = None
-    axes: slice = field(default_factory=lambda: slice(0, 3))
-    names: tuple[str, ...] = ()
 
-    def compare(self, displayed: Records, sender: Records, measured: str = "raw") -> Compared:
-        """Compare values of shape (n, axes of a record) with those of the sender, of field `measured`."""
-        actual = sender[f"{self.prefix}{measured}"]
+    def of(self, records: Records, vector: str) -> Series:
+        """The axes of this stream, shape (n, axes), of a vector of all axes."""
+        values: Series = records[vector][:, self.first : self.first + len(self.names)]
+        return values
+
+    def field(self, name: str) -> str:
+        """The field that tells this of the stream."""
+        return f"{SECOND}{name}" if self.first else name
+
+    def compare(self, sender: Records, receiver: Records, displayed: str = "output", measured: str = "raw") -> Compared:
+        """Compare records of the same moments: a vector of the receiver with one of the sender."""
+        shown, actual = self.of(receiver, displayed), self.of(sender, measured)
         if self.thresholds is None:
-            errors = deviations = (self.error or distances)(displayed, actual)
+            errors = deviations = (self.error or distances)(shown, actual)
             if self.measures is not None:
-                deviations = deviations_of(displayed, sender, self.measures)
-            return Compared(errors, np.asarray(sender[f"{self.prefix}bound"], dtype=np.float64), deviations)
-        actual, displayed = (each[:, self.axes].astype(np.float64) for each in (actual, displayed))
-        by_axis = np.abs(displayed - actual)
+                deviations = deviations_of(shown, actual, sender["weber"], self.measures)
+            return Compared(errors, np.asarray(sender[self.field("bound")], dtype=np.float64), deviations)
+        by_axis = np.abs(shown - actual)
         deviations = (by_axis / self.deadbands(sender)).max(axis=1)
         return Compared(by_axis.max(axis=1), np.ones(len(by_axis)), deviations, by_axis)
 
@@ -84,64 +88,44 @@ class Stream:
         assert self.thresholds is not None
         floors, weber = self.thresholds
         factor = sender["weber"][:, None] if weber is None else weber
-        actual = sender[f"{self.prefix}raw"][:, self.axes].astype(np.float64)
-        return np.asarray(np.maximum(factor * np.abs(actual), np.asarray(floors)))
-
-    def felt(self, receiver: Records, sender: Records) -> Compared:
-        """Compare records of the same moments."""
-        return self.compare(receiver[f"{self.prefix}output"], sender)
+        return np.asarray(np.maximum(factor * np.abs(self.of(sender, "raw")), np.asarray(floors)))
 
 
-@dataclass(frozen=True)
-class ArmLayout:
-    """The axes of a session in joint space, and the channels of each direction: the joints and, where there is one, the
-    gripper, which is the last.
+def joints_in(dump: Mapping[str, Any]) -> tuple[str, ...]:
+    """The axes of a session in joint space, from the dump of a `System` in descriptions and recordings: the joints in
+    order, then the gripper where there is one; none of a hand. Raises ValueError if it says something else of joints
+    than this release does.
     """
-
-    axes: tuple[str, ...]
-    from_slave: tuple[Stream, ...]
-    from_master: tuple[Stream, ...]
-
-    @property
-    def has_gripper(self) -> bool:
-        return len(self.from_slave) > 1
-
-    @property
-    def places(self) -> list[int]:
-        """Column of each of these axes in the vectors of a record."""
-        return [place for stream in self.from_slave for place in range(stream.axes.start, stream.axes.stop)]
-
-    def torque_deadbands(self, slave: Records) -> Series:
-        """What may stay unsent of the torque of each axis at each tick [N m], shape (n, axes)."""
-        return np.hstack([stream.deadbands(slave) for stream in self.from_slave])
-
-
-def arm_in(dump: Mapping[str, Any]) -> ArmLayout | None:
-    """The layout in the dump of a `System`, as descriptions and recordings hold it; None without an arm. Raises
-    ValueError if it says something else of joints than this release does.
-    """
-
-    def floors(setting: Any, names: tuple[str, ...]) -> Joints:
-        return per_axis(tuple(setting) if isinstance(setting, list) else setting, len(names))
-
     try:
-        codec = dump["codec"]
-        joints, gripper = codec.get("joints"), codec.get("gripper")
-        if joints is None:
-            return None
-        names, from_slave, from_master = tuple(joints["names"]), [], []
-        parts = [("joint", "", joints, names, slice(0, len(names)), None)]
-        if gripper is not None:
-            parts.append(("gripper", "gripper_", gripper, JOINTS[-1:], GRIPPER, gripper["torque"]["weber"]))
-        for name, counted, part, of, places, weber in parts:
-            angle = Thresholds(floors(part["angle"]["bound_rad"], of), 0.0)
-            torque = Thresholds(floors(part["torque"]["floor_nm"], of), weber)
-            bank = () if counted else (part["torque"]["predictor"],)
-            from_slave.append(Stream(f"{name}_torque", "joint_", counted, bank, None, None, torque, places, of))
-            from_master.append(Stream(f"{name}_angle", "joint_", counted, (), None, None, angle, places, of))
-        return ArmLayout(names + JOINTS[-1:] * (len(parts) - 1), tuple(from_slave), tuple(from_master))
+        joints, gripper = (dump["codec"].get(part) for part in ("joints", GRIPPER))
+        return () if joints is None else (*joints["names"], *([] if gripper is None else [GRIPPER]))
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"no settings of joints ({error!r})") from None
+
+
+def arm_streams(dump: Mapping[str, Any]) -> tuple[list[Stream], list[Stream]] | None:
+    """The channels of such a session from the slave and from the master; None of a hand; raises as `joints_in`."""
+
+    def floors(setting: Any) -> Joints:
+        return per_axis(tuple(setting) if isinstance(setting, list) else setting, len(own))
+
+    from_slave, from_master, names = list[Stream](), list[Stream](), joints_in(dump)
+    if not names:
+        return None
+    try:
+        count = len(dump["codec"]["joints"]["names"])
+        for name, first, own in (("joint", 0, names[:count]), (GRIPPER, count, names[count:])):
+            if own:
+                part = dump["codec"]["joints" if first == 0 else GRIPPER]
+                weber = None if first == 0 else part["torque"]["weber"]  # a live change sets that of the joints
+                torque = Thresholds(floors(part["torque"]["floor_nm"]), weber)
+                angle = Thresholds(floors(part["angle"]["bound_rad"]), 0.0)
+                bank = (part["torque"]["predictor"],)
+                from_slave.append(Stream(f"{name}_torque", own, first, bank, thresholds=torque))
+                from_master.append(Stream(f"{name}_angle", own, first, thresholds=angle))
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"no settings of joints ({error!r})") from None
+    return from_slave, from_master
 
 
 @dataclass
@@ -220,20 +204,18 @@ class ChannelScore:
         """Take the next records of the sender, and those of them that are in session and not in a ramp."""
         stream = self.stream
         self._ticks += len(in_session)
-        if stream.counted != "gripper_":
-            widened = in_session[in_session[f"{stream.counted}widened"] > 0]
-            self._widened += len(widened)
-            if len(widened) and stream.thresholds is None:
-                self.widest = max(self.widest or 0.0, float(widened[f"{stream.prefix}bound"].max()))
+        widened = in_session[in_session[stream.field("widened")] > 0]
+        self._widened += len(widened)
+        if len(widened) and stream.thresholds is None:
+            self.widest = max(self.widest or 0.0, float(widened[stream.field("bound")].max()))
         if stream.bank and len(records):
-            tally(self._selected, records[f"{stream.counted}selected"][records[f"{stream.counted}sent"] > 0])
-            coded = "raw" if stream.prefix else "coded"  # of the hand alone there is a look-ahead
-            self.coding.compare(stream.compare(in_session[f"{stream.prefix}decoded"], in_session, coded))
+            tally(self._selected, records[stream.field("selected")][records[stream.field("sent")] > 0])
+            self.coding.compare(stream.compare(in_session, in_session, "decoded", "coded"))
 
     def compare(self, sender: Records, receiver: Records) -> None:
         """Take records of the same moments."""
         if len(sender):
-            compared = self.stream.felt(receiver, sender)
+            compared = self.stream.compare(sender, receiver)
             self.felt.compare(compared)
             if compared.by_axis is not None:
                 self._squares = self._squares + (compared.by_axis**2).sum(axis=0)
@@ -311,16 +293,14 @@ def turns_between(a: NDArray[Any], b: NDArray[Any]) -> Series:
     return np.asarray(between * factor[:, None], dtype=np.float64)
 
 
-def deviations_of(displayed: Series, sender: Records, measures: Measures) -> Series:
-    """Errors of displayed forces against those measured, shape (n,), in the measure of the deadband of each record.
-
-    The distance where the Weber factor of a record is none.
+def deviations_of(displayed: Series, measured: Series, webers: Series, measures: Measures) -> Series:
+    """Errors of displayed forces against those measured, shape (n,), in the measure of the deadband of each record, of
+    its Weber factor; the distance where that is none.
     """
-    webers = sender["weber"]
-    deviations = distances(displayed, sender["raw"])
+    deviations = distances(displayed, measured)
     for weber in np.unique(webers[(webers >= 0.0) & (webers <= 1.0)]).tolist():
         chosen = np.flatnonzero(webers == weber)
-        measure, actual = measures(weber), sender["raw"][chosen].tolist()
+        measure, actual = measures(weber), measured[chosen].tolist()
         pairs = zip(displayed[chosen].tolist(), actual, strict=True)
         deviations[chosen] = [measure((a, b, c), (x, y, z)) for (a, b, c), (x, y, z) in pairs]
     return deviations

@@ -23,6 +23,7 @@ from weberlink.control.contract import AccountParameters
 from weberlink.figures.channel import Records, Series, turns_between
 from weberlink.protocol.states import State
 from weberlink.session.composition.channels import account
+from weberlink.telemetry.record import FORCE, TORQUE
 
 
 class EnergyBound:
@@ -117,7 +118,6 @@ class PortWork:
     over a missed tick counts, since the force was held.
 
     Args:
-        prefix: of the columns `output` and `position`.
         rotates: whether torque does work over rotation too.
         bound: what may come out at this port; None where nothing bounds it.
 
@@ -126,8 +126,8 @@ class PortWork:
         least: the lowest value of the sum so far, at most 0 [J].
     """
 
-    def __init__(self, prefix: str = "", *, rotates: bool = False, bound: EnergyBound | None = None) -> None:
-        self._prefix, self._rotates = prefix, rotates
+    def __init__(self, *, rotates: bool = False, bound: EnergyBound | None = None) -> None:
+        self._rotates = rotates
         self.bound = bound
         self._last: Records | None = None
         self.total = self.least = 0.0
@@ -139,10 +139,11 @@ class PortWork:
         first = self._last is None
         joined = records if self._last is None else np.concatenate([self._last, records])
         self._last = records[-1:].copy()
-        forces, ways = [joined[f"{self._prefix}output"]], [np.diff(joined[f"{self._prefix}position"], axis=0)]
+        forces, places = [joined["output"]], joined["position"]
+        ways = [np.diff(places, axis=0)]
         if self._rotates:
-            forces.append(joined["rotation_output"])
-            ways.append(turns_between(joined["rotation_raw"][:-1], joined["rotation_raw"][1:]))
+            forces = [forces[0][:, FORCE], forces[0][:, TORQUE]]
+            ways = [ways[0][:, FORCE], turns_between(places[:-1, TORQUE], places[1:, TORQUE])]
         missed = np.diff(joined["ticks_missed"].astype(np.int64))
         lost = np.diff(joined["tick"].astype(np.int64)) != 1 + missed
         works = np.array([-(force[:-1] * way).sum(axis=1) for force, way in zip(forces, ways, strict=True)], np.float64)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from weberlink.figures.channel import Exceedances, Records, distances, in_session
 from weberlink.figures.distribution import Distribution
 from weberlink.figures.tree import Quality
+from weberlink.telemetry.record import FORCE
 
 Array = NDArray[np.float64]
 
@@ -218,5 +219,5 @@ class JumpsOfRecords:
         before, after = joined[:-1], joined[1:]
         counts = in_session(before) & in_session(after) & (after["received"] > 0)
         counts &= np.diff(joined["tick"].astype(np.int64)) == 1
-        held, displayed = (records["output"][counts].astype(np.float64) for records in (before, after))
+        held, displayed = (records["output"][counts, FORCE] for records in (before, after))
         return distances(displayed, held), np.linalg.norm(held, axis=1)

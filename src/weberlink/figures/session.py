@@ -15,14 +15,13 @@ from weberlink.codec.deadband.contract import Measures
 from weberlink.config import SIDES, System
 from weberlink.control.contract import AccountParameters
 from weberlink.figures.channel import (
-    ArmLayout,
     ChannelScore,
     Records,
     Series,
     Stream,
     UpdatesOnTheirWay,
     angles_between,
-    arm_in,
+    arm_streams,
     distances,
     engaged,
     in_session,
@@ -35,6 +34,7 @@ from weberlink.figures.link import ConnectionScore, WayScore, ways_of
 from weberlink.figures.tree import Channel, Energy, Felt, Figures, Limited, Link, Ticks
 from weberlink.session.composition.channels import banks, measures_in
 from weberlink.telemetry.fault import Fault, name_of
+from weberlink.telemetry.record import AXES, TURNS
 
 __all__ = ["Layout", "Records", "SessionScore", "nearest_ticks", "score_of"]
 
@@ -52,19 +52,34 @@ class Layout:
 
     Args:
         rate_hz: tick rate of both sides [Hz].
-        bank: names of the predictors of the force channel, in the order of selectors.
-        torque_bank: the same of the torque channel; None for a session of three degrees of freedom.
-        measures: how the deadband of the force measures an error; None for the distance.
-        arm: the axes of a session in joint space; None for one in Cartesian space.
+        from_slave, from_master: the channels of a direction, in the order of their axes in a record. The operator feels
+            the first one from the slave first.
         accounts: of the energy out of the hand; empty for none.
     """
 
     rate_hz: float
-    bank: tuple[str, ...]
-    torque_bank: tuple[str, ...] | None = None
-    measures: Measures | None = None
-    arm: ArmLayout | None = None
-    accounts: tuple[AccountParameters, ...] = ()
+    from_slave: Sequence[Stream]
+    from_master: Sequence[Stream]
+    accounts: Sequence[AccountParameters] = ()
+
+    @classmethod
+    def hand(
+        cls,
+        rate_hz: float,
+        bank: Sequence[str],
+        torque_bank: Sequence[str] | None = None,
+        measures: Measures | None = None,
+        accounts: Sequence[AccountParameters] = (),
+    ) -> Self:
+        """That of a hand: names of the predictors of force and torque, None of three degrees of freedom; how the
+        deadband of the force measures an error, None for the distance.
+        """
+        from_slave = [Stream("force", bank=tuple(bank), measures=measures)]
+        from_master = [Stream("position")]
+        if torque_bank is not None:
+            from_slave.append(Stream("torque", TURNS, len(AXES), tuple(torque_bank)))
+            from_master.append(Stream("orientation", TURNS, len(AXES), error=angles_between))
+        return cls(rate_hz, from_slave, from_master, accounts)
 
     @classmethod
     def of(
@@ -80,33 +95,30 @@ class Layout:
         release is left out if lenient, else a ValueError.
         """
 
-        def known(read: Callable[[Mapping[str, Any]], Known], unknown: Known) -> Known:
+        def known(read: Callable[[Mapping[str, Any]], Known]) -> Known | None:
             try:
                 return read(dump)
             except ValueError:
                 if not is_lenient:
                     raise
-                return unknown
+                return None
 
-        return cls(
-            rate_hz,
-            tuple(bank),
-            None if torque_bank is None else tuple(torque_bank),
-            known(measures_in, None),
-            known(arm_in, None),
-            known(accounts_in, ()),
-        )
+        measures, accounts, arm = known(measures_in), known(accounts_in) or (), known(arm_streams)
+        return cls(rate_hz, *arm, accounts) if arm else cls.hand(rate_hz, bank, torque_bank, measures, accounts)
 
-    def streams(self) -> tuple[Sequence[Stream], Sequence[Stream]]:
-        """The channels from the slave, that which the operator feels first, and those from the master."""
-        if self.arm is not None:
-            return self.arm.from_slave, self.arm.from_master
-        from_slave = [Stream("force", bank=self.bank, measures=self.measures)]
-        from_master = [Stream("position")]
-        if self.torque_bank is not None:
-            from_slave.append(Stream("torque", "rotation_", "rotation_", self.torque_bank))
-            from_master.append(Stream("orientation", "rotation_", "rotation_", error=angles_between))
-        return from_slave, from_master
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of all axes, as they follow each other in a record."""
+        return tuple(name for stream in self.from_slave for name in stream.names)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The same of a session in joint space; none of a hand."""
+        return () if self.from_slave[0].thresholds is None else self.axes
+
+    def deadbands(self, slave: Records) -> Series:
+        """What may stay unsent of the torque of each axis of an arm at each tick [N m], shape (n, axes)."""
+        return np.hstack([stream.deadbands(slave) for stream in self.from_slave])
 
 
 @dataclass
@@ -172,15 +184,15 @@ class SessionScore:
         self._period = period = 1.0 / layout.rate_hz
         self._pairs = TickPairs(layout.rate_hz)
         self._sides = (_SideScore(), _SideScore())
-        self._from_slave, self._from_master = ([ChannelScore(each) for each in streams] for streams in layout.streams())
+        directions = (layout.from_slave, layout.from_master)
+        self._from_slave, self._from_master = ([ChannelScore(each) for each in streams] for streams in directions)
         self._felt = self._from_slave[0]
-        self._is_arm = layout.arm is not None
+        self._is_arm = bool(layout.joints)
         self._quality, self._jumps = QualityStatistics(period), JumpsOfRecords()
-        self._aligned = AlignedError(period, self._felt.stream.axes.stop, each=self._is_arm)
+        self._aligned = AlignedError(period, len(self._felt.stream.names), each=self._is_arm)
         self._on_its_way = UpdatesOnTheirWay(period)
         self._bound = EnergyBound(layout.accounts) if layout.accounts else None
-        prefix, rotates = "joint_" if self._is_arm else "", layout.torque_bank is not None and not self._is_arm
-        self._port = PortWork(prefix, rotates=rotates, bound=self._bound)
+        self._port = PortWork(rotates=len(layout.from_slave) > 1 and not self._is_arm, bound=self._bound)
         self._first: float | None = None
         self._until = 0.0
 
@@ -208,10 +220,9 @@ class SessionScore:
         self._on_its_way.add(now, matched["one_way_us"], counts)
         matched, now = matched[counts], now[counts]
         stream = self._felt.stream
-        displayed, measured = matched[f"{stream.prefix}output"], now[f"{stream.prefix}raw"]
-        self._aligned.add(now["tick"], displayed[:, stream.axes], measured[:, stream.axes])
+        displayed, measured = stream.of(matched, "output"), stream.of(now, "raw")
+        self._aligned.add(now["tick"], displayed, measured)
         if not self._is_arm:
-            displayed, measured = (np.asarray(each, dtype=np.float64) for each in (displayed, measured))
             magnitudes = (np.linalg.norm(each, axis=1) for each in (displayed, measured))
             self._quality.add(distances(displayed, measured), *magnitudes)
         for channel in self._from_slave:
@@ -280,9 +291,9 @@ class SessionScore:
     def _channel(self, channel: ChannelScore, sender: _SideScore, receiver: _SideScore, duration: float) -> Channel:
         """Packets are counted by the receiver where the sender's records are on another host."""
         seen, how = (sender, "sent") if sender.ticks else (receiver, "received")
-        counted = channel.stream.counted
-        packets = seen.counter(f"{counted}updates_{how}")
-        datagrams, is_first = seen.counter(f"datagrams_{how}"), not counted  # which carry every channel of a direction
+        packets = seen.counter(channel.stream.field(f"updates_{how}"))
+        # Which carry every channel of a direction.
+        datagrams, is_first = seen.counter(f"datagrams_{how}"), not channel.stream.first
         return Channel(
             samples=seen.engaged,
             packets=packets,

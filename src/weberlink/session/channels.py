@@ -10,10 +10,10 @@ from weberlink.control.contract import UNREACHED_S
 from weberlink.control.ends import MasterControl
 from weberlink.control.port import Port, Sensor
 from weberlink.geometry.joints import Joints
-from weberlink.geometry.vector import ZERO, Vector, norm
+from weberlink.geometry.vector import Vector, norm
 from weberlink.protocol.events import Statistics
-from weberlink.telemetry.record import ARM, HAND, MOST_RECEIVED, ROTATION, UNKNOWN, Layout
-from weberlink.telemetry.row import Row, placed
+from weberlink.telemetry.record import MOST_RECEIVED, layout
+from weberlink.telemetry.row import Row
 from weberlink.update import Update
 
 
@@ -58,13 +58,21 @@ class OutgoingChannel:
     def __init__(self, encoder: Encoder, sensor: Sensor, unreached: Unreached | None = None) -> None:
         self.encoder, self.sensor, self.unreached = encoder, sensor, unreached
         self.update: Update | None = None  # made in this tick
+        self.sampled: Joints = sensor.value  # what was to be encoded in this tick
 
     def encode(self, tick: int) -> None:
         """Encode the newest sample into `update`, where one must be sent."""
-        value, position, most = self.sensor.sample()
+        self.sampled, position, most = self.sensor.sample()
         if self.unreached is not None:
+            value: Any = self.sampled
             position = self.unreached.place(tick, value, position)
-        self.update = self.encoder.encode(tick, value, position, most)
+        self.update = self.encoder.encode(tick, self.sampled, position, most)
+
+    def idle(self, tick: int) -> None:
+        """A tick in which nothing is encoded."""
+        self.update = None
+        self.sampled, position, _ = self.sensor.sample()
+        self.encoder.idle(tick, self.sensor.value, position)
 
 
 class IncomingChannel:
@@ -91,82 +99,44 @@ class IncomingChannel:
 
 
 class Rows:
-    """Fills in what a record holds of the streams: those of a hand and its rotation, or of an arm and its gripper."""
+    """Fills in what a record holds of the streams; what the port commands and where it is, it reports itself."""
 
     def __init__(self, outgoing: Sequence[OutgoingChannel], incoming: Sequence[IncomingChannel], port: Port) -> None:
         self._outgoing, self._incoming, self._leads = outgoing, incoming, port.leads
-        self._port: Any = port
-        self._is_arm, self._has_second = incoming[0].decoder.is_arm, len(outgoing) > 1
-        parts = [ARM] if self._is_arm else [HAND, ROTATION] if self._has_second else [HAND]
-        self.layout = Layout(parts)
+        mirrors = [channel.encoder.mirror for channel in outgoing]
+        decoders = [channel.decoder for channel in incoming]
+        self._felt, self._led = (decoders, mirrors) if port.leads else (mirrors, decoders)
+        self._has_second = len(outgoing) > 1
+        self.layout = layout(sum(len(channel.sensor.value) for channel in outgoing), len(outgoing))
 
     def fill(self, row: Row, statistics: Statistics) -> None:
-        outgoing: Any = self._outgoing[0]
-        encoder = outgoing.encoder
-        row.bound = encoder.bound
-        row.sent = outgoing.update is not None
-        row.widened = encoder.widened
-        received = self._incoming[0].received
+        measured: Joints = ()
+        sampled: Joints = ()
+        coded: Joints = ()
+        predicted: Joints = ()
+        held: Joints = ()
+        for channel in self._outgoing:
+            encoder, value = channel.encoder, channel.sensor.value
+            measured += value
+            sampled += channel.sampled
+            coded += encoder.coded
+            predicted += encoder.predicted or (nan,) * len(value)
+            held += encoder.held or (0.0,) * len(value)
+        row.coded, row.predicted = coded, predicted
+        if self._leads:
+            row.position, row.raw = measured, sampled
+        else:
+            row.raw, row.decoded = measured, held
+        first, received = self._outgoing[0], self._incoming[0].received
+        row.bound, row.widened, row.sent = first.encoder.bound, first.encoder.widened, first.update is not None
         row.received = received if received < MOST_RECEIVED else MOST_RECEIVED
         for incoming in self._incoming:
             incoming.received = 0
-        if self._is_arm:
-            self._fill_arm(row, statistics)
-            return
-        predicted: Any = encoder.predicted
-        coded: Any = encoder.coded
-        row.raw, row.coded, row.predicted = outgoing.sensor.value, coded, predicted or UNKNOWN
-        sends, receives = encoder.mirror, self._incoming[0].decoder
-        port = self._port
-        if self._leads:
-            force, row.position_selected = receives, sends.selected
-            display = port.displays[0]
-            row.position, row.raw = outgoing.sensor.value, outgoing.sensor.command
-            row.decoded, row.output = display.decoded, display.output
-        else:
-            force, row.position_selected = sends, receives.selected
-            held: Any = encoder.held
-            row.decoded = held or ZERO
-            row.position, row.output = port.commanded, port.applied
-        row.selected = force.selected
-        row.model, row.surface, row.surface_size, row.surface_stiffness = force.record
+        row.selected, row.position_selected = self._felt[0].selected, self._led[0].selected
+        row.model, row.surface, row.surface_size, row.surface_stiffness = self._felt[0].record
         if self._has_second:
-            self._fill_rotation(row, statistics)
-
-    def _fill_rotation(self, row: Row, statistics: Statistics) -> None:
-        rotation, encoder = self._outgoing[1], self._outgoing[1].encoder
-        if self._leads:
-            row.rotation_selected, display = self._incoming[1].decoder.selected, self._port.displays[1]
-            row.rotation_decoded, row.rotation_output = display.decoded, display.output
-        else:
-            row.rotation_selected = encoder.mirror.selected
-            held: Any = encoder.held
-            row.rotation_decoded, row.rotation_output = held or ZERO, self._port.tool.applied
-        row.rotation_updates_sent = statistics.updates_sent[1]
-        row.rotation_updates_received = statistics.updates_received[1]
-        row.rotation_raw = rotation.sensor.value
-        row.rotation_bound = encoder.bound
-        row.rotation_sent = rotation.update is not None
-        row.rotation_widened = encoder.widened
-
-    def _fill_arm(self, row: Row, statistics: Statistics) -> None:
-        predicted: Joints = ()
-        held: Joints = ()
-        values: Joints = ()
-        for stream in self._outgoing:
-            count = len(stream.sensor.value)
-            predicted += stream.encoder.predicted or (nan,) * count
-            held += stream.encoder.held or (0.0,) * count
-            values += stream.sensor.value
-        joints, port = len(self._outgoing[0].sensor.value), self._port
-        if self._leads:
-            where, sent, decoded, output = values, values, port.displays[0].decoded, port.displays[0].output
-        else:
-            where, sent, decoded, output = port.where, port.shown(values), held, port.applied
-        row.joint_predicted, row.joint_position = placed(predicted, joints), placed(where, joints)
-        row.joint_raw, row.joint_decoded = placed(sent, joints), placed(decoded, joints)
-        row.joint_output = placed(output, joints)
-        if self._has_second:
-            row.gripper_updates_sent = statistics.updates_sent[1]
-            row.gripper_updates_received = statistics.updates_received[1]
-            row.gripper_sent = self._outgoing[1].update is not None
+            second = self._outgoing[1]
+            row.second_bound, row.second_widened = second.encoder.bound, second.encoder.widened
+            row.second_selected, row.second_sent = self._felt[1].selected, second.update is not None
+            row.second_updates_sent = statistics.updates_sent[1]
+            row.second_updates_received = statistics.updates_received[1]

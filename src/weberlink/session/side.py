@@ -2,12 +2,12 @@
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from math import ceil, inf, isnan, nan
+from math import ceil, hypot, inf, isnan, nan
 from typing import Any, NamedTuple
 
 from weberlink.control.contract import CREDIT_STEP
 from weberlink.control.port import Port
-from weberlink.geometry.vector import ZERO, norm
+from weberlink.geometry.vector import ZERO
 from weberlink.order import EMERGENCY
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import (
@@ -30,7 +30,7 @@ from weberlink.realtime.stall import StallDetector, Watchdog
 from weberlink.session.channels import IncomingChannel, OutgoingChannel, Rows
 from weberlink.session.tuning import MARGIN_TICKS, Tuning, change_margin
 from weberlink.telemetry.fault import Fault, FaultLedger
-from weberlink.telemetry.record import ALL
+from weberlink.telemetry.record import ALL, FORCE
 from weberlink.telemetry.row import Row
 
 CONNECT_PATIENCE = 1.0  # a run that ends without a session after longer than this has failed, not completed [s]
@@ -227,12 +227,13 @@ class Side:
     def told(self) -> dict[str, object]:
         """What who watches over the link is told of this end, besides the session."""
         row = self._row
-        force, round_trip = norm(row.raw), row.rtt_us * 1e-3
+        force = 0.0 if self.incoming[0].decoder.is_arm else hypot(*row.raw[FORCE])
+        round_trip = row.rtt_us * 1e-3
         measured = {} if isnan(round_trip) else {"round_trip_ms": round(round_trip, 1)}
         return {"fault": self._faults.active.name.lower(), "force_n": round(force, 3), **measured}
 
     def record(self) -> tuple[float, ...]:
-        """The telemetry of the tick just done, in virtual time: the values of a record with the fields of all parts."""
+        """The telemetry of the tick just done, in virtual time: the values of a record with all axes and streams."""
         self._fill(0.0, 0.0, 0)
         return ALL.values(self._row)
 
@@ -520,8 +521,7 @@ class Side:
             endpoint.grant(credit)
         if not self._encodes:
             for channel in self.outgoing:
-                channel.update = None
-                channel.encoder.idle(index, channel.sensor.value, channel.sensor.sample()[1])
+                channel.idle(index)
             return
         began = self._stopwatch()
         for channel in self.outgoing:

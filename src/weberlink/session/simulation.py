@@ -28,7 +28,7 @@ from weberlink.session.composition.link import Context, build_security
 from weberlink.session.composition.sides import build_side
 from weberlink.session.interruption import Interruption
 from weberlink.session.side import Side
-from weberlink.telemetry.record import DESCRIPTION, RECORD
+from weberlink.telemetry.record import DESCRIPTION, FORCE, RECORD
 
 if TYPE_CHECKING:
     from weberlink.master.trace import Trace
@@ -269,7 +269,7 @@ class TraceRecorder:
     def _rows(self) -> NDArray[np.float64]:
         records = np.concatenate([np.empty(0, np.dtype(DESCRIPTION)), *self._pieces])
         time = records["at"] - (records["at"][0] if len(records) else 0.0)
-        return np.column_stack((time, records["output"], records["raw"]))
+        return np.column_stack((time, records["output"][:, FORCE], records["raw"][:, FORCE]))
 
     @property
     def trace(self) -> "Trace":

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.telemetry.record import AXES, FIELDS, Field
+from weberlink.telemetry.record import FIELDS, Field
 
 SCHEMA_NAME = "weberlink_msgs/msg/Tick"
 SCHEMA_ENCODING = "ros2msg"
@@ -25,29 +25,18 @@ Rows = NDArray[np.void]
 
 CODES = {"float64": "<f8", "float32": "<f4", "uint64": "<u8", "uint32": "<u4", "int32": "<i4", "uint8": "u1"}
 """Numpy's formats of the numbers of ROS."""
-SEPARATOR = "=" * 80  # between a definition and those that it consists of
-_VECTOR = "geometry_msgs/Vector3"
 _TYPES = {code: kind for kind, code in CODES.items()}
 
 
 def _line(field: Field) -> str:
     kind = _TYPES[field.kind]
     if field.axes > 1:
-        kind = _VECTOR if field.kind == "<f8" else f"{kind}[{field.axes}]"
+        kind = f"{kind}[{field.axes}]"
     unit = f"[{field.unit}] " if field.unit else ""
     return f"{kind} {field.name}  # {unit}{field.meaning}"
 
 
-SCHEMA_TEXT = "\n".join(
-    [
-        "# One tick of one side of a WeberLink session.",
-        *map(_line, FIELDS),
-        SEPARATOR,
-        f"MSG: {_VECTOR}",
-        *(f"float64 {axis}" for axis in AXES),
-        "",
-    ]
-)
+SCHEMA_TEXT = "\n".join(["# One tick of one side of a WeberLink session.", *map(_line, FIELDS), ""])
 
 
 def fields_in(definition: str) -> Iterator[tuple[str, str]]:

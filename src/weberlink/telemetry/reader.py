@@ -50,7 +50,7 @@ class RingReader:
         fd = open_file(self.path, LARGEST_FILE)
         try:
             self._header = header = read_header(self.path, fd)
-            self._layout = layout(header.parts)
+            self._layout = layout(header.axes, header.streams)
             self._body_bytes, self._slot_bytes = body_of(self._layout).size, slot_bytes(self._layout)
             self._map = mmap(fd, RECORDS_AT + header.capacity * self._slot_bytes, access=ACCESS_READ)
         finally:
@@ -91,7 +91,7 @@ class RingReader:
     def read(self) -> NDArray[np.void]:
         """All complete records since the last call, oldest first, as an array of `DTYPE` of its own.
 
-        Fields of parts that the session does not have are 0.
+        Axes and fields that the session does not have are 0.
 
         Records that the writer has overwritten before they could be copied whole are left out and counted in `overrun`.
         A record that is published and not whole yet is left for the next call, and so are those after it.
@@ -111,7 +111,8 @@ class RingReader:
             return records.copy()
         filled = np.zeros(len(records), DTYPE)
         for field in self._layout.fields:
-            filled[field.name] = records[field.name]
+            own = records[field.name]
+            (filled[field.name][:, : own.shape[1]] if own.ndim > 1 else filled[field.name])[:] = own
         return filled
 
     def close(self) -> None:

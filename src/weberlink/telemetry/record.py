@@ -1,10 +1,13 @@
 """The telemetry record of one tick of one side: one table of fields, and what follows from it.
 
-A side fills the fields by name in a `weberlink.telemetry.row.Row`, and writes those that its parts have. Readers see
-all fields, with 0 in those that nobody fills.
+A side has one stream or two: a hand's translation and rotation, or the joints of an arm and its gripper. The vectors of
+a record have the axes of both, one after the other. What else is told of the second stream has names of its own.
+
+A side fills the fields by name in a `weberlink.telemetry.row.Row`, and writes the axes and the streams that it has.
+Readers see all of `MOST_AXES` and `STREAMS`, with 0 where nobody fills them.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache
 from math import nan
 from struct import Struct
@@ -12,9 +15,11 @@ from typing import Any, NamedTuple
 
 from weberlink.geometry.joints import MOST_JOINTS
 
-AXES = ("x", "y", "z")
-JOINTS = (*map(str, range(1, MOST_JOINTS + 1)), "gripper")
-"""Places of an arm's axes in the vectors of a joint session: the joints in order, the gripper always last."""
+AXES, TURNS = ("x", "y", "z"), ("rotation_x", "rotation_y", "rotation_z")
+FORCE, TORQUE = slice(0, 3), slice(3, 6)  # places of what concerns the translation and the rotation of a hand
+MOST_AXES = MOST_JOINTS + 1
+STREAMS = 2
+SECOND = "second_"  # begins the names of the fields of the second stream
 UNKNOWN = (nan, nan, nan)  # a vector that is not known
 
 RELEASED = 2  # value of `ramping` while the operator does not hold the button that lets the robot follow
@@ -25,33 +30,30 @@ MOST_RECEIVED = 255  # largest value of `received`: a peer may send any number o
 CODES = {"<f8": "d", "<f4": "f", "<u8": "Q", "u1": "B"}
 
 
-HAND, ROTATION, ARM = "hand", "rotation", "arm"
-PARTS = (HAND, ROTATION, ARM)
-
-
 class Field(NamedTuple):
     """One quantity of a record."""
 
     name: str
     kind: str  # numpy's name of its type
-    axes: int  # 1 for a number, 3 for a vector, and `len(JOINTS)` for the axes of an arm
+    axes: int  # 1 for a number, 3 for a vector in space, and `MOST_AXES` for one of all axes
     unit: str
     meaning: str
-    part: str = ""  # of a system that fills it; empty if every system does
 
 
-# Wide types come first, in whichever parts are recorded: so every value of a packed record is aligned.
-_F8, _U8, _F4, _U1, _ARM_AXES = "<f8", "<u8", "<f4", "u1", len(JOINTS)
+# Wide types come first, however many axes and streams are recorded: so every value of a packed record is aligned.
+_F8, _U8, _F4, _U1 = "<f8", "<u8", "<f4", "u1"
 FIELDS = (
     Field("at", _F8, 1, "s", "deadline of the tick, monotonic clock of this host"),
     Field("peer_at", _F8, 1, "s", "the same moment on the clock of the peer, since its tick 0; NaN while unknown"),
-    Field("position", _F8, 3, "m", "position of the device (master) or commanded position as decoded (slave)", HAND),
-    Field("raw", _F8, 3, "m | N", "to be encoded: command of the control scheme (master), force (slave)", HAND),
-    Field("decoded", _F8, 3, "N", "force before the limiter (master), what the peer's decoder holds (slave)", HAND),
-    Field("predicted", _F8, 3, "m | N", "what the peer held of `coded` before an update; NaN if nothing", HAND),
-    Field("coded", _F8, 3, "m | N", "the sample decided on: `raw`, or with look-ahead the one of that long ago", HAND),
-    Field("output", _F8, 3, "N | m", "commanded to the device: force (master), to the robot: position (slave)", HAND),
-    Field("bound", _F8, 1, "m | N", "deadband of `coded`, in the unit of what this side encodes"),
+    Field("position", _F8, MOST_AXES, "m | rad", "of device or leader (master), of the follower; as decoded (robot)"),
+    Field("raw", _F8, MOST_AXES, "m | rad | N | N m", "to be encoded (master); as measured: force, torque (slave)"),
+    Field("decoded", _F8, MOST_AXES, "N | N m", "before the limiter (master), what the peer's decoder holds (slave)"),
+    Field("predicted", _F8, MOST_AXES, "as raw", "what the peer held of `coded` before an update; NaN if nothing"),
+    Field(
+        "coded", _F8, MOST_AXES, "as raw", "the sample decided on: `raw`, or with look-ahead the one of that long ago"
+    ),
+    Field("output", _F8, MOST_AXES, "N | N m | m | rad", "commanded: force, torque (master), position, angle (slave)"),
+    Field("bound", _F8, 1, "m | N", "deadband of `coded`, in the unit of what this side encodes; 1 of an arm"),
     Field("weber", _F8, 1, "", "Weber factor of the force channel, as a live change may have left it"),
     Field("credit", _F8, 1, "J", "what the scene gave beyond what it took, since the session began, as known here"),
     Field("tick", _U8, 1, "", "number of the tick on this side"),
@@ -67,19 +69,9 @@ FIELDS = (
     Field("updates_received", _U8, 1, "", "applied, so far"),
     Field("repeats", _U8, 1, "", "updates sent again for want of an acknowledgement, so far"),
     Field("heartbeats", _U8, 1, "", "sent, so far"),
-    Field("rotation_updates_sent", _U8, 1, "", "samples of the rotation that crossed the deadband, so far", ROTATION),
-    Field("rotation_updates_received", _U8, 1, "", "of the rotation, applied, so far", ROTATION),
-    Field("gripper_updates_sent", _U8, 1, "", "samples of the gripper that crossed the deadband, so far", ARM),
-    Field("gripper_updates_received", _U8, 1, "", "of the gripper, applied, so far", ARM),
-    Field("surface", _F4, 3, "1 | m", "normal of the fitted plane, centre of the fitted sphere; NaN without", HAND),
-    Field("rotation_raw", _F4, 3, "rad | N m", "as measured: rotation vector (master), torque (slave)", ROTATION),
-    Field("rotation_decoded", _F4, 3, "N m", "torque before the limiter; what the peer's decoder holds", ROTATION),
-    Field("rotation_output", _F4, 3, "N m | rad", "commanded: torque (master), rotation vector (slave)", ROTATION),
-    Field("joint_position", _F4, _ARM_AXES, "rad", "measured angles of the leader (master), follower (slave)", ARM),
-    Field("joint_raw", _F4, _ARM_AXES, "rad | N m", "to be encoded: commanded angles (master), torques (slave)", ARM),
-    Field("joint_predicted", _F4, _ARM_AXES, "rad | N m", "as `predicted`", ARM),
-    Field("joint_decoded", _F4, _ARM_AXES, "N m", "torques before the limiter; what the peer's decoder holds", ARM),
-    Field("joint_output", _F4, _ARM_AXES, "N m | rad", "commanded: torques (master), angles (slave)", ARM),
+    Field("second_updates_sent", _U8, 1, "", "samples of the second stream that crossed the deadband, so far"),
+    Field("second_updates_received", _U8, 1, "", "of the second stream, applied, so far"),
+    Field("surface", _F4, 3, "1 | m", "normal of the fitted plane, centre of the fitted sphere; NaN without"),
     Field("lateness_us", _F4, 1, "us", "from the deadline to the start of the tick"),
     Field("work_us", _F4, 1, "us", "from the start of the tick to its end"),
     Field("codec_us", _F4, 1, "us", "time spent encoding and decoding since the last record"),
@@ -90,12 +82,12 @@ FIELDS = (
     Field("outgoing_loss", _F4, 1, "", "the same of this side's datagrams, as the peer reported it"),
     Field("peer_burst", _F4, 1, "", "mean run of the peer's datagrams that were lost; 0 while unknown"),
     Field("energy", _F4, 1, "J", "what the display may still give to the hand; 0 without an account"),
-    Field("surface_size", _F4, 1, "m", "offset d of the plane, radius of the sphere (concave: negative)", HAND),
-    Field("surface_stiffness", _F4, 1, "N/m", "of the fitted plane or sphere", HAND),
-    Field("rotation_bound", _F4, 1, "rad | N m", "deadband of the rotation that this side encodes", ROTATION),
+    Field("surface_size", _F4, 1, "m", "offset d of the plane, radius of the sphere (concave: negative)"),
+    Field("surface_stiffness", _F4, 1, "N/m", "of the fitted plane or sphere"),
+    Field("second_bound", _F4, 1, "rad | N m", "as `bound`"),
     Field("state", _U1, 1, "", "of the side's state machine, as its own number"),
     Field("fault", _U1, 1, "", "the fault that is active, as its own number; 0 for none"),
-    Field("selected", _U1, 1, "", "predictor in use on the force channel, as its index in the bank", HAND),
+    Field("selected", _U1, 1, "", "predictor in use on the channel from the slave, as its index in the bank"),
     Field("sent", _U1, 1, "", "1 if an update was sent in this tick"),
     Field("received", _U1, 1, "", f"updates applied since the last record, {MOST_RECEIVED} for more"),
     Field("clipped", _U1, 1, "", "1 if a limiter changed the output"),
@@ -106,59 +98,56 @@ FIELDS = (
         "",
         f"1 while a session begins or ends; {RELEASED} while the operator lets go (master.engage)",
     ),
-    Field("model", _U1, 1, "", "what the force update in use fitted: 0 none, 1 line, 2 plane, 3 sphere", HAND),
+    Field("model", _U1, 1, "", "what the force update in use fitted: 0 none, 1 line, 2 plane, 3 sphere"),
     Field("settings", _U1, 1, "", "how many live changes of settings are in force, modulo 256"),
     Field("buttons", _U1, 1, "", "of the device, the lowest eight as bits (master)"),
-    Field("position_selected", _U1, 1, "", "predictor in use on the position channel, as its index in the bank", HAND),
-    Field("gripper_sent", _U1, 1, "", "1 if an update of the gripper was sent in this tick", ARM),
-    Field(
-        "rotation_selected", _U1, 1, "", "predictor in use on the torque channel, as its index in the bank", ROTATION
-    ),
-    Field("rotation_sent", _U1, 1, "", "1 if an update of the rotation was sent in this tick", ROTATION),
+    Field("position_selected", _U1, 1, "", "the same of the channel from the master"),
+    Field("second_selected", _U1, 1, "", "as `selected`"),
+    Field("second_sent", _U1, 1, "", "as `sent`"),
     Field("widened", _U1, 1, "", "1 if the bounded rate of updates widened the deadband in this tick"),
-    Field("rotation_widened", _U1, 1, "", "1 if it widened that of the rotation", ROTATION),
+    Field("second_widened", _U1, 1, "", "as `widened`"),
 )
 
+_FILL = (0.0,) * MOST_AXES
 NAMES = tuple(field.name for field in FIELDS)
 COUNTERS = tuple(field.name for field in FIELDS if field.kind == "<u8" and field.name != "tick")  # cumulative fields
-FINITE = (
-    *("position", "raw", "decoded", "coded", "output"),
-    *("rotation_raw", "rotation_decoded", "rotation_output"),
-    *("joint_position", "joint_raw", "joint_decoded", "joint_output"),
-)
+FINITE = ("position", "raw", "decoded", "coded", "output")
 """Vectors that are finite in every record; others are NaN while unknown."""
 
 
 class Layout:
-    """The packed record of a system with some of the `PARTS`.
+    """The packed record of a side.
 
     Attributes:
-        parts: as bits, the first part lowest.
+        axes, streams: that it has, 1 to `MOST_AXES`, and 1 or 2.
         fields: in the order of `FIELDS`.
         values: gives the values of a row, flat, in the order of the fields.
     """
 
-    def __init__(self, parts: Sequence[str]) -> None:
-        self.parts = sum(1 << PARTS.index(part) for part in parts)
-        self.fields = tuple(field for field in FIELDS if field.part in ("", *parts))
-        self.format = "".join(CODES[field.kind] * field.axes for field in self.fields)
+    def __init__(self, axes: int, streams: int) -> None:
+        self.axes, self.streams = axes, streams
+        self.fields = tuple(field for field in FIELDS if streams > 1 or not field.name.startswith(SECOND))
+        sizes = [axes if field.axes == MOST_AXES else field.axes for field in self.fields]
+        self.format = "".join(CODES[field.kind] * size for field, size in zip(self.fields, sizes, strict=True))
         self.description = [
-            (field.name, field.kind, (field.axes,)) if field.axes > 1 else (field.name, field.kind)
-            for field in self.fields
+            (field.name, field.kind, (size,)) if field.axes > 1 else (field.name, field.kind)
+            for field, size in zip(self.fields, sizes, strict=True)
         ]
         # Written out as `namedtuple` does it: a loop over the fields takes several times as long.
-        items = ", ".join(f"*row.{field.name}" if field.axes > 1 else f"row.{field.name}" for field in self.fields)
-        self.values: Callable[[Any], tuple[float, ...]] = eval(f"lambda row: ({items})")  # noqa: S307 - of the table
+        vector = "*row.{0}, *FILL[len(row.{0}):]" if axes == MOST_AXES else "*row.{0}"  # virtual time fills up all axes
+        form = {MOST_AXES: vector, 3: "*row.{0}", 1: "row.{0}"}
+        items = ", ".join(form[field.axes].format(field.name) for field in self.fields)
+        self.values: Callable[[Any], tuple[float, ...]] = eval(f"lambda row: ({items})", {"FILL": _FILL})  # noqa: S307 - of the table
 
 
 @cache
-def layout(parts: int) -> Layout:
-    """The layout of parts as bits; raises ValueError for other bits."""
-    if not 0 <= parts < 1 << len(PARTS):
-        raise ValueError(f"parts must be bits of {len(PARTS)} parts, got {parts:#x}")
-    return Layout([part for bit, part in enumerate(PARTS) if parts >> bit & 1])
+def layout(axes: int, streams: int) -> Layout:
+    """The layout of so many axes and streams; raises ValueError for other numbers."""
+    if not (1 <= axes <= MOST_AXES and 1 <= streams <= STREAMS):
+        raise ValueError(f"a record has 1 to {MOST_AXES} axes and 1 or {STREAMS} streams, got {axes} and {streams}")
+    return Layout(axes, streams)
 
 
-ALL = layout((1 << len(PARTS)) - 1)
+ALL = layout(MOST_AXES, STREAMS)
 DESCRIPTION = ALL.description
 RECORD = Struct(f"<{ALL.format}")

@@ -63,13 +63,18 @@ class RecordingWriter(Protocol):
 
 
 class Recording(Protocol):
-    """What a file holds: facts about the system, and records by side, oldest first, with the fields of its release."""
+    """What a file holds: facts about the system, records by side, oldest first, with the fields of this release as far
+    as they are there, and the axes of a session in joint space (none of a hand).
+    """
 
     @property
     def facts(self) -> Mapping[str, str]: ...
 
     @property
     def records(self) -> Mapping[str, NDArray[np.void]]: ...
+
+    @property
+    def joints(self) -> tuple[str, ...]: ...
 
 
 class RecordingFormat(Protocol):

@@ -26,11 +26,11 @@ from weberlink.telemetry.record import ALL, FIELDS, Layout, layout
 from weberlink.telemetry.runtime_directory import directory, open_file
 
 MAGIC = b"WEBRING\x00"
-VERSION = 3
+VERSION = 4
 # Changes with every change of the table, so that a reader of another release refuses the file.
-SCHEMA = zlib.crc32(repr([(field.name, field.kind, field.axes, field.part) for field in FIELDS]).encode())
+SCHEMA = zlib.crc32(repr([(field.name, field.kind, field.axes) for field in FIELDS]).encode())
 
-HEADER = Struct("<8sIIIIQQddd32sI")
+HEADER = Struct("<8sIIIIQQddd32sBB")
 COUNTER_AT = 128
 CLOSED_AT = 136
 RECORDS_AT = 192
@@ -51,7 +51,7 @@ def slot_bytes(records: Layout = ALL) -> int:
 
 
 class Header(NamedTuple):
-    """Header of a ring file; `side` is UTF-8 filled up with zero bytes, and `parts` are those of the records.
+    """Header of a ring file; `side` is UTF-8 filled up with zero bytes, `axes` and `streams` those of the records.
 
     Fields up to `pid_started` keep their place in later versions, so that a stale file of any release can be replaced.
     """
@@ -67,7 +67,8 @@ class Header(NamedTuple):
     started_wall_s: float
     started_monotonic_s: float
     side: bytes
-    parts: int
+    axes: int
+    streams: int
 
 
 class RingFormatError(ValueError):
@@ -98,10 +99,13 @@ def read_header(path: Path, fd: int) -> Header:
     header = _parse_header(path, fd)
     if header.version != VERSION:
         raise RingFormatError(f"{path}: layout version {header.version}, this program reads version {VERSION}")
-    known = header.schema == SCHEMA and header.parts <= ALL.parts
-    if not known or header.record_size != body_of(layout(header.parts)).size - NUMBER_BYTES:
+    known = header.schema == SCHEMA and 1 <= header.axes <= ALL.axes and 1 <= header.streams <= ALL.streams
+    if not known or header.record_size != body_of(layout(header.axes, header.streams)).size - NUMBER_BYTES:
         raise RingFormatError(f"{path}: its records have other fields than those of this program; use the same release")
-    size, expected = os.fstat(fd).st_size, RECORDS_AT + header.capacity * slot_bytes(layout(header.parts))
+    size, expected = (
+        os.fstat(fd).st_size,
+        RECORDS_AT + header.capacity * slot_bytes(layout(header.axes, header.streams)),
+    )
     if header.capacity < 2 or size < expected:
         raise RingFormatError(f"{path}: {size} bytes are too few for {header.capacity} records ({expected} bytes)")
     return header
@@ -176,10 +180,8 @@ class RingWriter:
         pid = os.getpid()
         started = process_started(pid) or 0
         began = (time(), monotonic())
-        record_size = body_of(records).size - NUMBER_BYTES
-        header = Header(
-            MAGIC, VERSION, SCHEMA, record_size, pid, started, capacity, rate_hz, *began, name, records.parts
-        )
+        known, shape = (MAGIC, VERSION, SCHEMA, body_of(records).size - NUMBER_BYTES), (records.axes, records.streams)
+        header = Header(*known, pid, started, capacity, rate_hz, *began, name, *shape)
         return cls(path, _place(path, header, RECORDS_AT + capacity * size), capacity, records)
 
     def write(self, record: Sequence[float]) -> None:

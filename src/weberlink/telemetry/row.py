@@ -1,20 +1,8 @@
 """The record of a tick in the making: a side fills it field by field."""
 
-from weberlink.geometry.joints import MOST_JOINTS, Joints
+from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO
-from weberlink.telemetry.record import JOINTS, NAMES
-
-_UNUSED = (0.0,) * len(JOINTS)
-
-
-def placed(values: Joints, joints: int) -> Joints:
-    """The values of an arm's axes at their places in a record.
-
-    Args:
-        values: of the joints in order, and of the gripper if there is one.
-        joints: how many of them are joints, 1 to 8.
-    """
-    return values[:joints] + _UNUSED[: MOST_JOINTS - joints] + (values[joints:] or _UNUSED[:1])
+from weberlink.telemetry.record import NAMES
 
 
 class Row:
@@ -24,7 +12,8 @@ class Row:
 
     def __init__(self) -> None:
         self.at = self.peer_at = 0.0
-        self.position = self.raw = self.decoded = self.predicted = self.coded = self.output = ZERO
+        nothing: Joints = ()
+        self.position = self.raw = self.decoded = self.predicted = self.coded = self.output = nothing
         self.bound = self.weber = self.credit = 0.0
         self.tick = self.ticks_missed = self.slew_ticks = self.contact_ticks = 0
         self.datagrams_sent = self.datagrams_received = self.datagrams_lost = self.datagrams_dropped = 0
@@ -35,9 +24,6 @@ class Row:
         self.surface_size = self.surface_stiffness = 0.0
         self.state = self.fault = self.selected = self.sent = self.received = 0
         self.clipped = self.ramping = self.model = self.settings = self.buttons = self.position_selected = 0
-        self.rotation_updates_sent = self.rotation_updates_received = 0
-        self.rotation_raw = self.rotation_decoded = self.rotation_output = ZERO
-        self.rotation_bound = 0.0
-        self.rotation_selected = self.rotation_sent = self.widened = self.rotation_widened = 0
-        self.joint_position = self.joint_raw = self.joint_predicted = self.joint_decoded = self.joint_output = _UNUSED
-        self.gripper_updates_sent = self.gripper_updates_received = self.gripper_sent = 0
+        self.second_updates_sent = self.second_updates_received = 0
+        self.second_bound = 0.0
+        self.second_selected = self.second_sent = self.widened = self.second_widened = 0

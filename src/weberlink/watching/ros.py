@@ -4,15 +4,15 @@ Poses of hand and robot, felt and measured forces, and the frames of all four; o
 joints of leader and follower. The size of a message is fixed by its names, so a whole channel is one numpy array.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.config import MASTER
-from weberlink.figures.channel import ArmLayout
-from weberlink.telemetry.message import CODES, SEPARATOR, Rows, aligned, fields_in
+from weberlink.telemetry.message import CODES, Rows, aligned, fields_in
+from weberlink.telemetry.record import FORCE, TORQUE
 
 FIXED_FRAME: Final = "weberlink"  # the frame of the robot, in which all positions are
 
@@ -40,6 +40,7 @@ MESSAGES = {
     ),
 }
 _POSE, _WRENCH, _FRAMES, _STATE = MESSAGES
+SEPARATOR = "=" * 80  # between a definition and those that it consists of
 
 
 def _schema(text: str) -> str:
@@ -114,28 +115,26 @@ def topics(side: str, *, arm: bool) -> dict[str, str]:
     return {_topic(body): _STATE} if arm else {_topic(body): _POSE, _topic(force): _WRENCH, "/tf": _FRAMES}
 
 
-def shown(side: str, ticks: Rows, times_ns: NDArray[np.uint64], arm: ArmLayout | None) -> Iterator[Shown]:
+def shown(side: str, ticks: Rows, times_ns: NDArray[np.uint64], joints: Sequence[str]) -> Iterator[Shown]:
     """The messages of some ticks.
 
     Args:
         times_ns: of each, on the wall clock [ns since 1970].
-        arm: the axes of a session in joint space; None for one in Cartesian space.
+        joints: names of the axes of a session in joint space; none for one in Cartesian space.
     """
-    body, force_name = _names(side, arm=arm is not None)
+    body, force_name = _names(side, arm=bool(joints))
+    place, force = ("position", "output") if side == MASTER else ("output", "raw")
     count, stamp = len(ticks), {"sec": times_ns // 10**9, "nanosec": times_ns % 10**9}
     header = {"stamp": stamp, "frame_id": FIXED_FRAME}
-    if arm is not None:
-        torques = ticks["joint_output"] if side == MASTER else ticks["joint_raw"]
-        angles, torques = ticks["joint_position"][:, arm.places].T, torques[:, arm.places].T
-        state = {"header": header, "name": arm.axes, "position": angles, "velocity": (), "effort": torques}
+    if joints:
+        angles, torques = (ticks[name].T[: len(joints)] for name in ("position", force))
+        state = {"header": header, "name": joints, "position": angles, "velocity": (), "effort": torques}
         yield Shown(_topic(body), _STATE, bodies(_STATE, state, count))
         return
-    place, force = ("position", "output") if side == MASTER else ("output", "raw")
-    turn = "rotation_raw" if side == MASTER else "rotation_output"
-    position, turned = ticks[place], quaternions(np.asarray(ticks[turn], np.float64))
+    position, turned = ticks[place][:, FORCE], quaternions(ticks[place][:, TORQUE])
     pose = {"position": position, "orientation": turned}
     yield Shown(_topic(body), _POSE, bodies(_POSE, {"header": header, "pose": pose}, count))
-    wrench = {"force": ticks[force], "torque": ticks[f"rotation_{force}"]}
+    wrench = {"force": ticks[force][:, FORCE], "torque": ticks[force][:, TORQUE]}
     of_force = {"stamp": stamp, "frame_id": force_name}
     yield Shown(_topic(force_name), _WRENCH, bodies(_WRENCH, {"header": of_force, "wrench": wrench}, count))
     # A force is in the fixed frame's axes, so it has a frame of its own that does not turn.

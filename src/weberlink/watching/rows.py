@@ -23,14 +23,11 @@ def listed(values: NDArray[Any], digits: int) -> list[float | None]:
 
 def felt_message(master: Records, slave: Records, origin: float, layout: Layout) -> dict[str, Any]:
     """Message with the felt error of pairs of records [N]; of an arm, of the axis with most deadbands [N m]."""
-    arm = layout.arm
-    if arm is None:
-        error, bound, deviation = layout.streams()[0][0].felt(master, slave)[:3]
+    if not layout.joints:
+        error, bound, deviation, _ = layout.from_slave[0].compare(slave, master)
     else:
-        felt, measured = (
-            each[:, arm.places].astype(np.float64) for each in (master["joint_output"], slave["joint_raw"])
-        )
-        errors, bounds = np.abs(felt - measured), arm.torque_deadbands(slave)
+        axes = len(layout.joints)
+        errors, bounds = np.abs(master["output"] - slave["raw"])[:, :axes], layout.deadbands(slave)
         worst = (errors / bounds).argmax(axis=1)[:, None]
         error, bound = (np.take_along_axis(each, worst, axis=1)[:, 0] for each in (errors, bounds))
         deviation = error

@@ -18,6 +18,7 @@ from weberlink.figures.wording import ALARM, Words, fault_words, words
 from weberlink.protocol.paths import LinkPath, paths_of
 from weberlink.telemetry.fault import Fault, name_of
 from weberlink.telemetry.reader import DTYPE
+from weberlink.telemetry.record import SECOND
 from weberlink.watching.rings import RingSource
 from weberlink.watching.rows import Pace
 
@@ -88,8 +89,7 @@ class _WatchedSide:
 
     def __init__(self, source: RingSource) -> None:
         self.source = source
-        self.pace = Pace()
-        self.gripper_pace = Pace("gripper_updates_sent")
+        self.paces = (Pace(), Pace(f"{SECOND}updates_sent"))
         self.last: Any = None
         self.end_is_told = False
         self.paths: list[LinkPath] = []  # as its description says
@@ -102,8 +102,8 @@ class _WatchedSide:
             self.paths = paths_of(self._described)
         if len(records):
             self.last = records[-1]
-            self.pace.add(records)
-            self.gripper_pace.add(records)
+            for pace in self.paces:
+                pace.add(records)
         return records
 
     @property
@@ -193,12 +193,10 @@ class WatchedSession:
     def pace(self) -> dict[str, Pace]:
         """Pace by channel, as of the side that sends it."""
         paces = {}
-        for side, streams in zip((SLAVE, MASTER), self.layout.streams(), strict=True):
+        for side, streams in ((SLAVE, self.layout.from_slave), (MASTER, self.layout.from_master)):
             sender = self._sides.get(side)
-            for stream in streams:
-                if stream.counted != "rotation_":  # which goes with the translation
-                    of_stream = sender and (sender.gripper_pace if stream.counted else sender.pace)
-                    paces[stream.name] = of_stream or Pace()
+            for number, stream in enumerate(streams):
+                paces[stream.name] = sender.paces[number] if sender else Pace()
         return paces
 
     @property

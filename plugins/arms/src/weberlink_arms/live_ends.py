@@ -11,25 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.config import MASTER, SLAVE
+from weberlink.figures.channel import GRIPPER, joints_in
 from weberlink.figures.session import Records, joined
 from weberlink.session.description import read as read_description
 from weberlink.telemetry.reader import DTYPE, RingReader
-from weberlink.telemetry.record import AXES, JOINTS
+from weberlink.telemetry.record import AXES
 from weberlink.watching.rings import NoSessionError, RingFile, living_ring
 
 STALE_S = 0.5
 """Age of the newest record from which its daemon stands still [s]."""
-GRIPPER = "gripper"
-
-
-OF_ARM = {
-    MASTER: ("joint_position", "joint_raw", "joint_output"),
-    SLAVE: ("joint_position", "joint_output", "joint_raw"),
-}
-OF_HANDLE = {MASTER: ("position", "raw", "output"), SLAVE: ("output", "output", "raw")}
-"""Fields of a record: where the axes are, what they were commanded to, and the force or torque on them.
-
-Of a session in joint space [rad, N m], and of a Cartesian one [m, N]; there a slave has its commanded position only.
+FIELDS = {MASTER: ("position", "raw", "output"), SLAVE: ("position", "output", "raw")}
+"""Vectors of a record: where the axes are, what they were commanded to, and the force or torque on them [m | rad, N | N
+m]. Of a robot that is led by a hand the position is not known: there it is what it was commanded.
 """
 
 
@@ -62,16 +55,14 @@ class LiveEnd:
         except FileNotFoundError:
             raise NoSessionError(f"the {ring.side} of session {ring.session} has ended") from None
         self.description = read_description(ring.path) or {}
-        codec = self.description.get("system", {}).get("codec", {})
-        joints = (codec.get("joints") or {}).get("names", [])
+        joints = joints_in({"codec": self.system.get("codec", {})})
         self.is_arm = bool(joints)
         """Whether the session is in joint space; else its axes are x, y and z."""
-        self.has_gripper = self.is_arm and codec.get("gripper") is not None
-        self.names = (*joints, *([GRIPPER] if self.has_gripper else [])) if joints else AXES
+        self.has_gripper = GRIPPER in joints[-1:]
+        self.names = joints or AXES
         """Of the axes, the gripper last."""
-        last = [JOINTS.index(GRIPPER)] if self.has_gripper else []
-        self._columns = [*range(len(joints)), *last] if joints else [0, 1, 2]
-        self._fields = (OF_ARM if joints else OF_HANDLE)[ring.side]
+        where, *others = FIELDS[ring.side]
+        self._fields = [where if joints or ring.side == MASTER else others[0], *others]
         self._recent: Records = np.empty(0, DTYPE)
 
     @property
@@ -113,8 +104,9 @@ class LiveEnd:
         if not age < STALE_S:
             word = "stands still" if self._reader.alive else "has ended"
             raise NoSessionError(f"the {self.side} of session {self.session} {word}: no record for {age:.1f} s")
-        position, command = (np.asarray(last[name], np.float64)[self._columns] for name in self._fields[:2])
-        efforts = np.asarray(self._recent[self._fields[2]], np.float64)[:, self._columns]
+        axes = len(self.names)
+        position, command = (last[name][:axes].copy() for name in self._fields[:2])
+        efforts = self._recent[self._fields[2]][:, :axes]
         missing = np.repeat(efforts[:1], self._ticks - len(efforts), axis=0)
         return Sample(float(last["at"]), position, command, efforts[-1], np.concatenate([missing, efforts]))
 

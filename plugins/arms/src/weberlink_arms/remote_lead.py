@@ -14,7 +14,7 @@ from weberlink.config import MASTER
 from weberlink.geometry.joints import Joints
 from weberlink.master.devices.target_link import LEADER, Sender, lock_of
 from weberlink.watching.rings import NoSessionError
-from weberlink_arms.live_ends import GRIPPER, LiveEnd, find_end
+from weberlink_arms.live_ends import LiveEnd, find_end
 from weberlink_arms.remote_leader import limits, pack_angles
 
 
@@ -173,7 +173,7 @@ class AxisUnits:
             return
         lower, upper = end.range_of("lower_rad"), end.range_of("upper_rad")
         for i, name in enumerate(end.names):
-            if name == GRIPPER and end.has_gripper:
+            if name == end.names[-1] and end.has_gripper:
                 self._share(i, lower, upper, 0.0)
             elif use_degrees:
                 self._factor[i] = degrees(1.0)

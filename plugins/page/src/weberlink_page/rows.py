@@ -20,12 +20,10 @@ COLUMNS: dict[str, int | None] = (
     | dict.fromkeys(_INTEGERS)
 )
 """Columns of a row, with their decimal places; None for integers."""
-CARTESIAN = ("position", "raw", "output", "bound", "surface", "surface_size", "surface_stiffness", "model")
-"""Those of them that a session in joint space lacks."""
-ARM = {"joint_position": 6, "joint_raw": 6, "joint_output": 6, "gripper_updates_sent": None, "gripper_sent": None}
-"""Further columns of a session in joint space; its vectors have the axes of the arm alone."""
-ROTATION = {"rotation_raw": 6, "rotation_output": 6, "rotation_bound": 7, "rotation_sent": None}
-"""Further columns of a session with six degrees of freedom."""
+SECOND_STREAM: dict[str, int | None] = {"second_updates_sent": None, "second_sent": None, "second_bound": 7}
+"""Further columns of a session with a second stream: a rotation, or a gripper."""
+CARTESIAN = ("bound", "second_bound", "surface", "surface_size", "surface_stiffness", "model")
+"""Those that a session in joint space lacks."""
 
 
 class Thinning:
@@ -46,7 +44,7 @@ class Thinning:
         if not count:
             return records
         keep = (np.arange(self._passed, self._passed + count) % self._every == 0) | (records["sent"] > 0)
-        keep |= (records["rotation_sent"] > 0) | (records["gripper_sent"] > 0)
+        keep |= records["second_sent"] > 0
         for place, name in enumerate(("state", "fault")):
             values = records[name].astype(np.int64)
             before = values[0] if self._before is None else self._before[place]
@@ -59,14 +57,13 @@ class Thinning:
 
 def samples_message(side: str, rows: Records, origin: float, layout: Layout) -> dict[str, Any]:
     """Message with rows of one side; `origin` is the start of the session on the clock of the rows [s]."""
-    arm, columns = layout.arm, COLUMNS if layout.torque_bank is None else COLUMNS | ROTATION
-    if arm is not None:
-        columns = {name: digits for name, digits in columns.items() if name not in CARTESIAN} | ARM
+    columns = COLUMNS if len(layout.from_slave) == 1 else COLUMNS | SECOND_STREAM
+    if layout.joints:
+        columns = {name: digits for name, digits in columns.items() if name not in CARTESIAN}
     values = {name: rows[name] for name in columns}
-    if arm is not None:
-        values = {name: each[:, arm.places] if each.ndim > 1 else each for name, each in values.items()}
-        if side == SLAVE:
-            columns, values = columns | {"joint_bound": 6}, values | {"joint_bound": arm.torque_deadbands(rows)}
+    values |= {name: values[name][:, : len(layout.axes)] for name in ("position", "raw", "output")}
+    if layout.joints and side == SLAVE:
+        columns, values = columns | {"bound": 7}, values | {"bound": layout.deadbands(rows)}
 
     def column(values: NDArray[Any], digits: int | None) -> list[Any]:
         if digits is None:

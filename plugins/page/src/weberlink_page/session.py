@@ -103,7 +103,7 @@ class PageSession(WatchedSession):
     def hello(self) -> dict[str, Any]:
         """The greeting; `readonly` says whether nobody may change anything."""
         told = hello(self.name, {name: source.description for name, source in self.sources.items()})
-        axes = None if self.layout.arm is None else list(self.layout.arm.axes)
+        axes = list(self.layout.joints) or None
         return told | self._settings | {"rate_hz": self.rate_hz, "seen_from_start": self.seen_from_start, "axes": axes}
 
     def figures(self) -> dict[str, Any]:

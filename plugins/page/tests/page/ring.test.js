@@ -23,9 +23,9 @@ test("more rows than the capacity leave the last ones", () => {
 
 test("vectors are a column for each axis; what is unknown is not a number", () => {
   const ring = new Ring(8);
-  ring.push([1, 2], { output: [[1, 2], [3, 4], [5, null]], joint_raw: [[7, 8], [9, 10]], sent: [0, null] });
-  assert.deepEqual([ring.last("output_x"), ring.last("output_y"), ring.last("output_z")], [2, 4, NaN]);
-  assert.deepEqual([ring.last("joint_raw_0"), ring.last("joint_raw_1")], [8, 10]);
+  ring.push([1, 2], { output: [[1, 2], [3, 4], [5, null]], raw: [[7, 8], [9, 10]], sent: [0, null] });
+  assert.deepEqual([ring.last("output_0"), ring.last("output_1"), ring.last("output_2")], [2, 4, NaN]);
+  assert.deepEqual([ring.last("raw_0"), ring.last("raw_1")], [8, 10]);
   assert.ok(Number.isNaN(ring.last("sent")) && Number.isNaN(ring.last("nothing")));
 });
 

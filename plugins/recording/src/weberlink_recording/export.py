@@ -18,18 +18,19 @@ from rich.text import Text
 from weberlink.config import ConfigurationError
 from weberlink.config.errors import require_package
 from weberlink.figures.report import session_report
-from weberlink.figures.session import Records
+from weberlink.figures.session import Layout, Records
 from weberlink.figures.tree import Figures
 from weberlink.figures.verdict import verdict
 from weberlink.master.trace import COLUMNS, TraceError, read_trace
 from weberlink.session.description import RANGE
 from weberlink.session.targets import LONGEST_LINE
-from weberlink.telemetry.record import AXES, JOINTS
+from weberlink.telemetry.record import AXES, MOST_AXES, SECOND
 from weberlink.telemetry.recorders import BEGUN, COMPLETE
+from weberlink_recording.configuration import CONFIGURATION, parse_foreign
 from weberlink_recording.lerobot_frames import NoFramesError, frames_of
 from weberlink_recording.reader import Recording, RecordingError, read_recording
 from weberlink_recording.ros_export import RATE_HZ, write_ros
-from weberlink_recording.session import CONFIGURATION, RecordedSession, parse_foreign, put_together, time_axis
+from weberlink_recording.session import RecordedSession, put_together, time_axis
 from weberlink_recording.verified import Verified, verify
 
 FORMATS = ("csv", "parquet", "ros", "lerobot")
@@ -199,7 +200,7 @@ def _outputs(
         return
     times = time_axis(session)
     for side, records in session.sides.items():
-        columns = {"t": times[side]} | _columns(records)
+        columns = {"t": times[side]} | _columns(records, session.layout)
         yield f"{side}.{to}", _table(columns, _write_csv if to == "csv" else _write_parquet)
     signal = _signal(recordings) if to == "csv" else None
     if signal is not None:
@@ -230,7 +231,7 @@ def _signal(recordings: Sequence[Recording]) -> dict[str, NDArray[Any]] | None:
 def _write_ros(recordings: Sequence[Recording], session: RecordedSession, path: Path) -> str:
     first = next((each for each in recordings if "master" in each.origins), recordings[0])
     count = write_ros(session, first.origins, first.facts, path)
-    what = "poses, forces and frames" if session.layout.arm is None else "joint states"
+    what = "poses, forces and frames" if not session.layout.joints else "joint states"
     return f"{count} messages; {what} at {RATE_HZ:g} Hz"
 
 
@@ -328,16 +329,18 @@ def _ended(*, complete: bool, outcome: str) -> str:
     return "whole" if complete else "not whole" if outcome == COMPLETE else outcome
 
 
-def _columns(records: Records) -> Columns:
-    """Flat columns; a vector becomes one for each of its axes, named by it."""
+def _columns(records: Records, layout: Layout) -> Columns:
+    """Flat columns of what the session has; a vector becomes one for each of its axes, named by it."""
     columns: Columns = {}
     for name in records.dtype.names or ():
         values = records[name]
+        if name.startswith(SECOND) and len(layout.from_slave) == 1:
+            continue
         if values.ndim == 1:
             columns[name] = values
         else:
-            axes = AXES if values.shape[1] == len(AXES) else JOINTS
-            columns |= {f"{name}_{axis}": values[:, index] for index, axis in enumerate(axes)}
+            axes = layout.axes if values.shape[1] == MOST_AXES else AXES
+            columns |= {f"{name}_{axis}": values[:, place] for place, axis in enumerate(axes)}
     return columns
 
 

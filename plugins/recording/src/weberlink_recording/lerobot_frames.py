@@ -4,7 +4,7 @@ The two sides run at 1 kHz, a dataset at 30 Hz. Each frame has the newest record
 time since the frame before as flat windows of a fixed length.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from math import ceil
@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.figures.channel import ArmLayout
-from weberlink.figures.session import Records
+from weberlink.figures.channel import GRIPPER
+from weberlink.figures.session import Layout, Records
 from weberlink.protocol.states import State
-from weberlink.telemetry.record import AXES
+from weberlink.telemetry.record import FORCE
 from weberlink_recording.session import RecordedSession
 
 Numbers = NDArray[np.float32]
@@ -76,28 +76,22 @@ class Frames:
 
 
 class _Signal(NamedTuple):
-    """What a side contributes: a feature with the newest value, or none; one with the window; and the fields."""
+    """What a side contributes: a feature with the newest value, or none; one with the window; and the vector."""
 
     newest: str | None
     window: str
     side: str
     quantity: str
-    cartesian: tuple[str, ...]
-    arm: str
+    vector: str
 
 
 # `observation` and `action` are what policies read. What the operator's hand does and feels is neither.
-_RAW, _OUTPUT = ("raw", "rotation_raw"), ("output", "rotation_output")
 _SIGNALS = (
-    _Signal("observation.state", "observation.motion_window", "slave", "position", _OUTPUT, "joint_position"),
-    _Signal("action", "leader.motion_window", "master", "position", _RAW, "joint_raw"),
-    _Signal(None, "observation.force_window", "slave", "force", _RAW, "joint_raw"),
-    _Signal(None, "leader.force_window", "master", "force", _OUTPUT, "joint_output"),
+    _Signal("observation.state", "observation.motion_window", "slave", "position", "position"),
+    _Signal("action", "leader.motion_window", "master", "position", "raw"),
+    _Signal(None, "observation.force_window", "slave", "force", "raw"),
+    _Signal(None, "leader.force_window", "master", "force", "output"),
 )
-_CARTESIAN_NAMES = {
-    "position": tuple(f"{axis}.pos" for axis in (*AXES, *(f"rotation_{axis}" for axis in AXES))),
-    "force": (*(f"{axis}.force" for axis in AXES), *(f"rotation_{axis}.torque" for axis in AXES)),
-}
 
 
 class NoFramesError(ValueError):
@@ -212,21 +206,21 @@ def _windows(records: Records, times: NDArray[np.float64], per_frame: int, rate_
 def _features(
     session: RecordedSession, windows: dict[str, Any], gripper_rad: tuple[float, float] | None
 ) -> Iterator[Feature]:
-    arm = session.layout.arm
+    layout = session.layout
+    forces = [
+        f"{name}.{'force' if each.name == 'force' else 'torque'}" for each in layout.from_slave for name in each.names
+    ]
     for signal in _SIGNALS:
         records, places = session.sides[signal.side], windows[signal.side]
-        if arm is None:
-            fields = signal.cartesian if session.layout.torque_bank is not None else signal.cartesian[:1]
-            values = np.concatenate([records[name] for name in fields], axis=1, dtype=np.float64)
-            names = _CARTESIAN_NAMES[signal.quantity][: values.shape[1]]
-        else:
-            values = records[signal.arm][:, arm.places].astype(np.float64)
-            names = tuple(f"{name}.torque" for name in arm.axes)
-            if signal.quantity == "position":
-                names, values = _angles(arm, values, gripper_rad)
+        # Of a robot that a hand leads the place is not known, only where it was sent.
+        is_sent = signal.vector == "position" and not layout.joints
+        values = records["output" if is_sent else signal.vector][:, : len(layout.axes)]
+        names: Sequence[str] = forces
+        if signal.quantity == "position":
+            names, values = _places(layout, values, gripper_rad)
         values = values.astype(np.float32)
         if signal.newest is not None:
-            yield Feature(signal.newest, names, values[places[:, -1]])
+            yield Feature(signal.newest, tuple(names), values[places[:, -1]])
         per_frame = places.shape[1]
         flat = values[places].reshape(len(places), -1)
         yield Feature(signal.window, tuple(f"{name}.{tick}" for tick in range(per_frame) for name in names), flat)
@@ -234,8 +228,8 @@ def _features(
 
 def _contact(session: RecordedSession, windows: dict[str, Any]) -> Iterator[Feature]:
     """For each tick of a frame, whether the robot touched something; of a robot whose tip is led."""
-    if session.layout.arm is None:
-        touches = np.linalg.norm(session.slave["raw"], axis=1) > CONTACT_N
+    if not session.layout.joints:
+        touches = np.linalg.norm(session.slave["raw"][:, FORCE], axis=1) > CONTACT_N
         places = windows["slave"]
         values = touches[places].astype(np.float32)
         yield Feature("observation.contact_window", tuple(f"contact.{tick}" for tick in range(places.shape[1])), values)
@@ -254,22 +248,21 @@ def _videos(session: RecordedSession, times: NDArray[np.float64]) -> tuple[list[
     return videos, ages
 
 
-def _angles(
-    arm: ArmLayout, angles: NDArray[np.float64], gripper_rad: tuple[float, float] | None
-) -> tuple[tuple[str, ...], NDArray[np.float64]]:
-    """Names and values of angles in the units of LeRobot: joints in degrees, the gripper from 0 to 100 of its range.
+def _places(
+    layout: Layout, values: NDArray[np.float64], gripper_rad: tuple[float, float] | None
+) -> tuple[list[str], NDArray[np.float64]]:
+    """Names and values of places in the units of LeRobot: joints in degrees, the gripper from 0 to 100 of its range.
 
     Without its range the gripper keeps its radians and has another name, so that no robot takes these for its units.
     """
-    scaled = np.degrees(angles)
-    names = [f"{name}.pos" for name in arm.axes]
-    if arm.has_gripper:
+    names, scaled = [f"{name}.pos" for name in layout.axes], np.degrees(values) if layout.joints else values
+    if GRIPPER in layout.joints[-1:]:
         if gripper_rad is None:
-            names[-1], scaled[:, -1] = "gripper.rad", angles[:, -1]
+            names[-1], scaled[:, -1] = "gripper.rad", values[:, -1]
         else:
             closed, opened = gripper_rad
-            scaled[:, -1] = 100.0 * (angles[:, -1] - closed) / (opened - closed)
-    return tuple(names), scaled
+            scaled[:, -1] = 100.0 * (values[:, -1] - closed) / (opened - closed)
+    return names, scaled
 
 
 def _missing(records: Records, times: NDArray[np.float64]) -> int:

@@ -21,6 +21,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata, Schema
 
 from weberlink.telemetry.message import (
+    CODES,
     ENCAPSULATION,
     MESSAGE_ENCODING,
     SCHEMA_ENCODING,
@@ -31,9 +32,10 @@ from weberlink.telemetry.message import (
     aligned,
     fields_in,
 )
-from weberlink.telemetry.record import AXES, JOINTS
+from weberlink.telemetry.record import AXES, MOST_AXES
 from weberlink.telemetry.recorders import COMPLETE
 from weberlink.text import one_line
+from weberlink_recording.configuration import joints_of
 from weberlink_recording.container import (
     END,
     FACTS,
@@ -47,6 +49,7 @@ from weberlink_recording.container import (
     rows_of,
     uniform,
 )
+from weberlink_recording.former import of_this_release
 from weberlink_recording.marks import JOURNAL_TOPIC, MARK_SCHEMA, MARK_TOPIC, Mark, read_mark, shortened
 from weberlink_recording.pictures import PICTURE_SCHEMA, PICTURE_TOPIC, RecordedPicture, read_picture
 from weberlink_recording.verified import Verified, verify
@@ -56,7 +59,7 @@ Parsed = TypeVar("Parsed")
 _LAYOUTS: dict[str, tuple[str, int]] = {
     **{"float64": ("<f8", 1), "float32": ("<f4", 1), "uint64": ("<u8", 1), "uint8": ("u1", 1)},
     **dict.fromkeys(("geometry_msgs/Vector3", "geometry_msgs/msg/Vector3"), ("<f8", len(AXES))),
-    **{f"float32[{axes}]": ("<f4", axes) for axes in (len(AXES), len(JOINTS))},
+    **{f"{kind}[{axes}]": (CODES[kind], axes) for kind in ("float32", "float64") for axes in (len(AXES), MOST_AXES)},
 }
 
 
@@ -334,7 +337,8 @@ class Recording:
     Args:
         facts: what was said of the system when it began.
         origins: by side.
-        records: by side, in order of `tick`; the fields are those of the release that wrote the file.
+        records: by side, in order of `tick`; the fields are those of this release, but for what the file lacks.
+        joints: axes of a session in joint space, the gripper last; none of a hand.
         complete: whether the recording was closed in order and nothing was lost.
         lost: records by side that the recorder missed, as far as it could say so.
         outcome: "complete", "cut off", or in words what ended the recording.
@@ -350,6 +354,7 @@ class Recording:
     complete: bool
     lost: dict[str, int]
     outcome: str
+    joints: tuple[str, ...] = ()
     marks: tuple[Mark, ...] = ()
     journal: Verified | None = None
     pictures: tuple[RecordedPicture, ...] = ()
@@ -381,11 +386,14 @@ def read_recording(path: str | Path, *, with_pictures: bool = False) -> Recordin
     end = content.metadata.get(END, {})
     outcome = one_line(fault or end.get("outcome", CUT_OFF))
     lost = {side: int(end[f"lost_{side}"]) for side in TOPICS if end.get(f"lost_{side}", "").isdecimal()}
+    facts, sides = content.metadata.get(FACTS, {}), [side for side in TOPICS if side in content.origins]
+    joints = joints_of(facts)
     return Recording(
         path=path,
-        facts=content.metadata.get(FACTS, {}),
+        facts=facts,
         origins=content.origins,
-        records={side: content.records(side) for side in TOPICS if side in content.origins},
+        records={side: of_this_release(content.records(side), side, joints) for side in sides},
+        joints=joints,
         marks=tuple(sorted(content.marks)),
         journal=_journal(content.journal, end.get(JOURNAL)),
         pictures=tuple(sorted(content.pictures)),

@@ -45,7 +45,7 @@ def write_ros(session: RecordedSession, origins: Mapping[str, Origin], facts: Ma
             for name in DTYPE.names or ():
                 own[name] = records[name]
             _add(file, channel, times, own)
-            for topic, schema, bodies in shown(side, records[some], times[some], session.layout.arm):
+            for topic, schema, bodies in shown(side, records[some], times[some], session.layout.joints):
                 if topic not in channels:
                     channels[topic] = file.add_channel(topic, numbers[schema], QOS)
                 _add(file, channels[topic], times[some], bodies)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from weberlink.config import MASTER, SIDES, SLAVE
@@ -16,8 +15,9 @@ from weberlink.figures.session import MARGIN_S, Layout, Records, SessionScore
 from weberlink.figures.tree import Figures
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.record import COUNTERS, FIELDS, FINITE
+from weberlink.telemetry.record import COUNTERS, FINITE
 from weberlink.telemetry.recorders import BEGUN
+from weberlink_recording.configuration import CONFIGURATION, parse_foreign
 from weberlink_recording.reader import Recording, RecordingError
 
 ANOTHER_CLOCK_S = 0.1
@@ -28,17 +28,6 @@ LEAST_OVERLAP_S = 0.1
 """Two files with less time in common are not two sides of one session."""
 TORQUE_BANK = "torque_bank"
 """The fact with the predictors of the torque channel; absent with three degrees of freedom."""
-LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-LONGEST_FOREIGN = 1 << 16
-"""Characters of a configuration in a file that anybody may have made; those of all shipped files have 5,000."""
-DEEPEST_FOREIGN = 32
-CONFIGURATION = "configuration"
-"""The fact with the configuration, as YAML."""
-ADDED = {field.name: 0.0 for field in FIELDS if field.name.startswith(("joint_", "gripper_"))}
-ADDED |= {"jitter_us": np.nan, "incoming_loss": np.nan, "outgoing_loss": np.nan}
-ADDED |= {"peer_burst": 0.0, "energy": 0.0, "credit": 0.0}
-"""Fields that recordings of earlier releases lack, and what they hold then: those of arms 0, as in a Cartesian session,
-those of the link "unknown", those of the account 0, as without one."""
 PIECE = 1000
 """Records of a side that are scored at a time; fewer than the score keeps waiting."""
 RATES_HZ = (1.0, 1e5)
@@ -104,10 +93,9 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
     """
     found: dict[str, tuple[Recording, Records]] = {}
     for recording in recordings:
-        for side, read in recording.records.items():
-            if not len(read):
+        for side, records in recording.records.items():
+            if not len(records):
                 continue
-            records = _with_added_fields(read)
             _check(recording, side, records)
             if side in found:
                 raise RecordingError(f"{recording.path}: holds the {side}'s side, and so does {found[side][0].path}")
@@ -159,31 +147,12 @@ def _clock(
     return lambda at: (at - wall_ns) * 1e-9 + origin.monotonic_s + offset
 
 
-def parse_foreign(text: str) -> Any:
-    """The YAML in a file that anybody may have made; raises ValueError if it is none, or longer than `LONGEST_FOREIGN`,
-    deeper than `DEEPEST_FOREIGN`, or has aliases, by which a short text stands for a long one; in one line.
-    """
-    if len(text) > LONGEST_FOREIGN:
-        raise ValueError(f"more than {LONGEST_FOREIGN} characters")
-    depth = 0
-    try:
-        for event in yaml.parse(text, Loader=LOADER):
-            if isinstance(event, yaml.AliasEvent):
-                raise ValueError("YAML with an alias")  # noqa: TRY004
-            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-            if depth > DEEPEST_FOREIGN:
-                raise ValueError(f"YAML that is nested more than {DEEPEST_FOREIGN} deep")
-        return yaml.load(text, Loader=LOADER)  # noqa: S506 - a SafeLoader
-    except yaml.YAMLError as error:
-        raise ValueError(" ".join(str(error).split())) from None
-
-
 def _layout(recording: Recording, rate_hz: float) -> Layout:
     """What its records mean: without a configuration, the distance measures, and there is no arm and no account."""
     torque = recording.facts.get(TORQUE_BANK)
     bank, torque_bank = recording.facts.get("bank", "").split(), None if torque is None else tuple(torque.split())
     if CONFIGURATION not in recording.facts:
-        return Layout(rate_hz, tuple(bank), torque_bank)
+        return Layout.hand(rate_hz, bank, torque_bank)
     try:
         return Layout.of(parse_foreign(recording.facts[CONFIGURATION]), rate_hz, bank, torque_bank)
     except ValueError as error:
@@ -193,18 +162,6 @@ def _layout(recording: Recording, rate_hz: float) -> Layout:
 def _predictors(recording: Recording) -> str:
     force, torque = (recording.facts.get(name, "") for name in ("bank", TORQUE_BANK))
     return f"{force} (torque: {torque})" if torque else force
-
-
-def _with_added_fields(records: Records) -> Records:
-    """Records of an earlier release with the fields that have been added since."""
-    lacks = [name for name in ADDED if name not in (records.dtype.names or ())]
-    if not lacks:
-        return records
-    kept = [(name, records.dtype[name]) for name in records.dtype.names or ()]
-    filled = np.empty(len(records), np.dtype([*kept, *((name, DTYPE[name]) for name in lacks)]))
-    for name in filled.dtype.names or ():
-        filled[name] = ADDED[name] if name in lacks else records[name]
-    return filled
 
 
 def _check(recording: Recording, side: str, records: Records) -> None:
@@ -224,7 +181,7 @@ def _check(recording: Recording, side: str, records: Records) -> None:
         "clock": not (abs(origin.wall_s) < LATEST_S and abs(origin.monotonic_s) < LATEST_S),
         "time": not (np.isfinite(at).all() and (np.diff(at) >= 0.0).all() and at[-1] - at[0] < LATEST_S),
         "number of a predictor": bool(
-            (records["selected"] >= len(bank)).any() or (records["rotation_selected"] >= len(torque_bank)).any()
+            (records["selected"] >= len(bank)).any() or (records["second_selected"] >= len(torque_bank)).any()
         ),
         "number of a fault": bool((records["fault"] > max(Fault)).any()),
         "position or force": not vectors,
@@ -295,8 +252,7 @@ def _from_its_beginning(records: Records) -> Records:
     for counter, own in (
         ("updates_sent", "sent"),
         ("updates_received", "received"),
-        ("rotation_updates_sent", "rotation_sent"),
-        ("gripper_updates_sent", "gripper_sent"),
+        ("second_updates_sent", "second_sent"),
     ):
         before[counter] -= before[own]
     return _counted_from(records, before[0])

@@ -9,6 +9,7 @@ import numpy as np
 from weberlink.config import MASTER
 from weberlink.geometry.rotation import IDENTITY, Quaternion, product
 from weberlink.geometry.vector import ZERO, Vector, add, norm, scale
+from weberlink.telemetry.record import FORCE
 from weberlink.watching.ros import FIXED_FRAME
 from weberlink_ros2.messages import encode_body, types
 
@@ -50,7 +51,7 @@ def body_markers(newest: Mapping[str, Any], reach: float, at_ns: int) -> bytes:
     size, markers = reach / LEAST_REACH_M, list[Any]()
     for side, record in newest.items():
         place, force, colour = ("position", "output", HAND) if side == MASTER else ("output", "raw", ROBOT)
-        (x, y, z), (u, v, w) = record[place].tolist(), record[force].tolist()
+        (x, y, z), (u, v, w) = record[place][FORCE].tolist(), record[force][FORCE].tolist()
         at, along = (x, y, z), (u, v, w)
         if norm(along) < LEAST_FORCE_N:  # an arrow without length, since it has to take the place of the last one
             along = ZERO

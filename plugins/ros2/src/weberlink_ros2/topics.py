@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.figures.channel import ArmLayout, arm_in
+from weberlink.figures.channel import joints_in
 from weberlink.figures.session import Records
 from weberlink.telemetry.message import Origin
 from weberlink.watching.rings import RingSource
@@ -40,7 +40,7 @@ class _Side:
     source: RingSource
     condition: SideCondition
     stride: int  # of so many ticks one is published
-    arm: ArmLayout | None  # the axes of a session in joint space
+    joints: tuple[str, ...]  # the axes of a session in joint space
     wall_offset_s: float  # from the clock of the records to the wall clock
     since: float  # older records are left out, on the clock of the records [s]
     before: int | None = None  # ticks that were overwritten before the side was found; None until its first records
@@ -116,20 +116,20 @@ class TopicBridge(ABC):
         """A side of a session begins; `source.description` is its configuration (`weberlink.session.description`)."""
         self._session = session
         try:
-            arm = arm_in((source.description or {})["system"])
+            joints = joints_in((source.description or {})["system"])
         except (KeyError, ValueError) as error:
             self._tell(f"{source.side} is left out: its description does not tell what it is ({error})")
             return
         stride = 1 if self._rate_hz is None else max(1, round(source.rate_hz / self._rate_hz))
         now = monotonic()
         condition = SideCondition(source, now)
-        self._sides[source.side] = _Side(source, condition, stride, arm, self._offset_s(), now - FRESH_S)
-        for topic, type_name in topics(source.side, arm=arm is not None).items():
+        self._sides[source.side] = _Side(source, condition, stride, joints, self._offset_s(), now - FRESH_S)
+        for topic, type_name in topics(source.side, arm=bool(joints)).items():
             self._publish(topic, type_name)
         for topic in self._publishers.keys() & {SCENE, BODIES}:
             self._publishers[topic].put_body(no_markers(), time_ns())
         self._scene = None
-        if arm is None:
+        if not joints:
             slave = (source.description or {})["system"]["slave"]
             solids, tool = drawn(slave.get("scene") or ()), (slave["robot"].get("tool") or {}).get("points_m") or ()
             self._reach, self._scene = reach_of(solids), scene_markers(solids, tool)
@@ -148,7 +148,7 @@ class TopicBridge(ABC):
         ticks = side.choose(records)
         if not len(ticks):
             return
-        for topic, _, bodies in shown(source.side, ticks, side.times_ns(ticks["at"]), side.arm):
+        for topic, _, bodies in shown(source.side, ticks, side.times_ns(ticks["at"]), side.joints):
             publisher, size = self._publishers[topic], bodies.dtype.itemsize
             data, now_ns = bodies.tobytes(), time_ns()
             for begin in range(0, len(data), size):

@@ -75,9 +75,9 @@ class SystemCell:
         return min(wall, robot) if self.robot == "point" else wall * robot / (wall + robot)
 
     @property
-    def torque(self) -> str:
-        """Prefix of the fields of the records by whose torque the cell is judged; empty where it is a force."""
-        return {"tool": "rotation_", "arm": "joint_"}.get(self.robot, "")
+    def by_torque(self) -> bool:
+        """Whether the cell is judged by a torque, not by a force."""
+        return self.robot in ("tool", "arm")
 
     @property
     def floor(self) -> float:
@@ -91,7 +91,7 @@ class SystemCell:
         That is the wall as the robot can display it, rendered at the device without delay: at rest the springs of hand
         and wall share the intended depth.
         """
-        if self.wall_speed_m_s or self.torque:
+        if self.wall_speed_m_s or self.by_torque:
             return None
         return DEPTH / (1.0 / self.wall.hand.static_stiffness + 1.0 / self.displayed_n_m)
 

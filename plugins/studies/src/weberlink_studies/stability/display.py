@@ -19,11 +19,12 @@ from numpy.typing import NDArray
 from rich.console import RenderableType
 
 from weberlink.cli.shipped import find
-from weberlink.config import ConfigurationError, load
+from weberlink.config import ConfigurationError, System, load
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.table import SCHEMES
 from weberlink.figures.channel import longest_run, turns_between
 from weberlink.figures.session import Records
+from weberlink.telemetry.record import FORCE, TORQUE
 from weberlink_studies.baselines import BASELINES, recorded
 from weberlink_studies.frame import FrameResult, Row, Study, data_frame, records
 from weberlink_studies.parallel import Progress
@@ -133,10 +134,10 @@ def rows_of(case: tuple[DisplayCell, str]) -> list[Row]:
 
 
 def _measure(cell: DisplayCell, scheme: str) -> Row:
-    (master, slave), turning, share, failure = _simulated(cell, scheme)
-    arm, delay = turning if turning == "joint_" else "", cell.delay_ms
-    felt, pressed = (np.asarray(each, np.float64) for each in (master[f"{arm}output"], slave[f"{arm}raw"]))
-    hand, command = master[f"{arm}position"], slave[f"{arm}output"]
+    (master, slave), system, share, failure = _simulated(cell, scheme)
+    axes, delay = _axes(system), cell.delay_ms
+    felt, pressed = master["output"][:, axes], slave["raw"][:, axes]
+    hand, command = master["position"][:, axes], slave["output"][:, axes]
     sizes, loads = _lengths(felt), _lengths(pressed)
     ideal = _reference(cell._replace(delay_ms=0, link="clean"))
     both = min(len(felt), len(ideal))
@@ -144,8 +145,9 @@ def _measure(cell: DisplayCell, scheme: str) -> Row:
     apart = command[delay:] - hand[: len(hand) - delay]
     away = _lengths(apart)[1000:]
     away, turned = away[np.isfinite(away)], None
-    if turning:
-        turns = apart if arm else turns_between(slave["rotation_output"][delay:], master["rotation_raw"][: len(apart)])
+    if system.codec.joints is not None or system.codec.rotation is not None:
+        turned_to, turned_by = slave["output"][delay:, TORQUE], master["position"][: len(apart), TORQUE]
+        turns = apart if system.codec.joints is not None else turns_between(turned_to, turned_by)
         turned = float(_lengths(turns[-1000:]).mean())
     ripple = (sizes - np.convolve(sizes, np.ones(21) / 21.0, "same"))[20:-20]
     count, span = len(felt), 2 * delay + 60  # shifted in about 80 steps
@@ -172,8 +174,8 @@ def _measure(cell: DisplayCell, scheme: str) -> Row:
     }
 
 
-def _simulated(cell: DisplayCell, scheme: str) -> tuple[tuple[Records, Records], str, float, str]:
-    """Records of both sides, what turns (as of `bound_share`), the share of the bound, and why a side ended early."""
+def _simulated(cell: DisplayCell, scheme: str) -> tuple[tuple[Records, Records], System, float, str]:
+    """Records of both sides, their system, the share of the bound, and why a side ended early."""
     (file, more), delay = SCENES.get(cell.scene, (cell.scene if cell.scene in FILES else "loopback", ())), cell.delay_ms
     lossy = cell.link == "lossy"
     faults = f", jitter_ms: {min(5, delay)}, loss: 0.05, burst: 3, seed: 1" if lossy else ", seed: 0"
@@ -184,15 +186,20 @@ def _simulated(cell: DisplayCell, scheme: str) -> tuple[tuple[Records, Records],
     configuration = load(find(file), overrides)
     records, failure = recorded(configuration, scheme, RUN_S + 4e-3 * delay)
     system = configuration.system
-    turning = "joint_" if system.codec.joints is not None else "rotation_" if system.codec.rotation is not None else ""
-    return records, turning, bound_share(records[0], accounts(system), turning), failure
+    return records, system, bound_share(records[0], accounts(system)), failure
+
+
+def _axes(system: System) -> slice:
+    """Those by which a cell is judged: all of an arm, the translation of a hand."""
+    return FORCE if system.codec.joints is None else slice(None)
 
 
 @lru_cache(maxsize=len(SCENES) * len(HANDS))
 def _reference(cell: DisplayCell) -> Floats:
     """The force felt under `none`, shape (n, axes) [N], [N m]."""
-    (master, _), turning, _, _ = _simulated(cell, "none")
-    return np.asarray(master["joint_output" if turning == "joint_" else "output"], np.float64)
+    (master, _), system, _, _ = _simulated(cell, "none")
+    forces: Floats = master["output"][:, _axes(system)]
+    return forces
 
 
 def _rms(vectors: Floats) -> float:

@@ -33,7 +33,7 @@ def rows_of(case: SampledWall | SystemCell) -> list[Row]:
     """The row of a wall or of a system."""
     if isinstance(case, SampledWall):
         return [{"kind": "wall"} | survey(case)]
-    limits = case.limits() if case.scheme == "none" and not case.torque else {}
+    limits = case.limits() if case.scheme == "none" and not case.by_torque else {}
     return [{"kind": "system", **asdict(case), "ideal_n": case.ideal_n, **limits, **judge(case)}]
 
 

@@ -13,7 +13,7 @@ from weberlink.figures.energy import EnergyBound, PortWork, accounts_in
 from weberlink.figures.session import Records
 from weberlink.protocol.states import State
 from weberlink.telemetry.fault import Fault
-from weberlink.telemetry.record import FINITE
+from weberlink.telemetry.record import FINITE, FORCE, TORQUE
 from weberlink_studies.frame import Row
 from weberlink_studies.stability.cells import CONTACT_LIMIT_N, SENSOR_RANGE_N, CellTiming, SystemCell
 
@@ -77,9 +77,10 @@ def verdict(
         force_reduction   reduction of force updates relative to one per tick
     """
     master, slave = records
-    output, raw = master[f"{cell.torque}output"], slave[f"{cell.torque}raw"]
+    axes = {"tool": TORQUE, "arm": slice(None)}.get(cell.robot, FORCE)
+    output, raw = master["output"][:, axes], slave["raw"][:, axes]
     at = master["at"]
-    felt, wall = (_lengths(each) if cell.torque else each[:, 2] for each in (output, raw))
+    felt, wall = (_lengths(each) if cell.by_torque else each[:, 2] for each in (output, raw))
     begin = when.hold + 0.3 + cell.round_trip_s
     middle = 0.5 * (begin + when.release)
     early, late = (at >= begin) & (at < middle), (at >= middle) & (at < when.release)
@@ -93,22 +94,23 @@ def verdict(
     ideal = cell.ideal_n if cell.ideal_n is not None and cell.ideal_n >= FAINTEST_N else None
     state = _state(cell, felt[early], felt[late], steady, clipped=bool(master["clipped"][late].any()))
     impulses = _lengths(output[pressing]), _lengths(raw[pressing])
-    share = bound_share(master, accounts, cell.torque)
-    largest, last = float(_lengths(slave["raw"][holding]).max()), at > at[-1] - 0.1
+    share = bound_share(master, accounts)
+    largest, last = float(_lengths(slave["raw"][holding, FORCE]).max()), at > at[-1] - 0.1
     ticks = int((slave["state"] == State.ENGAGED.value).sum())
     met = {
         "operator": bool(master["clipped"][holding].any()),
         "sensor": largest >= AT_LIMIT * SENSOR_RANGE_N,
         "contact": largest >= AT_LIMIT * CONTACT_LIMIT_N,
     }
-    drift = None if cell.robot == "arm" else float(_lengths(slave["output"][last] - master["position"][last]).mean())
+    apart = _lengths(slave["output"][last, FORCE] - master["position"][last, FORCE])
+    drift = None if cell.robot == "arm" else float(apart.mean())
     row = {
         "state": state,
         "bounded": state in CALM,
-        "energy_out_j": None if cell.wall_speed_m_s or cell.torque else out,
+        "energy_out_j": None if cell.wall_speed_m_s or cell.by_torque else out,
         "bound_share": share,
         "bound_kept": share <= 1.0,
-        "link_generated_j": None if cell.torque else made,
+        "link_generated_j": None if cell.by_torque else made,
         "peak_force_n": float(_lengths(output).max()),
         "peak_contact_n": float(_lengths(raw).max()),
         "swing_n": float(np.ptp(felt[late])),
@@ -144,13 +146,10 @@ def accounts(system: System) -> tuple[AccountParameters, ...]:
     return accounts_in(dump | {"control": dump["control"] | {"scheme": "bounded"}})
 
 
-def bound_share(master: Records, accounts: Sequence[AccountParameters], turning: str = "") -> float:
-    """The largest share of the bound that the hand got out by any tick, as a report has it, 0 or more.
-
-    `turning` is `rotation_` where the hand turns too, `joint_` with an arm.
-    """
-    bound, rotates = EnergyBound(accounts), turning == "rotation_"
-    PortWork("" if rotates else turning, rotates=rotates, bound=bound).add(master)
+def bound_share(master: Records, accounts: Sequence[AccountParameters]) -> float:
+    """The largest share of the bound that the hand got out by any tick, as a report has it, 0 or more."""
+    bound = EnergyBound(accounts)
+    PortWork(rotates=len(accounts) > 1, bound=bound).add(master)
     return bound.share
 
 

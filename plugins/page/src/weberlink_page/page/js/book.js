@@ -9,10 +9,10 @@ const CHANNELS = { joint_angle: "joints, angles", joint_torque: "joints, torques
 // Of each cell of an axis: the ring, the field and the text of its value.
 /** @type {[string, string, (value: number) => string][]} */
 const CELLS = [
-  ["master", "joint_position", AS.degrees1],
-  ["slave", "joint_position", AS.degrees1],
-  ["slave", "joint_raw", AS.number3],
-  ["master", "joint_output", AS.number3],
+  ["master", "position", AS.degrees1],
+  ["slave", "position", AS.degrees1],
+  ["slave", "raw", AS.number3],
+  ["master", "output", AS.number3],
 ];
 
 // The alarms that are present. A new one is spoken once, its changing numbers are not.

@@ -2,11 +2,14 @@
 
 const DEGREES = 180 / Math.PI;
 const NORM_XYZ = ["norm", "x", "y", "z"];
+const SECOND = "second_"; // begins the names of the columns of a rotation or a gripper
 
 export const column = (name, factor = 1) => (c, i) => c[name] ? factor * c[name][i] : NaN;
-const norm = (v, factor) => (c, i) =>
-  c[`${v}_x`] ? factor * Math.hypot(c[`${v}_x`][i], c[`${v}_y`][i], c[`${v}_z`][i]) : NaN;
-const component = (v, which, factor = 1) => (which === "norm" ? norm(v, factor) : column(`${v}_${which}`, factor));
+const norm = (v, first, factor) => (c, i) =>
+  c[`${v}_${first}`] ? factor * Math.hypot(...[0, 1, 2].map((k) => c[`${v}_${first + k}`][i])) : NaN;
+// Of the three axes of a vector that begin at the first one.
+const component = (v, which, first, factor = 1) =>
+  which === "norm" ? norm(v, first, factor) : column(`${v}_${first + "xyz".indexOf(which)}`, factor);
 const where = (test, value) => (c, i) => (test(c, i) ? value(c, i) : NaN);
 const sent = (stream = "") => (c, i) => c[`${stream}sent`]?.[i] > 0;
 // From 10 up, where the chart begins: 0 has no logarithm.
@@ -49,19 +52,19 @@ const deadband = (raw, bound, output, test, unit, positive = false) => [
   { ring: "master", series: [line("felt", "master", output, unit)] },
   { ring: "slave", series: [{ name: "packet", colour: "packets", dots: 8, of: where(test, raw) }] },
 ];
-const felt = (stream, unit, factor = 1) => (which) =>
+const felt = (stream, first, unit, factor = 1) => (which) =>
   deadband(
-    component(`${stream}raw`, which, factor),
+    component("raw", which, first, factor),
     column(`${stream}bound`, factor),
-    component(`${stream}output`, which, factor),
+    component("output", which, first, factor),
     sent(stream),
     unit,
     which === "norm",
   );
 // Pose of the hand and commanded pose of the robot.
-const moved = (stream, hand, robot, unit, factor) => (which) => [
-  { ring: "slave", series: [wide(robot, component(`${stream}output`, which, factor), unit, 1)] },
-  { ring: "master", series: [line("hand", "master", component(hand, which, factor), unit, 1), strokes(sent(stream))] },
+const moved = (stream, first, robot, unit, factor) => (which) => [
+  { ring: "slave", series: [wide(robot, component("output", which, first, factor), unit, 1)] },
+  { ring: "master", series: [line("hand", "master", component("position", which, first, factor), unit, 1), strokes(sent(stream))] },
 ];
 const rates = (side, name, all, ...more) => ({
   ring: `${side}Rates`,
@@ -75,7 +78,7 @@ const saved = (v, store) => `${+(100 * (1 - v / store.rate)).toFixed(1)} %`;
 const gripper = (side, name) =>
   line(name, side, column("gripper"), "/s", 0, { width: 1.25, dash: [4, 3], faint: true });
 // A packet carries all joints; the gripper has packets of its own.
-const joint = (axis, axes) => sent(axes?.[axis] === "gripper" ? "gripper_" : "");
+const joint = (axis, axes) => sent(axes?.[axis] === "gripper" ? SECOND : "");
 const unit = (text) => (v) => `${v}${text}`;
 
 const EMPTY = "no samples yet";
@@ -86,20 +89,20 @@ export const PANELS = [
   {
     name: "force", title: "Force", unit: "N", choices: NORM_XYZ, empty: CONTACT,
     help: "Force measured by the robot, and force felt by the operator. Within the green deadband around the measured force a difference is too small to be noticed, so nothing is sent; each dot is a packet.",
-    sources: felt("", "N"), band: [2, 3], axis: unit(" N"),
+    sources: felt("", 0, "N"), band: [2, 3], axis: unit(" N"),
     range: (which) => (which === "norm" ? upward(1) : around(0.5)),
   },
   {
     name: "torque", title: "Torque", unit: "mN m", choices: NORM_XYZ, empty: CONTACT,
     help: "The torque about the tip of the tool: measured at the robot, and felt by the operator. It has a deadband and packets of its own.",
-    sources: felt("rotation_", "mN m", 1e3), band: [2, 3], axis: unit(""),
+    sources: felt(SECOND, 3, "mN m", 1e3), band: [2, 3], axis: unit(""),
     range: (which) => (which === "norm" ? upward(20) : around(10)),
   },
   {
     name: "joint-torque", title: "Torque", unit: "N m", ofAxes: true, empty: "needs the follower",
     help: "Torque of the environment on an axis of the follower, and torque displayed by that axis of the leader. Within the green deadband around the measured torque a difference is not sent; each dot is a packet, which carries all joints.",
     sources: (axis, axes) =>
-      deadband(column(`joint_raw_${axis}`), column(`joint_bound_${axis}`), column(`joint_output_${axis}`), joint(axis, axes), "N m"),
+      deadband(column(`raw_${axis}`), column(`bound_${axis}`), column(`output_${axis}`), joint(axis, axes), "N m"),
     band: [2, 3], range: () => padded(0.02), axis: unit(""),
   },
   {
@@ -112,20 +115,20 @@ export const PANELS = [
   {
     name: "position", title: "Position", unit: "mm", choices: ["x", "y", "z"], choice: "z", empty: EMPTY,
     help: "Position of the operator's hand, and commanded position of the robot. Each stroke at the bottom is a packet.",
-    sources: moved("", "position", "robot", "mm", 1e3), range: () => padded(5), axis: unit(" mm"),
+    sources: moved("", 0, "robot", "mm", 1e3), range: () => padded(5), axis: unit(" mm"),
   },
   {
     name: "orientation", title: "Orientation", unit: "°", choices: NORM_XYZ, empty: EMPTY,
     help: "Orientation of hand and tool, as a rotation vector from level. Each stroke at the bottom is a packet of the rotation.",
-    sources: moved("rotation_", "rotation_raw", "tool", "°", DEGREES), axis: unit("°"),
+    sources: moved(SECOND, 3, "tool", "°", DEGREES), axis: unit("°"),
     range: (which) => (which === "norm" ? upward(10) : padded(5)),
   },
   {
     name: "joint-angle", title: "Angle", unit: "°", ofAxes: true, empty: EMPTY,
     help: "Angle of an axis of the leader, in the frame of the follower, and of the follower. Each stroke at the bottom is a packet, which carries all joints.",
     sources: (axis, axes) => [
-      { ring: "slave", series: [wide("follower", column(`joint_position_${axis}`, DEGREES), "°", 1)] },
-      { ring: "master", series: [line("leader", "master", column(`joint_position_${axis}`, DEGREES), "°", 1), strokes(joint(axis, axes))] },
+      { ring: "slave", series: [wide("follower", column(`position_${axis}`, DEGREES), "°", 1)] },
+      { ring: "master", series: [line("leader", "master", column(`position_${axis}`, DEGREES), "°", 1), strokes(joint(axis, axes))] },
     ],
     range: () => padded(5), axis: unit("°"),
   },

@@ -1,8 +1,5 @@
 // The newest rows of a stream, in typed arrays; column `t` ascends.
 
-const AXES = ["x", "y", "z"];
-const OF_AN_ARM = "joint_"; // begins the names of vectors with a number for each axis of an arm
-
 export class Ring {
   // `capacity` rows are kept; storage is twice that, so that they always lie in one piece, from `begin` to `end`.
   constructor(capacity) {
@@ -27,7 +24,7 @@ export class Ring {
     return this.empty ? Infinity : this.columns.t[this.begin];
   }
 
-  // Appends rows: a vector is a column for each of its axes, `null` is not-a-number. Rows no newer than the newest are left out.
+  // Appends rows: a vector is a column for each of its axes, with their number, `null` is not-a-number. Rows no newer than the newest are left out.
   push(t, columns) {
     let first = 0;
     while (first < t.length && t[first] <= this.newest) first += 1;
@@ -38,8 +35,7 @@ export class Ring {
     if (this.end + count > 2 * this.capacity) this.#compact(count);
     this.#write("t", t, first, last);
     for (const [name, values] of Object.entries(columns)) {
-      const numbered = name.startsWith(OF_AN_ARM);
-      if (Array.isArray(values[0])) values.forEach((axis, k) => this.#write(`${name}_${numbered ? k : AXES[k]}`, axis, first, last));
+      if (Array.isArray(values[0])) values.forEach((axis, k) => this.#write(`${name}_${k}`, axis, first, last));
       else this.#write(name, values, first, last);
     }
     this.end += count;

@@ -94,7 +94,7 @@ export class View {
       ball.visible = at !== null;
       if (at) ball.position.set(...at);
     }
-    this.#turn(robot, this.store.rotates ? point(slave, to, "rotation_output", 1) : null);
+    this.#turn(robot, this.store.rotates ? point(slave, to, "output", 1, 3) : null);
     this.#force(hand ?? robot, hand ? point(master, to, "output", 1) : point(slave, to, "raw", 1));
     this.#belief(main, to, hand ?? robot);
     this.spring.visible = this.target.visible = hand !== null && this.aim !== null;
@@ -239,8 +239,8 @@ function software(gl) {
 }
 
 // A vector of a ring at a time, scaled; null while unknown.
-function point(ring, to, name, scale = MM) {
-  const found = ["x", "y", "z"].map((axis) => scale * ring.value(`${name}_${axis}`, to));
+function point(ring, to, name, scale = MM, first = 0) {
+  const found = [0, 1, 2].map((axis) => scale * ring.value(`${name}_${first + axis}`, to));
   return found.every(Number.isFinite) ? found : null;
 }
 
@@ -253,7 +253,7 @@ function stretch(rod, from, way) {
 
 // Fills an actor with the rows of the last seconds, of those that are wanted, or every n-th one if there are too many.
 function trail(actor, ring, name, to, colour, wanted = null) {
-  const { t, [`${name}_x`]: x, [`${name}_y`]: y, [`${name}_z`]: z } = ring.columns;
+  const { t, [`${name}_0`]: x, [`${name}_1`]: y, [`${name}_2`]: z } = ring.columns;
   const { position, color } = actor.geometry.attributes;
   const [begin, end] = [ring.at(to - TRAIL_S), Math.min(ring.end, ring.at(to) + 1)];
   const step = wanted ? 1 : Math.max(1, Math.ceil((end - begin) / TRAIL_POINTS));

@@ -129,7 +129,7 @@ export class Store {
     const { t } = ring.columns;
     if (!COUNTED.every((name) => ring.has(name))) return;
     const { updates_sent: updates, datagrams_sent: datagrams, lateness_us: late, work_us: work } = ring.columns;
-    const { gripper_updates_sent: gripper } = ring.columns;
+    const { second_updates_sent: gripper } = ring.columns;
     let time = Math.max(rates.newest + RATE_STEP_S, ring.oldest + RATE_STEP_S);
     for (; time <= ring.newest; time += RATE_STEP_S) {
       const end = Math.min(ring.at(time), ring.end - 1);
