@@ -15,8 +15,6 @@ from weberlink.testing.serving import PtyDevice
 
 
 class Echo(Answering):
-    """Sends back what it hears, in upper case."""
-
     def __init__(self) -> None:
         super().__init__()
         self.heard: list[bytes] = []

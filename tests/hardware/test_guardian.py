@@ -111,8 +111,6 @@ def guarded(guardian: Guardian) -> Iterator[Wire]:
 
 @dataclass
 class Service:
-    """`weberlink guardian` at work."""
-
     process: subprocess.Popen[str]
     folder: Path
 
@@ -122,7 +120,6 @@ class Service:
 
     @property
     def leases(self) -> list[Path]:
-        """The memories of the devices that it guards."""
         return sorted(self.folder.glob("*.lease"))
 
 
@@ -150,7 +147,6 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
 
 @pytest.fixture(params=["its own", "the service"])
 def guardian_of_the_host(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, service: Service) -> str:
-    """Which guardian sessions find."""
     monkeypatch.setenv("WEBERLINK_GUARDIAN", str(service.socket) if request.param == "the service" else "")
     return str(request.param)
 
@@ -299,7 +295,6 @@ def test_blocked_device_still_gets_the_zero(wire: Wire) -> None:
 
 @contextmanager
 def pushing(prefix: tuple[str, ...] = ()) -> Iterator[tuple[subprocess.Popen[str], int]]:
-    """A process of its own that pushes, and the device's end of its wire."""
     near, far = os.openpty()
     tty.setraw(far)
     command = (*prefix, sys.executable, "-m", pushing_client.__name__, os.ttyname(far))

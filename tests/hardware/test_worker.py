@@ -90,7 +90,6 @@ class Rig:
         until(lambda: self._inside or is_over(), "an exchange or the end", pause=1e-4)
 
     def push(self) -> None:
-        """To the full force."""
         while self.step(1.0, PUSH) != PUSH:
             pass
 

@@ -91,7 +91,6 @@ class Side:
             self.send(world, tick)
 
     def refusal(self) -> str:
-        """The message of its only refusal."""
         (refused,) = self.of(Refused)
         return refused.message
 
@@ -126,7 +125,6 @@ def local_end(role: Role = Role.INITIATOR, *, seed: int = 0, **changes: object) 
 
 
 def make_endpoint(role: Role, *, seed: int = 0, **changes: object) -> Endpoint:
-    """An endpoint with plain values, except for `changes` of it or of its end."""
     own: dict[str, object] = {"peer": SLAVE if role is Role.INITIATOR else None}
     own |= {name: changes.pop(name) for name in ("peer", "take_over", "stamp", "asks") if name in changes}
     return Endpoint(local_end(role, seed=seed, **changes), **own)  # type: ignore[arg-type]
@@ -149,8 +147,6 @@ Tick = Callable[["Pair", float, int], None]
 
 
 class Pair:
-    """A master and a slave, a link each way, and the time of the world."""
-
     def __init__(
         self,
         *,
@@ -209,7 +205,6 @@ class Pair:
         return self
 
     def join(self, address: Address = OTHER, **changes: object) -> Side:
-        """Another end, which calls the same slave."""
         other = make_endpoint(Role.INITIATOR, **{"seed": 77, **changes})  # type: ignore[arg-type]
         other.connect(self.now)
         self.guests.append(Side(other, address))
@@ -265,11 +260,9 @@ class Pair:
         return max(self.now, min([tick, *times]))
 
     def deliver(self, to: Side, data: bytes, source: Address) -> None:
-        """Let a datagram arrive now."""
         to.endpoint.receive_datagram(data, source, to.local(self.now))
 
     def flush(self, side: Side) -> None:
-        """Send what an end has ready."""
         link = self.backward if side is self.slave else self.forward
         for data, target in side.endpoint.datagrams_to_send():
             self.tap.append((self.now, side, data))
@@ -295,7 +288,6 @@ ENGAGED = [State.ENGAGED] * 2
 
 
 def both(**changes: object) -> dict[str, dict[str, object]]:
-    """Arguments of a pair whose ends have the same changes."""
     return {"master": changes, "slave": changes}
 
 
@@ -314,7 +306,6 @@ def sent(pair: Pair, kind: Kind, side: Side | None = None) -> list[bytes]:
 
 
 def dropped(endpoint: Endpoint, data: bytes, source: Address, now: float = 0.2) -> list[DropReason]:
-    """Why an end drops a datagram."""
     before = endpoint.statistics.dropped.copy()
     endpoint.receive_datagram(data, source, now)
     return list((endpoint.statistics.dropped - before).elements())

@@ -124,7 +124,6 @@ class World(Pair):
                     self.send(side, stream)
 
     def send(self, side: Side, stream: int) -> bool:
-        """A new update, unlike any other."""
         self.count += 1
         levels = (self.count % 30_000, self.count // 30_000, -(self.count % 7))
         previous = PreviousSample(1 + self.count % 9, (levels[0] - 5, levels[1], 7)) if self.count % 3 else None
@@ -216,7 +215,6 @@ class World(Pair):
             assert self.now - sent[number][0] <= 2.0 * (SILENCE + self.limit(to)) + 0.02
 
     def limit(self, side: Side) -> float:
-        """The largest round trip that an end uses [s]."""
         return max(each.endpoint.liveness.round_trip for each in (side, *self.sides))
 
     def check(self) -> None:
@@ -251,7 +249,6 @@ class World(Pair):
         assert all(current), "an update that was held back counts as missing"
 
     def go(self, duration: float) -> None:
-        """Advance, and compare every few ticks."""
         ends_at = self.now + duration
         while self.now < ends_at - 1e-9:
             self.run(min(0.005, ends_at - self.now))
@@ -304,7 +301,6 @@ class Endpoints(RuleBasedStateMachine):
         self.world.go(0.1 + 4.0 * delay)
 
     def new(self, role: Role, **changes: object) -> Endpoint:
-        """Another run of an end, which begins now."""
         self.runs += 1
         side = self.world.of(role)
         made = make_endpoint(role, seed=self.runs, **{**self.kinds, "epoch": side.offset, **changes})
@@ -430,7 +426,6 @@ class Endpoints(RuleBasedStateMachine):
 
     @rule()
     def roam(self) -> None:
-        """The master goes on from another address."""
         host, port = self.world.master.address
         self.world.master.address = (host, port + 1)
         self.world.go(0.05)
@@ -505,7 +500,6 @@ class Endpoints(RuleBasedStateMachine):
         assert world.master.endpoint.liveness.round_trip == world.slave.endpoint.liveness.round_trip
 
     def is_shared(self) -> bool:
-        """Whether both are in one session."""
         master, slave = self.world.sides
         is_engaged = master.endpoint.state is slave.endpoint.state is State.ENGAGED
         return is_engaged and self.world.partners.get(key_of(master)) == key_of(slave)

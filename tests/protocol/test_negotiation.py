@@ -27,7 +27,6 @@ BODY = b'{"weber":0.2}'
 
 
 def propose(pair: Pair, body: bytes = BODY, ahead: int = 500) -> int:
-    """The master proposes a change; returns its tick."""
     tick = pair.ticks + ahead
     assert pair.master.endpoint.propose_change(pair.master.local(pair.now), tick, body)
     return tick

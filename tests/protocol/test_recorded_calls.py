@@ -35,7 +35,6 @@ def recorded(count: int, *, name: str = "master", first: int = 1, step: int = 1)
 
 
 def forged(count: int) -> list[bytes]:
-    """HELLOs of a sender without the key."""
     random = Random(4)
     header = HELLO_HEADER.pack(Kind.HELLO, PROTOCOL_VERSION, bytes(8), 2**60)
     return [header + random.randbytes(494) for _ in range(count)]
@@ -46,8 +45,6 @@ def answers(slave: Endpoint) -> int:
 
 
 class CountingSuite(Checksum):
-    """Counts what was opened."""
-
     opened = 0
 
     def hear(self, prologue: bytes, message: bytes):  # type: ignore[no-untyped-def]

@@ -29,14 +29,12 @@ def pair_of(right: Right, asks: Right, **link: object) -> Pair:
 
 
 def driven() -> Pair:
-    """A robot that is driven with the key for it."""
     pair = pair_of(Right.DRIVE, Right.DRIVE).run(0.2)
     assert states(pair) == ENGAGED
     return pair
 
 
 def close_when_asked(pair: Pair, _now: float, _tick: int) -> None:
-    """What the owner of the robot's end does."""
     slave = pair.slave
     if slave.of(StopAsked) and slave.endpoint.state is not State.CLOSED:
         slave.endpoint.close(slave.local(pair.now), "stopped")

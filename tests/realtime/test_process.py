@@ -72,7 +72,6 @@ def python(code, *arguments):
 
 
 def told(code, *arguments):
-    """What a process prints as JSON."""
     with python(code, *arguments) as child:
         return json.loads(child.communicate(timeout=20)[0])
 

@@ -68,7 +68,6 @@ class ObservedLink(EmulatedLink[Any]):
 
 
 def observed(loaded: Configuration, forward: ObservedLink, backward: ObservedLink) -> Simulation:
-    """Both sides of a configuration with these links between them."""
     built = build_simulation(loaded)
     forward.executed = lambda: sum(built.slave.endpoint.statistics.updates_received)
     backward.executed = lambda: sum(built.master.endpoint.statistics.updates_received)

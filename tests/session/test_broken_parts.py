@@ -138,7 +138,6 @@ def test_driver_that_raises_in_virtual_time_is_the_verdict(part: str, where: str
 
 @pytest.mark.realtime
 def test_driver_that_raises_in_a_session_is_the_verdict_and_its_trace_is_logged(folder: Path) -> None:
-    """The trace comes from another process."""
     at, name, text = FAULTS["robot"]
     log = folder / "session.log"
     overrides = sets(f"{at}={{driver: {name}, where: command}}", KEYED)

@@ -47,7 +47,6 @@ class Unchanging:
 
 @contextmanager
 def daemon(ring: Path, link: LiveLink | None = None, listener: socket.socket | None = None) -> Iterator[Unchanging]:
-    """A control socket in a thread, as that of a daemon."""
     side = Unchanging()
     control = ControlSocket(listener or listening_socket(path_beside(ring)), cast(Any, side), link, ORDERED_AT)
     try:

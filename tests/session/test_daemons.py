@@ -38,7 +38,6 @@ slave:
 
 @pytest.fixture(scope="module")
 def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with two keys."""
     folder = tmp_path_factory.mktemp("keys")
     for name in (RIGHT, WRONG):
         assert CliRunner().invoke(app, ["keygen", str(folder / name)]).exit_code == 0

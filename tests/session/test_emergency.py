@@ -33,7 +33,6 @@ def ring_of(folder: Path, session: str, side: str = "master") -> Path:
 
 @contextmanager
 def stopping(folder: Path, name: str | None = None, at: float = ORDERED_AT) -> Iterator[EmergencyStop]:
-    """A stop of the sessions of a folder."""
     stop = EmergencyStop(Scope(str(folder)), name, at)
     yield stop
     stop.close()

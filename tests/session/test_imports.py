@@ -82,7 +82,6 @@ def modules(key: Path) -> dict[tuple[str, str], frozenset[str]]:
 
 
 def expected(name: str, side: str, key: Path) -> dict[str, bool]:
-    """Which optional modules this side of this file needs."""
     loaded = load(CONFIGS / name, [f"link.key_file={key}"])
     system, master, slave = loaded.system, side == "master", side == "slave"
     scheme, turns = system.control.scheme, system.codec.rotation is not None
@@ -163,7 +162,6 @@ IMPORT = dedent("""
 
 
 def modules_of_the_kernel() -> list[str]:
-    """All modules of the kernel, without programs."""
     root = Path(weberlink.__file__).parent
     found = []
     for folder in (root, *(path for path in root.iterdir() if path.is_dir())):

@@ -49,7 +49,6 @@ def sets(*overrides: str) -> list[str]:
 
 
 def sizes(records: Records) -> Any:
-    """Of the forces that are displayed [N]."""
     return np.linalg.norm(records["output"], axis=1)
 
 
@@ -63,8 +62,6 @@ def assert_nothing_left(program: Program, daemons: list[int]) -> None:
 
 @dataclass
 class Session:
-    """What was seen of the session while it ran, and what it left."""
-
     folder: Path
     key: dict[str, Any] = field(default_factory=dict)
     described: dict[str, Any] = field(default_factory=dict)

@@ -228,8 +228,6 @@ def test_stall_of_the_slave_restarts_from_the_measured_position() -> None:
 
 
 class UpdatesLost(EmulatedLink[Address]):
-    """Heartbeats pass, and nothing longer does for a while."""
-
     def send(self, data: bytes, tag: Address, now: float) -> None:
         if len(data) <= HEARTBEAT_BYTES or not 1.45 <= now < 1.67:
             super().send(data, tag, now)

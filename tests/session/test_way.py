@@ -23,7 +23,6 @@ Call = tuple[str, list[str]]  # a function, and the modules of its callers up to
 
 
 def told() -> list[str]:
-    """The functions of the table."""
     text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| (\d+) \| `([\w.]+)` \|", text, re.MULTILINE)
     assert [int(number) for number, _ in rows] == list(range(1, len(rows) + 1))

@@ -64,8 +64,6 @@ async def test_a_queue_that_has_paused_goes_on() -> None:
 
 
 class Counting(socket.socket):
-    """Counts reads by their kind."""
-
     def __init__(self) -> None:
         super().__init__(socket.AF_INET, socket.SOCK_DGRAM)
         self.bind(("127.0.0.1", 0))
