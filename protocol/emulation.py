@@ -70,7 +70,6 @@ class EmulatedLink(Generic[T]):
         self._in_burst = self._in_burst and emulation.loss > 0.0
 
     def send(self, data: bytes, tag: T, now: float) -> None:
-        """Put a datagram on the link."""
         if self._is_lost() or self._is_blacked_out(now):
             return
         due = self._due(len(data), now)

@@ -436,7 +436,6 @@ class Endpoint:
         self._on_authentic(session, outcome, address, now)
 
     def _on_authentic(self, session: Session, outcome: Outcome, address: Address, now: float) -> None:
-        """Do what an authentic datagram of the present session leads to."""
         self._dialer.confirm()
         session.measure()
         check = self._address

@@ -344,7 +344,6 @@ class Dialer:
         return session
 
     def _on_told(self, body: dict[str, object]) -> Told | DropReason | None:
-        """The answer to a call that does not ask to drive."""
         told, epoch = body.get("told"), body.get("epoch")
         if isinstance(told, dict) and all(isinstance(value, str | int | float) for value in told.values()):
             return Told({str(key): value for key, value in told.items()})
@@ -404,7 +403,6 @@ class Listener:
         self.settle()
 
     def settle(self) -> None:
-        """Discard all pending sessions."""
         for master in self._masters.values():
             master.pending.clear()
 

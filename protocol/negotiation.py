@@ -58,7 +58,6 @@ class Negotiation:
 
     @property
     def is_proposing(self) -> bool:
-        """Whether a proposal of ours waits for its answer."""
         return self._proposal is not None
 
     def propose(self, tick: int, body: bytes, now: float) -> None:
@@ -81,7 +80,6 @@ class Negotiation:
         self.due = -inf
 
     def take(self, now: float, rtt: float) -> Message | None:
-        """The message that is due."""
         if self.due == -inf:
             self.due = self._repeat_at
             return self._answer
@@ -180,7 +178,6 @@ class RoundTripAgreement(Negotiation):
         self.answer(proposed, None)
 
     def take_answer(self, number: int, body: bytes, now: float) -> None:
-        """Take an answer to our proposal."""
         answer = self.on_answer(number, body)
         if answer is not None and answer.refusal is None:
             self.switch_at = max(now, self._switches_at)

@@ -90,7 +90,6 @@ class Allowance:
         return max(0, int(self._tokens))
 
     def pay(self, now: float) -> None:
-        """An early repeat is sent."""
         self.left(now)
         self._tokens -= 1.0
 
@@ -218,7 +217,6 @@ class OutgoingStream:
         return True
 
     def _hold(self, number: int) -> None:
-        """The peer holds the update of the datagram of this number."""
         unheld, is_newest = self._unheld, number >= self._begun
         while unheld and (is_newest or unheld[0][1] <= number):
             unheld.popleft()

@@ -122,7 +122,6 @@ class Session:
         return None if content is None else (sequence, data[0], content)
 
     def accept(self, opened: Opened, now: float) -> Outcome:  # noqa: C901, PLR0911, PLR0912 - each reason to drop
-        """Take an authentic datagram, whatever it says."""
         sequence, first, said = opened
         newest = self._replay.newest
         self.sequence, self.is_fresh, self.is_newest = sequence, False, sequence > newest

@@ -134,7 +134,6 @@ class Path:
             self._bound.sendto(data, name)
 
     def facts(self, note: str = "") -> LinkPath:
-        """The path in words."""
         remote = "" if self.remote is None else numeric(self.remote)
         return self._facts._replace(remote=remote, changes=self.changes, note=note, dscp=self._dscp)
 
@@ -220,7 +219,6 @@ class Paths:
             self.tell()
 
     def send(self, data: bytes, address: Address) -> None:
-        """Send a datagram."""
         for path in self.all:
             path.send_to(data, self._numeric or address)
 

@@ -21,8 +21,6 @@ class UsbId(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PluggedDevice:
-    """A device that is plugged in."""
-
     path: str  # to open, for example /dev/ttyACM0
     name: str = ""  # of the product; empty if it has none
     serial_number: str = ""
@@ -92,7 +90,6 @@ def only(found: Sequence[PluggedDevice], what: str, option: str) -> PluggedDevic
 
 
 def permission_advice(path: str) -> str:
-    """Advice when this user may not open a device."""
     return (
         f"no permission to open {path}; install the shipped rules with: weberlink device rules, "
         "then unplug it and plug it in again"

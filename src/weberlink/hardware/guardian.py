@@ -147,7 +147,6 @@ class Guardian:
             self._memory = None
 
     def _check_heard(self) -> None:
-        """Raise HardwareFault if the guardian is dead or silent."""
         if (silent := self._silent(monotonic())) > SILENT_S:
             raise HardwareFault(
                 f"its guardian process {self.pid} has not run for {silent * 1e3:.0f} ms, and its board has no watchdog"

@@ -137,7 +137,6 @@ def attend(connection: socket, apart: bool, folder: str | None = None) -> None:
 
 
 def put_message(memory: memoryview, message: bytes) -> None:
-    """Set what the guardian is to write."""
     words = memory.cast("q")
     slot = 1 - words[SLOT]
     at = WORDS_SIZE + slot * SLOT_SIZE

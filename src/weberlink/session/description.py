@@ -31,8 +31,6 @@ RANGE = ("lower_rad", "upper_rad")
 
 @dataclass(frozen=True)
 class DaemonOrder(Order):
-    """What a daemon runs."""
-
     side: str  # one of `SIDES`
     file: str
     overrides: tuple[str, ...]  # as of `--set`
@@ -80,8 +78,6 @@ def describe(configuration: Configuration, side: str, name: str = "", port: Port
 
 
 class Description:
-    """The file of one daemon."""
-
     def __init__(self, ring: str | Path, described: dict[str, Any]) -> None:
         self._path = path_beside(ring)
         self._text = json.dumps(described)

@@ -114,7 +114,6 @@ def gaps(records: Records, period: float) -> list[Gap]:
 
 
 def missed_by_host(gap: Gap, stalls: Collection[WakeUp], period: float) -> int:
-    """How many ticks of a gap are the host's."""
     deadlines = gap.first + period * np.arange(gap.ticks)
     of_host = np.zeros(gap.ticks, dtype=bool)
     for stall in stalls:
@@ -175,7 +174,6 @@ class HostWatch:
         }
 
     def stop(self) -> None:
-        """End the process; may be repeated."""
         process, self._process = self._process, None
         if process is not None:
             self._read(process)

@@ -58,8 +58,6 @@ STOP_LIMIT_S = 15.0  # time from a request to stop to a kill: a robot may be mov
 
 
 class Daemon:
-    """One child process and its ring."""
-
     def __init__(self, order: DaemonOrder, waiting: WaitingDaemon) -> None:
         self.side = order.side
         self._reader: RingReader | None = None
@@ -84,7 +82,6 @@ class Daemon:
         return 0.0 if reader is None else reader.started_wall_s - reader.started_monotonic_s
 
     def records(self) -> "Records":
-        """Records since the last call."""
         import numpy as np  # noqa: PLC0415 - see above
 
         from weberlink.telemetry.reader import DTYPE, RingReader  # noqa: PLC0415
@@ -221,7 +218,6 @@ class LiveRun:
 
     @cached_property
     def score(self) -> "SessionScore":
-        """Figures of the records so far."""
         from weberlink.figures.session import score_of  # noqa: PLC0415
 
         return score_of(self.configuration.system)

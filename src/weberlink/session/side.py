@@ -124,7 +124,6 @@ class Side:
 
     @property
     def faults(self) -> dict[str, int]:
-        """How often each fault occurred, by name."""
         return self._faults.counts
 
     @property
@@ -391,7 +390,6 @@ class Side:
         self._faults.clear(*(fault for fault in Fault if fault is not Fault.TRIPPED))
 
     def _forget(self) -> None:
-        """Drop all samples and models."""
         self._waiting.clear()
         for outgoing in self.outgoing:
             outgoing.encoder.reset()

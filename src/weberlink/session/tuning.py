@@ -99,7 +99,6 @@ class Tuning:
         return self._refusal(change) or (BUSY if self._proposes or self.agreed else None)
 
     def _refusal(self, change: Mapping[str, object]) -> str | None:
-        """What is wrong with the content of a change."""
         for name, value in change.items():
             if name not in LiveSettings._fields:
                 return f"unknown setting {name}; known are {', '.join(LiveSettings._fields)}"

@@ -106,11 +106,9 @@ class RingSource:
 
     @property
     def alive(self) -> bool:
-        """Whether its writer still writes."""
         return self._reader.alive
 
     def read(self) -> Records:
-        """The records since the last call."""
         if self.drained:
             return self._reader.read()[:0]
         alive = self._reader.alive  # before the read, which then takes all of it
@@ -135,7 +133,6 @@ class RingSource:
                 self.description = read_description(self.ring) or self.description
 
     def close(self) -> None:
-        """Release the ring."""
         self._reader.close()
 
 

@@ -102,8 +102,6 @@ def quaternions(rotation_rad: Array) -> Array:
 
 
 class Shown(NamedTuple):
-    """Messages of one topic."""
-
     topic: str
     type_name: str
     bodies: Rows  # one for each tick, without encapsulation header

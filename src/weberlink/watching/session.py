@@ -29,8 +29,6 @@ MOST_EVENTS = 500
 
 
 class SessionEvent(NamedTuple):
-    """One event."""
-
     at: float  # time since the session began [s]
     wall: float  # the same moment on the wall clock [s since 1970]
     level: str  # of `weberlink.figures.wording`
@@ -108,7 +106,6 @@ class _WatchedSide:
 
     @property
     def fault(self) -> str | None:
-        """The fault that is active now, by name."""
         return None if self.last is None or not self.last["fault"] else name_of(Fault, self.last["fault"])
 
 
@@ -138,7 +135,6 @@ class WatchedSession:
         self.admit(first)
 
     def admit(self, source: RingSource) -> None:
-        """Add a side."""
         sides = self._sides | {source.side: _WatchedSide(source)}
         self._sides = dict(sorted(sides.items()))
 
@@ -162,7 +158,6 @@ class WatchedSession:
 
     @property
     def ring(self) -> Path:
-        """The ring of one of its daemons."""
         return next(iter(self.sources.values())).ring
 
     @property
@@ -181,7 +176,6 @@ class WatchedSession:
 
     @property
     def faults_now(self) -> dict[str, str | None]:
-        """The fault that is active now, by side."""
         return {name: side.fault for name, side in self._sides.items()}
 
     @property
@@ -209,7 +203,6 @@ class WatchedSession:
             side.source.close()
 
     def look(self) -> News:
-        """Read new records."""
         empty = np.empty(0, DTYPE)
         read = {name: side.read() for name, side in self._sides.items()}
         for name, records in read.items():

@@ -49,7 +49,6 @@ def operator_port(
     endpoint: Endpoint,
     fault: type[Exception] = DeviceFault,
 ) -> OperatorPort:
-    """The port of a device or a leader, with its gate."""
     silence, ramp, engage = system.link.silence_ms * 1e-3, system.master.limits.ramp_ms * 1e-3, system.master.engage
     gate = OutputGate(bounds, ramp=ramp, silence=silence, fade_share=FADE_SHARE)
     button = None if engage is None else engage.button
