@@ -113,8 +113,6 @@ class RobotPort(Port):
             return False
         self.guard.trip(self.felt, self.where)
         self.tripped = True
-        if self.tool is not None:
-            self.tool.release()
         return True
 
     def settle(self, now: float) -> None:

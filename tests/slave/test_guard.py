@@ -406,7 +406,7 @@ def test_each_part_presses_with_no_more_than_its_limit_and_ticks_that_it_bounds_
     assert guarded.near((0.5, 0.0, 0.0)) == pytest.approx((0.4, 0.04, -0.1))
     for torque, ticks in ((0.0, 0), (1.5, 1), (1.5, 2), (0.0, 3)):
         guarded.follow((-0.4, 0.04, -1.0), (0.0, 0.04, -1.0), (torque, 0.0, 0.0), TICK)
-        assert guarded.contact_ticks == ticks
+        assert (guarded.contact_ticks, guarded.touches) == (ticks, torque > 0.0)
 
 
 @pytest.mark.parametrize(("lower", "upper"), [((1.0, 0.0, 0.0), (0.0,) * 3), ((nan, 0.0, 0.0), (1.0,) * 3)])

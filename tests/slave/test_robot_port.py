@@ -146,15 +146,16 @@ def test_after_any_interruption_the_robot_holds_and_the_next_command_is_approach
     following = FollowingTip().there((0.01, 0.0, 0.0))
     port = following.port
     assert following.tick((0.0105, 0.0, 0.0)) == (0.0105, 0.0, 0.0), "it follows without delay"
+    led = ((0.09, 0.0, 0.0), (0.0, 0.0, 1.0)) if interruption == "idle" else (None, None)
     if interruption in ("lose", "idle"):
-        following.tick(None, None, engaged=interruption == "lose")
+        following.tick(*led, engaged=interruption == "lose")
     else:
         {"release": lambda: port.release(retreat=True), "reset": port.reset, "settle": lambda: port.settle(0.0)}[
             interruption
         ]()
         assert (port.shown(UP) == ZERO) == (interruption != "release"), "the beginning of a session shows nothing"
     for _ in range(ticks):
-        assert following.tick(None, None, engaged=interruption != "idle") == (0.0105, 0.0, 0.0)
+        assert following.tick(*led, engaged=interruption != "idle") == (0.0105, 0.0, 0.0)
     assert ticks == 0 or port.shown(UP) == ZERO
     assert following.tick((0.09, 0.0, 0.0), (0.0, 0.0, 1.0))[0] == pytest.approx(0.0105 + APPROACH * TICK)
     assert angle_between(IDENTITY, following.robot.turns[-1]) == pytest.approx(TURN_APPROACH * TICK)
@@ -204,6 +205,8 @@ def test_a_force_above_the_limit_trips_once_and_hand_and_tool_hold() -> None:
     assert (following.trips, following.port.follows, following.port.tripped) == (1, False, True)
     assert following.port.applied == pytest.approx((0.0, 0.0, TRIP_RETRACT), abs=1e-6)
     assert following.robot.turns[-1] == turned
+    following.tick((0.0, 0.0, 2.0 * TRIP_RETRACT))
+    assert following.port.tripped, "led out, but the contact is still too strong"
     following.robot.force = ZERO
     following.tick((0.0, 0.0, -0.05))
     assert not following.port.follows, "not led out yet"
