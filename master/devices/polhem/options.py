@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from weberlink.master.devices.force_device import ForceOptions, PortOptions
 from weberlink.master.devices.polhem.mechanism import Wiring
 from weberlink.master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Board, MechanismParameters
-from weberlink.master.devices.polhem.protocol import CURRENT_LIMIT_MA, LONG, MODELS
+from weberlink.master.devices.polhem.protocol import CURRENT_LIMIT_MA, LONG, NUMBERS
 
 Sign = Literal[-1, 1]
 Signs = tuple[Sign, Sign, Sign]
@@ -135,8 +135,7 @@ class PolhemSerialOptions(PolhemOptions):
         """With `auto`, those of the model that answered, WoodenHaptics before, and without the gimbal: the spec could
         not promise an orientation.
         """
-        numbers = {name: number for number, name in MODELS.items()}
-        number = numbers.get(model or self.model, numbers["woodenhaptics"])
+        number = NUMBERS.get(model or self.model, NUMBERS["woodenhaptics"])
         parameters = self.wire(self.parameters or MODEL_SETS[number], "serial")
         return parameters if self.is_named else parameters.without_gimbal()
 

@@ -130,6 +130,7 @@ class Unwrapper:
 CURRENT_LIMIT_MA = 6000  # beyond this the firmware gives a motor no current at all
 LEAST_WRITE = 16  # messages are padded with NUL to this length: shorter writes are slower, according to the maker
 MODELS = {1: "polhem", 2: "vintage_phantom", 3: "woodenhaptics"}
+NUMBERS = {name: number for number, name in MODELS.items()}
 ERRORS = {
     1: "gimbal sensor 1 does not answer",
     2: "gimbal sensor 2 does not answer",

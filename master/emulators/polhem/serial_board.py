@@ -15,7 +15,7 @@ from weberlink.master.devices.polhem.options import Model
 from weberlink.master.devices.polhem.parameters import MODEL_SETS, Board
 from weberlink.master.devices.polhem.protocol import (
     CURRENT_LIMIT_MA,
-    MODELS,
+    NUMBERS,
     SERIAL_WATCHDOG_S,
     Counts6,
     Sensors,
@@ -26,7 +26,6 @@ from weberlink.master.emulators.polhem.board import FAULTS, BoardOptions, Curren
 BUFFER = 127
 FILLING = b"\n\r\0"  # bytes that are allowed around a message
 TRAILING, FULL, NO_BEGINNING, NOT_THREE, UNREADABLE = 8, 128, 256, 512, 1024
-NUMBERS = {name: number for number, name in MODELS.items()}
 NO_COUNTS: Counts6 = (0, 0, 0, 0, 0, 0)
 
 _THREE = re.compile(rb"\[\s*([+-]?\d+),\s*([+-]?\d+),\s*([+-]?\d+)")
