@@ -68,16 +68,6 @@ class Course:
     robot: list[float]
     credits: list[int]  # as known at the hand
 
-    @property
-    def generated_between_the_ports(self) -> float:
-        """The most energy that came out of hand and wall beyond what went in [J]; the robot steps, so by trapezoids."""
-        taken = least = 0.0
-        for tick in range(1, len(self.robot)):
-            mean = 0.5 * (self.wall_forces[tick] + self.wall_forces[tick - 1])
-            taken -= mean * (self.robot[tick] - self.robot[tick - 1])
-            least = min(least, self.given[tick + 1] - taken)
-        return -least
-
     def share_of_bound(self, account: AccountParameters) -> float:
         """The largest share of its bound that the energy out of the hand reached."""
         allowed, share, most = account.allowance, 0.0, 0.0

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.control.teleoperation import Hand, Link, Wall, operate
+from tests.control.teleoperation import Course, Hand, Link, Wall, operate
 from weberlink.control.contract import AccountParameters, SchemeParameters
 from weberlink.control.table import build_master_control, build_slave_control
 from weberlink_studies.baselines.tdpa import MOST_DAMPING, TdpaMaster, TdpaSlave
@@ -22,6 +22,16 @@ def test_a_damper_dissipates_what_was_not_paid_for() -> None:
     assert master.render((0.0, 0.0, 0.0)) == pytest.approx((0.0, 0.0, -MOST_DAMPING * 0.01))
 
 
+def generated(course: Course) -> float:
+    """The most energy that came out of hand and wall beyond what went in [J]; the robot steps, so by trapezoids."""
+    taken = least = 0.0
+    for tick in range(1, len(course.robot)):
+        mean = 0.5 * (course.wall_forces[tick] + course.wall_forces[tick - 1])
+        taken -= mean * (course.robot[tick] - course.robot[tick - 1])
+        least = min(least, course.given[tick + 1] - taken)
+    return -least
+
+
 @pytest.mark.parametrize("delay", [0.01, 0.05])
 def test_it_is_passive_on_a_delayed_wall_where_none_is_not(delay: float) -> None:
     """Both ports together, on a spring of 500 N/m."""
@@ -32,7 +42,6 @@ def test_it_is_passive_on_a_delayed_wall_where_none_is_not(delay: float) -> None
             (build_master_control("none", SETTINGS), build_slave_control("none", SETTINGS)),
         )
     ]
-    ours, none = (course.generated_between_the_ports for course in courses)
-    assert ours < 0.03
-    assert none > 0.5
+    assert generated(courses[0]) < 0.03
+    assert generated(courses[1]) > 0.5
     assert max(courses[0].wall_forces) > 1.0
