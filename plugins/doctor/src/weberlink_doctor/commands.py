@@ -43,7 +43,6 @@ def doctor(
 
     from weberlink.config import load  # noqa: PLC0415
     from weberlink_doctor.host.examination import advised, examine  # noqa: PLC0415
-    from weberlink_doctor.link.examination import examine as examine_link  # noqa: PLC0415
     from weberlink_doctor.report import Grade, Needs  # noqa: PLC0415
 
     overrides, sides = set_ or [], SIDES if side is None else (side,)
@@ -58,6 +57,8 @@ def doctor(
             found = examine(Needs(configuration.system, sides, file))
             found = replace(found, findings=[*found.findings, *advised(configuration)])
         else:
+            from weberlink_doctor.link.examination import examine as examine_link  # noqa: PLC0415
+
             found = examine_link(file, overrides, link, seconds)
     write(found.document, json_out, found.show)
     raise typer.Exit(FAILED if found.count(Grade.PROBLEM) else COMPLETED)
