@@ -158,6 +158,22 @@ class Telemetry:
             self._reader.close()
 
 
+def children(pid: int) -> dict[int, bytes]:
+    """The child processes of a process that live, and their command lines."""
+    found = {}
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(FileNotFoundError, ProcessLookupError):
+            state, parent = path.read_text(errors="replace").rpartition(")")[2].split()[:2]
+            if int(parent) == pid and state not in "ZX":
+                found[int(path.parent.name)] = (path.parent / "cmdline").read_bytes()
+    return found
+
+
+def child(pid: int, word: str) -> int | None:
+    """The child process of a process with a word in its command line; None if there is none."""
+    return next((each for each, line in children(pid).items() if word.encode() in line), None)
+
+
 class Program:
     """A command as a process of its own, which is dead at the end of the `with`, and its daemons with it.
 
@@ -227,13 +243,7 @@ class Program:
 
     def children(self) -> dict[int, bytes]:
         """Its child processes that live, and their command lines."""
-        found = {}
-        for path in Path("/proc").glob("[0-9]*/stat"):
-            with suppress(FileNotFoundError, ProcessLookupError):
-                state, parent = path.read_text(errors="replace").rpartition(")")[2].split()[:2]
-                if int(parent) == self.pid and state not in "ZX":
-                    found[int(path.parent.name)] = (path.parent / "cmdline").read_bytes()
-        return found
+        return children(self.pid)
 
     def daemons(self) -> list[int]:
         """Its child processes, without the one that watches the host."""

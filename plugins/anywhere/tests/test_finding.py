@@ -3,14 +3,13 @@
 import json
 import os
 import signal
-from contextlib import suppress
 from pathlib import Path
 from typing import Literal
 
 import pytest
 
 from plugins.anywhere.tests import FILE
-from tests.program import Program, document, weberlink
+from tests.program import Program, child, document, weberlink
 from tests.test_child_process import executed
 from tests.wait import until
 from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError, load
@@ -119,12 +118,9 @@ def test_description_names_paths_and_no_secrets(store: PeerStore, tmp_path: Path
 
 def end_finder(program: Program) -> bool:
     """Kill the process that finds paths; whether it is gone, or the program has ended."""
-    for path in Path("/proc").glob("[0-9]*/cmdline"):
-        with suppress(FileNotFoundError, ProcessLookupError):
-            parent = int((path.parent / "stat").read_text(errors="replace").rpartition(")")[2].split()[1])
-            if b"weberlink_anywhere.finder" in path.read_bytes() and parent in program.daemons():
-                os.kill(int(path.parent.name), signal.SIGKILL)
-                return True
+    for finder in filter(None, (child(daemon, "weberlink_anywhere.finder") for daemon in program.daemons())):
+        os.kill(finder, signal.SIGKILL)
+        return True
     return not program.children()
 
 

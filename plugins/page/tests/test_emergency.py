@@ -21,12 +21,13 @@ import numpy as np
 
 from plugins.page.tests.monitors import Monitor
 from plugins.page.tests.test_web import served
+from tests.program import child
 from tests.wait import PATIENCE, in_loop, soon
 from tests.watching.sources import daemons
 from weberlink.telemetry.runtime_directory import directory
 from weberlink_page.front import EMERGENCY, MOST_SILENT, PROOF_HEADER
 
-PAGES, IDLE = 4, 1200
+PAGES, IDLE, FRONT = 4, 1200, "weberlink_page.front"
 NAME = str(2**22 + os.getpid())  # of a session that nobody else on this host has
 FLOOD = f"""
 import asyncio, contextlib, resource, socket, sys, aiohttp
@@ -126,11 +127,11 @@ async def test_the_front_is_started_again_and_its_arguments_tell_no_token(tmp_pa
         said: list[str] = []
         async with served(tmp_path, said) as (where, watch):
             for _ in range(2):
-                front = await soon(lambda: front_of(os.getpid()), "the front")
+                front = await soon(lambda: child(os.getpid(), FRONT), "the front")
                 assert watch.requests.token not in Path(f"/proc/{front}/cmdline").read_text()
                 await asyncio.to_thread(stop, where, watch.requests.token)
                 os.kill(front, SIGKILL)
-                await soon(lambda front=front: front_of(os.getpid()) not in (None, front), "another front")
+                await soon(lambda front=front: child(os.getpid(), FRONT) not in (None, front), "another front")
             assert ["was killed by SIGKILL" in line for line in said] == [True, True]
         assert all(side.halted_at is not None for side in sides)
 
@@ -164,13 +165,6 @@ def test_requests_that_are_none_are_answered_and_write_nothing() -> None:
                 client.sendall(head + b"\r\n\r\n")
                 assert client.recv(100).startswith(b"HTTP/1.")
         assert monitor.said == before
-
-
-def front_of(pid: int) -> int | None:
-    for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
-        if b"weberlink_page.front" in Path(f"/proc/{child}/cmdline").read_bytes():
-            return int(child)
-    return None
 
 
 def test_stop_is_answered_within_100_ms_and_the_page_survives_a_crowd_and_a_flood() -> None:

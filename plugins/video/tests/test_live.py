@@ -17,7 +17,7 @@ import pytest
 from PIL import Image
 
 from plugins.video.tests.test_jpeg import claims, jpeg
-from tests.program import Program, document, faults_of, free_port
+from tests.program import Program, child, document, faults_of, free_port
 from tests.wait import until
 from weberlink.protocol.keys import Right, generate
 from weberlink.session.control_socket import control_sockets, session_of
@@ -82,11 +82,7 @@ def shown(picture: Picture) -> float | None:
 
 
 def pictures_process(program: Program) -> psutil.Process:
-    def look() -> psutil.Process | None:
-        children = psutil.Process(program.pid).children()
-        return next((each for each in children if "weberlink_video.process" in each.cmdline()), None)
-
-    return until(look, "the process of the pictures")
+    return psutil.Process(until(lambda: child(program.pid, "weberlink_video.process"), "the process of the pictures"))
 
 
 def test_pictures_cross_by_the_key_of_the_session_on_the_clock_of_each_host(tmp_path: Path) -> None:
