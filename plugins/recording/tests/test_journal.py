@@ -76,11 +76,8 @@ def test_a_log_that_goes_on_after_a_lost_line_is_verified_and_one_that_was_chang
     path = tmp_path / "session.log"
     for _ in range(2):
         with LogFile(path) as log:
-            assert [log.write_json(event) for event in (EVENTS[0], {"text": "x" * 5000}, EVENTS[1])] == [
-                True,
-                False,
-                True,
-            ]
+            written = [log.write_json(event) for event in (EVENTS[0], {"text": "x" * 5000}, EVENTS[1])]
+            assert written == [True, False, True]
     ended = weberlink("record", "info", path)
     assert (ended.status, "4 lines of 2 sessions, unchanged" in ended.output) == (0, True)
     path.write_bytes(path.read_bytes().replace(b'"b"', b'"c"', 1))

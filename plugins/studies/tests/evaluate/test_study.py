@@ -14,13 +14,8 @@ from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import UpdateLayout
 from weberlink_studies.evaluate.replay import signal_of
 from weberlink_studies.evaluate.study import evaluate
-from weberlink_studies.frame import Row
 
 PREDICTORS = ("zoh", "plane", "hybrid")
-
-
-def row_of(signal: Trace, channel: Channel, jnd: float = 0.10) -> Row:
-    return evaluate("made", signal_of(signal), channel, Threshold(jnd), predictor="zoh", weber=0.10)
 
 
 def plain_run(signal: Trace, channel: Channel) -> tuple[list[Vector], list[float], list[int], list[bool]]:
@@ -45,7 +40,7 @@ def plain_run(signal: Trace, channel: Channel) -> tuple[list[Vector], list[float
 @pytest.mark.parametrize("signal", [wall(), walk(600, seed=4)], ids=["wall", "walk"])
 def test_figures_are_those_of_a_plain_run(signal: Trace, predictor: str) -> None:
     channel = force_channel(predictor=predictor, weber=0.20)
-    found = row_of(signal, channel)
+    found = evaluate("made", signal_of(signal), channel, Threshold(0.10), predictor="zoh", weber=0.10)
     decoded, bounds, datagrams, sends = plain_run(signal, channel)
     errors = [hypot(*np.subtract(a, b)) for a, b in zip(decoded, signal.force_n.tolist(), strict=True)]
     jnds = [max(0.10 * hypot(*force), 0.04) for force in signal.force_n.tolist()]

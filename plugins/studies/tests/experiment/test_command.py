@@ -3,7 +3,6 @@
 import io
 import json
 import re
-import socket
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from plugins.studies.tests.experiment.studies import conduct, plan
+from tests.program import free_port
 from tests.session.systems import CONFIGS
 from weberlink.cli import app
 from weberlink_studies.experiment.command import ExperimentRequest, run
@@ -96,9 +96,7 @@ class _Rates(io.StringIO):
 
 
 def _ports() -> list[str]:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     return [f'link.listen="127.0.0.1:{port}"', f'link.slave="127.0.0.1:{port}"']
 
 

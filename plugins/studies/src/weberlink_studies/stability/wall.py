@@ -98,17 +98,12 @@ def loop_matrix(wall: SampledWall, stiffness: float) -> NDArray[np.float64]:
     return loop
 
 
-def spectral_radius(wall: SampledWall, stiffness: float) -> float:
-    """Spectral radius of the closed loop; below 1 a disturbance of the pressed contact dies out."""
-    return float(np.abs(np.linalg.eigvals(loop_matrix(wall, stiffness))).max())
-
-
 def stability_limit(wall: SampledWall) -> float:
     """The stiffness [N/m] at which the spectral radius passes 1, from below."""
     start = passivity_limit(wall) or wall.damping_n_s_m / wall.tick_period
 
     def grows(stiffness: float) -> bool:
-        return spectral_radius(wall, stiffness) > 1.0
+        return float(np.abs(np.linalg.eigvals(loop_matrix(wall, stiffness))).max()) > 1.0  # the spectral radius
 
     low, high = bracket(grows, start)
     return bisect(grows, low, high, PRECISION)
