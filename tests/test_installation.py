@@ -40,19 +40,25 @@ def wheel(tmp_path: Path) -> Path:
     return package.parent
 
 
-LINES = [
-    ("docs", ".[docs]", f"{ROOT}[docs]", "weberlink[docs]"),
-    ("studies", "./plugins/studies", f"{ROOT}/plugins/studies", "weberlink-studies"),
-    ("studies[dask]", "./plugins/studies[dask]", f"{ROOT}/plugins/studies[dask]", "weberlink-studies[dask]"),
+LINES = [  # in a clone also the guests that a guest needs
+    ("docs", [".[docs]"], [f"{ROOT}[docs]"], "weberlink[docs]"),
+    ("predictors", ["./plugins/predictors"], [f"{ROOT}/plugins/predictors"], "weberlink-predictors"),
+    (
+        "studies[dask]",
+        ["./plugins/predictors", "./plugins/studies[dask]"],
+        [f"{ROOT}/plugins/predictors", f"{ROOT}/plugins/studies[dask]"],
+        "weberlink-studies[dask]",
+    ),
 ]
 
 
 @pytest.mark.parametrize(("extra", "here", "elsewhere", "of_a_wheel"), LINES)
 def test_a_clone_is_installed_anew_and_a_wheel_by_its_name(
-    extra: str, here: str, elsewhere: str, of_a_wheel: str, wheel: Path, tmp_path: Path
+    extra: str, here: list[str], elsewhere: list[str], of_a_wheel: str, wheel: Path, tmp_path: Path
 ) -> None:
-    assert line(ROOT, ROOT / "src", extra=extra)[-3:] == ["install", "-e", here]
-    assert line(tmp_path, ROOT / "src", extra=extra)[-3:] == ["install", "-e", elsewhere]
+    for folder, expected in ((ROOT, here), (tmp_path, elsewhere)):
+        words = line(folder, ROOT / "src", extra=extra)
+        assert words[words.index("install") + 1 :] == [word for each in expected for word in ("-e", each)]
     assert line(tmp_path, wheel, extra=extra)[-2:] == ["install", of_a_wheel]
 
 

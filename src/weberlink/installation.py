@@ -74,7 +74,7 @@ def _with_needed(guest: str) -> list[str]:
 
     pip would look for the former on an index.
     """
-    needed = guests(NEEDED).get(guest, "").split()
+    needed = guests(NEEDED).get(guest.partition("[")[0], "").split()
     return [*dict.fromkeys(each for other in needed for each in _with_needed(other)), guest]
 
 
