@@ -109,7 +109,10 @@ def rate(file: File) -> None:
 """
 
 
-@pytest.mark.parametrize(("group", "words"), [("commands", ["rate"]), ("bridges", ["bridge", "rate"])])
+@pytest.mark.parametrize(
+    ("group", "words"),
+    [("commands", ["rate"]), ("bridges", ["bridge", "rate"]), ("device_commands", ["device", "rate"])],
+)
 def test_command_of_another_distribution_runs(tmp_path: Path, group: str, words: list[str]) -> None:
     install(tmp_path, "rates", {"rates": COMMAND}, f"[weberlink.{group}]\nrate = rates:rate\n")
     paths = os.pathsep.join(filter(None, [str(tmp_path), os.environ.get("PYTHONPATH")]))
