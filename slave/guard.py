@@ -341,7 +341,6 @@ class Guard(Follower):
     def _wait(self, step: float) -> Joints:
         self._pause -= step
         if self._retreat_to is not None:
-            self.arrived = False
             self.advance(self._retreat_to, step)
         return super().hold(step)
 

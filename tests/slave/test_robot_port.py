@@ -381,11 +381,3 @@ def test_after_a_stall_an_arm_holds_without_pressing_more() -> None:
     following.robot.angles = (0.0, 0.0, 0.5)
     following.port.settle(following.now)
     assert following.tick(None, None, engaged=False) == pytest.approx((0.08, 0.0, 0.5))
-
-
-def test_record_has_where_an_arm_is_and_what_it_feels() -> None:
-    following = FollowingArm(walls=(-0.02, -inf, -inf)).there((-0.05, 0.1), (0.2,))
-    port = following.port
-    assert (port.applied, port.where) == ((-0.05, 0.1, 0.2), (-0.02, 0.1, 0.2))
-    assert port.shown(port.felt) == pytest.approx((0.3, 0.0, 0.0))
-    assert following.row(is_led=False).ramping == RELEASED
