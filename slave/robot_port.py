@@ -173,7 +173,7 @@ class RobotPort(Port):
             if value is None:
                 return None
             commanded += value
-        return commanded + self.applied[len(commanded) :]  # a gripper that the session does not lead
+        return commanded
 
     def actuate(self, values: Sequence[Any], now: float, elapsed: float, step: float, *, engaged: bool) -> None:
         self._led = values if engaged else ()

@@ -362,11 +362,6 @@ def test_gripper_shows_its_torque_on_its_own_channel() -> None:
     assert gripper.sample()[0] == pytest.approx((5.0 * 0.05,))
 
 
-def test_gripper_that_is_not_led_holds() -> None:
-    following = FollowingArm(angles=(0.0, 0.0, 0.4)).there((0.1, 0.0))
-    assert following.port.applied == (0.1, 0.0, 0.4)
-
-
 @pytest.mark.parametrize("nothing", [None, (nan, 0.0), (inf, 0.0)])
 def test_it_holds_while_nothing_of_use_is_decoded(nothing: Joints | None) -> None:
     following = FollowingArm().there((0.1, 0.0), (0.2,))
