@@ -129,13 +129,18 @@ def test_who_waited_for_no_longer_than_the_patience_has_not_failed(waited: float
 # --- interruptions
 
 
-@each_kind
-@pytest.mark.parametrize(
-    ("name", "scheme"),
-    [*((name, "none") for name in INTERRUPTIONS), ("cut both ways", "bounded"), ("slave stopped", "bounded")],
-)
-def test_an_interruption_ends_force_and_motion_and_both_return_softly(kind: Kind, name: str, scheme: str) -> None:
-    how = INTERRUPTIONS[name]
+OWN = "cut both ways", "master stopped", "slave stopped"
+INTERRUPTED = [
+    *(("hand", name, "none") for name in INTERRUPTIONS),
+    *(("hand", name, "bounded") for name in ("cut both ways", "slave stopped")),
+    *((of, name, "none") for of in KINDS if of != "hand" for name in OWN),
+]
+"""What the link and the session decide alone is the same for every kind."""
+
+
+@pytest.mark.parametrize(("of", "name", "scheme"), INTERRUPTED)
+def test_an_interruption_ends_force_and_motion_and_both_return_softly(of: str, name: str, scheme: str) -> None:
+    kind, how = KINDS[of], INTERRUPTIONS[name]
     ran = interrupted(kind, how, f"control.scheme={scheme}")
     begin, end = ran.at(kind.begin), ran.at(kind.begin + how.lasts)
     master, slave = ran.master, ran.slave
