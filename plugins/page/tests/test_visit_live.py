@@ -109,7 +109,7 @@ class Ends:
 
     def is_at(self, target: Target) -> bool:
         both = (self.master.last["position"], self.slave.last["output"])
-        return all(np.linalg.norm(of - target) < 2e-3 for of in both)
+        return all(np.linalg.norm(of[:3] - target) < 2e-3 for of in both)
 
     def close(self) -> None:
         self.master.close()
