@@ -231,7 +231,8 @@ def test_the_record_has_what_the_hand_felt() -> None:
     row: Any = SimpleNamespace()
     desk.port.buttons = 0x1FF
     desk.port.report(row, is_led=True)
-    assert row.__dict__ == {"slew_ticks": 0, "clipped": True, "ramping": RELEASED, "buttons": 0xFF}
+    displayed = {"decoded": force.decoded + torque.decoded, "output": force.output + torque.output}
+    assert row.__dict__ == displayed | {"slew_ticks": 0, "clipped": True, "ramping": RELEASED, "buttons": 0xFF}
     desk.port.enabled = True
     desk.port.report(row, is_led=True)
     assert row.ramping is True

@@ -461,6 +461,7 @@ class Endpoints(RuleBasedStateMachine):
         world.guests.append(guest)
         world.go(0.3)
         if guest.endpoint.sessions and world.slave.endpoint.peer_name == "bob@desk":
+            world.go(0.15)  # the former one is told on a slow way too
             world.master = guest
             assert not is_reached or former.of(TakenOver) == [TakenOver("bob@desk")]
         world.guests = []
