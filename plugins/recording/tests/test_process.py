@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from plugins.recording.tests.records import of_arms
 from tests.program import PATIENT
 from tests.records import TICK, phases, ticks
 from tests.session.systems import configuration
@@ -90,4 +91,10 @@ def test_a_recording_gives_what_each_side_commanded_and_felt_while_engaged(tmp_p
 def test_a_recording_that_is_no_trace_is_said(tmp_path: Path, side: str, columns: dict[str, Any], says: str) -> None:
     path = recorded(tmp_path / "a.mcap", **{side: ticks(3, **{"state": ENGAGED, **columns})})
     with pytest.raises(TraceError, match=says):
+        read_trace(path)
+
+
+def test_a_recording_of_arms_is_no_trace(tmp_path: Path) -> None:
+    path = of_arms(tmp_path / "a.mcap", {"slave": ticks(3, state=ENGAGED)})
+    with pytest.raises(TraceError, match="angles and torques of arms"):
         read_trace(path)
