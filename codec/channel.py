@@ -111,10 +111,7 @@ class Channel:
             return tuple(UpdateForm(sizes, sizes) for _ in predictors)
         everywhere = self.every_position or (self.smoothing is not None and any(each.geometric for each in predictors))
         return tuple(
-            UpdateForm(
-                grid.groups if everywhere else each.groups(grid),
-                None if each.estimated else each.groups(grid),
-            )
+            UpdateForm(grid.groups if everywhere else each.groups(grid), None if each.estimated else each.groups(grid))
             for each in predictors
         )
 

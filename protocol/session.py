@@ -5,14 +5,7 @@ from typing import Final
 
 from weberlink.protocol import wire
 from weberlink.protocol.counters import Credit, LossMeter, ReplayWindow, expand_counter
-from weberlink.protocol.events import (
-    ChangeAnswered,
-    ChangeProposed,
-    DropReason,
-    PathProbe,
-    PeerClosed,
-    UpdateReceived,
-)
+from weberlink.protocol.events import ChangeAnswered, ChangeProposed, DropReason, PathProbe, PeerClosed, UpdateReceived
 from weberlink.protocol.liveness import HeartbeatSchedule, Liveness
 from weberlink.protocol.local_end import LocalEnd
 from weberlink.protocol.negotiation import NUMBERS, Negotiation, RoundTripAgreement, in_ms

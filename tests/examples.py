@@ -3,8 +3,7 @@
 from math import log10
 from typing import Any
 
-from hypothesis import HealthCheck, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, settings, strategies as st
 
 COUNT = 40  # examples of a test that does not set a number
 

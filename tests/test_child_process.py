@@ -96,9 +96,7 @@ time.sleep(60)
 
 
 @pytest.mark.parametrize(
-    ("ignored", "limit", "status"),
-    [((), 1.0, 0), ((signal.SIGTERM,), 0.1, -signal.SIGKILL)],
-    ids=["heeds", "ignores"],
+    ("ignored", "limit", "status"), [((), 1.0, 0), ((signal.SIGTERM,), 0.1, -signal.SIGKILL)], ids=["heeds", "ignores"]
 )
 def test_a_child_ends_in_bounded_time(ignored: tuple[signal.Signals, ...], limit: float, status: int) -> None:
     process = child(STUBBORN, *map(str, ignored), stdout=-1)

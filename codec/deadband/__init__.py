@@ -21,12 +21,4 @@ ISOTROPIC = "isotropic"
 DEADBANDS: Registry[type[Deadband]] = Registry("deadband", {ISOTROPIC: ForceDeadband}, "weberlink.deadbands", _check)
 """The deadbands of a force, by name."""
 
-__all__ = [
-    "DEADBANDS",
-    "ISOTROPIC",
-    "Deadband",
-    "DeadbandSetup",
-    "ForceDeadband",
-    "PositionDeadband",
-    "Reference",
-]
+__all__ = ["DEADBANDS", "ISOTROPIC", "Deadband", "DeadbandSetup", "ForceDeadband", "PositionDeadband", "Reference"]

@@ -42,12 +42,4 @@ def suits(name: str, signal: str) -> bool:
     return signal != "joints" or not predictor.estimated  # the update of an arm carries no parameters
 
 
-__all__ = [
-    "PREDICTORS",
-    "EstimatedPredictor",
-    "FitLimits",
-    "FittedPredictor",
-    "Model",
-    "Predictor",
-    "suits",
-]
+__all__ = ["PREDICTORS", "EstimatedPredictor", "FitLimits", "FittedPredictor", "Model", "Predictor", "suits"]

@@ -12,8 +12,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from math import isfinite, tau
 from pathlib import Path
-from struct import Struct
-from struct import error as StructError  # noqa: N812 - as of an exception
+from struct import Struct, error as StructError  # noqa: N812 - as of an exception
 from time import monotonic_ns
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 

@@ -136,11 +136,7 @@ class StickSlip:
 
     def _global(self, x: Local, gap: float) -> Vector:
         d, p, q, n, u, w = x[0] + gap, x[1].real, x[1].imag, self._normal, self._side, self._aside
-        return (
-            p * u[0] + q * w[0] - d * n[0],
-            p * u[1] + q * w[1] - d * n[1],
-            p * u[2] + q * w[2] - d * n[2],
-        )
+        return (p * u[0] + q * w[0] - d * n[0], p * u[1] + q * w[1] - d * n[1], p * u[2] + q * w[2] - d * n[2])
 
     def _flight(self, x: Local, v: Local, aim: Local, left: float) -> Piece:
         touched = self._free.first_fall(-x[0], -v[0], -aim[0], left)

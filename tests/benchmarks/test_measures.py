@@ -4,8 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from benchmarks.arrangement import BenchError
 from benchmarks.figures import exceedance
@@ -56,12 +55,7 @@ def test_every_cycle_of_every_thread_is_counted() -> None:
 
 
 @pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "# Histogram\n000001 000001\t000002\n",
-        "000001 000001\n# Total: 000000001 000000001\n",
-    ],
+    "text", ["", "# Histogram\n000001 000001\t000002\n", "000001 000001\n# Total: 000000001 000000001\n"]
 )
 def test_output_without_a_measurement_is_an_error(text: str) -> None:
     with pytest.raises(BenchError):

@@ -7,8 +7,7 @@ from operator import eq
 from typing import Any
 
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 
 from tests.codec.law import make_channel
 from weberlink.codec import force_channel, position_channel

@@ -6,8 +6,7 @@ from random import Random
 from typing import Any, get_args
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.codec.law import KINDS, Kind, Law, shaped, shown_by
 from tests.examples import examples

@@ -5,8 +5,7 @@ from math import cos, inf, isfinite, nan, pi, radians, sin
 from typing import Any
 
 import pytest
-from hypothesis import assume, given
-from hypothesis import strategies as st
+from hypothesis import assume, given, strategies as st
 
 from tests.codec.signals import up
 from weberlink.codec import Encoder, force_channel

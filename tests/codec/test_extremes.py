@@ -7,8 +7,7 @@ from sys import float_info
 from typing import Any, NamedTuple
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.codec.law import FORCE_PREDICTORS, Law, make_channel
 from tests.codec.signals import up

@@ -3,8 +3,7 @@
 from math import inf, nan
 
 import pytest
-from hypothesis import assume, given
-from hypothesis import strategies as st
+from hypothesis import assume, given, strategies as st
 
 from tests.codec.law import FITTED
 from tests.examples import examples

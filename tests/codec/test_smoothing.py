@@ -1,8 +1,7 @@
 """A ramp within the deadband instead of a step: closed form, the law of the encoder, effect, and losses."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.codec.law import POSITION_PREDICTORS, make_channel
 from tests.codec.signals import contact_stream, up

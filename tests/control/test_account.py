@@ -4,8 +4,7 @@ from math import inf
 from random import Random
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.control.teleoperation import ACCOUNT, TICK
 from tests.examples import examples

@@ -3,8 +3,7 @@
 from math import dist, hypot, inf, nan
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from weberlink.control.gate import Approach, toward
 from weberlink.geometry.joints import Joints

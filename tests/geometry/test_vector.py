@@ -3,8 +3,7 @@
 from math import hypot, inf, isnan, nan, sqrt
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.examples import examples
 from weberlink.geometry.vector import ZERO, Vector, distance, norm, unit

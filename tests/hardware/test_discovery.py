@@ -4,15 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from weberlink.hardware.discovery import (
-    DeviceLocator,
-    PluggedDevice,
-    UsbId,
-    by_path,
-    hid_devices,
-    only,
-    serial_ports,
-)
+from weberlink.hardware.discovery import DeviceLocator, PluggedDevice, UsbId, by_path, hid_devices, only, serial_ports
 from weberlink.hardware.fault import HardwareFault
 from weberlink.master.devices.polhem.serial_device import teensys
 

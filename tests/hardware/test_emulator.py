@@ -10,8 +10,7 @@ from tests.hardware.helpers import Answering, descriptors
 from tests.wait import PATIENCE
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.serial_port import SerialPort
-from weberlink.testing.serving import LONGEST_PAUSE_S as PAUSE_S
-from weberlink.testing.serving import PtyDevice
+from weberlink.testing.serving import LONGEST_PAUSE_S as PAUSE_S, PtyDevice
 
 
 class Echo(Answering):

@@ -5,8 +5,7 @@ from itertools import pairwise
 from math import inf
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.protocol.harness import make_endpoint
 from weberlink.master.gate import FADE, FALL, GRACE, PATIENCE, Bound, ContactLimiter, ContactWatch, OutputGate

@@ -4,8 +4,7 @@ from math import inf, nan
 from types import SimpleNamespace
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.control.teleoperation import Wall
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, AccountParameters, SchemeParameters

@@ -18,16 +18,7 @@ from weberlink.control.sent import SentCommands
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO, Vector, norm, scale
 from weberlink.master.devices.contract import DeviceReading
-from weberlink.master.gate import (
-    FADE,
-    GRACE,
-    PATIENCE,
-    Bound,
-    ContactLimiter,
-    ContactWatch,
-    HandContact,
-    OutputGate,
-)
+from weberlink.master.gate import FADE, GRACE, PATIENCE, Bound, ContactLimiter, ContactWatch, HandContact, OutputGate
 from weberlink.master.operator_port import Display, OperatorPort
 from weberlink.master.position import HandPosition
 from weberlink.telemetry.record import RELEASED

@@ -2,8 +2,7 @@
 
 from random import Random
 
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.protocol.harness import Pair, Side, kind_of
 from weberlink.protocol import Address, Connected, State

@@ -4,8 +4,7 @@ from itertools import pairwise
 from random import Random
 
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 
 from tests.protocol.harness import MASTER, Pair, both, dropped, forms, sample_update
 from weberlink.protocol import DropReason

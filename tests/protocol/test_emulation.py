@@ -3,8 +3,7 @@ from itertools import groupby
 from random import Random
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.examples import examples
 from weberlink.protocol.emulation import HEADER_BYTES, QUEUE_S, REORDER_HOLD, EmulatedLink, Emulation

@@ -7,8 +7,7 @@ from collections import defaultdict
 from math import inf
 from typing import NamedTuple
 
-from hypothesis import Phase
-from hypothesis import strategies as st
+from hypothesis import Phase, strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
 
 from tests.examples import examples

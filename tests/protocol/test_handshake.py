@@ -3,8 +3,7 @@
 from collections.abc import Callable, Mapping
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.protocol.harness import local_end
 from weberlink.protocol import Role

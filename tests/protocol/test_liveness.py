@@ -3,8 +3,7 @@
 from math import floor, inf, nextafter
 
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 
 from weberlink.protocol.liveness import (
     ASK_PACE,

@@ -3,8 +3,7 @@
 from math import inf
 
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 
 from tests.protocol.harness import ENGAGED, SILENCE, TICK, Pair, both, make_endpoint, states
 from weberlink.protocol import ChangeAnswered, ChangeProposed, Connected, DropReason, PeerSilent, Refused, Role, State

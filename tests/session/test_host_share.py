@@ -8,8 +8,7 @@ from time import sleep
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from conftest import may_use_fifo
 from tests.examples import examples

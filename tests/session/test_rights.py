@@ -15,8 +15,7 @@ from weberlink.cli.output import CommandError
 from weberlink.cli.remote import ask
 from weberlink.config import load
 from weberlink.protocol.endpoint import WITHDRAWN
-from weberlink.protocol.keys import HeldKey, Right, generate
-from weberlink.protocol.keys import load as load_keys
+from weberlink.protocol.keys import HeldKey, Right, generate, load as load_keys
 from weberlink.session.key_watch import LOOK_S, KeyWatch
 
 SYSTEM = """

@@ -3,8 +3,7 @@
 from math import inf
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from weberlink.protocol.negotiation import PACE, PACE_SHARE
 from weberlink.session.tuning import BUSY, LATE, ChangeResult, LiveSettings, Tuning, change_margin

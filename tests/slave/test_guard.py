@@ -5,8 +5,7 @@ from math import dist, hypot, inf, isfinite, nan
 from typing import Any
 
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 
 from tests.examples import examples
 from weberlink.control.contract import LEAST_CONTACT

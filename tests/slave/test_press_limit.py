@@ -6,8 +6,7 @@ from math import ceil, inf
 from typing import Any
 
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 
 from tests.examples import examples, tenfold
 from tests.slave.scenes.solids import wall

@@ -7,8 +7,7 @@ from types import SimpleNamespace
 from typing import Any, Self
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.arms.ends import TICK, Servos, link
 from tests.compiled import replaces_methods

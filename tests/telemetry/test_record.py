@@ -5,8 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from weberlink.telemetry.fault import Fault, FaultLedger
 from weberlink.telemetry.reader import DTYPE

@@ -16,8 +16,7 @@ from time import monotonic, sleep
 from tests.program import ENGAGED
 from trials.rig import LINK, Session, Side
 from trials.soak import laws
-from trials.soak.volley import KINDS, volley
-from trials.soak.volley import load as load_gun
+from trials.soak.volley import KINDS, load as load_gun, volley
 from trials.soak.watch import Watch, cpu_seconds
 from weberlink.config import MASTER, SIDES, SLAVE
 from weberlink.protocol.emulation import Emulation

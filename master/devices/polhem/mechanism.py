@@ -128,11 +128,7 @@ class SpatialFiveBar:
         u_2, v_2 = -self.l1 * sin_2 - self.l5 * sin_l * by_2, self.l1 * cos_2 + self.l5 * cos_l * by_2
         u_3, v_3 = -self.l5 * sin_l * by_3, self.l5 * cos_l * by_3
         cos_a, sin_a = cos(a), sin(a)
-        return (
-            (-sin_a * u, cos_a * u_2, cos_a * u_3),
-            (cos_a * u, sin_a * u_2, sin_a * u_3),
-            (0.0, v_2, v_3),
-        )
+        return ((-sin_a * u, cos_a * u_2, cos_a * u_3), (cos_a * u, sin_a * u_2, sin_a * u_3), (0.0, v_2, v_3))
 
     def inverse(self, position: Vector) -> Angles:
         """The pose with elbow up, tip in front of the vertical axis, crank behind the line from its pivot to C."""

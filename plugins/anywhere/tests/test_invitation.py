@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from weberlink_anywhere import key_confirmation as said
 from weberlink_anywhere.invitation import Invitation, read

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from itertools import product
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from weberlink.protocol.events import Address
 from weberlink_anywhere.nat import ANY, Behaviour, Nat, Question, Reply, examine

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink_arms.dynamixel import packet as dynamixel
-from weberlink_arms.dynamixel import registers as dynamixel_registers
+from weberlink_arms.dynamixel import packet as dynamixel, registers as dynamixel_registers
 from weberlink_arms.dynamixel.bus import MotorBus, MotorReading, latency_advice, latency_ms
 from weberlink_arms.feetech import registers as feetech_registers
 from weberlink_arms.feetech.bus import FeetechBus

@@ -10,12 +10,10 @@ import pytest
 pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 
 import mujoco
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from weberlink.geometry.joints import Joints
-from weberlink_mujoco.arms.models import MODELS as FILES
-from weberlink_mujoco.arms.models import ArmModel, load
+from weberlink_mujoco.arms.models import MODELS as FILES, ArmModel, load
 
 FOLDER = FILES["so101"].parent
 NAMES = list(FILES)

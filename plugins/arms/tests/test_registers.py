@@ -3,11 +3,9 @@
 from math import pi
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from weberlink_arms.dynamixel import motor_models
-from weberlink_arms.dynamixel import registers as dynamixel
+from weberlink_arms.dynamixel import motor_models, registers as dynamixel
 from weberlink_arms.dynamixel.motor_models import MODELS, XL330_M077, XL330_M288, XL430_W250, CurrentLaw, MotorModel
 from weberlink_arms.feetech import registers as feetech
 from weberlink_arms.feetech.registers import BY_NAME, Present

@@ -1,8 +1,7 @@
 """What every arm with servos counts on: readings at any moment, a bus that is fast enough, an axis that gives way."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import HardwareFault

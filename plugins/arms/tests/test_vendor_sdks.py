@@ -5,8 +5,7 @@ from typing import Any
 
 import pytest
 from dynamixel_sdk import COMM_SUCCESS, GroupSyncRead, GroupSyncWrite, PacketHandler
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.wait import until
 from weberlink.testing.serving import PtyDevice

@@ -4,12 +4,10 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 
 from weberlink_arms.dynamixel import packet as of_dynamixel
-from weberlink_arms.dynamixel.packet import FRAMING as DYNAMIXEL
-from weberlink_arms.dynamixel.packet import crc16
+from weberlink_arms.dynamixel.packet import FRAMING as DYNAMIXEL, crc16
 from weberlink_arms.feetech import packet as of_feetech
 from weberlink_arms.feetech.packet import FRAMING as FEETECH
 from weberlink_arms.servo.packet import Framing, Packet, Status

@@ -6,8 +6,7 @@ from struct import pack
 from typing import ClassVar
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from plugins.devices.tests.haply.far_end import BOARD, COUNT_DEG, answer, counts
 from weberlink.hardware.fault import BadReply

@@ -43,11 +43,7 @@ class WeberlinkRobot(Robot):
     def observation_features(self) -> dict[str, type | tuple[int, int, int]]:
         """Angles, torques and windows as numbers: LeRobot takes a tuple for the shape of a camera's image."""
         units, config = self._units, self.config
-        names = [
-            *units.positions,
-            *(units.efforts if config.torque else ()),
-            *units.window_names(config.force_window),
-        ]
+        names = [*units.positions, *(units.efforts if config.torque else ()), *units.window_names(config.force_window)]
         images = {name: (camera.height, camera.width, 3) for name, camera in config.cameras.items()}
         return {**dict.fromkeys(names, float), **images}
 

@@ -6,8 +6,7 @@ from math import cos, sin
 from random import Random
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.codec.law import make_channel
 from tests.codec.signals import Stream

@@ -3,8 +3,7 @@
 from itertools import pairwise
 from random import Random
 
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.codec.signals import up
 from tests.examples import examples

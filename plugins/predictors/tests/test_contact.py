@@ -36,11 +36,7 @@ def signal(limits: FitLimits | None = None) -> Signal:
 
 
 def follow(
-    stream: Stream,
-    found: ContactEstimator | None = None,
-    *,
-    skip: tuple[int, ...] = (),
-    history: History | None = None,
+    stream: Stream, found: ContactEstimator | None = None, *, skip: tuple[int, ...] = (), history: History | None = None
 ) -> ContactEstimator:
     history = History(1e-3) if history is None else history  # an empty one is false
     found = found or ContactEstimator(signal())

@@ -5,8 +5,7 @@ from math import inf, pi, radians, sin
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.codec.signals import up
 from tests.codec.test_deadband import FLOOR, OVER, UNDER, K, accepts, at, check_refusals, vectors

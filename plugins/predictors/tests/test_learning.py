@@ -6,8 +6,7 @@ from random import Random
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from plugins.predictors.trials.learned import MOST, SIZE, sample, worst_difference
 from tests.codec.signals import NOISE, Stream

@@ -7,8 +7,7 @@ from pathlib import Path
 import mcap_ros2.decoder
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from mcap.reader import make_reader
 from PIL import Image
 

@@ -7,8 +7,7 @@ from contextlib import contextmanager
 import mcap_ros2.decoder
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from mcap.reader import make_reader
 
 from plugins.recording.tests.records import FACTS, MONOTONIC_S, SIDES, WALL_S, noise, origin, same, small_file
@@ -16,8 +15,7 @@ from tests.examples import examples
 from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_NAME
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.record import FIELDS
-from weberlink_recording.container import END
-from weberlink_recording.container import FACTS as FACTS_NAME
+from weberlink_recording.container import END, FACTS as FACTS_NAME
 from weberlink_recording.reader import read_recording
 from weberlink_recording.writer import CHUNK_RECORDS, Origin, RecordingWriter
 

@@ -6,8 +6,7 @@ from math import cos, inf, nan, pi, sin
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.examples import examples
 from weberlink.geometry.rotation import LONGEST

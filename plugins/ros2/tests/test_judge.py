@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from plugins.ros2.tests.rigs import endpoint, ring
-from tests.watching.sources import records as engaged
-from tests.watching.sources import write
+from tests.watching.sources import records as engaged, write
 from weberlink.figures.session import Records
 from weberlink.telemetry.record import FORCE
 from weberlink_ros2.bridge import Ros2Bridge

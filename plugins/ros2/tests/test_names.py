@@ -4,8 +4,7 @@ from importlib import import_module
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from weberlink.telemetry.message import ENCAPSULATION
 from weberlink.watching.ros import SCHEMAS

@@ -21,23 +21,19 @@ from tests.program import weberlink
 from tests.session.systems import CONFIGS
 from weberlink.slave.integrators import INTEGRATORS
 from weberlink_studies.drawing import Drawing, drawn_as
-from weberlink_studies.evaluate.command import STUDY as EVALUATE
-from weberlink_studies.evaluate.command import EvaluationOptions
+from weberlink_studies.evaluate.command import STUDY as EVALUATE, EvaluationOptions
 from weberlink_studies.evaluate.study import EvaluationStudy
 from weberlink_studies.evaluate.traces import NamedTrace, read_traces
 from weberlink_studies.experiment import ratings
 from weberlink_studies.experiment.ledger import path_of
 from weberlink_studies.frame import FrameResult
 from weberlink_studies.paper.command import PAPER, SCENES, PaperOptions
-from weberlink_studies.precision.study import STUDY as PRECISION
-from weberlink_studies.precision.study import Effort
+from weberlink_studies.precision.study import STUDY as PRECISION, Effort
 from weberlink_studies.sheet import save, sheet
 from weberlink_studies.stability import display
 from weberlink_studies.stability.cells import EXTREMES, SystemCell
-from weberlink_studies.stability.display import STUDY as DISPLAY
-from weberlink_studies.stability.display import DisplayCell, DisplayOptions
-from weberlink_studies.stability.study import STUDY as MAP
-from weberlink_studies.stability.study import MapOptions
+from weberlink_studies.stability.display import STUDY as DISPLAY, DisplayCell, DisplayOptions
+from weberlink_studies.stability.study import STUDY as MAP, MapOptions
 from weberlink_studies.stability.wall import SampledWall
 
 OPERATOR = CONFIGS / "traces" / "operator.npz"

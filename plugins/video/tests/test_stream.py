@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from weberlink.protocol.emulation import HEADER_BYTES, EmulatedLink, Emulation
 from weberlink.telemetry.pictures import Picture

@@ -195,8 +195,7 @@ def simulate(
     """
     from weberlink.config import ConfigurationError, load  # noqa: PLC0415
     from weberlink.session.advice import dry_run  # noqa: PLC0415
-    from weberlink.session.simulation import refuse_live  # noqa: PLC0415
-    from weberlink.session.simulation import simulate as run  # noqa: PLC0415
+    from weberlink.session.simulation import refuse_live, simulate as run  # noqa: PLC0415
 
     configuration = load(file, set_ or ())
     if trace is not None and configuration.system.codec.joints is not None:

@@ -12,12 +12,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from weberlink.arms.mapping import LeaderMappingSettings
 from weberlink.codec.deadband import ISOTROPIC
-from weberlink.config.joints import (
-    FollowerLimits,
-    GripperCodecSettings,
-    JointCodecSettings,
-    LeaderLimits,
-)
+from weberlink.config.joints import FollowerLimits, GripperCodecSettings, JointCodecSettings, LeaderLimits
 from weberlink.config.settings import (
     DeadbandSettings,
     Interval,

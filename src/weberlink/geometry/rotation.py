@@ -134,8 +134,4 @@ def turned(a: Quaternion, v: Vector) -> Vector:
     """`v` turned by the unit quaternion `a`: v + 2 w (u x v) + 2 u x (u x v), u its vector part."""
     w, x, y, z = a
     cx, cy, cz = 2.0 * (y * v[2] - z * v[1]), 2.0 * (z * v[0] - x * v[2]), 2.0 * (x * v[1] - y * v[0])
-    return (
-        v[0] + w * cx + y * cz - z * cy,
-        v[1] + w * cy + z * cx - x * cz,
-        v[2] + w * cz + x * cy - y * cx,
-    )
+    return (v[0] + w * cx + y * cz - z * cy, v[1] + w * cy + z * cx - x * cz, v[2] + w * cz + x * cy - y * cx)

@@ -20,10 +20,7 @@ LONGEST_PAUSE_S = 0.02
 
 
 def serve(
-    emulator: Emulator,
-    descriptor: int,
-    stopping: Callable[[], bool],
-    encode: Callable[[bytes], bytes] = bytes,
+    emulator: Emulator, descriptor: int, stopping: Callable[[], bool], encode: Callable[[bytes], bytes] = bytes
 ) -> None:
     """Carry bytes between an emulator and a descriptor until told to stop, and add the wire faults.
 

@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 
 from weberlink.config import SIDES
 from weberlink.figures.session import Records
-from weberlink.session.description import path_beside
-from weberlink.session.description import read as read_description
+from weberlink.session.description import path_beside, read as read_description
 from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.ring import RingFormatError
 from weberlink.telemetry.runtime_directory import directories

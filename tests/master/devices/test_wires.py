@@ -3,8 +3,7 @@
 from math import inf, nan, tau
 from typing import Any
 
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.master.devices.polhem.boards import decode_currents
 from weberlink.master.devices import target_link

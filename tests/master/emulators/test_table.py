@@ -4,8 +4,7 @@ from math import isfinite
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.examples import examples
 from weberlink.hardware.emulator import EMULATORS, WireFaults

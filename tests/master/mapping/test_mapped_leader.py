@@ -4,8 +4,7 @@ from math import inf, isnan, nan
 from typing import Any
 
 import pytest
-from hypothesis import assume, given
-from hypothesis import strategies as st
+from hypothesis import assume, given, strategies as st
 from pydantic import ValidationError
 
 from tests.arms.ends import Hand, spec

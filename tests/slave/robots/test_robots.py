@@ -5,8 +5,7 @@ from math import cos, inf, nan, radians, sin
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.examples import examples
 from tests.slave.scenes.solids import GROUND, wall

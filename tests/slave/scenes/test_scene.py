@@ -4,8 +4,7 @@ from math import cos, inf, nan, pi, sin
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.examples import examples
 from tests.slave.scenes.solids import GROUND, SHAPES, STIFFNESS, UP, elastic, scenes, wander

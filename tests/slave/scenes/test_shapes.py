@@ -1,8 +1,7 @@
 """Laws that every shape obeys."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.slave.scenes.solids import SHAPES
 from weberlink.geometry.vector import Vector, distance, is_finite, norm

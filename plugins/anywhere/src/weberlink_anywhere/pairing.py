@@ -17,8 +17,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from twisted.internet import reactor as _reactor
-from twisted.internet.defer import CancelledError, Deferred
-from twisted.internet.defer import TimeoutError as DeferredTimeoutError
+from twisted.internet.defer import CancelledError, Deferred, TimeoutError as DeferredTimeoutError
 from twisted.internet.main import CONNECTION_DONE
 from twisted.logger import globalLogBeginner
 from wormhole import create, errors

@@ -16,8 +16,7 @@ from weberlink_arms.cartesian.external_force import force_error
 from weberlink_arms.cartesian.impedance import fastest_damping, stiffest
 from weberlink_arms.cartesian.options import DynamixelOptions, poses, worst_force_error
 from weberlink_arms.dynamixel import registers
-from weberlink_arms.emulators.open_manipulator import DynamixelEmulator
-from weberlink_arms.emulators.open_manipulator import DynamixelEmulatorOptions as EmulatedOptions
+from weberlink_arms.emulators.open_manipulator import DynamixelEmulator, DynamixelEmulatorOptions as EmulatedOptions
 from weberlink_arms.interpolation import Interpolation
 
 POSE = Mechanics().pose

@@ -4,8 +4,7 @@ from itertools import pairwise
 from math import hypot
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from weberlink.geometry.vector import ZERO, Vector, add, distance, norm
 from weberlink_arms.cartesian.arm import (

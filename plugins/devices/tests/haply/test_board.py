@@ -5,8 +5,7 @@ from struct import pack, unpack
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from weberlink.geometry.vector import ZERO
 from weberlink_devices.haply.board import RESET, BoardEncoder, BoardMotor, HaplyBoard

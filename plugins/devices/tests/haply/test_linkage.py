@@ -3,8 +3,7 @@
 from math import hypot, nan
 
 import pytest
-from hypothesis import assume, given
-from hypothesis import strategies as st
+from hypothesis import assume, given, strategies as st
 
 from tests.examples import examples
 from weberlink_devices.haply.board import Pair

@@ -8,8 +8,7 @@ from typing import Any
 
 import evdev
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.discovery import PluggedDevice

@@ -6,8 +6,7 @@ from math import e, hypot, pi, sqrt
 from time import monotonic, sleep
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.testing.devices import drive

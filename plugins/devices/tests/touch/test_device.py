@@ -12,8 +12,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from plugins.devices.tests.touch.fake_hd import Board, library, plugged
 from tests.test_child_process import executed  # noqa: F401

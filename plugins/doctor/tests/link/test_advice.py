@@ -3,8 +3,7 @@
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from tests.session.systems import ARMS, CONFIGS, HAS_ARMS
 from weberlink.config import MASTER, load

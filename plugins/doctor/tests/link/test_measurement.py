@@ -9,8 +9,7 @@ import pytest
 
 from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, Side, local_end
 from tests.session.systems import CONFIGS
-from weberlink.config import MASTER as LEADS
-from weberlink.config import load
+from weberlink.config import MASTER as LEADS, load
 from weberlink.config.loading import Part
 from weberlink.protocol import UpdateReceived
 from weberlink.protocol.emulation import Emulation

@@ -7,8 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from tests.session.systems import ARMS
 from weberlink.geometry.joints import Joints, is_finite

@@ -239,7 +239,6 @@ class RecordRequest(_Request):
 Request = ChangeRequest | DriveRequest | SessionRequest | EmergencyRequest | RecordRequest
 
 REQUEST: TypeAdapter[Any] = TypeAdapter(
-    Annotated[Request, Field(discriminator="type")],
-    config=ConfigDict(strict=True, extra="forbid", allow_inf_nan=False),
+    Annotated[Request, Field(discriminator="type")], config=ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
 )
 """Reads a request of a page."""

@@ -23,8 +23,7 @@ def _scene(*shapes: str) -> tuple[str, ...]:
 SCENES: Mapping[str, SceneChoice] = {
     "dome": SceneChoice("A dome on a table", ()),
     "plane": SceneChoice(
-        "A rough table: it sticks, then slides",
-        _scene("shape: plane, friction: {static: 0.3, dynamic: 0.2}"),
+        "A rough table: it sticks, then slides", _scene("shape: plane, friction: {static: 0.3, dynamic: 0.2}")
     ),
     "box": SceneChoice(
         "A box with sharp edges on a table",
@@ -34,8 +33,7 @@ SCENES: Mapping[str, SceneChoice] = {
         ),
     ),
     "bumps": SceneChoice(
-        "A field of round bumps",
-        _scene("shape: height_field, bumps: {amplitude_m: 0.003, wavelength_m: 0.03}"),
+        "A field of round bumps", _scene("shape: height_field, bumps: {amplitude_m: 0.003, wavelength_m: 0.03}")
     ),
     "cavity": SceneChoice(
         "A hollow ball, touched from inside",

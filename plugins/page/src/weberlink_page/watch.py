@@ -12,8 +12,7 @@ from weberlink.watching.control import Answer, ask_daemon, refusal
 from weberlink.watching.rings import RingOpener, RingSource, find_rings
 from weberlink_page import driving
 from weberlink_page.control import SessionControl
-from weberlink_page.front import ANSWER_S, LONGEST_AGE_MS
-from weberlink_page.front import LOOK_S as LOOK_STOP_S
+from weberlink_page.front import ANSWER_S, LONGEST_AGE_MS, LOOK_S as LOOK_STOP_S
 from weberlink_page.launcher import SessionLauncher
 from weberlink_page.messages import Rooms
 from weberlink_page.requests import Requests

@@ -31,12 +31,7 @@ def info(files: Files, json_out: Json = None) -> None:
 def export(
     recordings: Recordings,
     to: Annotated[
-        str,
-        typer.Option(
-            "--to",
-            metavar="FORMAT",
-            help="csv, ros, or with the extra parquet: parquet, lerobot.",
-        ),
+        str, typer.Option("--to", metavar="FORMAT", help="csv, ros, or with the extra parquet: parquet, lerobot.")
     ],
     out: Annotated[
         Path | None,

@@ -265,8 +265,11 @@ def experiment(
 
     Takes a person about 10 minutes, and --simulate about one. An interrupted study continues where it stopped.
     """
-    from weberlink_studies.experiment.command import ExperimentRequest, check_device  # noqa: PLC0415
-    from weberlink_studies.experiment.command import run as conduct  # noqa: PLC0415
+    from weberlink_studies.experiment.command import (  # noqa: PLC0415
+        ExperimentRequest,
+        check_device,
+        run as conduct,
+    )
     from weberlink_studies.experiment.conduct import ConductError  # noqa: PLC0415
 
     overrides = tuple(set_ or ())

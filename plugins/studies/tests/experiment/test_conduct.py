@@ -5,8 +5,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from plugins.studies.tests.experiment.studies import Rig, Robot, conduct, plan
 from weberlink_studies.experiment.ledger import read

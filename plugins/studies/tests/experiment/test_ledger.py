@@ -5,8 +5,7 @@ import resource
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, strategies as st
 
 from plugins.studies.tests.experiment.studies import Robot, conduct
 from tests.examples import examples

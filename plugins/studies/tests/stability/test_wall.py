@@ -3,8 +3,7 @@
 from math import exp
 
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 
 from weberlink_studies.stability.measured_wall import measured_limit
 from weberlink_studies.stability.wall import Grip, SampledWall, gain_limit, stability_limit

@@ -6,8 +6,7 @@ from math import cos, hypot, isfinite, pi, radians, sin
 from random import Random
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.examples import examples
 from weberlink.geometry.rotation import Quaternion, turned

@@ -5,9 +5,14 @@ from math import acos, atan2, cos, hypot, pi, sin, sqrt
 from typing import NamedTuple
 
 from weberlink.geometry.vector import Vector
-from weberlink_devices.haply.board import CLOCKWISE as _CW
-from weberlink_devices.haply.board import COUNTER_CLOCKWISE as _CCW
-from weberlink_devices.haply.board import BoardEncoder, BoardMotor, HaplyBoard, Pair
+from weberlink_devices.haply.board import (
+    CLOCKWISE as _CW,
+    COUNTER_CLOCKWISE as _CCW,
+    BoardEncoder,
+    BoardMotor,
+    HaplyBoard,
+    Pair,
+)
 
 FLATTEST = 0.02
 """The linkage counts as singular below this sine of the angle between the outer links."""

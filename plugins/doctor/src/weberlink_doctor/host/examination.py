@@ -6,8 +6,10 @@ from dataclasses import replace
 from weberlink.config import Configuration, ConfigurationError
 from weberlink.protocol.keys import KeyFileError
 from weberlink.session.advice import advise, dry_run
-from weberlink_doctor.host import kernel as _kernel  # noqa: F401 - the first checks of the table
-from weberlink_doctor.host import network as _network  # noqa: F401 - and the others
+from weberlink_doctor.host import (
+    kernel as _kernel,  # noqa: F401 - the first checks of the table
+    network as _network,  # noqa: F401 - and the others
+)
 from weberlink_doctor.host.checks import CHECKS, Check
 from weberlink_doctor.host.machine import Machine, Unreadable
 from weberlink_doctor.report import DoctorReport, Finding, Grade, Needs, advice, ok, unknown
