@@ -107,16 +107,27 @@ class ContactWatch:
 
     def __init__(self, limiter: ContactLimiter, endpoint: Endpoint, least: Joints, delay: float) -> None:
         self.limiter, self._endpoint, self._least, self._delay = limiter, endpoint, least, delay
+        self._now = 0.0
+        self._doubted_at = self._answered_at = inf
 
     def reset(self) -> None:
         self.limiter.reset()
+        self._doubted_at = self._answered_at = inf
 
-    def begin(self, tick: float, now: float) -> None:
+    def begin(self, tick: float, now: float) -> None:  # noqa: ARG002 - of a hand
         """Begin a tick at `now` [s], and `tick` of the other side."""
+        self._now = now
 
     def end(self) -> bool:
         """End a tick; whether a force is displayed or asked for that is at fault."""
-        return self.limiter.unfounded
+        # A scheme cannot let go of what it has not heard of: no fault while the other end stands still.
+        if not self.limiter.doubtful:
+            self._doubted_at = self._answered_at = inf
+        elif self._doubted_at == inf:
+            self._doubted_at = self._now
+        elif self._answered_at == inf and self._endpoint.liveness.encoder_heard_at > self._doubted_at:
+            self._answered_at = self._now
+        return self.limiter.unfounded and self._now - self._answered_at >= GRACE
 
     def bound(self, asked: float, decoded: Joints, elapsed: float) -> float:
         """The largest force or torque that may leave now; inf for no bound. `asked`: the largest before fade and slew
@@ -161,8 +172,7 @@ class HandContact(ContactWatch):
         super().__init__(limiter, endpoint, (least,), delay)
         self._decoder, self._least_force, self._sent, self._playout = decoder, least, sent, playout
         self._hand = hand
-        self._was_doubtful = False
-        self._tick = self._now = self._claimed = 0.0
+        self._tick = self._claimed = 0.0
         self._newest_sample: Sample | None = None
         self._is_stated = False
         self._since, self._asked = -inf, 0
@@ -171,11 +181,11 @@ class HandContact(ContactWatch):
         super().reset()
         self._sent.reset()
         self._claimed = 0.0
-        self._was_doubtful = False
 
     def begin(self, tick: float, now: float) -> None:
         self._sent.add(self._hand.command)
-        self._tick, self._now = tick, now
+        super().begin(tick, now)
+        self._tick = tick
         newest = self._decoder.newest
         self._is_stated = (
             newest is not None and newest is not self._newest_sample and hypot(*newest.value) > self._least_force
@@ -189,11 +199,9 @@ class HandContact(ContactWatch):
     def end(self) -> bool:
         # The scheme lets go of a model whose force lasts without a contact. The robot's end is silent while the model
         # of its newest update is right, which is lost by this: so it is asked for a complete one.
-        doubtful = self.limiter.doubtful
-        if doubtful and not self._was_doubtful:
+        if self.limiter.doubtful and self._doubted_at == inf:
             self._hand.control.refute()
             self._endpoint.request_full_state()
-        self._was_doubtful = doubtful
         return super().end()
 
     def _heard(self, decoded: Joints, elapsed: float, round_trip: float | None) -> tuple[float, float]:  # noqa: ARG002

@@ -86,12 +86,14 @@ class Desk:
         return int(self.endpoint.asked["full state"])
 
     def tick(
-        self, force: Vector | None, *, engaged: bool = True, heard: bool = True, step: float = TICK
+        self, force: Vector | None, *, engaged: bool = True, heard: bool = True, runs: bool = True, step: float = TICK
     ) -> tuple[Vector, Vector]:
-        """The force and a torque of a twentieth of it are decoded; gives what is on the hand then."""
+        """The force and a torque of a twentieth of it are decoded; gives what is on the hand then. The other end `runs`
+        if its encoder is heard."""
         self.now += TICK
-        if heard:
-            self.endpoint.liveness.in_touch_at = self.now
+        liveness = self.endpoint.liveness
+        liveness.in_touch_at = self.now if heard else liveness.in_touch_at
+        liveness.encoder_heard_at = self.now if runs else liveness.encoder_heard_at
         self.port.actuate([force, force and scale(force, 0.05)], self.now, step, step, engaged=engaged)
         return self.handle.forces[-1], self.handle.torques[-1]
 
@@ -159,6 +161,20 @@ def test_a_force_that_nothing_founds_ends_and_the_scheme_is_told_once(push: Vect
     assert not desk.port.unfounded
     assert desk.go(push, 60)[-1] == pytest.approx(norm(push)), "a stated contact brings it back"
     assert (desk.requests, len(desk.scheme.told)) == (1, 2)
+
+
+@pytest.mark.parametrize("push", [(8.0, 0.0, 0.0), (0.0, -8.0, 0.0)])
+def test_a_robots_end_that_stands_still_makes_no_fault_until_it_could_have_been_answered(push: Vector) -> None:
+    """The force ends as in time, but the scheme has heard nothing that it could let go for."""
+    desk = Desk(contact=True)
+    limit, fade, grace = (round(seconds / TICK) for seconds in (RTT + PATIENCE, FADE, GRACE))
+    shown = desk.go(push, limit + fade + 5 * grace, runs=False)
+    assert max(shown[limit + fade + 1 :]) == 0.0
+    assert (desk.scheme.told, desk.port.unfounded) == (["refute"], False)
+    desk.go(push, grace)
+    assert not desk.port.unfounded
+    desk.go(push, 1)
+    assert desk.port.unfounded
 
 
 @pytest.mark.parametrize("forgets", ["reset", "restart"])
@@ -258,7 +274,7 @@ class Leading:
     def tick(self, *values: Joints | None) -> Joints:
         """A tick; returns the torques displayed in it."""
         self.now += TICK
-        self.link.liveness.in_touch_at = self.now
+        self.link.liveness.in_touch_at = self.link.liveness.encoder_heard_at = self.now
         for sensor in self.sensors:
             sensor.take(self.port.latest(self.now))
         self.port.account(TICK, 0.0, encodes=True)
