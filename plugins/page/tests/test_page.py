@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from functools import cache
 from math import hypot, nan
-from time import sleep
+from time import monotonic, sleep
 from typing import Any
 
 import numpy as np
@@ -284,8 +284,10 @@ def test_pointer_and_keys_drive(page: Browser, server: ScriptedServer) -> None:
     page.run(f"document.querySelector('#scene canvas').dispatchEvent({WHEEL})")
     page.wait(lambda: np.array(drives()[-1]["target"]) @ AWAY == pytest.approx(0.012, abs=1e-5), "the depth")
     server.asked.clear()
+    began = monotonic()
     page.run("const end = performance.now() + 1500; while (performance.now() < end);")
-    assert 4 < len(drives()) < 35, "a busy page repeats the target, but not for long"
+    before_and_after = (monotonic() - began - 1.5) / 0.025  # repeats of a page that is not busy
+    assert 4 < len(drives()) < 35 + before_and_after, "a busy page repeats the target, but not for long"
     chain(page).release().perform()
     page.wait(lambda: not drives()[-1]["held"], "the release")
     chain(page).key_down(RIGHT).perform()
