@@ -123,7 +123,7 @@ def test_lasting_error_is_a_fault_without_current(serial: Make, teensy: Any, err
 def test_what_comes_back_without_power_or_as_another_is_no_return(
     serial: Make, board: PtyDevice, teensy: Any, changes: dict[str, Any], says: str
 ) -> None:
-    device = serial(reconnect_s=5.0)
+    device = serial(reconnect_s=2.0)
     device.open(monotonic())
     board.unplug()
     for name, value in changes.items():
