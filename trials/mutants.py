@@ -3,8 +3,8 @@
     python -m trials.mutants --count 20
 
 Each mutant is one changed operator, constant, condition or statement of the sources. The tests that mirror its file run
-first, then those of its package, then the sessions in virtual time, until one fails. A seed gives the same mutants as
-long as the sources are the same.
+first, then those of its package, then sessions in virtual time or drivers, until one fails. A seed gives the same
+mutants as long as the sources are the same.
 """
 
 import argparse
@@ -36,7 +36,9 @@ SOURCES = {
 NOT_MUTATED = ("emulators", "emulator", "emulation", "umockdev", "umockdev_service", "__main__", "__init__")
 TESTS = {"master": "tests/master/test_*.py", "slave": "tests/slave/test_*.py"}
 """Tests of a package, where they are not its whole folder."""
+USERS = {"hardware": "tests/master/devices"}
 SESSIONS = "tests/session"
+"""Tests of what uses a package: sessions, or the drivers that are made of it."""
 TIMEOUT_S = 400.0
 SWAPS: dict[type[ast.AST], type[Any]] = {
     ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
@@ -137,7 +139,9 @@ def stages(mutant: Mutant, tests: Path) -> list[list[str]]:
     mirrored = sorted(folder.glob(f"**/test_*{parts[-1].split('_')[0]}*.py"))
     whole = sorted(tests.glob(TESTS[folder.name])) if folder.name in TESTS else [folder]
     return [
-        [str(path.relative_to(tests)) for path in paths] for paths in (mirrored, whole, [tests / SESSIONS]) if paths
+        [str(path.relative_to(tests)) for path in paths]
+        for paths in (mirrored, whole, [tests / USERS.get(folder.name, SESSIONS)])
+        if paths
     ]
 
 
