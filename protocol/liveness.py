@@ -332,10 +332,6 @@ class HeartbeatSchedule:
         last = max(self._confirmed_at + self._round_trip, self._heard_at) + self._silence - self._answered_in
         return self._must_ask or self._ask_due() <= now <= last
 
-    def has_own_message(self, now: float) -> bool:
-        """Whether a heartbeat sent now says what no update says: a question or a report."""
-        return self.asks(now) or self.reports(now)
-
     def reports(self, now: float) -> bool:
         """Whether a heartbeat sent now must report."""
         return self._introductions > 0 or now >= self._reported_at + REPORT_INTERVAL

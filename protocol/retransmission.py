@@ -131,7 +131,8 @@ class OutgoingStream:
 
     On a lossy link an update is also sent again before there can be evidence, as often as loss and bursts call for
     (`copies_needed`), 5 ms apart so that one short burst does not take all, until it is acknowledged or a newer one
-    replaces it. These early repeats are paid from an `Allowance`, which the streams of an end share.
+    replaces it; and in the place of a heartbeat that is due. These early repeats are paid from an `Allowance`, which
+    the streams of an end share.
 
     Where the time runs out in which it must be acknowledged, an update is sent again without evidence.
 

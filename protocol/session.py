@@ -425,8 +425,9 @@ class Session:
         if now < self.heartbeats.due(is_engaged=is_engaged):
             return None
         is_encoding = is_engaged and is_encoding
-        if is_encoding and self._statistics.outgoing_loss > RESIDUAL and not self.heartbeats.has_own_message(now):
-            for stream in self._streams:  # An update that may be lost says all that this heartbeat would say
+        is_plain = not self.heartbeats.asks(now) and not self.heartbeats.reports(now)
+        if is_encoding and is_plain and self._statistics.outgoing_loss > RESIDUAL:
+            for stream in self._streams:  # an update says all that a heartbeat without question and report says
                 if stream.update is not None and stream.can_be_carried(now):
                     return self._repeat(stream, stream.update, now, is_carried=True)
         return self.send_heartbeat(now, is_encoding=is_encoding)

@@ -347,7 +347,7 @@ def test_samples_of_a_moving_robot_lie_on_the_static_line_of_the_wall(
         touched += 1
         assert value[2] == pytest.approx(-series * rest[2], rel=1e-6, abs=1e-9 * stiffness)
         lag = max(lag, abs(value[2] + series * command[2]))
-    assert touched > 1  # a wall of 1e7 N/m throws the robot out at once, and at 10 Hz it is rarely back
+    assert touched > (1 if stiffness == 1e7 else 10)  # such a wall throws the robot out: at 10 Hz it touches twice
     assert lag > 0.05  # [N] off the line, if paired with the command
 
 
