@@ -4,7 +4,6 @@ from weberlink.registry import Driver, Registry
 
 BUILT_IN = {
     "operator": "weberlink.master.devices.operator:OperatorDevice",
-    "pointer": "weberlink.master.devices.pointer:PointerDevice",
     "polhem_hid": "weberlink.master.devices.polhem.hid_device:PolhemHidDevice",
     "polhem_serial": "weberlink.master.devices.polhem.serial_device:PolhemSerialDevice",
     "replay": "weberlink.master.devices.replay:ReplayDevice",

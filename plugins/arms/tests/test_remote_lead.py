@@ -16,13 +16,13 @@ import pytest
 from hypothesis import strategies as st
 
 from plugins.arms.tests.arm_rings import REMOTE, SYSTEM, ArmRings, arm_rings
-from weberlink.master.devices.target_link import LEADER, LEADER_LOCK, TargetSocket, link_path
 from weberlink.telemetry.runtime_directory import ForeignFileError
 from weberlink.testing.messages import Message, MessageContract
 from weberlink.watching.rings import NoSessionError
 from weberlink_arms.live_ends import find_end
 from weberlink_arms.remote_lead import AxisUnits, LeaderSender, NotRemoteError, RemoteLead, TargetInUseError
 from weberlink_arms.remote_leader import LeaderTarget, pack_angles, unpack_angles
+from weberlink_pointer.target_link import LEADER, TargetSocket, link_path
 
 HERE = (0.1, -0.2, 0.3)
 ME = os.getpid()
@@ -222,7 +222,7 @@ def test_one_program_leads_at_a_time_until_it_ends_or_is_killed(leader: Any) -> 
 def test_who_led_an_arm_that_has_ended_does_not_lead_the_next_and_a_file_in_its_place_is_refused(leader: Any) -> None:
     with LeaderSender(ME) as sender:
         leader.close()
-        assert not any(link_path(ME, kind).exists() for kind in (LEADER, LEADER_LOCK))
+        assert not any(link_path(ME, kind).exists() for kind in (LEADER, f"{LEADER}.lock"))
         sender.send(HERE)
         leader.open()
         sender.send(HERE)

@@ -1,3 +1,3 @@
-"""The unit of the page."""
+"""The session of `weberlink try`, and the unit of the page."""
 
 OTHERS = {"weberlink-monitor.service": "unit of the page"}

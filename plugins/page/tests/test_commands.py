@@ -17,7 +17,8 @@ from weberlink_page import program
 from weberlink_page.program import end_when_left
 from weberlink_page.scenes import SCENES
 
-UNIT = Path(__file__).parents[1] / "configs" / "weberlink-monitor.service"
+CONFIGS = Path(__file__).parents[1] / "configs"
+UNIT = CONFIGS / "weberlink-monitor.service"
 OTHERS = ("aioice", "foxglove", "mcap", "pylibfranka", "rosbags", "segno", "twisted", "websockets", "wormhole", "zenoh")
 WRONG = {
     "monitor --port 70000": ("--port", 2),
@@ -53,7 +54,7 @@ def test_the_unit_starts_the_monitor_and_is_little_exposed(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("name", SCENES)
 def test_every_scene_to_try_is_felt(name: str) -> None:
-    figures, trace = simulate(configuration(*SCENES[name].overrides, file="try.yaml"), 2.5)
+    figures, trace = simulate(configuration(*SCENES[name].overrides, file=CONFIGS / "try.yaml"), 2.5)
     assert (figures.outcome, figures.faults) == ("completed", {"master": {}, "slave": {}})
     assert figures.felt.packets > 2
     assert 0.5 < np.linalg.norm(trace.trace.force_n, axis=1).max() < 10.0

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from tests.master.devices.targets import Targets
+from plugins.pointer.tests.targets import Targets
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.master.devices.target_link import PointerTarget
 from weberlink.testing.devices import DeviceBench, DeviceContract
 from weberlink.testing.time import TICK, virtual_time
+from weberlink_pointer.target_link import PointerTarget
 from weberlink_ros2.device import Ros2Device, Ros2Options
 
 

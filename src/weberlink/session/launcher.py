@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any, Self
 from weberlink.child_process import Child, python
 from weberlink.config import MASTER, SIDES, SLAVE, Configuration
 from weberlink.figures.verdict import verdict
-from weberlink.master.devices import target_link
 from weberlink.order import MISCONFIGURED, NOTE, STOP_SIGNALS
 from weberlink.protocol.keys import generate
 from weberlink.protocol.paths import LinkPath, notable, paths_of
@@ -43,9 +42,7 @@ if TYPE_CHECKING:
 Watch = Callable[[dict[str, Any], "Figures"], None]
 
 LOOK_S = 0.1  # time between two looks at the telemetry
-LEFT_BEHIND = re.compile(
-    r"weberlink-(\d+)(?:-(?:master|slave)\.(?:ring|json|ask|pictures)|\.(?:key|pointer|leader|pose))"
-)
+LEFT_BEHIND = re.compile(r"weberlink-(\d+)[-.].+")
 LEFT_FOR_S = 3600.0
 """Age at which files without a writer are removed [s]; until then their last records can be read."""
 CAMERAS_END_S = 1.0  # for the process of the pictures to end after SIGTERM [s]
@@ -111,14 +108,9 @@ class Daemon:
         os.close(self._held)
         if self._reader is not None:
             self._reader.close()
-        for left in (
-            self.ring,
-            description.path_beside(self.ring),
-            pictures.path_beside(self.ring),
-            control_socket.path_beside(self.ring),
-            *(target_link.link_path(self.pid, kind) for kind in target_link.KINDS),
-        ):
-            left.unlink(missing_ok=True)
+        for of_daemon in (f"{self.ring.stem}.*", f"weberlink-{self.pid}.*"):  # its own, and those of its drivers
+            for left in self.ring.parent.glob(of_daemon):
+                left.unlink(missing_ok=True)
 
 
 @dataclass

@@ -2,18 +2,15 @@
 
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from math import sin
 from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
 
 from tests.master.devices.polhem.boards import hid_device
-from tests.master.devices.targets import Targets
 from weberlink.master.devices import BUILT_IN
-from weberlink.master.devices.pointer import PointerDevice, PointerOptions
 from weberlink.testing.devices import DeviceBench, DeviceContract, ForceDeviceContract, StoppedHostContract, armed
-from weberlink.testing.time import TICK, virtual_time
+from weberlink.testing.time import virtual_time
 from weberlink.testing.wires import HidWire, emulated, on_a_pty
 
 REACH = {"motion": "reach", "to_m": [0.2, 0, 0]}
@@ -48,15 +45,6 @@ class TestOperator(DeviceContract):
     @contextmanager
     def make_bench(self, folder: Path, /, **options: Any) -> Iterator[DeviceBench]:
         yield DeviceBench(armed("operator", **options), virtual_time())
-
-
-class TestPointer(DeviceContract):
-    NAME = "pointer"
-
-    @contextmanager
-    def make_bench(self, folder: Path, /, **options: Any) -> Iterator[DeviceBench]:
-        swing = Targets(lambda time: ((0.05 * sin(3.0 * time), 0.0, 0.02), True))
-        yield DeviceBench(PointerDevice(PointerOptions(**options), TICK, swing), virtual_time())
 
 
 class TestReplay(DeviceContract):

@@ -1,12 +1,10 @@
 """What every message of a device keeps: it is read as it was sent, and what is no message is refused in one line."""
 
-from math import inf, nan, tau
 from typing import Any
 
 from hypothesis import given, strategies as st
 
 from tests.master.devices.polhem.boards import decode_currents
-from weberlink.master.devices import target_link
 from weberlink.master.devices.polhem.protocol import (
     LONG,
     LONGEST,
@@ -23,8 +21,6 @@ from weberlink.master.devices.polhem.protocol import (
 )
 from weberlink.testing.messages import Message, MessageContract
 
-HERE = (0.01, -0.02, 0.03)
-
 
 def integers(bits: int) -> st.SearchStrategy[int]:
     edge = 1 << (bits - 1)
@@ -40,7 +36,6 @@ def three(each: st.SearchStrategy[Any]) -> st.SearchStrategy[tuple[Any, ...]]:
     return st.tuples(each, each, each)
 
 
-finite = st.floats(allow_nan=False, allow_infinity=False)
 statuses = st.builds(
     lambda counts, model, error: Sensors(counts, model=model, error=error),
     st.tuples(*[integers(32)] * 6),
@@ -57,11 +52,6 @@ long_sensors = st.builds(
 short_sensors = st.builds(
     lambda counts, number: Sensors(counts, number=number), three(integers(16)), st.integers(0, 0xFFFF)
 )
-targets = st.builds(
-    target_link.PointerTarget, three(finite), st.booleans(), st.integers(0, 2**64 - 1), three(st.floats(-3.6, 3.6))
-)
-mark = target_link.MARK
-datagram = target_link.LAYOUT.pack
 
 MESSAGES = {
     "polhem currents": Message(
@@ -85,25 +75,6 @@ MESSAGES = {
         lambda value: encode_command(value, LONG),
         decode_command,
         lengths=(SHORT,),
-    ),
-    "pointer": Message(
-        targets,
-        lambda target: target_link.pack(*target),
-        target_link.unpack,
-        refused=(
-            b"WLP1" + datagram(mark, 3, True, *HERE, *HERE)[4:],
-            datagram(mark, 3, True, nan, 0.0, 0.0, *HERE),
-            datagram(mark, 3, True, 0.0, 0.0, inf, *HERE),
-            datagram(mark, 3, True, *HERE, 0.0, nan, 0.0),
-            datagram(mark, 3, True, *HERE, 0.0, tau * 1.0001, 0.0),
-        ),
-        unsendable=(
-            ((nan, 0.0, 0.0), True, 1),
-            (HERE, True, -1),
-            (HERE, True, 2**64),
-            (HERE, True, 1, (nan, 0.0, 0.0)),
-            (HERE, True, 1, (0.0, tau * 1.0001, 0.0)),
-        ),
     ),
 }
 

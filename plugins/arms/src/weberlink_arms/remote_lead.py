@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from weberlink.config import MASTER
 from weberlink.geometry.joints import Joints
-from weberlink.master.devices.target_link import LEADER, Sender, lock_of
 from weberlink.watching.rings import NoSessionError
 from weberlink_arms.live_ends import LiveEnd, find_end
 from weberlink_arms.remote_leader import limits, pack_angles
+from weberlink_pointer.target_link import LEADER, Sender, lock_of
 
 
 class TargetInUseError(RuntimeError):

@@ -9,8 +9,8 @@ from pydantic import Field, model_validator
 
 from weberlink.arms.contract import ArmFault, ArmReading, ArmSpec
 from weberlink.geometry.joints import MOST_JOINTS, Joints, is_finite
-from weberlink.master.devices.target_link import LEADER, TargetSocket, TargetSource
 from weberlink.options import Options
+from weberlink_pointer.target_link import LEADER, TargetSocket, TargetSource
 
 LEADS = 1
 """Bit of the button in a reading."""

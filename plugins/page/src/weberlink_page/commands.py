@@ -147,6 +147,6 @@ def try_order(
     first = next(iter(SCENES)) if scene is None else scene
     if first not in SCENES:
         fail(f"--scene {scene}: no such scene; there are {', '.join(SCENES)}", MISCONFIGURED)
-    path = str(files("weberlink.configs") / "try.yaml")
+    path = str(files("weberlink_page.configs") / "try.yaml")
     script = [f"master.device.scripted={str(scripted).lower()}"]
     return TryOrder(path, (*script, *overrides), SCENES, first, duration)

@@ -17,7 +17,7 @@ from weberlink_page.requests import READ_ONLY
 from weberlink_page.viewer import Viewer
 
 if TYPE_CHECKING:
-    from weberlink.master.devices.target_link import PointerSender
+    from weberlink_pointer.target_link import PointerSender
 
 LEASE_S = 5.0
 """How long a page keeps the handle after it has released it, or fallen silent."""
@@ -150,6 +150,6 @@ class Driving:
 
 def connect(pid: int) -> "PointerSender":
     """The sender to the daemon with a process id."""
-    from weberlink.master.devices.target_link import PointerSender  # noqa: PLC0415 - for who drives only
+    from weberlink_pointer.target_link import PointerSender  # noqa: PLC0415 - for who drives only
 
     return PointerSender(pid)

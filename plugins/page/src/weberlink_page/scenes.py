@@ -1,4 +1,4 @@
-"""The scenes that `weberlink try` offers: overrides of configs/try.yaml, each with a title for people."""
+"""The scenes that `weberlink try` offers: overrides of try.yaml, each with a title for people."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -9,7 +9,7 @@ class SceneChoice(NamedTuple):
 
     Args:
         title: in plain words.
-        overrides: of configs/try.yaml, as of `--set`; none for the scene of the file itself.
+        overrides: of try.yaml, as of `--set`; none for the scene of the file itself.
     """
 
     title: str

@@ -7,8 +7,8 @@ from pydantic import AfterValidator, Field
 
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.contract import DeviceFault, DeviceReading
-from weberlink.master.devices.pointer import PointerDevice, PointerOptions
-from weberlink.master.devices.target_link import POINTER, PointerTarget, TargetSocket, TargetSource, unpack
+from weberlink_pointer.device import PointerDevice, PointerOptions
+from weberlink_pointer.target_link import POINTER, PointerTarget, TargetSocket, TargetSource, unpack
 from weberlink_ros2.admission import Subscription
 from weberlink_ros2.names import LARGEST_DOMAIN, check_endpoint, check_topic
 from weberlink_ros2.process import ListenerProcess

@@ -14,7 +14,7 @@ from select import POLLIN, POLLRDHUP, poll
 from threading import Lock
 from time import monotonic
 
-from weberlink.master.devices.target_link import pack
+from weberlink_pointer.target_link import pack
 from weberlink_ros2.admission import SECOND_NS, Admission, Pose, Subscription
 from weberlink_ros2.messages import decode, type_hash
 from weberlink_ros2.names import Attachment

@@ -12,7 +12,7 @@ from time import monotonic
 
 from weberlink.child_process import Child, python
 from weberlink.master.devices.contract import DeviceFault
-from weberlink.master.devices.target_link import MARK, PointerTarget, unpack
+from weberlink_pointer.target_link import MARK, PointerTarget, unpack
 from weberlink_ros2.admission import Subscription
 
 READY, TROUBLE, FAILED = b"WLR1", b"WLT1", b"WLF1"
@@ -33,7 +33,7 @@ END_S = 3.0
 
 
 class ListenerProcess:
-    """A `weberlink.master.devices.target_link.TargetSource` that starts a listener.
+    """A `weberlink_pointer.target_link.TargetSource` that starts a listener.
 
     Attributes:
         trouble: why no pose leads, or why some do not; None if all is well.

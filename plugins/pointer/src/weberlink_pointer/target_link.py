@@ -19,8 +19,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 from weberlink.geometry.vector import ZERO, Vector, is_finite, norm
 from weberlink.telemetry.runtime_directory import check, directories, directory, listening_socket
 
-# Of files, by what follows the name of the process.
-POINTER, LEADER, LEADER_LOCK = KINDS = "pointer", "leader", "leader.lock"
+POINTER, LEADER = "pointer", "leader"  # kinds of files, by what follows the name of the process
 LAYOUT = Struct("<4sQ?6d")  # mark, number, held, x, y, z [m], rotation vector [rad]
 MARK = b"WLP2"
 LONGEST = 128  # bytes of a datagram, of whatever kind of target

@@ -11,7 +11,7 @@ from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.devices.hand_device import HandDevice
 from weberlink.master.devices.hand_options import HandOptions
 from weberlink.master.devices.operator import OperatorOptions, motion_of
-from weberlink.master.devices.target_link import POINTER, PointerTarget, TargetSocket, TargetSource, unpack
+from weberlink_pointer.target_link import POINTER, PointerTarget, TargetSocket, TargetSource, unpack
 
 HELD = 1  # bit of the button in a reading
 

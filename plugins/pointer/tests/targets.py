@@ -4,17 +4,17 @@ from collections.abc import Callable
 from random import Random
 
 from weberlink.geometry.vector import Vector
-from weberlink.master.devices.target_link import PointerTarget
 from weberlink.testing.time import TICK
+from weberlink_pointer.target_link import PointerTarget
 
-Path = Callable[[float], tuple[Vector, bool] | None]
+Way = Callable[[float], tuple[Vector, bool] | None]
 """Target [m] at a time [s], and whether it is held; None where nothing is sent."""
 
 
 class Targets:
     """A source that is asked once a tick, of what a visitor does; each target may come early or late by the jitter."""
 
-    def __init__(self, path: Path, rate_hz: float = 60.0, jitter: float = 0.0) -> None:
+    def __init__(self, path: Way, rate_hz: float = 60.0, jitter: float = 0.0) -> None:
         self._path, self._period, self._jitter = path, 1.0 / rate_hz, jitter
         self._uniform = Random(1).uniform
         self.opened = self._number = 0

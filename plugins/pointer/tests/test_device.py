@@ -1,24 +1,39 @@
-"""The pointer device in virtual time: how its hand follows a target, lets go, and waits for the first visitor."""
+"""The pointer device in virtual time: the contract of a driver, and how its hand follows a target and lets go."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import pairwise
+from math import sin
+from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tests.master.devices.targets import Path, Targets
+from plugins.pointer.tests.targets import Targets, Way
 from weberlink.geometry.rotation import IDENTITY, vector
 from weberlink.geometry.vector import ZERO, Vector, distance
 from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
-from weberlink.master.devices.pointer import PointerDevice, PointerIntention, PointerOptions
-from weberlink.master.devices.target_link import PointerTarget
-from weberlink.testing.time import TICK
+from weberlink.testing.devices import DeviceBench, DeviceContract
+from weberlink.testing.time import TICK, virtual_time
+from weberlink_pointer.device import PointerDevice, PointerIntention, PointerOptions
+from weberlink_pointer.target_link import PointerTarget
 
 HOME: Vector = (0.0, 0.0, 0.03)
 LEFT, RIGHT = (-0.05, 0.0, 0.03), (0.05, 0.0, 0.03)
 
 
+class TestPointer(DeviceContract):
+    NAME = "pointer"
+
+    @contextmanager
+    def make_bench(self, folder: Path, /, **options: Any) -> Iterator[DeviceBench]:
+        swing = Targets(lambda time: ((0.05 * sin(3.0 * time), 0.0, 0.02), True))
+        yield DeviceBench(PointerDevice(PointerOptions(**options), TICK, swing), virtual_time())
+
+
 def readings(
-    path: Path, seconds: float, force: Vector = ZERO, rate_hz: float = 60.0, **options: object
+    path: Way, seconds: float, force: Vector = ZERO, rate_hz: float = 60.0, **options: object
 ) -> list[DeviceReading]:
     device = PointerDevice(PointerOptions.model_validate(options), TICK, Targets(path, rate_hz))
     device.open(10.0)

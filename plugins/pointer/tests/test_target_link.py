@@ -1,18 +1,19 @@
-"""Targets from another process of the same user, for a pointer.
-
-The messages are in `devices/test_wires`.
-"""
+"""Targets from another process of the same user, for a pointer."""
 
 import os
 import socket
 from collections.abc import Iterator
-from typing import Any
+from math import inf, nan, tau
+from typing import Any, ClassVar
 
 import pytest
+from hypothesis import strategies as st
 
-from tests.master.devices.test_wires import MESSAGES
 from tests.strangers import as_stranger, ask_socket, needs_root
-from weberlink.master.devices.target_link import (
+from weberlink.testing.messages import Message, MessageContract
+from weberlink_pointer.target_link import (
+    LAYOUT,
+    MARK,
     POINTER,
     PointerSender,
     PointerTarget,
@@ -24,6 +25,32 @@ from weberlink.master.devices.target_link import (
 
 HERE = (0.1, -0.2, 0.3)
 ME = os.getpid()
+VECTORS = st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 3)
+ROTATIONS = st.tuples(*[st.floats(-3.6, 3.6)] * 3)
+
+
+class TestTargets(MessageContract):
+    MESSAGES: ClassVar = {
+        "pointer": Message(
+            st.builds(PointerTarget, VECTORS, st.booleans(), st.integers(0, 2**64 - 1), ROTATIONS),
+            lambda target: pack(*target),
+            unpack,
+            refused=(
+                b"WLP1" + LAYOUT.pack(MARK, 3, True, *HERE, *HERE)[4:],
+                LAYOUT.pack(MARK, 3, True, nan, 0.0, 0.0, *HERE),
+                LAYOUT.pack(MARK, 3, True, 0.0, 0.0, inf, *HERE),
+                LAYOUT.pack(MARK, 3, True, *HERE, 0.0, nan, 0.0),
+                LAYOUT.pack(MARK, 3, True, *HERE, 0.0, tau * 1.0001, 0.0),
+            ),
+            unsendable=(
+                ((nan, 0.0, 0.0), True, 1),
+                (HERE, True, -1),
+                (HERE, True, 2**64),
+                (HERE, True, 1, (nan, 0.0, 0.0)),
+                (HERE, True, 1, (0.0, tau * 1.0001, 0.0)),
+            ),
+        )
+    }
 
 
 @pytest.fixture
@@ -58,7 +85,9 @@ def test_newest_target_of_the_newest_sender_is_read_once(listening: Any, wire: s
     assert listening.newest() is None
 
 
-@pytest.mark.parametrize("data", [b"", pack(HERE, True, 3) + b"x", *MESSAGES["pointer"].refused, b"\xff" * 5000])
+@pytest.mark.parametrize(
+    "data", [b"", pack(HERE, True, 3) + b"x", *TestTargets.MESSAGES["pointer"].refused, b"\xff" * 5000]
+)
 def test_foreign_datagram_is_ignored(listening: Any, wire: socket.socket, data: bytes) -> None:
     wire.send(pack(HERE, True, 1))
     wire.send(data)
