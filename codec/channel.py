@@ -5,8 +5,7 @@ from dataclasses import dataclass, field
 from math import inf
 
 from weberlink.codec.choice import CHOICES, HYBRID
-from weberlink.codec.deadband import Deadband, ForceDeadband, PositionDeadband
-from weberlink.codec.deadband.per_axis import PerAxisDeadband
+from weberlink.codec.deadband import Deadband, ForceDeadband, PerAxisDeadband, PositionDeadband
 from weberlink.codec.predictors import PREDICTORS, FitLimits, Predictor, suits
 from weberlink.codec.rate import UpdateRate
 from weberlink.codec.sample import Quantizer, Sample, SampleGrid

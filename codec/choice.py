@@ -1,18 +1,18 @@
 """How a sender chooses the predictor of an update among those of a bank: the table of choices, and their interface.
 
-To add one, write a file in this folder and a line here, or an entry point of the group `weberlink.choices`.
+To add one, write it here with an entry in `CHOICES`, or an entry point of the group `weberlink.choices`.
 """
 
 from abc import ABCMeta, abstractmethod
 from collections.abc import Callable, Sequence
+from math import inf
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from weberlink.codec.deadband import Deadband
-from weberlink.codec.predictors import Predictor
-from weberlink.codec.predictors.model import Model
+from weberlink.codec.predictors import FittedPredictor, Model, Predictor
 from weberlink.codec.sample import Sample
 from weberlink.compiled import mypyc_attr
-from weberlink.geometry.vector import Vector
+from weberlink.geometry.vector import Vector, distance
 from weberlink.registry import Registry, check_overrides
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ class Ahead(NamedTuple):
 
 
 NOTHING = Ahead()
+HYBRID = "hybrid"
 
 
 class DueSample(NamedTuple):
@@ -113,14 +114,58 @@ class Choice(metaclass=ABCMeta):
         """
 
 
+class Hybrid(Choice):
+    """The paper's: the predictor whose value *before* the update is closest; after it, all pass through the sample.
+
+    The smallest w_i = |f_pred,i - f| / |f| is chosen, and used until the next send. The common divisor |f| is left out.
+    With look-ahead it chooses among the predictors whose new models last longest in the known signal.
+    """
+
+    name: ClassVar[str] = HYBRID
+
+    def __init__(self, channel: "Channel") -> None:
+        super().__init__(channel)
+        self._channel = channel
+        # All of the bank: `Channel` sees to it.
+        self._predictors = [each for each in channel.predictors if isinstance(each, FittedPredictor)]
+        self.reset()
+
+    @classmethod
+    def bank(cls, signal: str) -> tuple[str, ...]:
+        return ("zoh", "linear", "plane", "sphere") if signal == "force" else ("zoh", "linear")
+
+    def reset(self) -> None:
+        self._newest: Sample | None = None  # that was sent
+        self._previous: Sample | None = None  # sent before that
+
+    def choose(self, selectors: Sequence[int], due: DueSample) -> tuple[int, Model | None]:
+        newest, previous = self._newest, self._previous
+        self._newest, self._previous = due.newest, newest if due.earlier is not None else None
+        if newest is None or len(selectors) == 1:
+            return selectors[0], None
+        channel, predictors, tick = self._channel, self._predictors, due.newest.tick
+        limits = channel.fit_limits
+        if due.ahead.values:
+            new = [predictors[selector].model(due.newest, due.earlier, limits) for selector in selectors]
+            lasts = [due.ahead.lasts(model, tick, self.deadband.error) for model in new]
+            selectors = [selector for selector, ticks in zip(selectors, lasts, strict=True) if ticks == max(lasts)]
+        best, smallest = selectors[0], inf
+        for selector in selectors:
+            # Of the predictor in use, the model is that of the other end.
+            model = due.model if selector == due.selected else None
+            if model is None:
+                model = predictors[selector].model(newest, previous, limits)
+            error = distance(channel.displayable(model.at(tick, due.place), newest), due.actual)
+            if error < smallest:
+                best, smallest = selector, error
+        return best, None
+
+
 def _check(name: str, entry: Any) -> None:
     if not (isinstance(entry, type) and issubclass(entry, Choice) and entry.name == name):
         raise ValueError(f"choice {name!r}: its entry point must name a subclass of Choice called {name!r}")
     check_overrides(f"choice {name}", entry, Choice, "bank", "reset", "choose")
 
 
-HYBRID = "hybrid"
-CHOICES: Registry[type[Choice]] = Registry(
-    "choice", {HYBRID: "weberlink.codec.hybrid:Hybrid"}, "weberlink.choices", _check
-)
+CHOICES: Registry[type[Choice]] = Registry("choice", {HYBRID: Hybrid}, "weberlink.choices", _check)
 """By name: what a configuration file may name in the place of a predictor."""

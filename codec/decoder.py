@@ -5,8 +5,7 @@ from typing import Any, NamedTuple
 
 from weberlink.codec.channel import Channel
 from weberlink.codec.deadband import Deadband
-from weberlink.codec.predictors.contract import Predictor
-from weberlink.codec.predictors.model import UNFITTED, Model, ModelRecord
+from weberlink.codec.predictors.contract import UNFITTED, Model, ModelRecord, Predictor
 from weberlink.codec.sample import Sample
 from weberlink.geometry.joints import PART, Joints, joined
 from weberlink.geometry.vector import ZERO, Vector, add, subtract

@@ -7,8 +7,7 @@ To add one, write a file in this folder and a line here, or an entry point of th
 
 from typing import Any
 
-from weberlink.codec.predictors.contract import EstimatedPredictor, FittedPredictor, Predictor
-from weberlink.codec.predictors.model import FitLimits, Model
+from weberlink.codec.predictors.contract import EstimatedPredictor, FitLimits, FittedPredictor, Model, Predictor
 from weberlink.registry import Registry
 
 
@@ -21,10 +20,10 @@ _HERE = "weberlink.codec.predictors"
 PREDICTORS: Registry[Predictor] = Registry(
     "predictor",
     {
-        "zoh": f"{_HERE}.zoh:ZOH",
-        "linear": f"{_HERE}.linear:LINEAR",
-        "plane": f"{_HERE}.plane:PLANE",
-        "sphere": f"{_HERE}.sphere:SPHERE",
+        "zoh": f"{_HERE}.signal_based:ZOH",
+        "linear": f"{_HERE}.signal_based:LINEAR",
+        "plane": f"{_HERE}.geometry_based:PLANE",
+        "sphere": f"{_HERE}.geometry_based:SPHERE",
     },
     "weberlink.predictors",
     _check,

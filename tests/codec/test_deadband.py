@@ -9,8 +9,14 @@ from hypothesis import assume, given, strategies as st
 
 from tests.codec.signals import up
 from weberlink.codec import Encoder, force_channel
-from weberlink.codec.deadband import DEADBANDS, Deadband, DeadbandSetup, ForceDeadband, PositionDeadband
-from weberlink.codec.deadband.per_axis import PerAxisDeadband
+from weberlink.codec.deadband import (
+    DEADBANDS,
+    Deadband,
+    DeadbandSetup,
+    ForceDeadband,
+    PerAxisDeadband,
+    PositionDeadband,
+)
 from weberlink.geometry.vector import ZERO, Vector, add, distance, norm, scale
 
 K, FLOOR = 0.10, 0.02

@@ -7,7 +7,7 @@ import pytest
 from tests.codec.signals import up
 from weberlink.codec import Decoder, Encoder, Update, force_channel, position_channel
 from weberlink.codec.predictors import PREDICTORS, FitLimits, FittedPredictor, Model
-from weberlink.codec.predictors.model import UNFITTED, ModelKind
+from weberlink.codec.predictors.contract import UNFITTED, ModelKind
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.update import PreviousSample

@@ -11,7 +11,7 @@ from weberlink.codec.channel import Smoothing
 from weberlink.codec.choice import CHOICES, Choice, DueSample
 from weberlink.codec.deadband import DEADBANDS
 from weberlink.codec.predictors import PREDICTORS, EstimatedPredictor, FitLimits, FittedPredictor, Predictor
-from weberlink.codec.predictors.model import Line
+from weberlink.codec.predictors.signal_based import Line
 from weberlink.codec.replay import code
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO

@@ -5,8 +5,7 @@ import pytest
 from tests.codec.law import FITTED, make_channel
 from tests.codec.signals import contact_stream, up
 from weberlink.codec import Encoder, force_channel
-from weberlink.codec.choice import NOTHING, Ahead, DueSample
-from weberlink.codec.hybrid import Hybrid
+from weberlink.codec.choice import NOTHING, Ahead, DueSample, Hybrid
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO
 

@@ -8,9 +8,8 @@ from hypothesis import assume, given, strategies as st
 from tests.codec.law import FITTED
 from tests.examples import examples
 from weberlink.codec.predictors import PREDICTORS, FitLimits, FittedPredictor
-from weberlink.codec.predictors.model import Hold
-from weberlink.codec.predictors.plane import Plane
-from weberlink.codec.predictors.sphere import Sphere
+from weberlink.codec.predictors.contract import Hold
+from weberlink.codec.predictors.geometry_based import Plane, Sphere
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
 

@@ -8,7 +8,7 @@ from hypothesis import given, strategies as st
 
 from tests.control.teleoperation import SETTINGS, TICK, Wall
 from tests.examples import examples
-from weberlink.codec.predictors.sphere import Sphere
+from weberlink.codec.predictors.geometry_based import Sphere
 from weberlink.codec.sample import UNKNOWN
 from weberlink.control.contract import CREDIT_STEP
 from weberlink.control.ends import MasterControl, SlaveControl

@@ -7,7 +7,7 @@ from math import inf, sin, sqrt
 import pytest
 
 from tests.control.teleoperation import ACCOUNT, SETTINGS, TICK, Hand, Link, Wall, operate
-from weberlink.codec.predictors.sphere import Sphere
+from weberlink.codec.predictors.geometry_based import Sphere
 from weberlink.control.account import passivity_limit
 from weberlink.control.bounded import (
     BACK,

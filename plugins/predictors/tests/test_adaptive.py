@@ -17,7 +17,7 @@ from weberlink.codec.channel import Smoothing
 from weberlink.codec.choice import NOTHING, DueSample
 from weberlink.codec.deadband import ForceDeadband
 from weberlink.codec.predictors import PREDICTORS, FitLimits
-from weberlink.codec.predictors.model import Hold
+from weberlink.codec.predictors.contract import Hold
 from weberlink.codec.replay import code
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO

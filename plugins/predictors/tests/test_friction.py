@@ -5,7 +5,7 @@ from math import inf, nan
 import pytest
 
 from weberlink.codec import Decoder, Update, force_channel
-from weberlink.codec.predictors.model import Hold
+from weberlink.codec.predictors.contract import Hold
 from weberlink.geometry.vector import ZERO, is_finite
 from weberlink.update import ModelParameters
 from weberlink_predictors.parameters import pack

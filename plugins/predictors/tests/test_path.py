@@ -9,7 +9,7 @@ from tests.codec.law import make_channel
 from tests.examples import examples
 from weberlink.codec import Channel, force_channel
 from weberlink.codec.predictors import FitLimits
-from weberlink.codec.predictors.model import Hold, ModelKind
+from weberlink.codec.predictors.contract import Hold, ModelKind
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, is_finite, norm
 from weberlink.update import MOST_PARAMETER_BYTES, ModelParameters

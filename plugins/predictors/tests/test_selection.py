@@ -8,7 +8,7 @@ import pytest
 from tests.codec.law import make_channel, sends
 from tests.codec.signals import Array, Stream
 from weberlink.codec import force_channel
-from weberlink.codec.hybrid import Hybrid
+from weberlink.codec.choice import Hybrid
 
 SECONDS = 2.0
 Random = np.random.Generator

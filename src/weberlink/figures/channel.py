@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.codec.deadband.contract import Measures
+from weberlink.codec.deadband import Measures
 from weberlink.config.joints import per_axis
 from weberlink.figures.distribution import Distribution
 from weberlink.figures.tree import AxisErrors, Errors

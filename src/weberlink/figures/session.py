@@ -11,7 +11,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.codec.deadband.contract import Measures
+from weberlink.codec.deadband import Measures
 from weberlink.config import SIDES, System
 from weberlink.control.contract import AccountParameters
 from weberlink.figures.channel import (

@@ -5,7 +5,7 @@ from math import nan
 from typing import Any
 
 from weberlink.codec import Decoder, Encoder
-from weberlink.codec.predictors.model import Hold
+from weberlink.codec.predictors.contract import Hold
 from weberlink.control.contract import UNREACHED_S
 from weberlink.control.ends import MasterControl
 from weberlink.control.port import Port, Sensor

@@ -21,9 +21,8 @@ from typing import ClassVar
 from weberlink.codec.channel import Channel
 from weberlink.codec.choice import NOTHING, Ahead, Choice, DueSample
 from weberlink.codec.deadband import Deadband
-from weberlink.codec.predictors.contract import FittedPredictor, Predictor
-from weberlink.codec.predictors.model import FitLimits, Hold, Model
-from weberlink.codec.predictors.zoh import ZOH
+from weberlink.codec.predictors.contract import FitLimits, FittedPredictor, Hold, Model, Predictor
+from weberlink.codec.predictors.signal_based import ZOH
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.update import MAX_GAP

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from weberlink.codec.predictors.model import FitLimits, Model
+from weberlink.codec.predictors.contract import FitLimits, Model
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale, subtract
 from weberlink.update import ModelParameters

@@ -12,7 +12,7 @@ from typing import Annotated, Self
 
 from annotated_types import Interval
 
-from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, check_not_negative
+from weberlink.codec.deadband import Deadband, DeadbandSetup, check_not_negative
 from weberlink.geometry.vector import Vector, distance, norm
 
 DIRECTION_RAD = radians(18.4)  # The JND with matching vision: an operator sees the scene [rad]

@@ -5,8 +5,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
 
 from weberlink.codec.choice import NOTHING, Ahead
-from weberlink.codec.predictors.contract import EstimatedPredictor
-from weberlink.codec.predictors.model import FitLimits, Model
+from weberlink.codec.predictors.contract import EstimatedPredictor, FitLimits, Model
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import Vector, interpolate
 

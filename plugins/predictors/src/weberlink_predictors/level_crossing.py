@@ -12,7 +12,7 @@ from typing import Annotated, Self
 
 from annotated_types import Interval
 
-from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, check_not_negative
+from weberlink.codec.deadband import Deadband, DeadbandSetup, check_not_negative
 from weberlink.geometry.vector import Vector, distance, norm
 from weberlink_predictors.cone import DIRECTION_RAD, ConeOptions, chord, chord_of
 

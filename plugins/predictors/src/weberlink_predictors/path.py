@@ -16,7 +16,7 @@ from itertools import pairwise
 from math import frexp, ldexp
 from typing import Any, ClassVar
 
-from weberlink.codec.predictors.model import FitLimits, Model
+from weberlink.codec.predictors.contract import FitLimits, Model
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, add, distance, subtract
 from weberlink.update import MOST_PARAMETER_BYTES, ModelParameters

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Any, ClassVar
 
-from weberlink.codec.predictors.model import FitLimits, Model, ModelKind, ModelRecord
+from weberlink.codec.predictors.contract import FitLimits, Model, ModelKind, ModelRecord
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, dot, is_finite, norm, scale, subtract, unit
 from weberlink.update import ModelParameters

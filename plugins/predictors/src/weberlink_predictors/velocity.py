@@ -9,8 +9,8 @@ from typing import Annotated, Self
 
 from annotated_types import Interval
 
-from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, Reference, check_not_negative, check_reference
-from weberlink.geometry.vector import Vector, distance, norm
+from weberlink.codec.deadband import Deadband, DeadbandSetup, Reference, check_not_negative, check_reference
+from weberlink.geometry.vector import Vector, norm
 
 SLOPE_S_M = 0.5
 MOST_WEBER = 0.25
@@ -75,5 +75,3 @@ class VelocityDeadband(Deadband):
         grown = self.weber + self.per_metre * moved
         # The comparison is False for NaN (an infinite distance times a slope of 0), so that gives `highest`.
         return max(self.floor, (grown if grown < self.highest else self.highest) * norm(reference))
-
-    error = staticmethod(distance)

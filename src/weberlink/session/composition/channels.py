@@ -6,8 +6,7 @@ from typing import Any
 
 from weberlink.codec import Channel, force_channel, position_channel
 from weberlink.codec.channel import Smoothing, joint_channel
-from weberlink.codec.deadband import Deadband, DeadbandSetup, ForceDeadband
-from weberlink.codec.deadband.contract import Measures
+from weberlink.codec.deadband import Deadband, DeadbandSetup, ForceDeadband, Measures
 from weberlink.codec.predictors import FitLimits
 from weberlink.codec.rate import UpdateRate
 from weberlink.config import System

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from weberlink.codec.choice import HYBRID
-from weberlink.codec.hybrid import Hybrid
+from weberlink.codec.choice import HYBRID, Hybrid
 
 if TYPE_CHECKING:
     from pandas import DataFrame
