@@ -27,7 +27,6 @@ COMPILED = (
     "session/side.py",
     "session/tuning.py",
     "master/operator_port.py",
-    "master/position.py",
     "master/rotation.py",
     "master/gate.py",
     "master/mapping/*.py",

@@ -6,6 +6,7 @@ force last that the robot's end states no contact for.
 
 from collections.abc import Sequence
 from math import copysign, hypot, inf, isfinite
+from typing import Any
 
 from weberlink.codec.decoder import Decoder
 from weberlink.codec.sample import Sample
@@ -13,7 +14,6 @@ from weberlink.control.contract import UNREACHED_S
 from weberlink.control.gate import Approach
 from weberlink.control.sent import SentCommands
 from weberlink.geometry.joints import Joints
-from weberlink.master.position import HandPosition
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.retransmission import copies_needed
 
@@ -152,9 +152,9 @@ class HandContact(ContactWatch):
     The robot's end states a contact by an update whose sample has a force of more than `least` [N]; and while it is
     silent, by the received model, at the place that its silence is about: where the robot was commanded to a round trip
     ago, since by now a correction of the model for that place would have come. A robot that is elsewhere says so
-    (`weberlink.session.channels.Unreached`). Silence counts only where it is no loss: in each contact something must be
+    (`weberlink.slave.robot_port.Unreached`). Silence counts only where it is no loss: in each contact something must be
     heard once the robot is there, with no update missing, so it is asked for. `playout`: how much later than received
-    an update is used [ticks].
+    an update is used [ticks]. `hand`: the `weberlink.master.operator_port.HandPosition`.
     """
 
     def __init__(
@@ -162,7 +162,7 @@ class HandContact(ContactWatch):
         limiter: ContactLimiter,
         decoder: Decoder,
         endpoint: Endpoint,
-        hand: HandPosition,
+        hand: Any,
         *,
         least: float,
         sent: SentCommands,
@@ -183,7 +183,7 @@ class HandContact(ContactWatch):
         self._claimed = 0.0
 
     def begin(self, tick: float, now: float) -> None:
-        self._sent.add(self._hand.command)
+        self._sent.add(self._hand.sampled)
         super().begin(tick, now)
         self._tick = tick
         newest = self._decoder.newest

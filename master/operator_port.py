@@ -4,14 +4,53 @@ from collections.abc import Callable, Sequence
 from math import hypot, inf
 from typing import Any, ClassVar
 
+from weberlink.codec import Encoder
+from weberlink.codec.outgoing import OutgoingChannel
+from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
 from weberlink.control.ends import AxesMaster, MasterControl
 from weberlink.control.port import Port
 from weberlink.geometry.joints import Joints
-from weberlink.master.devices.contract import DeviceFault
+from weberlink.geometry.vector import ZERO, Vector
+from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.gate import OutputGate
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
+
+
+class HandPosition(OutgoingChannel):
+    """The position of the device [m], and what is sent of it: the command of the control scheme.
+
+    In contact, a position error e changes the robot's force by up to K e, with the stiffness K of the contact. So an
+    error stays unsent only if K e is within the deadband of the displayed force: `weber` of it, or `floor` [N]. No more
+    than `free` [N] needs no contact.
+    """
+
+    def __init__(
+        self, encoder: Encoder, control: MasterControl, weber: float, floor: float, free: float = FREE_FORCE
+    ) -> None:
+        super().__init__(encoder, ZERO)
+        self.way: Vector = ZERO
+        self.control = control
+        self.weber, self._floor, self._free = weber, floor, free
+        self.felt: Any = None  # the `Display` of the force
+
+    def complaint(self, reading: DeviceReading) -> str | None:
+        x, y, z = reading.position
+        return None if x - x == y - y == z - z == 0.0 else f"reports the position {reading.position}"
+
+    def take(self, reading: DeviceReading) -> None:
+        self.value = self.way = reading.position
+
+    def sample(self, tick: int) -> tuple[Vector, float]:  # noqa: ARG002
+        control, felt = self.control, self.felt
+        self.sampled = control.command(self.value)
+        force = hypot(*felt.output)
+        # No drag is larger than `free`, and in free motion it alone does not narrow the deadband; but a model that is
+        # felt before the robot touches must lead it there.
+        if force > LEAST_CONTACT and (felt.asked > self._free or hypot(*felt.decoded) > LEAST_CONTACT):
+            return ZERO, max(self.weber * force, self._floor) / control.stiffness
+        return ZERO, inf
 
 
 class Display:

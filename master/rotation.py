@@ -1,27 +1,25 @@
 """The orientation of the operator's hand as a channel."""
 
-from collections.abc import Callable
 from math import inf, pi
 
+from weberlink.codec import Encoder
+from weberlink.codec.outgoing import OutgoingChannel
 from weberlink.geometry.rotation import IDENTITY, Quaternion, inverse, product, unit_quaternion, vector
 from weberlink.geometry.vector import ZERO, Vector, add, distance
 from weberlink.master.devices.contract import DeviceReading
 
 
-class HandOrientation:
+class HandOrientation(OutgoingChannel):
     """The orientation of the handle as a rotation vector [rad].
 
-    `way` is the sum of all rotations from each reading to the next [rad]: a torque does work over it. `on_jump` is
-    called when another vector of nearly the same rotation follows: a new signal, which nothing before it may
-    extrapolate.
+    `way` is the sum of all rotations from each reading to the next [rad]: a torque does work over it.
     """
 
-    def __init__(self, on_jump: Callable[[], None]) -> None:
-        self.value: Vector = ZERO
+    def __init__(self, encoder: Encoder) -> None:
+        super().__init__(encoder, ZERO)
         self.way: Vector = ZERO
         self._before = IDENTITY
         self._usable: Quaternion | None = None
-        self._on_jump = on_jump
 
     def complaint(self, reading: DeviceReading) -> str | None:
         orientation = reading.orientation
@@ -34,8 +32,9 @@ class HandOrientation:
         self._before = self._usable
         turned = vector(self._usable, self.value)
         if distance(turned, self.value) > pi:
-            self._on_jump()
+            self.encoder.reset()  # another vector of nearly the same rotation: a new signal
         self.value = turned
 
-    def sample(self) -> tuple[Vector, Vector, float]:
-        return self.value, ZERO, inf
+    def sample(self, tick: int) -> tuple[Vector, float]:  # noqa: ARG002
+        self.sampled = self.value
+        return ZERO, inf

@@ -3,33 +3,66 @@
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from math import inf
-from typing import TYPE_CHECKING, Any
+from operator import attrgetter
+from typing import Any
 
+from weberlink.codec import Decoder, Encoder
+from weberlink.codec.outgoing import OutgoingChannel
+from weberlink.codec.predictors.contract import Hold
+from weberlink.control.contract import UNREACHED_S
 from weberlink.control.ends import Control, SlaveControl
 from weberlink.control.port import Port
 from weberlink.geometry.joints import Joints
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.slave.guard import Guard
 from weberlink.slave.robots.contract import RobotFault, RobotReading
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
 
-if TYPE_CHECKING:
-    from weberlink.slave.rotation import ToolOrientation
+
+class Unreached:
+    """Notices a contact that the operator feels by a model, and that the robot does not reach.
+
+    The encoder compares what the robot feels with the model where the robot is, and the operator's end evaluates the
+    same model where the hand is. Both agree as long as the robot follows. One that is held back (by a trip or its
+    workspace) is where the model states nothing, so that a force would last on the hand which nothing touches. From
+    then on what the robot feels is coded for the place to which the `port` is led in this `channel` [m]: that takes the
+    model back. Less than the `least` force [N] states no contact, but may be left over within the deadband.
+    """
+
+    def __init__(self, mirror: Decoder, port: Any, channel: int, least: float, tick_period: float) -> None:
+        self._mirror = mirror
+        self._port, self._channel = port, channel
+        self._least, self._least_squared = least, least * least
+        self._most = round(UNREACHED_S / tick_period)
+        self._ticks = 0
+
+    def place(self, tick: int, value: Joints, position: Vector) -> Vector:
+        """The position [m] for which a sample is coded: a force, as it is shown [N], where it is felt [m]."""
+        x, y, z = value
+        may_be_felt = type(self._mirror.model) is not Hold and x * x + y * y + z * z <= self._least_squared
+        led = self._port.led(self._channel) if may_be_felt else None
+        if led is None or led == position or norm(self._mirror.stated(tick, led)) <= self._least:
+            self._ticks = 0
+            return position
+        self._ticks += 1
+        return position if self._ticks <= self._most and self._port.follows else led
 
 
-class ContactForce:
+class ContactForce(OutgoingChannel):
     """The force of the environment on the robot [N], as far as it may be `shown`, and the command that belongs to it.
 
     A robot of stiffness k that rests at x under a force F is commanded to x - F / k. A moving one lags behind its
     command, but this point lies on the same static line at any speed. So predictors fit one line to all samples.
     """
 
-    def __init__(self, stiffness: float) -> None:
-        self.value: Vector = ZERO
+    def __init__(self, encoder: Encoder, stiffness: float) -> None:
+        super().__init__(encoder, ZERO)
         self.rest: Vector = ZERO  # The command at which the robot would rest with this force where it is [m]
         self.shown: Callable[[Joints], Joints] | None = None
+        self.unreached: Unreached | None = None
+        self.place = attrgetter("position", "force")
         self._compliance = 1.0 / stiffness
 
     def complaint(self, reading: RobotReading) -> str | None:
@@ -43,11 +76,9 @@ class ContactForce:
         (x, y, z), (u, v, w), compliance = reading.position, reading.force, self._compliance
         self.rest = (x - compliance * u, y - compliance * v, z - compliance * w)
 
-    def sample(self) -> tuple[Joints, Vector, float]:
-        return self.value if self.shown is None else self.shown(self.value), self.rest, inf
-
-    def place(self, reading: RobotReading) -> tuple[Joints, Joints]:
-        return reading.position, reading.force
+    def sample(self, tick: int) -> tuple[Vector, float]:
+        self.sampled = shown = self.value if self.shown is None else self.shown(self.value)
+        return self.rest if self.unreached is None else self.unreached.place(tick, shown, self.rest), inf
 
     def held(self, reading: RobotReading, guard: Guard) -> Joints:  # noqa: ARG002
         self.take(reading)
@@ -59,7 +90,8 @@ class RobotPort(Port):
 
     `sensors` are those of what is felt, part by part; the first also knows which readings cannot be used, gives where
     the robot is and what it feels (`place`), and the command that holds it there (`held`). The `tool` turns with the
-    hand, as the second incoming channel says; None without six degrees of freedom. `control`: of the scheme; None where
+    hand, as the second incoming channel says (`weberlink.slave.rotation.ToolOrientation`); None without six degrees of
+    freedom. `control`: of the scheme; None where
     an arm is led. `by_button`: the operator leads only while holding a button. `applied` is the last command,
     `commanded` the decoded one that was last followed; `where` the robot is and what is `felt` of the environment are
     as measured.
@@ -73,7 +105,7 @@ class RobotPort(Port):
         sensors: Sequence[Any],
         endpoint: Endpoint,
         control: SlaveControl | None = None,
-        tool: "ToolOrientation | None" = None,
+        tool: Any = None,
         by_button: bool = False,
         fault: type[Exception] = RobotFault,
     ) -> None:

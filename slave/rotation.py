@@ -4,10 +4,13 @@ from collections.abc import Callable
 from math import inf
 from typing import Any
 
+from weberlink.codec import Encoder
+from weberlink.codec.outgoing import OutgoingChannel
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.rotation import IDENTITY, Quaternion, quaternion, toward, vector
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.slave.guard import Follower
+from weberlink.slave.robot_port import Unreached
 from weberlink.slave.robots.contract import RobotReading
 
 LARGEST = 1e9  # No measured torque is as large [N m]; a telemetry record has room for it
@@ -36,13 +39,18 @@ class ToolOrientation(Follower):
         return orientation
 
 
-class ToolTorque:
+class ToolTorque(OutgoingChannel):
     """The torque of the environment on the tool [N m], as far as it may be shown, at the commanded orientation."""
 
-    def __init__(self, shown: Callable[[Joints], Joints], orientation: ToolOrientation) -> None:
-        self.value: Vector = ZERO
-        self._shown = shown
-        self._orientation = orientation
+    def __init__(
+        self,
+        encoder: Encoder,
+        shown: Callable[[Joints], Joints],
+        orientation: ToolOrientation,
+        unreached: Unreached | None = None,
+    ) -> None:
+        super().__init__(encoder, ZERO)
+        self._shown, self._orientation, self._unreached = shown, orientation, unreached
 
     def complaint(self, reading: RobotReading) -> str | None:
         return None if norm(reading.torque) < LARGEST else f"reports the torque {reading.torque}"
@@ -50,5 +58,7 @@ class ToolTorque:
     def take(self, reading: RobotReading) -> None:
         self.value = reading.torque
 
-    def sample(self) -> tuple[Joints, Vector, float]:
-        return self._shown(self.value), self._orientation.applied, inf
+    def sample(self, tick: int) -> tuple[Vector, float]:
+        self.sampled = shown = self._shown(self.value)
+        place = self._orientation.applied
+        return place if self._unreached is None else self._unreached.place(tick, shown, place), inf

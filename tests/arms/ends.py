@@ -7,6 +7,8 @@ from types import SimpleNamespace
 from typing import Any
 
 from weberlink.arms.contract import ArmReading, ArmSpec
+from weberlink.arms.sensor import AxesSensor, Quantity, sensors_of
+from weberlink.codec.channel import joint_channel
 from weberlink.geometry.joints import Joints
 
 TICK = 1e-3
@@ -19,6 +21,12 @@ SPEC = ArmSpec(
 
 def spec(**changes: Any) -> ArmSpec:
     return replace(SPEC, **changes)
+
+
+def sensors(quantity: Quantity, spec: ArmSpec = SPEC) -> list[AxesSensor]:
+    """What senses an arm, and encodes it."""
+    widths = (len(spec.joints), 1) if spec.gripper else (len(spec.joints),)
+    return sensors_of(spec, quantity, [joint_channel(bounds=(0.1,) * width, step=0.01) for width in widths])
 
 
 class Hand:

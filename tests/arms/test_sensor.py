@@ -5,9 +5,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from tests.arms.ends import SPEC, spec
+from tests.arms.ends import sensors, spec
 from weberlink.arms.contract import ArmReading
-from weberlink.arms.sensor import PressedAxes, sensors_of
+from weberlink.arms.sensor import PressedAxes, Quantity
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO
 
@@ -15,15 +15,17 @@ READING = ArmReading(0.0, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0))
 
 
 @pytest.mark.parametrize(("quantity", "taken"), [("angles", (1.0, 2.0, 3.0)), ("torques", (4.0, 5.0, 6.0))])
-def test_each_takes_and_sends_its_axes(quantity: str, taken: tuple[float, ...]) -> None:
-    joints, gripper = sensors_of(SPEC, quantity)  # type: ignore[arg-type]
-    (alone,) = sensors_of(spec(joints=("base", "elbow", "wrist"), gripper=False), quantity)  # type: ignore[arg-type]
+def test_each_takes_and_sends_its_axes(quantity: Quantity, taken: tuple[float, ...]) -> None:
+    joints, gripper = sensors(quantity)
+    (alone,) = sensors(quantity, spec(joints=("base", "elbow", "wrist"), gripper=False))
     for sensor, part in ((joints, slice(0, 2)), (gripper, slice(2, 3)), (alone, slice(0, 3))):
-        assert sensor.sample() == ((0.0,) * len(taken[part]), ZERO, inf)
+        assert (sensor.sample(0), sensor.sampled) == ((ZERO, inf), (0.0,) * len(taken[part]))
         sensor.take(READING)
-        assert (sensor.value, sensor.sample()[0]) == (taken[part], taken[part])
+        sensor.sample(0)
+        assert sensor.value == sensor.sampled == taken[part]
         sensor.shown = lambda values: values[:1]
-        assert sensor.sample()[0] == taken[part][:1]
+        sensor.sample(0)
+        assert sensor.sampled == taken[part][:1]
 
 
 @pytest.mark.parametrize(
@@ -38,7 +40,7 @@ def test_each_takes_and_sends_its_axes(quantity: str, taken: tuple[float, ...]) 
 def test_a_reading_that_is_not_sound_in_all_axes_is_named(
     angles: tuple[float, ...], torques: tuple[float, ...], says: str
 ) -> None:
-    for sensor in sensors_of(SPEC, "angles"):
+    for sensor in sensors("angles"):
         assert says in (sensor.complaint(ArmReading(0.0, angles, torques)) or "")
         assert sensor.complaint(READING) is None
 
@@ -55,6 +57,6 @@ def test_a_reading_that_is_not_sound_in_all_axes_is_named(
 )
 def test_where_a_torque_is_pressed_angles_are_sent_as_finely_as_it_is_felt(torques: Joints, most: float) -> None:
     pressed = PressedAxes((0.01, 0.02), (10.0, 50.0), lambda _, torque: max(0.1 * torque, 0.05))
-    joints = sensors_of(SPEC, "angles")[0]
+    joints = sensors("angles")[0]
     joints.pressed, joints.felt = pressed, SimpleNamespace(decoded=(*torques, 0.5))
-    assert joints.sample()[2] == pytest.approx(most)
+    assert joints.sample(0)[1] == pytest.approx(most)

@@ -35,7 +35,7 @@ class Watched:
         self.link = link(RTT, jitter)
         self.link.request_answer = lambda: self.asked.append(self.now)
         self.liveness = self.link.liveness
-        self.hand: Any = SimpleNamespace(command=ZERO, felt=SimpleNamespace(asked=0.0))
+        self.hand: Any = SimpleNamespace(sampled=ZERO, felt=SimpleNamespace(asked=0.0))
         self.watch = HandContact(
             ContactLimiter(10.0, 1.0, 1.0), self.decoder, self.link, self.hand,
             least=0.05, sent=SentCommands(TICK, 1.0), delay=delay, playout=0,
@@ -56,7 +56,7 @@ class Watched:
 
     def command(self, command: Vector, force: Vector) -> None:
         self.tick += 1
-        self.hand.command, self.hand.felt.asked = command, norm(force)
+        self.hand.sampled, self.hand.felt.asked = command, norm(force)
         self.watch.begin(float(self.tick), self.now)
 
     def go(self, command: Vector, force: Vector, ticks: int, *, heard: bool = True) -> list[float]:

@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given, strategies as st
 
 from tests.control.teleoperation import Wall
+from weberlink.codec import Encoder, position_channel
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, AccountParameters, SchemeParameters
 from weberlink.control.ends import MasterControl
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.master.devices.contract import DeviceReading
-from weberlink.master.position import HandPosition
+from weberlink.master.operator_port import HandPosition
 
 COUPLING = 2500.0
 SETTINGS = SchemeParameters(1e-3, COUPLING, AccountParameters(0.02, 0.01, 1.0, 0.1))
@@ -22,8 +23,8 @@ def felt(output: Vector, decoded: Vector, asked: float = 0.0) -> SimpleNamespace
     return SimpleNamespace(output=output, decoded=decoded, asked=asked)
 
 
-def force_bound(force: float) -> float:
-    return max(WEBER * force, FLOOR)
+def hand_of(control: MasterControl) -> HandPosition:
+    return HandPosition(Encoder(position_channel()), control, WEBER, FLOOR)
 
 
 forces = st.tuples(*[st.floats(-20.0, 20.0)] * 3)
@@ -37,13 +38,15 @@ def test_an_error_stays_unsent_only_if_the_change_of_force_would(
     control.reset()
     if stiffness is not None:
         control.learn(Wall(stiffness), ZERO, ZERO)
-    hand = HandPosition(control, force_bound)
+    hand = hand_of(control)
     hand.take(DeviceReading(0.0, (0.01, 0.02, 0.03)))
     hand.felt = felt(displayed, displayed)
-    command, position, most = hand.sample()
-    assert (command, position) == (hand.command, ZERO)
+    position, most = hand.sample(0)
+    assert (hand.sampled, position) == (hand.value, ZERO)
     if norm(displayed) > LEAST_CONTACT:
-        assert most * (COUPLING if stiffness is None else stiffness) == pytest.approx(force_bound(norm(displayed)))
+        assert most * (COUPLING if stiffness is None else stiffness) == pytest.approx(
+            max(WEBER * norm(displayed), FLOOR)
+        )
     else:
         assert most == inf
 
@@ -51,14 +54,14 @@ def test_an_error_stays_unsent_only_if_the_change_of_force_would(
 @pytest.mark.parametrize("above", [0.0, 1e-9])
 def test_the_least_contact_alone_is_none(above: float) -> None:
     """A model that is `asked` for a force counts: else the robot may stop above a surface that the hand presses on."""
-    hand, least = HandPosition(MasterControl(SETTINGS), force_bound), LEAST_CONTACT + above
+    hand, least = hand_of(MasterControl(SETTINGS)), LEAST_CONTACT + above
     cases = {"displayed": (least, 1.0, 0.0), "touched": (1.0, least, 0.0), "asked": (1.0, 0.0, FREE_FORCE + above)}
     for displayed, touched, asked in cases.values():
         hand.felt = felt((displayed, 0.0, 0.0), (0.0, -touched, 0.0), asked)
-        assert (hand.sample()[2] < inf) == (above > 0.0)
+        assert (hand.sample(0)[1] < inf) == (above > 0.0)
 
 
 def test_a_position_that_is_not_finite_is_named() -> None:
-    hand = HandPosition(MasterControl(SETTINGS), force_bound)
+    hand = hand_of(MasterControl(SETTINGS))
     assert hand.complaint(DeviceReading(0.0, ZERO)) is None
     assert "nan" in (hand.complaint(DeviceReading(0.0, (nan, 0.0, 0.0))) or "")

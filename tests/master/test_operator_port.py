@@ -6,12 +6,11 @@ from typing import Any
 
 import pytest
 
-from tests.arms.ends import TICK, Hand, Transparent, link, spec
+from tests.arms.ends import TICK, Hand, Transparent, link, sensors, spec
 from tests.compiled import replaces_methods
 from tests.master.handle import Handle
 from weberlink.arms.contract import ArmFault
-from weberlink.arms.sensor import sensors_of
-from weberlink.codec import Decoder, Encoder, force_channel
+from weberlink.codec import Decoder, Encoder, force_channel, position_channel
 from weberlink.control.contract import FREE_FORCE, AccountParameters, SchemeParameters
 from weberlink.control.ends import MasterControl
 from weberlink.control.sent import SentCommands
@@ -19,8 +18,7 @@ from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO, Vector, norm, scale
 from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.gate import FADE, GRACE, PATIENCE, Bound, ContactLimiter, ContactWatch, HandContact, OutputGate
-from weberlink.master.operator_port import Display, OperatorPort
-from weberlink.master.position import HandPosition
+from weberlink.master.operator_port import Display, HandPosition, OperatorPort
 from weberlink.telemetry.record import RELEASED
 
 pytestmark = replaces_methods  # a stand-in for an endpoint, a compiled class
@@ -61,7 +59,7 @@ class Desk:
         self.handle, self.scheme, self.now = Handle(MOST), Scheme(), 100.0
         self.endpoint = link(RTT)
         self.endpoint.credit.known = 5
-        self.hand = HandPosition(self.scheme, lambda force: max(0.1 * force, 0.02))
+        self.hand = HandPosition(Encoder(position_channel()), self.scheme, 0.1, 0.02)
         self.encoder, self.decoder = Encoder(force_channel(predictor="zoh")), Decoder(force_channel(predictor="zoh"))
         watch = HandContact(
             ContactLimiter(MOST, FREE_FORCE, 0.5), self.decoder, self.endpoint, self.hand,
@@ -204,10 +202,10 @@ def test_the_command_of_the_scheme_goes_to_the_link_in_every_state() -> None:
     desk.hand.take(DeviceReading(0.0, PLACE))
     for how in ({}, {"engaged": False}, {"heard": False}):
         desk.tick(PUSH, **how)
-        command, position, _ = desk.hand.sample()
-        assert (command, position) == ((PLACE[0], PLACE[1], PLACE[2] + 0.006), ZERO)
+        assert desk.hand.sample(0)[0] == ZERO, "which is no force, felt at a place"
+        assert desk.hand.sampled == (PLACE[0], PLACE[1], PLACE[2] + 0.006)
     desk.port.restart()
-    assert desk.hand.sample()[0] == command
+    assert desk.hand.sampled == (PLACE[0], PLACE[1], PLACE[2] + 0.006)
     assert desk.port.account(0.002, 17.0, encodes=False) == 7
     assert desk.scheme.told == [("observe", PLACE, 0.002, 17.0, 5, RTT)]
     assert desk.turning.told[-1] == ((0.1, 0.0, 0.0), 0.002, 17.0, 5, RTT)
@@ -229,7 +227,7 @@ def test_the_button_alone_enables(buttons: int, enabled: bool) -> None:
 def test_the_record_has_what_the_hand_felt() -> None:
     desk = Desk(button=0)
     desk.hand.take(DeviceReading(0.0, PLACE))
-    desk.hand.sample()
+    desk.hand.sample(0)
     desk.go((0.0, 0.0, 20.0), 10)
     force, torque = desk.port.displays
     assert (force.decoded, force.output) == ((0.0, 0.0, 20.0), desk.handle.forces[-1])
@@ -260,7 +258,7 @@ class Leading:
         self.hand.angles = ANGLES[: self.hand.spec.axes]
         self.control: Any = Transparent()
         self.link = link(ARM_RTT)
-        self.sensors, bounds = sensors_of(self.hand.spec, "angles"), []
+        self.sensors, bounds = sensors("angles", self.hand.spec), []
         for sensor in self.sensors:
             most, watch = sensor.part(ARM_MOST), None
             if delay is not None:

@@ -9,12 +9,13 @@ from typing import Any, Self
 import pytest
 from hypothesis import given, strategies as st
 
-from tests.arms.ends import TICK, Servos, link
+from tests.arms.ends import TICK, Servos, link, sensors
 from tests.compiled import replaces_methods
 from tests.examples import examples
 from tests.slave.scenes.solids import wall
 from weberlink.arms.contract import ArmFault
-from weberlink.arms.sensor import sensors_of
+from weberlink.codec import Encoder, force_channel
+from weberlink.codec.outgoing import OutgoingChannel
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.ends import SlaveControl
 from weberlink.control.port import Port
@@ -71,6 +72,12 @@ class Tip:
         self.is_open = False
 
 
+def sampled(channel: OutgoingChannel) -> Joints:
+    """What is sent of it now."""
+    channel.sample(0)
+    return channel.sampled
+
+
 class Following:
     """A port in virtual time: a robot or an arm with its guard, its sensors, and a tool that turns."""
 
@@ -118,9 +125,9 @@ class FollowingTip(Following):
             speed=SPEED, approach_speed=APPROACH, ramp=RAMP, trip_retract=TRIP_RETRACT, retract=retract,
         )  # fmt: skip
         tool = ToolOrientation(speed=TURN, approach_speed=TURN_APPROACH, ramp=RAMP)
-        self.force = ContactForce(COUPLING)
+        self.force = ContactForce(Encoder(force_channel()), COUPLING)
         super().__init__(Tip(at), guard, [self.force], control=SlaveControl(), tool=tool)
-        self.torque = ToolTorque(self.port.shown, tool)
+        self.torque = ToolTorque(Encoder(force_channel()), self.port.shown, tool)
         self.sensors.append(self.torque)
 
 
@@ -134,7 +141,7 @@ class FollowingArm(Following):
             presses, lower=(-1.8, -1.2, 0.0), upper=(1.8, 1.2, 0.9), trips=(2.0, 2.0, 1.0),
             speed=4.0, approach_speed=0.5, ramp=0.05, trip_retract=TRIP_RETREAT,
         )  # fmt: skip
-        super().__init__(arm, guard, sensors_of(arm.spec, "torques"), fault=ArmFault)
+        super().__init__(arm, guard, sensors("torques", arm.spec), fault=ArmFault)
 
 
 @pytest.mark.parametrize("interruption", ["lose", "idle", "release", "reset", "settle"])
@@ -182,13 +189,13 @@ def test_force_and_torque_fade_in_once_the_robot_is_there_in_every_channel_or_in
     turn = (0.0, 0.0, 0.2)
     for _ in range(400):
         following.tick((0.005, 0.0, 0.0), turn)
-        felt = following.force.sample()[0]
+        felt = sampled(following.force)
         assert felt == pytest.approx(scale(force, felt[2] / force[2])), "of one direction"
-        shown.append((felt[2], following.torque.sample()[0][1]))
+        shown.append((felt[2], sampled(following.torque)[1]))
     assert set(shown[: hidden - 1]) <= {(0.0, 0.0)} and shown[hidden + 1] > (0.0, 0.0)
     assert max(b[0] - a[0] for a, b in pairwise(shown)) <= 2.0 * force[2] * TICK / RAMP
     assert shown[-1] == pytest.approx((force[2], 0.1))
-    assert following.torque.sample()[1:] == (turn, inf)
+    assert following.torque.sample(0) == (turn, inf)
     assert not following.row().ramping
 
 
@@ -332,7 +339,7 @@ def test_samples_of_a_moving_robot_lie_on_the_static_line_of_the_wall(
 ) -> None:
     """At any speed, they are the force of two springs in series, at a command that no lag has touched."""
     options = SimulatedOptions(mass_kg=mass, stiffness_n_m=coupling, force_n=1e4)
-    robot, felt = SimulatedRobot(options, wall(stiffness), TICK), ContactForce(coupling)
+    robot, felt = SimulatedRobot(options, wall(stiffness), TICK), ContactForce(Encoder(force_channel()), coupling)
     series = stiffness * coupling / (stiffness + coupling)
     robot.open(0.0)
     touched, lag = 0, 0.0
@@ -340,7 +347,8 @@ def test_samples_of_a_moving_robot_lie_on_the_static_line_of_the_wall(
         command = (0.0, 0.0, 0.02 * sin(2.0 * pi * frequency * tick * TICK))
         robot.command(command, tick * TICK)
         felt.take(robot.latest(tick * TICK))
-        value, rest, most = felt.sample()
+        rest, most = felt.sample(tick)
+        value = felt.sampled
         assert most == inf
         if value == ZERO:
             continue
@@ -357,8 +365,8 @@ def test_samples_of_a_moving_robot_lie_on_the_static_line_of_the_wall(
 def test_gripper_shows_its_torque_on_its_own_channel() -> None:
     following = FollowingArm(walls=(-inf, -inf, 0.3), angles=(0.0, 0.0, 0.4)).there((0.0, 0.0), (0.25,))
     joints, gripper = following.sensors
-    assert joints.sample() == ((0.0, 0.0), (0.0, 0.0, 0.0), inf)
-    assert gripper.sample()[0] == pytest.approx((5.0 * 0.05,))
+    assert sampled(joints) == (0.0, 0.0)
+    assert sampled(gripper) == pytest.approx((5.0 * 0.05,))
 
 
 @pytest.mark.parametrize("nothing", [None, (nan, 0.0), (inf, 0.0)])

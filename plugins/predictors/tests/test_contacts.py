@@ -5,10 +5,10 @@ import pytest
 
 from tests.safety.test_unfounded import check_that_the_hand_is_left, session
 from tests.session.systems import configuration
-from tests.session.test_unreached import check_that_it_takes_the_contact_back
+from tests.slave.test_unreached import check_that_it_takes_the_contact_back
 from trials.safety.unfounded import run
 from weberlink.cli.shipped import find
-from weberlink.session.channels import UNREACHED_S
+from weberlink.control.contract import UNREACHED_S
 from weberlink.session.simulation import build_simulation
 from weberlink.telemetry.record import TORQUE
 

@@ -1,12 +1,17 @@
 """What is sensed of an arm, as an outgoing channel: its joints, or its gripper."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import inf
+from operator import attrgetter
 from typing import Any, Literal
 
 from weberlink.arms.contract import ArmReading, ArmSpec
+from weberlink.codec import Channel, Encoder
+from weberlink.codec.outgoing import OutgoingChannel
 from weberlink.geometry.joints import Joints, is_finite
 from weberlink.geometry.vector import ZERO, Vector
+
+Quantity = Literal["angles", "torques"]
 
 
 class PressedAxes:
@@ -32,17 +37,18 @@ class PressedAxes:
         return most
 
 
-class AxesSensor:
+class AxesSensor(OutgoingChannel):
     """The angles or torques of the axes `first` to before `last` of an arm with `axes`, gripper included, as a channel.
 
     `value` is the newest usable measurement [rad | N m], of which `shown` gives what may be sent, None for all.
     `pressed`: of a leader, for a follower whose stiffness is known; `felt` is then the display of the torques.
     """
 
-    def __init__(self, quantity: Literal["angles", "torques"], first: int, last: int, axes: int) -> None:
+    def __init__(self, encoder: Encoder, quantity: Quantity, first: int, last: int, axes: int) -> None:
+        super().__init__(encoder, (0.0,) * (last - first))
         self._takes_angles = quantity == "angles"
         self._first, self._last, self._axes = first, last, axes
-        self.value: Joints = (0.0,) * (last - first)
+        self.place = attrgetter("angles", "torques")
         self.shown: Callable[[Joints], Joints] | None = None
         self.pressed: PressedAxes | None = None
         self.felt: Any = None
@@ -65,22 +71,23 @@ class AxesSensor:
 
     @property
     def way(self) -> Joints:
-        return self.value
-
-    def place(self, reading: ArmReading) -> tuple[Joints, Joints]:
-        return reading.angles, reading.torques
+        way: Joints = self.value
+        return way
 
     def held(self, reading: ArmReading, guard: Any) -> Joints:
         held: Joints = guard.near(reading.angles)
         return held
 
-    def sample(self) -> tuple[Joints, Vector, float]:
-        most = inf if self.pressed is None else self.pressed.share(self.part(self.felt.decoded))
-        return self.value if self.shown is None else self.shown(self.value), ZERO, most
+    def sample(self, tick: int) -> tuple[Vector, float]:  # noqa: ARG002
+        self.sampled = self.value if self.shown is None else self.shown(self.value)
+        return ZERO, inf if self.pressed is None else self.pressed.share(self.part(self.felt.decoded))
 
 
-def sensors_of(spec: ArmSpec, quantity: Literal["angles", "torques"]) -> list[AxesSensor]:
+def sensors_of(spec: ArmSpec, quantity: Quantity, channels: Sequence[Channel]) -> list[AxesSensor]:
     """The sensor of the joints and, where there is one, that of the gripper."""
     joints, axes = len(spec.joints), spec.axes
-    made = [AxesSensor(quantity, 0, joints, axes)]
-    return [*made, AxesSensor(quantity, joints, axes, axes)] if spec.gripper else made
+    spans = [(0, joints), (joints, axes)] if spec.gripper else [(0, joints)]
+    return [
+        AxesSensor(Encoder(channel), quantity, first, last, axes)
+        for channel, (first, last) in zip(channels, spans, strict=True)
+    ]

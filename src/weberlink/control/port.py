@@ -1,28 +1,11 @@
 """One end of the link as the side loop sees it: how it senses and actuates."""
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 from weberlink.compiled import mypyc_attr
 from weberlink.control.ends import Control
 from weberlink.geometry.joints import Joints
-
-
-class Sensor(Protocol):
-    """Extracts the value of one outgoing channel from a reading of the device or robot."""
-
-    value: Any
-    """The newest usable measurement: a vector, or the joints of an arm."""
-
-    def complaint(self, reading: Any) -> str | None:
-        """Why a reading cannot be used; None if it can."""
-
-    def take(self, reading: Any) -> None:
-        """Keep a reading that has no complaint."""
-
-    def sample(self) -> tuple[Any, Any, float]:
-        """What to encode now: the value, its commanded position [m] (zero on a forward channel), and the largest error
-        that may stay unsent even if the deadband is wider (inf for no such limit)."""
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from math import ceil, hypot, inf, isnan, nan
 from typing import Any, NamedTuple
 
+from weberlink.codec.outgoing import OutgoingChannel
 from weberlink.control.contract import CREDIT_STEP
 from weberlink.control.port import Port
 from weberlink.geometry.vector import ZERO
@@ -27,7 +28,7 @@ from weberlink.protocol.events import (
 )
 from weberlink.protocol.states import State
 from weberlink.realtime.stall import StallDetector, Watchdog
-from weberlink.session.channels import IncomingChannel, OutgoingChannel, Rows
+from weberlink.session.channels import IncomingChannel, Rows
 from weberlink.session.tuning import MARGIN_TICKS, Tuning, change_margin
 from weberlink.telemetry.fault import Fault, FaultLedger
 from weberlink.telemetry.record import ALL, FORCE
@@ -82,7 +83,6 @@ class Side:
     ) -> None:
         self.port = port
         self.outgoing, self.incoming = outgoing, incoming
-        self._sensors = tuple(channel.sensor for channel in outgoing)
         self.tuning = tuning
         self.endpoint = endpoint
         self.failure: str | None = None  # why the run ends otherwise than by request; None while it does not
@@ -308,9 +308,13 @@ class Side:
                 self._apply(event)
 
     def _apply(self, event: UpdateReceived) -> None:
-        began = self._stopwatch()
+        began, channel = self._stopwatch(), self.incoming[event.stream]
         try:  # as `_guarded`, without a call
-            self.incoming[event.stream].apply(event.update)
+            channel.decoder.apply(event.update)
+            channel.received += 1
+            if channel.learner is not None:
+                newest: Any = channel.decoder.newest
+                channel.learner.learn(channel.decoder.surface, newest.value, newest.position)
         except Exception:
             self._on_bad_contents()
         self.codec_time += self._stopwatch() - began
@@ -435,12 +439,12 @@ class Side:
         # A time that is NaN differs from every other one, as if there were news for ever.
         at = reading.at
         complaint = None if at - at == 0.0 else f"reports the time {at}"
-        for sensor in self._sensors:
-            complaint = sensor.complaint(reading) or complaint
+        for channel in self.outgoing:
+            complaint = channel.complaint(reading) or complaint
         if complaint is None and at != self._last_reading_at:
             self._last_reading_at = at
-            for sensor in self._sensors:
-                sensor.take(reading)
+            for channel in self.outgoing:
+                channel.take(reading)
             self._watchdog.feed(now)
             if port.accept(reading):
                 self._faults.meet(Fault.TRIPPED)
@@ -519,11 +523,14 @@ class Side:
             endpoint.grant(credit)
         if not self._encodes:
             for channel in self.outgoing:
-                channel.idle(index)
+                channel.update = None
+                position, _ = channel.sample(index)
+                channel.encoder.idle(index, channel.value, position)
             return
         began = self._stopwatch()
         for channel in self.outgoing:
-            channel.encode(index)
+            position, most = channel.sample(index)
+            channel.update = channel.encoder.encode(index, channel.sampled, position, most)
         self.codec_time += self._stopwatch() - began
         for stream, channel in enumerate(self.outgoing):
             if channel.update is not None:

@@ -3,15 +3,15 @@
 from collections.abc import Callable
 
 from weberlink.arms.contract import Arm, ArmFault, ArmSpec
-from weberlink.arms.sensor import AxesSensor, PressedAxes, sensors_of
-from weberlink.codec import Decoder, Encoder
+from weberlink.arms.sensor import PressedAxes, sensors_of
+from weberlink.codec import Decoder
 from weberlink.codec.sample import INT16_MAX
 from weberlink.config import Configuration, ConfigurationError, System
 from weberlink.config.joints import AngleCodecSettings, FollowerLimits, JointCodecSettings, LeaderLimits, per_axis
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
 from weberlink.geometry.joints import Joints
 from weberlink.protocol.endpoint import Endpoint
-from weberlink.session.channels import IncomingChannel, OutgoingChannel
+from weberlink.session.channels import IncomingChannel
 from weberlink.session.composition.channels import account, longest_round_trip, signal_delay, streams
 from weberlink.session.composition.link import Parts, build_driver, build_tuning, with_file_name
 
@@ -28,8 +28,8 @@ def build_leading(configuration: Configuration, endpoint: Endpoint) -> Parts:
     system, leader = configuration.system, build_leader(configuration)
     joints, gripper = _joints(system), system.codec.gripper
     most, slew = torque_limits(system, leader.spec)
-    sensors = sensors_of(leader.spec, "angles")
-    outgoing, incoming = _channels(system, sensors, leads=True)
+    sent, received = streams(system)
+    sensors, incoming = sensors_of(leader.spec, "angles", sent), [IncomingChannel(Decoder(each)) for each in received]
     tuning = build_tuning(system, incoming[0].decoder)
     # Less torque than the deadband states no contact: it may be left over.
     floors = per_axis(joints.torque.floor_nm, len(joints.names))
@@ -59,7 +59,7 @@ def build_leading(configuration: Configuration, endpoint: Endpoint) -> Parts:
             sensor.felt = display
     port = operator_port(system, leader, [display], bounds, endpoint, ArmFault)
     port.angle_range = leader.spec.lower, leader.spec.upper
-    return port, outgoing, incoming, tuning
+    return port, [*sensors], incoming, tuning
 
 
 def build_following(configuration: Configuration, endpoint: Endpoint) -> Parts:
@@ -72,7 +72,8 @@ def build_following(configuration: Configuration, endpoint: Endpoint) -> Parts:
     own = limits.joints or FollowerLimits()
     lower, upper = angle_limits(system, spec)
     presses = within("slave.limits.joints.press_nm", own.press_nm, spec.torque_nm)
-    sensors = sensors_of(spec, "torques")
+    received, sent = streams(system)
+    sensors = sensors_of(spec, "torques", sent)
     guard = Guard(
         [
             axis_press_limit(most, stiffness, spec.torque_error_nm)
@@ -89,17 +90,8 @@ def build_following(configuration: Configuration, endpoint: Endpoint) -> Parts:
     by_button = system.master.engage is not None
     port = RobotPort(follower, guard=guard, sensors=sensors, endpoint=endpoint, by_button=by_button, fault=ArmFault)
     port.angle_range = lower, upper
-    outgoing, incoming = _channels(system, sensors, leads=False)
-    return port, outgoing, incoming, build_tuning(system, outgoing[0].encoder)
-
-
-def _channels(
-    system: System, sensors: list[AxesSensor], *, leads: bool
-) -> tuple[list[OutgoingChannel], list[IncomingChannel]]:
-    """Of the joints and, where there is one, of the gripper."""
-    sent, received = streams(system) if leads else streams(system)[::-1]
-    outgoing = [OutgoingChannel(Encoder(channel), sensor) for channel, sensor in zip(sent, sensors, strict=True)]
-    return outgoing, [IncomingChannel(Decoder(channel)) for channel in received]
+    incoming = [IncomingChannel(Decoder(each)) for each in received]
+    return port, [*sensors], incoming, build_tuning(system, sensors[0].encoder)
 
 
 @with_file_name

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 
 from weberlink.codec import Decoder, Encoder
 from weberlink.codec.choice import CHOICES
+from weberlink.codec.outgoing import OutgoingChannel
 from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError, System
 from weberlink.config.finders import PathFinder, finder_of
 from weberlink.config.model import split_address
@@ -25,7 +26,7 @@ from weberlink.protocol.keys import KEY_BYTES, LONGEST_NAME, HeldKey, KeyFileErr
 from weberlink.protocol.local_end import LocalEnd
 from weberlink.protocol.security import Security
 from weberlink.registry import check_contract, fault_of
-from weberlink.session.channels import IncomingChannel, OutgoingChannel
+from weberlink.session.channels import IncomingChannel
 from weberlink.session.composition.channels import account, felt_deadbands, longest_round_trip, signal_delay, streams
 from weberlink.session.tuning import LiveSettings, Tuning
 
@@ -265,13 +266,16 @@ def check_axes(where: str, axes: str, system: System) -> None:
         raise ConfigurationError(f"axes: {where} has no axis {', '.join(missing)}; it has {axes}")
 
 
-def build_tuning(system: System, coder: Encoder | Decoder) -> Tuning:
-    """The tuning of a side, which encodes or decodes the force, or the torques of joints."""
+def build_tuning(system: System, coder: Encoder | Decoder, hand: Any = None) -> Tuning:
+    """The tuning of a side, which encodes or decodes the force, or the torques of joints; `hand`: the position of a
+    hand, whose deadband follows that of its force."""
     force, joints = system.codec.force, system.codec.joints
     bank = force.bank if joints is None and force.predictor in CHOICES else ()
 
     def retune(settings: LiveSettings, peer_tick: float) -> None:
         deadband, *more = felt_deadbands(system, settings.weber)
+        if hand is not None:
+            hand.weber = settings.weber
         if isinstance(coder, Decoder):
             coder.retune(deadband, peer_tick)
         else:

@@ -5,6 +5,7 @@ from math import inf
 from typing import TYPE_CHECKING
 
 from weberlink.codec import Decoder, Encoder
+from weberlink.codec.outgoing import OutgoingChannel
 from weberlink.codec.sample import INT16_MAX
 from weberlink.config import Configuration, ConfigurationError, System
 from weberlink.control.contract import FREE_FORCE
@@ -12,11 +13,10 @@ from weberlink.control.sent import SentCommands
 from weberlink.control.table import build_master_control
 from weberlink.master.devices.contract import Device, DeviceFault, DeviceSpec, TorqueDevice
 from weberlink.master.gate import Bound, ContactLimiter, HandContact, OutputGate
-from weberlink.master.operator_port import Display, OperatorPort
-from weberlink.master.position import HandPosition
+from weberlink.master.operator_port import Display, HandPosition, OperatorPort
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.liveness import FADE_SHARE
-from weberlink.session.channels import IncomingChannel, OutgoingChannel
+from weberlink.session.channels import IncomingChannel
 from weberlink.session.composition.channels import (
     account,
     least_contact,
@@ -65,17 +65,11 @@ def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
         force_limit = min(force_limit, device.spec.force_n)
     control = build_control(configuration, build_master_control, coupling(configuration, device))
     force_decoder = Decoder(backward[0])
-    tuning = build_tuning(system, force_decoder)
-
-    floor = system.codec.force.floor_n
-
-    def force_bound(force: float) -> float:
-        relative = tuning.settings.weber * force
-        return relative if relative > floor else floor
-
     # The largest force without a contact, in the robot's frame.
     free, longest = FREE_FORCE / system.master.frame_map.force_scale, longest_round_trip(system)
-    hand = HandPosition(control, force_bound, free)
+    force = system.codec.force
+    hand = HandPosition(Encoder(forward[0]), control, force.weber, force.floor_n, free)
+    tuning = build_tuning(system, force_decoder, hand)
     contact = HandContact(
         ContactLimiter(force_limit, free, longest),
         force_decoder,
@@ -91,15 +85,14 @@ def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
     bounds = [Bound((force_limit,), (_force_slew(system, device),), ramp, contact=contact)]
     displays = [Display(control, [hand], device.command)]
     hand.felt = displays[0]
-    outgoing = [OutgoingChannel(Encoder(forward[0]), hand)]
+    outgoing: list[OutgoingChannel] = [hand]
     incoming = [IncomingChannel(force_decoder, hand, control)]
     if system.codec.rotation is not None:
         from weberlink.control.axes import HANDLE, build_axes  # noqa: PLC0415 - for six degrees of freedom alone
         from weberlink.master.rotation import HandOrientation  # noqa: PLC0415 - likewise
 
-        encoder = Encoder(forward[1])
-        orientation = HandOrientation(on_jump=encoder.reset)
-        outgoing.append(OutgoingChannel(encoder, orientation))
+        orientation = HandOrientation(Encoder(forward[1]))
+        outgoing.append(orientation)
         incoming.append(IncomingChannel(Decoder(backward[1]), orientation))
         torques = build_axes(system.control.scheme, HANDLE, account(system.control, system.master.mapping, turns=True))
         displayed = device.spec.torque_n_m

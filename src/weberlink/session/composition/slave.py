@@ -3,12 +3,13 @@
 from typing import Any
 
 from weberlink.codec import Decoder, Encoder
+from weberlink.codec.outgoing import OutgoingChannel
 from weberlink.codec.sample import INT16_MAX
 from weberlink.config import Configuration, ConfigurationError, System
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.table import build_slave_control
 from weberlink.protocol.endpoint import Endpoint
-from weberlink.session.channels import IncomingChannel, OutgoingChannel, Unreached
+from weberlink.session.channels import IncomingChannel
 from weberlink.session.composition.channels import least_contact, streams
 from weberlink.session.composition.coupling import STATED, coupling, press_limit
 from weberlink.session.composition.link import (
@@ -21,7 +22,7 @@ from weberlink.session.composition.link import (
     with_file_name,
 )
 from weberlink.slave.guard import Guard, PressLimit, Workspace
-from weberlink.slave.robot_port import ContactForce, RobotPort
+from weberlink.slave.robot_port import ContactForce, RobotPort, Unreached
 from weberlink.slave.robots.contract import OrientedRobot, Robot
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.settings import build
@@ -44,14 +45,13 @@ def build_led(configuration: Configuration, endpoint: Endpoint, live: Stopwatch 
     forward, backward = streams(system)
     limits, spec, rotation = system.slave.limits, robot.spec, system.codec.rotation
     ramp = limits.ramp_ms * 1e-3
-    force_encoder = Encoder(backward[0])
     tool: Any = None
     if rotation is not None:
         from weberlink.slave.rotation import ToolOrientation, ToolTorque  # noqa: PLC0415 - for six degrees of freedom
 
         tool = ToolOrientation(speed=limits.turn_rad_s, approach_speed=limits.approach_turn_rad_s, ramp=ramp)
     lower, upper = workspace_of(configuration, robot)
-    force = ContactForce(spec.stiffness_n_m)
+    force = ContactForce(Encoder(backward[0]), spec.stiffness_n_m)
     press = PressLimit(press_limit(system, robot), spec.stiffness_n_m, damping=DAMPING_MOST, contact=LEAST_CONTACT)
     port = RobotPort(
         robot,
@@ -73,18 +73,14 @@ def build_led(configuration: Configuration, endpoint: Endpoint, live: Stopwatch 
         by_button=system.master.engage is not None,
     )
 
-    def follows() -> bool:
-        return port.follows
-
-    unreached = Unreached(force_encoder.mirror, lambda: port.led(0), follows, least_contact(system), system.tick_period)
-    outgoing = [OutgoingChannel(force_encoder, force, unreached)]
-    incoming = [IncomingChannel(Decoder(forward[0]))]
+    force.unreached = Unreached(force.encoder.mirror, port, 0, least_contact(system), system.tick_period)
+    outgoing: list[OutgoingChannel] = [force]
+    incoming = [IncomingChannel(Decoder(channel)) for channel in forward]
     if rotation is not None:
-        torque_encoder, least = Encoder(backward[1]), rotation.torque.floor_nm
-        unturned = Unreached(torque_encoder.mirror, lambda: port.led(1), follows, least, system.tick_period)
-        outgoing.append(OutgoingChannel(torque_encoder, ToolTorque(port.shown, tool), unturned))
-        incoming.append(IncomingChannel(Decoder(forward[1])))
-    return port, outgoing, incoming, build_tuning(system, force_encoder)
+        encoder = Encoder(backward[1])
+        unreached = Unreached(encoder.mirror, port, 1, rotation.torque.floor_nm, system.tick_period)
+        outgoing.append(ToolTorque(encoder, port.shown, tool, unreached))
+    return port, outgoing, incoming, build_tuning(system, force.encoder)
 
 
 @with_file_name

@@ -5,8 +5,9 @@ from collections.abc import Callable
 import pytest
 
 from weberlink.codec import Decoder, Encoder, force_channel
+from weberlink.control.contract import UNREACHED_S
 from weberlink.geometry.vector import ZERO, Vector, norm
-from weberlink.session.channels import UNREACHED_S, OutgoingChannel, Unreached
+from weberlink.slave.robot_port import Unreached
 
 TICK, STIFFNESS, FLOOR = 1e-3, 500.0, 0.02
 MOST = round(UNREACHED_S / TICK)
@@ -19,38 +20,25 @@ class Robot:
 
     def __init__(self, predictor: str = "plane") -> None:
         channel = force_channel(predictor=predictor, floor=FLOOR)
-        encoder = Encoder(channel)
-        self.decoder = Decoder(channel)
-        self.force, self.place = ZERO, OUTSIDE
-        self.led: Vector | None = OUTSIDE
+        self.encoder, self.decoder = Encoder(channel), Decoder(channel)
+        self.is_led_to: Vector | None = OUTSIDE
         self.follows = True
-        unreached = Unreached(encoder.mirror, self.lead, lambda: self.follows, 0.05, TICK)
-        self.channel = OutgoingChannel(encoder, self, unreached)
+        self.unreached = Unreached(self.encoder.mirror, self, 0, 0.05, TICK)
         self.tick = 0
         self.updates = 0
 
-    value: Vector = ZERO
-
-    def complaint(self, reading: object) -> str | None: ...
-
-    def take(self, reading: object) -> None: ...
-
-    def lead(self) -> Vector | None:
-        return self.led
-
-    def sample(self) -> tuple[Vector, Vector, float]:
-        return self.force, self.place, 1e9
+    def led(self, _channel: int) -> Vector | None:
+        return self.is_led_to
 
     def go(self, place: Vector, led: Vector | None, ticks: int) -> Vector | None:
         """Be there, led to another place, on a plane at z = 0; returns what the operator's end decodes there."""
         for _ in range(ticks):
             self.tick += 1
-            self.place, self.led = place, led
-            self.force = (0.0, 0.0, max(0.0, -STIFFNESS * place[2]))
-            self.channel.encode(self.tick)
-            if self.channel.update is not None:
+            self.is_led_to, force = led, (0.0, 0.0, max(0.0, -STIFFNESS * place[2]))
+            update = self.encoder.encode(self.tick, force, self.unreached.place(self.tick, force, place))
+            if update is not None:
                 self.updates += 1
-                self.decoder.apply(self.channel.update)
+                self.decoder.apply(update)
         return self.decoder.value(self.tick, ZERO if led is None else led)
 
     def pressed(self) -> "Robot":
