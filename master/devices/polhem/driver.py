@@ -1,22 +1,21 @@
 """What both Polhem drivers are: connecting, homing, limits of force and current, and the spec."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from math import inf
-from time import monotonic, sleep
-from typing import Any, ClassVar, TypeVar
+from time import sleep
+from typing import Any, ClassVar
 
 from weberlink.geometry.vector import ZERO, Vector, add, cube
 from weberlink.hardware.discovery import DeviceLocator, PluggedDevice
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.devices.force_device import force_spec, limited_force
-from weberlink.master.devices.polhem.homing import Counts, PositionValidator
-from weberlink.master.devices.polhem.lock_step import FreeRunning, LockStep
+from weberlink.master.devices.polhem.homing import PositionValidator
+from weberlink.master.devices.polhem.lock_step import LockStep
 from weberlink.master.devices.polhem.options import PolhemOptions
 from weberlink.master.devices.polhem.parameters import MechanismParameters
-from weberlink.master.devices.polhem.protocol import NO_CURRENT, Message, Sensors
+from weberlink.master.devices.polhem.protocol import NO_CURRENT, Counts, Message, Sensors
 from weberlink.master.devices.threaded_device import ThreadedDevice, fingerprint
 from weberlink.registry import Tier
 
@@ -24,14 +23,13 @@ from weberlink.registry import Tier
 # first on.
 BAD_REPLIES = 50
 STALL_S = 0.05  # currents computed longer ago than this [s] are not sent: the process has been stopped in between
-REPLY_S = 0.01
 # Longest time until a device gives good answers after its port was opened [s]: a board just plugged in is slow.
 OPENING_S = 0.5
+PAUSE_S = 0.002  # between two looks at the calibration button [s]; shorter than every watchdog
+LONGEST_S = 0.02  # looks farther apart than this [s] are ignored: the hand may have passed the home pose meanwhile
 
-Answer = TypeVar("Answer")
 
-
-class PolhemExchange(ABC):
+class PolhemExchange(LockStep):
     """One message out, one answer in; every message feeds the board's own watchdog. A subclass knows its wire.
 
     `force_n` is the largest force [N], 0 for never a current; `plugged` lists the devices that are there, and `connect`
@@ -48,70 +46,87 @@ class PolhemExchange(ABC):
         plugged: Callable[[], Sequence[PluggedDevice]],
         connect: Callable[[str], Any],
     ) -> None:
+        super().__init__()
         self._options = options
         self._force_n = force_n
         self._locator = DeviceLocator(self.NAME, options.port, plugged)
         self._open_port = connect
-        self._clock, self._pause = monotonic, sleep
+        self._pause = sleep
         self._parameters: MechanismParameters = options.wired()
-        self._dialogue: LockStep | FreeRunning | None = None
+        self._port: Any = None
         self._validator: PositionValidator | None = None
-        self._counts: Counts | None = None  # the last valid ones, relative to the home pose
         self.orientation_trouble: str | None = None
         """Why readings lack the orientation although the device has sensors for it; None where they have it."""
 
     def start_afresh(self) -> None:
         """Home the device again at the next `open`, whichever device it is."""
         self._locator.forget()
-        self._validator = self._counts = None
+        self._validator = None
 
     def open(self) -> DeviceReading:
         path = self._locator.locate()
         try:
+            self._port, self._owed = self._open_port(path), 0
             self._connect(path)
             if self._validator is None:
                 self._validator = PositionValidator(self._parameters, self._home())
             asked = self._clock()
             counts = self._continuous(self._insist(NO_CURRENT))
-            reading = self._validator.begin(counts, asked, self._clock(), oriented=self.orientation_trouble is None)
+            return self._validator.begin(counts, asked, self._clock(), oriented=self.orientation_trouble is None)
         except HardwareFault as fault:
             self.close()  # otherwise the next attempt could not open the port
             raise HardwareFault(f"{path}: {str(fault).removeprefix(f'{path}: ')}") from None
-        self._counts = self._validator.relative(counts)
-        return reading
 
     def exchange(self, command: Vector) -> DeviceReading:
         assert self._validator is not None
-        assert self._counts is not None
         asked, currents = self._clock(), NO_CURRENT
         if command != ZERO:
             mechanism, limit = self._parameters.mechanism, self._options.max_current_ma
-            currents = mechanism.limited_currents_ma(command, self._counts, self._force_n, limit)
-        sensors = self._ask(currents, asked + STALL_S)
+            currents = mechanism.limited_currents_ma(command, self._validator.counts, self._force_n, limit)
+        sensors = self.ask(currents, asked + STALL_S)
         counts, oriented = self._continuous(sensors), self.orientation_trouble is None
-        reading = self._validator.next(counts, asked, self._clock(), int(sensors.button), oriented=oriented)
-        self._counts = self._validator.relative(counts)
-        return reading
+        return self._validator.next(counts, asked, self._clock(), int(sensors.button), oriented=oriented)
 
     def close(self) -> None:
-        dialogue = self._dialogue
-        if dialogue is not None:
+        if self._port is not None:
             with suppress(HardwareFault):
-                self._ask(NO_CURRENT)
-            self._dialogue = None
-            dialogue.line.close()
+                self.ask(NO_CURRENT)
+            self._port.close()
+            self._port = None
 
     def carrying_force(self) -> Vector:
         """Force at the handle that carries the links in the last pose [N]; zero before the first."""
-        return ZERO if self._counts is None else self._parameters.mechanism.carrying_force(self._counts)
+        known = self._validator
+        return ZERO if known is None else self._parameters.mechanism.carrying_force(known.counts)
 
     @abstractmethod
     def _connect(self, path: str) -> None:
-        """Open the port and begin the dialogue; raises HardwareFault if that fails, or it is another device."""
+        """Begin the dialogue on the open port; raises HardwareFault if that fails, or it is another device."""
 
     @abstractmethod
     def _await_button(self) -> None:
         """Wait until the calibration button is pressed, and let the counters be those of the home pose."""
+
+    def _await_press(self, pressed: Callable[[Counts, Sensors], bool]) -> None:
+        """Ask until an answer shows, by the counts of the one before, that the button was pressed between the two;
+        raises HardwareFault if nobody presses it within `home_patience_s`, or the device is gone.
+        """
+        patience = self._options.home_patience_s
+        until = self._clock() + patience
+        before: tuple[Counts, float] | None = None
+        while (began := self._clock()) < until:
+            try:
+                now = self.ask(NO_CURRENT)
+            except BadReply:
+                continue
+            if before is not None and self._clock() - before[1] <= LONGEST_S and pressed(before[0], now):
+                return
+            before = (now.counts, began)
+            self._pause(PAUSE_S)
+        raise HardwareFault(
+            f"nobody pressed the calibration button in {patience:g} s; put the handle in its home pose and press it "
+            "after the start"
+        )
 
     def _home_counts(self) -> Counts:
         """Contents of the counters in the home pose, gimbal in the order of its axes."""
@@ -133,17 +148,12 @@ class PolhemExchange(ABC):
         """Counts without wrapping, those of the gimbal in the order of its axes."""
         return sensors.counts
 
-    def _ask(self, message: Message, fresh_until: float = inf) -> Sensors:
-        """One message out and one answer in; raises BadReply where no good one comes. See `LockStep.ask`."""
-        assert self._dialogue is not None
-        return self._dialogue.ask(message, REPLY_S, fresh_until)
-
     def _insist(self, message: Message) -> Sensors:
         """Ask until there is a good answer, for `OPENING_S` at most; then raise the last complaint."""
         until = self._clock() + OPENING_S
         while True:
             try:
-                return self._ask(message)
+                return self.ask(message)
             except BadReply:
                 if self._clock() > until:
                     raise

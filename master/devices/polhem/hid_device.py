@@ -1,28 +1,28 @@
 """`polhem_hid`: WoodenHaptics and Polhem with an mbed board, on USB HID."""
 
 from collections.abc import Sequence
-from time import monotonic
+from math import inf
 from typing import Any, ClassVar
 
 from weberlink.hardware.discovery import PluggedDevice, UsbId, hid_devices
-from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.guardian import Guardian
 from weberlink.hardware.hid_port import HidPort
-from weberlink.master.devices.polhem.driver import OPENING_S, REPLY_S, PolhemDevice, PolhemExchange
-from weberlink.master.devices.polhem.homing import Counts, await_press
-from weberlink.master.devices.polhem.lock_step import FreeRunning, Line, LockStep
+from weberlink.master.devices.polhem.driver import OPENING_S, PolhemDevice, PolhemExchange
+from weberlink.master.devices.polhem.lock_step import REPLY_S, SILENT
 from weberlink.master.devices.polhem.options import PolhemHidOptions
 from weberlink.master.devices.polhem.protocol import (
     HID_WATCHDOG_S,
     LONG,
     NO_CURRENT,
     SHORT,
+    Counts,
     Message,
     Sensors,
     SetCounters,
-    Unwrapper,
     decode_sensors,
     encode_command,
+    unwrapped,
 )
 
 USAGE_PAGE = 0xFFAB
@@ -30,50 +30,11 @@ UNREPORTED = 0
 SET_WITHIN_COUNTS = 100  # largest motion of a held handle while the counters are set
 
 
-class HidLine(Line):
-    """An open `HidPort`."""
-
-    def __init__(self, port: Any) -> None:
-        self._port = port
-        self._number = 0
-        self.size = LONG  # bytes in a report of this device, as `find_size` found
-
-    def find_size(self) -> None:
-        """Find the kind of device from the size of its first report, whose contents may be old; raises HardwareFault if
-        no report comes, or one of another length.
-        """
-        gives_up = monotonic() + OPENING_S
-        while not (reports := self._port.read_all(monotonic() + REPLY_S)):
-            if monotonic() > gives_up:
-                raise HardwareFault("sends no reports; unplug it and plug it in again")
-            self.send(NO_CURRENT)  # sets a device in motion that waits for its host
-        size = len(reports[-1])
-        if size not in (LONG, SHORT):
-            raise HardwareFault(f"sends reports of {size} bytes, expected {LONG} or {SHORT}: it is no such device")
-        self.size = size
-
-    def send(self, message: Message) -> None:
-        self._number += 1
-        self._port.write(encode_command(message, self.size, self._number))
-
-    def hear(self, until: float) -> Sequence[Sensors | None]:
-        return [decode_sensors(report) if len(report) == self.size else None for report in self._port.read_all(until)]
-
-    def guard(self, guardian: Guardian) -> None:
-        """Start the guardian, which takes the currents off when this process stops."""
-        guardian.zero = b"\0" + encode_command(NO_CURRENT, self.size)
-        guardian.rests = (guardian.zero[:7],)  # the number of the report, and the currents
-        self._port.guard(guardian)
-
-    def close(self) -> None:
-        self._port.close()
-
-
 class ReportExchange(PolhemExchange):
     """Speaks HID reports.
 
     A report of 14 bytes answers the one before it: the first after opening may be old. The older kind of device sends
-    at its own rate, and the newest report counts.
+    at its own rate, and the newest report after a message counts.
     """
 
     NAME = "polhem_hid"
@@ -84,26 +45,52 @@ class ReportExchange(PolhemExchange):
         # The board's own watchdog is slow.
         self.guardian = Guardian(b"") if force_n > 0.0 else None
         self._is_short = options.report_bytes == SHORT
-        self._unwrapper = Unwrapper()
+        self._unwrapped: Counts | None = None
 
     def start_afresh(self) -> None:
         super().start_afresh()
-        self._unwrapper.reset()
+        self._unwrapped = None
+
+    def send(self, message: Message) -> None:
+        self._number += 1
+        self._port.write(encode_command(message, self._size, self._number))
+
+    def hear(self, until: float) -> Sequence[Sensors | None]:
+        reports = self._port.read_all(until)
+        return [decode_sensors(report) if len(report) == self._size else None for report in reports]
+
+    def ask(self, message: Message, fresh_until: float = inf) -> Sensors:
+        if self._in_lock_step:
+            return super().ask(message, fresh_until)
+        self.hear(0.0)  # drop what is older
+        self.send(message if self._clock() <= fresh_until else NO_CURRENT)
+        answers = self.hear(self._clock() + REPLY_S)
+        if not answers or answers[-1] is None:
+            raise BadReply(SILENT)
+        return answers[-1]
 
     def _connect(self, path: str) -> None:
-        line = HidLine(self._open_port(path))
-        self._dialogue = FreeRunning(line)
-        line.find_size()
-        expected = self._options.report_bytes
-        if line.size != expected:
+        """Find the kind of device from the size of its first report, whose contents may be old."""
+        self._in_lock_step, self._size, self._number = False, LONG, 0
+        gives_up = self._clock() + OPENING_S
+        while not (reports := self._port.read_all(self._clock() + REPLY_S)):
+            if self._clock() > gives_up:
+                raise HardwareFault("sends no reports; unplug it and plug it in again")
+            self.send(NO_CURRENT)  # sets a device in motion that waits for its host
+        size, expected = len(reports[-1]), self._options.report_bytes
+        if size not in (LONG, SHORT):
+            raise HardwareFault(f"sends reports of {size} bytes, expected {LONG} or {SHORT}: it is no such device")
+        self._size = size
+        if size != expected:
             raise HardwareFault(
-                f"sends reports of {line.size} bytes, the file says {expected}; their signs differ: set "
-                f"master.device.report_bytes: {line.size} and check the signs"
+                f"sends reports of {size} bytes, the file says {expected}; their signs differ: set "
+                f"master.device.report_bytes: {size} and check the signs"
             )
         if self.guardian is not None and path.startswith("/"):  # else by libusb, where nobody else can write
-            line.guard(self.guardian)
-        if not self._is_short:
-            self._dialogue = LockStep(line)
+            zero = b"\0" + encode_command(NO_CURRENT, size)
+            self.guardian.zero, self.guardian.rests = zero, (zero[:7],)  # the number of the report, and the currents
+            self._port.guard(self.guardian)
+        self._in_lock_step = not self._is_short
 
     def _home_counts(self) -> Counts:
         size = 3 if self._is_short else 6
@@ -127,16 +114,16 @@ class ReportExchange(PolhemExchange):
         sensors = self._insist(NO_CURRENT)
         if sensors.calibrate:  # pressed some time ago, wherever the handle was then
             self._set_counters(sensors.counts)
-        await_press(lambda: self._ask(NO_CURRENT), lambda _, now: now.calibrate, self._options.home_patience_s)
+        self._await_press(lambda _, now: now.calibrate)
         self._home_here(self._home_counts())
 
     def _set_counters(self, counts: Counts) -> Sensors:
-        a, b, c, d, e, f = counts
-        self._unwrapper.reset()
-        return self._insist(SetCounters((a, b, c, d, e, f)))
+        self._unwrapped = None
+        return self._insist(SetCounters(counts))
 
     def _continuous(self, sensors: Sensors) -> Counts:
-        return self._ordered(self._unwrapper.unwrap(sensors.counts))
+        self._unwrapped = unwrapped(sensors.counts, self._unwrapped)
+        return self._ordered(self._unwrapped)
 
     def _ordered(self, counts: Counts) -> Counts:
         """Between the order of the counters and that of the gimbal's axes, either way."""

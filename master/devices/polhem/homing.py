@@ -1,19 +1,17 @@
-"""Homing, and the check that encoder counts are plausible.
+"""The check that encoder counts are plausible.
 
 Encoders count from where they were switched on. After a loss of power, a reset of the counters or a broken encoder
 cable the counts belong to another place, and the force would point the wrong way. Counts that no hand motion explains
 are therefore rejected.
 """
 
-from collections.abc import Callable
-from time import monotonic, sleep
 from typing import NamedTuple, NoReturn
 
 from weberlink.geometry.vector import Vector, confined, cube, distance
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.devices.polhem.parameters import MechanismParameters
-from weberlink.master.devices.polhem.protocol import Sensors
+from weberlink.master.devices.polhem.protocol import Counts
 
 SPEED_M_S = 3.0  # largest speed of a hand
 SLACK_M = 0.003  # tolerance for inexact times
@@ -22,8 +20,6 @@ AWAY_M = 0.05  # largest accepted motion of the handle while the device was unpl
 SHIFT_M = 0.01  # restarted counters are harmless within this distance of the home pose
 NEAR_COUNTS = 100  # restarted counters are within this range at the next answer
 STILL_M = 0.5  # an encoder counts as broken when the handle moves this far without a change of its count
-
-Counts = tuple[int, ...]
 
 
 class _Known(NamedTuple):
@@ -41,13 +37,13 @@ class PositionValidator:
         self._mechanism = parameters.mechanism
         self._reach = parameters.reach_m
         self._zero = zero
+        self.counts: Counts = (0,) * len(zero)  # the last accepted ones, relative to the home pose
         self._last: _Known | None = None
         self._doubted: Vector | None = None
         self._lost: str | None = None
         self._still_for = [0.0, 0.0, 0.0]
 
-    def relative(self, counts: Counts) -> Counts:
-        """Counts relative to the home pose."""
+    def _relative(self, counts: Counts) -> Counts:
         return tuple(count - zero for count, zero in zip(counts, self._zero, strict=True))
 
     def begin(self, counts: Counts, asked: float, answered: float, *, oriented: bool = True) -> DeviceReading:
@@ -56,7 +52,7 @@ class PositionValidator:
         Without `oriented` the counts of the gimbal are not to be believed, and the reading has no orientation. Raises
         HardwareFault if the position is outside the workspace, or too far from the last one.
         """
-        position, before, reach = self._mechanism.position(self.relative(counts)), self._last, self._reach
+        position, before, reach = self._mechanism.position(self._relative(counts)), self._last, self._reach
         if self._lost is not None:  # motion does not restore it
             raise HardwareFault(self._lost)
         if before is not None:
@@ -83,7 +79,7 @@ class PositionValidator:
         """
         before = self._last
         assert before is not None
-        position = self._mechanism.position(self.relative(counts))
+        position = self._mechanism.position(self._relative(counts))
         gone, elapsed = distance(position, before.position), answered - before.asked
         what = f"its position jumped by {gone * 1e3:.0f} mm in {elapsed * 1e3:.1f} ms"
         if self._doubted is not None and distance(position, self._doubted) < gone:
@@ -106,9 +102,9 @@ class PositionValidator:
         return self._accept(_Known(counts, position, asked), answered, buttons, oriented)
 
     def _accept(self, known: _Known, answered: float, buttons: int, oriented: bool) -> DeviceReading:
-        self._last, self._doubted = known, None
+        self._last, self._doubted, self.counts = known, None, self._relative(known.counts)
         position = confined(known.position, cube(self._reach))
-        orientation = self._mechanism.orientation(self.relative(known.counts)) if oriented else None
+        orientation = self._mechanism.orientation(self.counts) if oriented else None
         return DeviceReading(answered, position, orientation=orientation, buttons=buttons)
 
     def _lose(self, why: str) -> NoReturn:
@@ -119,41 +115,3 @@ class PositionValidator:
 def _nearer_zero(counts: Counts, before: Counts) -> bool:
     """Whether counters are closer to zero than to where they were, or no farther from it."""
     return max(map(abs, counts)) <= max(abs(a - b) for a, b in zip(counts, before, strict=True))
-
-
-PRESSED_WITHIN_COUNTS = 8  # counters that were set to zero between two looks are within this range
-STEP_COUNTS = 40  # a jump to zero from at least this count is the button: no hand is that fast
-PAUSE_S = 0.002  # pause between two looks [s]; shorter than every watchdog
-LONGEST_S = 0.02  # looks farther apart than this [s] are ignored: the hand may have passed the home pose meanwhile
-
-
-def await_press(
-    look: Callable[[], Sensors],
-    pressed: Callable[[Counts, Sensors], bool],
-    patience: float,
-    clock: Callable[[], float] = monotonic,
-    pause: Callable[[float], None] = sleep,
-) -> None:
-    """Look until one look shows, by the counts of the one before, that the button was pressed between the two; raises
-    HardwareFault if nobody presses it within `patience` [s], or the device is gone.
-    """
-    until = clock() + patience
-    before: tuple[Counts, float] | None = None
-    while (began := clock()) < until:
-        try:
-            now = look()
-        except BadReply:
-            continue
-        if before is not None and clock() - before[1] <= LONGEST_S and pressed(before[0], now):
-            return
-        before = (now.counts, began)
-        pause(PAUSE_S)
-    raise HardwareFault(
-        f"nobody pressed the calibration button in {patience:g} s; put the handle in its home pose and press it after "
-        "the start"
-    )
-
-
-def zeroed(before: Counts, now: Sensors) -> bool:
-    """Whether counters were set to zero between two looks."""
-    return max(map(abs, now.counts[:3])) <= PRESSED_WITHIN_COUNTS and max(map(abs, before[:3])) >= STEP_COUNTS

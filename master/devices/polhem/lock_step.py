@@ -1,4 +1,4 @@
-"""Dialogues with a board: which answer belongs to which message.
+"""A dialogue with a board: which answer belongs to which message.
 
 In lock-step there is one answer for every message, and it does not say for which. So it counts only while no other is
 owed. After a missing answer, none is accepted until all owed answers have come, or until the line was quiet for
@@ -14,6 +14,7 @@ from typing import NoReturn
 from weberlink.hardware.fault import BadReply
 from weberlink.master.devices.polhem.protocol import NO_CURRENT, Message, Sensors
 
+REPLY_S = 0.01
 QUIET_S = 0.25  # owed answers count as lost after this silence [s]
 SLICE_S = 0.01  # the longest wait for what is owed in one `ask` [s]
 # Time in which a probe must get exactly one answer [s]; longer than from a message to the rest after it.
@@ -22,8 +23,14 @@ UNKNOWN = 1_000_000  # number of owed answers after an unexpected one
 SILENT, LATE = "does not answer", "answers late"
 
 
-class Line(ABC):
-    """Carries messages and answers; raises HardwareFault when disconnected."""
+class LockStep(ABC):
+    """The host's end of a dialogue; `send` and `hear` raise HardwareFault when disconnected."""
+
+    def __init__(self, clock: Callable[[], float] = monotonic) -> None:
+        self._clock = clock
+        self._owed = 0
+        self._heard_at = 0.0
+        self._complaint = ""
 
     @abstractmethod
     def send(self, message: Message) -> None: ...
@@ -35,58 +42,27 @@ class Line(ABC):
         None stands for one that cannot be understood.
         """
 
-    @abstractmethod
-    def close(self) -> None: ...
-
-
-class FreeRunning:
-    """A board that answers at its own rate: the newest answer after a message counts."""
-
-    def __init__(self, line: Line) -> None:
-        self.line = line
-
-    def ask(self, message: Message, patience: float, fresh_until: float = inf) -> Sensors:
-        """As of `LockStep.ask`."""
-        self.line.hear(0.0)  # drop what is older
-        self.line.send(message if monotonic() <= fresh_until else NO_CURRENT)
-        answers = self.line.hear(monotonic() + patience)
-        if not answers or answers[-1] is None:
-            raise BadReply(SILENT)
-        return answers[-1]
-
-
-class LockStep:
-    """The host's end of a dialogue. A message without current goes out at once where an answer does not come."""
-
-    def __init__(self, line: Line, clock: Callable[[], float] = monotonic) -> None:
-        self.line = line
-        self._clock = clock
-        self._owed = 0
-        self._heard_at = 0.0
-        self._complaint = ""
-
-    def ask(self, message: Message, patience: float, fresh_until: float = inf) -> Sensors:
-        """Send a message and wait for its answer, for at most `patience` [s].
+    def ask(self, message: Message, fresh_until: float = inf) -> Sensors:
+        """Send a message and wait for its answer, for at most `REPLY_S`; where none comes, one without current follows.
 
         After `fresh_until` [s] no current goes out in its place: this process has stood still since it was made. Raises
         BadReply if it does not come, cannot be understood, or could be that to another message; the board was told to
         rest, and in doubt about which is which, the message is not sent. Raises HardwareFault if the line is cut.
         """
         self._settle()
-        self.line.send(message if self._clock() <= fresh_until else NO_CURRENT)
-        answers = self.line.hear(self._clock() + patience)
+        self.send(message if self._clock() <= fresh_until else NO_CURRENT)
+        answers = self.hear(self._clock() + REPLY_S)
         if not answers:
             self._doubt(2, SILENT)
         if len(answers) > 1:
             self._doubt(UNKNOWN, LATE)
-        answer = answers[0]
-        if answer is None:
+        if answers[0] is None:
             raise BadReply("sends a malformed answer")
-        return answer
+        return answers[0]
 
     def _settle(self) -> None:
         """Wait until no answer is owed."""
-        strays = self.line.hear(0.0)
+        strays = self.hear(0.0)
         if self._owed == 0 and strays:
             self._doubt(UNKNOWN, LATE)
         until = self._clock() + SLICE_S
@@ -99,16 +75,16 @@ class LockStep:
                 self._probe()
             elif now >= until:
                 raise BadReply(self._complaint)
-            strays = self.line.hear(min(until, self._heard_at + QUIET_S)) if self._owed > 0 else []
+            strays = self.hear(min(until, self._heard_at + QUIET_S)) if self._owed > 0 else []
 
     def _probe(self) -> None:
         """Send a message without current, and check that it gets exactly one answer, promptly."""
-        self.line.send(NO_CURRENT)
+        self.send(NO_CURRENT)
         sent = self._clock()
-        heard = len(self.line.hear(sent + SLICE_S))
+        heard = len(self.hear(sent + SLICE_S))
         at_once = heard == 1
         while self._clock() < sent + PROBE_S:
-            heard += len(self.line.hear(sent + PROBE_S))
+            heard += len(self.hear(sent + PROBE_S))
         self._heard_at = self._clock()
         if not at_once or heard != 1:
             self._owed = max(1, self._owed + 1 - heard)
@@ -117,7 +93,7 @@ class LockStep:
 
     def _doubt(self, owed: int, complaint: str) -> NoReturn:
         """Send a message without current, and accept nothing until `owed` answers have come."""
-        self.line.send(NO_CURRENT)
+        self.send(NO_CURRENT)
         self._owed = owed
         self._heard_at = self._clock()
         self._complaint = complaint

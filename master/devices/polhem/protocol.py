@@ -1,7 +1,7 @@
 """What the boards of Polhem and its relatives send and understand: HID reports, and lines of text on a serial port.
 
 An mbed sends and takes reports of 14 bytes, after each of which it waits for one from the host (lock-step), or of 8 at
-its own rate. It counts in 32 bits and reports 16; `Unwrapper` restores the count. A Teensy answers every message
+its own rate. It counts in 32 bits and reports 16; `unwrapped` restores the count. A Teensy answers every message
 `[a,b,c]` with currents in mA by exactly one `[model,e0,...,e5,error]`. An answer with an error of the message repeats
 the last counts, and the currents were not applied; one of `GIMBAL_ERRORS` comes after they were.
 
@@ -16,7 +16,7 @@ from typing import NamedTuple
 HID_WATCHDOG_S, SERIAL_WATCHDOG_S = 0.5, 0.1  # a board switches its motors off after this time without a message [s]
 
 Currents = tuple[int, int, int]  # [mA]
-Counts6 = tuple[int, int, int, int, int, int]
+Counts = tuple[int, ...]  # of the sensors: six, or three in a report of 8 bytes
 NO_CURRENT: Currents = (0, 0, 0)
 
 
@@ -24,7 +24,7 @@ NO_CURRENT: Currents = (0, 0, 0)
 class SetCounters:
     """Command that the counters hold these counts from now on, and no current; in reports of 14 bytes only."""
 
-    counts: Counts6
+    counts: Counts  # six
 
 
 Message = Currents | SetCounters
@@ -33,7 +33,7 @@ Message = Currents | SetCounters
 class Sensors(NamedTuple):
     """What a board says of itself."""
 
-    counts: tuple[int, ...]  # six, or three in a report of 8 bytes; in reports of 16 bits each
+    counts: Counts  # in reports of 16 bits each
     button: bool = False  # whether that of the stylus is pressed; in reports of 14 bytes only
     calibrate: bool = False  # whether the calibration button was pressed since the counters were last set; likewise
     number: int = 0  # of a report of 8 bytes, 16 bits
@@ -107,22 +107,11 @@ def wrapped(count: int) -> int:
     return (count + 0x8000 & 0xFFFF) - 0x8000
 
 
-class Unwrapper:
-    """Extends counts of 16 bits; correct while none moves by 32768 or more between two reports."""
-
-    def __init__(self) -> None:
-        self._counts: tuple[int, ...] | None = None
-
-    def unwrap(self, counts: tuple[int, ...]) -> tuple[int, ...]:
-        """The first counts after `reset` are taken as they are."""
-        before = self._counts
-        if before is not None:
-            counts = tuple(last + wrapped(now - last) for last, now in zip(before, counts, strict=True))
-        self._counts = counts
+def unwrapped(counts: Counts, before: Counts | None) -> Counts:
+    """Counts beyond 16 bits, given those before them; correct while none moves by 32768 or more between the two."""
+    if before is None:
         return counts
-
-    def reset(self) -> None:
-        self._counts = None
+    return tuple(last + wrapped(now - last) for last, now in zip(before, counts, strict=True))
 
 
 # --- serial

@@ -1,6 +1,6 @@
 """`polhem_serial`: Polhem, SensAble PHANTOM with new electronics, or WoodenHaptics, on a Teensy's serial port."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import inf
 from pathlib import Path
 from typing import Any, ClassVar
@@ -9,14 +9,13 @@ from weberlink.hardware.discovery import PluggedDevice, UsbId, serial_ports
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.master.devices.polhem.driver import PolhemDevice, PolhemExchange
-from weberlink.master.devices.polhem.homing import await_press, zeroed
-from weberlink.master.devices.polhem.lock_step import Line, LockStep
 from weberlink.master.devices.polhem.options import PolhemSerialOptions
 from weberlink.master.devices.polhem.protocol import (
     GIMBAL_ERRORS,
     MODELS,
     NO_CURRENT,
     SERIAL_WATCHDOG_S,
+    Counts,
     Message,
     Sensors,
     SetCounters,
@@ -29,30 +28,8 @@ SENSORS = 3  # sensors of the gimbal, of which the firmware reads one per messag
 REPORTS = "reports"
 STRANGER = ": it is no such device, or its firmware is older than 2.0; `weberlink device list` lists what there is"
 PORTS_BY_ID = Path("/dev/serial/by-id")
-
-
-class SerialLine(Line):
-    """An open `SerialPort`."""
-
-    def __init__(self, port: Any, clock: Callable[[], float]) -> None:
-        self._port = port
-        self._clock = clock
-        self._reader = StatusReader()
-
-    def send(self, message: Message) -> None:
-        assert not isinstance(message, SetCounters)
-        self._port.write(encode_currents(message))
-
-    def hear(self, until: float) -> Sequence[Sensors | None]:
-        while data := self._port.read(until):
-            if answers := self._reader.feed(data):
-                return answers
-            if self._clock() > until:
-                break
-        return []
-
-    def close(self) -> None:
-        self._port.close()
+PRESSED_WITHIN_COUNTS = 8  # counters that were set to zero between two looks are within this range
+STEP_COUNTS = 40  # a jump to zero from at least this count is the button: no hand is that fast
 
 
 class BracketExchange(PolhemExchange):
@@ -66,8 +43,20 @@ class BracketExchange(PolhemExchange):
         self._model: int | None = None
         self._gimbal_doubted = 0
 
-    def _connect(self, path: str) -> None:
-        self._dialogue = LockStep(SerialLine(self._open_port(path), self._clock), self._clock)
+    def send(self, message: Message) -> None:
+        assert not isinstance(message, SetCounters)
+        self._port.write(encode_currents(message))
+
+    def hear(self, until: float) -> Sequence[Sensors | None]:
+        while data := self._port.read(until):
+            if answers := self._reader.feed(data):
+                return answers
+            if self._clock() > until:
+                break
+        return []
+
+    def _connect(self, path: str) -> None:  # noqa: ARG002
+        self._reader = StatusReader()
         try:
             model = self._insist(NO_CURRENT).model
         except BadReply as reply:
@@ -90,9 +79,9 @@ class BracketExchange(PolhemExchange):
             )
         self._parameters, self._model = self._options.wired(MODELS[model]), model
 
-    def _ask(self, message: Message, fresh_until: float = inf) -> Sensors:
+    def ask(self, message: Message, fresh_until: float = inf) -> Sensors:
         """Raises BadReply for an error of the message as well, since the currents were not applied then."""
-        sensors = super()._ask(message, fresh_until)
+        sensors = super().ask(message, fresh_until)
         # A sensor of the gimbal that cannot be read comes after the currents were applied, and leaves the main counts
         # good. The firmware reads one sensor per message, so all are good again after three answers without error.
         gimbal = sensors.error & GIMBAL_ERRORS
@@ -109,8 +98,7 @@ class BracketExchange(PolhemExchange):
         return sensors
 
     def _await_button(self) -> None:
-        # The device itself sets its counters to zero.
-        await_press(lambda: self._ask(NO_CURRENT), zeroed, self._options.home_patience_s, self._clock, self._pause)
+        self._await_press(zeroed)  # which sets the counters to zero, in the device itself
 
 
 class PolhemSerialDevice(PolhemDevice):
@@ -134,6 +122,11 @@ def teensys(found: list[PluggedDevice], by_id: Path) -> list[PluggedDevice]:
     named = {str(link.resolve()) for link in links}
     theirs = [each for each in found if "teensy" in each.name.lower() or each.path in named]
     return theirs or found
+
+
+def zeroed(before: Counts, now: Sensors) -> bool:
+    """Whether counters were set to zero between two looks."""
+    return max(map(abs, now.counts[:3])) <= PRESSED_WITHIN_COUNTS and max(map(abs, before[:3])) >= STEP_COUNTS
 
 
 def _described(model: int | None) -> str:

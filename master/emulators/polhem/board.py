@@ -12,7 +12,7 @@ from weberlink.geometry.vector import ZERO, Vector, subtract
 from weberlink.hardware.emulator import FaultyDevice
 from weberlink.master.devices.polhem.options import BOARDS, SetName, Signs
 from weberlink.master.devices.polhem.parameters import PARAMETERS, Board
-from weberlink.master.devices.polhem.protocol import Counts6
+from weberlink.master.devices.polhem.protocol import Counts
 from weberlink.master.emulators.handle import Handle, HandleOptions
 from weberlink.options import Options
 
@@ -109,7 +109,7 @@ class PolhemBoard(FaultyDevice):
         self._step_at: float | None = None  # when the board goes on: a message takes effect, or a report leaves
         self._leaving: list[bytes] = []
         self._now: float | None = None
-        self._zero: Counts6 = (0, 0, 0, 0, 0, 0)
+        self._zero: Counts = (0,) * 6
         self._stuck: dict[int, int] = {}
         self._truth = self._true_counts(0.0)
         if not options.homed:
@@ -135,12 +135,10 @@ class PolhemBoard(FaultyDevice):
         return min((each for each in (self._step_at, self._off_at) if each is not None), default=None)
 
     @property
-    def counts(self) -> Counts6:
+    def counts(self) -> Counts:
         """Contents of the six counters."""
-        a, b, c, d, e, f = (
-            self._stuck.get(i, true - zero) for i, (true, zero) in enumerate(zip(self._truth, self._zero, strict=True))
-        )
-        return (a, b, c, d, e, f)
+        since = (true - zero for true, zero in zip(self._truth, self._zero, strict=True))
+        return tuple(self._stuck.get(i, count) for i, count in enumerate(since))
 
     @property
     def force(self) -> Vector:
@@ -166,9 +164,8 @@ class PolhemBoard(FaultyDevice):
         self.currents_ma = (a, b, c)
         self.largest_current_ma = max(self.largest_current_ma, *map(abs, self.currents_ma))
 
-    def _set_counters(self, counts: Counts6) -> None:
-        a, b, c, d, e, f = (true - count for true, count in zip(self._truth, counts, strict=True))
-        self._zero = (a, b, c, d, e, f)
+    def _set_counters(self, counts: Counts) -> None:
+        self._zero = tuple(true - count for true, count in zip(self._truth, counts, strict=True))
 
     def apply_fault(self, name: str, value: float) -> None:
         match name:
@@ -211,11 +208,8 @@ class PolhemBoard(FaultyDevice):
         self._off_at = None
         self.currents_ma = OFF
 
-    def _true_counts(self, now: float) -> Counts6:
+    def _true_counts(self, now: float) -> Counts:
         """Counts relative to the home pose; a wrist with sensors turns back and forth."""
-        a, b, c = self.mechanism.counts_at(self.handle.position)
-        d, e, f = (
-            round(turn * WRIST_RAD * sin(tau * hz * now) / tau)
-            for turn, hz in zip(self.mechanism.drive.gimbal_counts_per_turn, WRIST_HZ, strict=True)
-        )
-        return (a, b, c, d, e, f)
+        wrist = zip(self.mechanism.drive.gimbal_counts_per_turn, WRIST_HZ, strict=True)
+        gimbal = (round(turn * WRIST_RAD * sin(tau * hz * now) / tau) for turn, hz in wrist)
+        return (*self.mechanism.counts_at(self.handle.position), *gimbal)

@@ -18,7 +18,7 @@ from weberlink.master.devices.polhem.protocol import (
     HID_WATCHDOG_S,
     LONG,
     SHORT,
-    Counts6,
+    Counts,
     Sensors,
     SetCounters,
     decode_command,
@@ -124,10 +124,9 @@ class PolhemHidEmulator(PolhemBoard):
             return encode_sensors(Sensors(counts[:3], number=self._number))
         return encode_sensors(Sensors(counts, self._stylus, self._button_pressed))
 
-    def _wired(self, counts: Counts6) -> Counts6:
+    def _wired(self, counts: Counts) -> Counts:
         """Counts with those of the gimbal reversed where the device does so; its own inverse."""
-        a, b, c, d, e, f = counts
-        return (a, b, c, f, e, d) if self._parameters.gimbal_reversed_over_hid else counts
+        return (*counts[:3], *counts[:2:-1]) if self._parameters.gimbal_reversed_over_hid else counts
 
     def apply_fault(self, name: str, value: float) -> None:
         if name == "stylus":

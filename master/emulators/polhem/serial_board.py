@@ -17,7 +17,7 @@ from weberlink.master.devices.polhem.protocol import (
     CURRENT_LIMIT_MA,
     NUMBERS,
     SERIAL_WATCHDOG_S,
-    Counts6,
+    Counts,
     Sensors,
     encode_status,
 )
@@ -26,7 +26,7 @@ from weberlink.master.emulators.polhem.board import FAULTS, BoardOptions, Curren
 BUFFER = 127
 FILLING = b"\n\r\0"  # bytes that are allowed around a message
 TRAILING, FULL, NO_BEGINNING, NOT_THREE, UNREADABLE = 8, 128, 256, 512, 1024
-NO_COUNTS: Counts6 = (0, 0, 0, 0, 0, 0)
+NO_COUNTS: Counts = (0,) * 6
 
 _THREE = re.compile(rb"\[\s*([+-]?\d+),\s*([+-]?\d+),\s*([+-]?\d+)")
 
@@ -110,13 +110,11 @@ class PolhemSerialEmulator(PolhemBoard):
 
     def _measure(self) -> int:
         """Read the motor encoders and one gimbal sensor in turn; gives the error bit of that sensor."""
-        a, b, c, *gimbal = self.counts
-        d, e, f = self._counts[3:]
-        sensor = self._loops % 3
-        error = self._gimbal_error & 1 << sensor
+        counts, sensor = self.counts, self._loops % 3
+        error, gimbal = self._gimbal_error & 1 << sensor, list(self._counts[3:])
         if not error:
-            d, e, f = (new if i == sensor else old for i, (old, new) in enumerate(zip((d, e, f), gimbal, strict=True)))
-        self._counts = (a, b, c, d, e, f)
+            gimbal[sensor] = counts[3 + sensor]
+        self._counts = (*counts[:3], *gimbal)
         return error
 
     def apply_fault(self, name: str, value: float) -> None:

@@ -1,22 +1,24 @@
 """Which encoder counts are plausible, and the calibration button."""
 
 from collections.abc import Sequence
-from math import sin
+from math import inf, sin
+from typing import Any
 
 import pytest
 
 from weberlink.geometry.vector import Vector, distance
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.master.devices.polhem.homing import PositionValidator, await_press, zeroed
+from weberlink.master.devices.polhem.homing import PositionValidator
+from weberlink.master.devices.polhem.options import PolhemSerialOptions
 from weberlink.master.devices.polhem.parameters import PARAMETERS
-from weberlink.master.devices.polhem.protocol import Sensors
+from weberlink.master.devices.polhem.protocol import Counts, Sensors
+from weberlink.master.devices.polhem.serial_device import BracketExchange, zeroed
 from weberlink.testing.stepping import VirtualTime
 
 WOODY = PARAMETERS["woodenhaptics_2015"]
 PHANTOM = PARAMETERS["vintage_phantom"]
 HOME = (0, 0, 0, 0, 0, 0)
 CENTER = (0.0, 0.0, 0.0)
-Counts = tuple[int, ...]
 
 
 def counts_at(position: Vector) -> Counts:
@@ -121,21 +123,25 @@ def test_a_press_is_a_jump_to_zero(before: Counts, now: Counts, pressed: bool) -
     assert zeroed(before, Sensors(now)) == pressed
 
 
+class Looked(BracketExchange):
+    """Answers come one by one, and then the last again and again; None is a bad reply. Each takes a time [s]."""
+
+    def __init__(self, answers: Sequence[int | None], patience: float, takes: float) -> None:
+        super().__init__(PolhemSerialOptions(home_patience_s=patience), 0.0, list, None)
+        self._left, self._takes, time = [*answers], takes, VirtualTime()
+        self._clock, self._pause = time.clock, time.pause
+
+    def ask(self, message: Any, fresh_until: float = inf) -> Sensors:
+        self._pause(self._takes)
+        answer = self._left.pop(0) if len(self._left) > 1 else self._left[0]
+        if answer is None:
+            raise BadReply("does not answer")
+        return Sensors((answer,))
+
+
 def test_a_press_is_found_between_bad_replies_in_time() -> None:
-    time = VirtualTime()
-
     def presses(answers: Sequence[int | None], patience: float, takes: float = 0.0) -> None:
-        """The answers come one by one, and then the last; None is a bad reply."""
-        left = [*answers]
-
-        def look() -> Sensors:
-            time.pause(takes)
-            answer = left.pop(0) if len(left) > 1 else left[0]
-            if answer is None:
-                raise BadReply("does not answer")
-            return Sensors((answer,))
-
-        await_press(look, lambda before, now: now.counts[0] > before[0] + 100, patience, time.clock, time.pause)
+        Looked(answers, patience, takes)._await_press(lambda before, now: now.counts[0] > before[0] + 100)
 
     presses((5, None, 5, 6, 1000), 10.0)
     # Nobody presses it; and a stalled host has not seen how it got there.

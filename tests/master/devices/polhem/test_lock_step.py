@@ -8,26 +8,23 @@ import pytest
 
 from weberlink.hardware.fault import BadReply
 from weberlink.master.devices.polhem.driver import BAD_REPLIES
-from weberlink.master.devices.polhem.lock_step import PROBE_S, QUIET_S, SLICE_S, Line, LockStep
+from weberlink.master.devices.polhem.lock_step import PROBE_S, QUIET_S, REPLY_S, SLICE_S, LockStep
 from weberlink.master.devices.polhem.protocol import Sensors
 
-PATIENCE = 0.01
 REST = 0
 
 
-class DelayedLine(Line):
+class DelayedLine(LockStep):
     """Echoes every message `late` seconds later; time passes only while somebody listens.
 
     A message is the first of its currents; an answer has it as its model.
     """
 
     def __init__(self) -> None:
+        super().__init__(lambda: self.now)
         self.now, self.late, self.lost = 100.0, 0.001, 0
         self.sent: list[tuple[float, int]] = []
         self.coming: list[tuple[float, int]] = []
-
-    def clock(self) -> float:
-        return self.now
 
     def send(self, message: Any) -> None:
         self.sent.append((self.now, message[0]))
@@ -35,8 +32,6 @@ class DelayedLine(Line):
             self.lost -= 1
         else:
             self.coming.append((self.now + self.late, message[0]))
-
-    def close(self) -> None: ...
 
     def hear(self, until: float) -> list[Sensors]:
         self.now = max(self.now, min([until, *(at for at, _ in self.coming)]))
@@ -52,11 +47,9 @@ def line() -> DelayedLine:
 
 @pytest.fixture
 def asked(line: DelayedLine) -> Callable[[int], int | str]:
-    dialogue = LockStep(line, line.clock)
-
     def ask(message: int, fresh_until: float = inf) -> int | str:
         try:
-            return dialogue.ask((message, 0, 0), PATIENCE, fresh_until).model
+            return line.ask((message, 0, 0), fresh_until).model
         except BadReply as reply:
             return str(reply)
 
@@ -83,7 +76,7 @@ def test_lost_answer_is_given_up_after_silence(line: DelayedLine, asked: Any) ->
     line.lost = 2
     began = line.now
     assert asked(7) == "does not answer"
-    assert line.sent == [(100.0, 7), (100.0 + PATIENCE, REST)]
+    assert line.sent == [(100.0, 7), (100.0 + REPLY_S, REST)]
     while not isinstance(asked(7), int):
         assert line.now < began + 1.0
     assert began + QUIET_S <= line.now <= began + QUIET_S + PROBE_S + 3 * SLICE_S
@@ -99,7 +92,7 @@ def test_late_answers_are_never_mixed_up(line: DelayedLine, asked: Any, late: fl
     assert {reply for reply in replies if isinstance(reply, int)} == set()
     pushed = [at for at, message in line.sent if message != REST]
     rested = [at for at, message in line.sent if message == REST]
-    assert all(any(at <= rest <= at + PATIENCE + 1e-9 for rest in rested) for at in pushed[1:-1]), "never held for long"
+    assert all(any(at <= rest <= at + REPLY_S + 1e-9 for rest in rested) for at in pushed[1:-1]), "never held for long"
 
 
 def test_unexpected_answer_is_doubted(line: DelayedLine, asked: Any) -> None:
