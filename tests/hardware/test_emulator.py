@@ -6,14 +6,15 @@ from time import monotonic
 
 import pytest
 
-from tests.hardware.helpers import Answering, descriptors
+from tests.hardware.helpers import descriptors
 from tests.wait import PATIENCE
+from weberlink.hardware.emulator import Emulator
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.testing.serving import LONGEST_PAUSE_S as PAUSE_S, PtyDevice
 
 
-class Echo(Answering):
+class Echo(Emulator):
     def __init__(self) -> None:
         super().__init__()
         self.heard: list[bytes] = []
@@ -21,7 +22,7 @@ class Echo(Answering):
 
     def receive(self, data: bytes, now: float) -> None:
         self.heard.append(data)
-        self.answers.append(data.upper())
+        self.leaving.append(data.upper())
 
     def advance(self, now: float) -> None:
         self.advances.append(now)

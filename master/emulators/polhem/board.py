@@ -1,6 +1,5 @@
 """The common part of the emulated Polhem boards: a handle in a hand, encoders, motors, amplifiers and faults."""
 
-from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
 from math import sin, tau
@@ -9,7 +8,7 @@ from typing import ClassVar, Self
 from pydantic import Field, model_validator
 
 from weberlink.geometry.vector import ZERO, Vector, subtract
-from weberlink.hardware.emulator import FaultyDevice
+from weberlink.hardware.emulator import Emulator
 from weberlink.master.devices.polhem.options import BOARDS, SetName, Signs
 from weberlink.master.devices.polhem.parameters import PARAMETERS, Board
 from weberlink.master.devices.polhem.protocol import Counts
@@ -66,7 +65,7 @@ class BoardOptions(Options):
         return self
 
 
-class PolhemBoard(FaultyDevice):
+class PolhemBoard(Emulator):
     """The board of an emulated device (see `weberlink.hardware.emulator`); subclasses speak the wire formats.
 
     `messages` came, right or wrong, `errors` are the wrong ones among them. `watchdog_trips`: how often the amplifiers
@@ -107,7 +106,6 @@ class PolhemBoard(FaultyDevice):
         self._fed = True
         self._off_at: float | None = None
         self._step_at: float | None = None  # when the board goes on: a message takes effect, or a report leaves
-        self._leaving: list[bytes] = []
         self._now: float | None = None
         self._zero: Counts = (0,) * 6
         self._stuck: dict[int, int] = {}
@@ -121,15 +119,11 @@ class PolhemBoard(FaultyDevice):
             self._advance_to(at)
             self._step(at, now)
         self._advance_to(now)
-        self.take_faults()
+        super().advance(now)
 
-    @abstractmethod
     def _step(self, at: float, now: float) -> None:
         """Go on at `at` [s], which may be before `now`."""
-
-    def replies(self, now: float) -> list[bytes]:  # noqa: ARG002 - what leaves is made when it is due
-        leaving, self._leaving = self._leaving, []
-        return leaving
+        raise NotImplementedError
 
     def next_timer(self) -> float | None:
         return min((each for each in (self._step_at, self._off_at) if each is not None), default=None)
@@ -178,7 +172,7 @@ class PolhemBoard(FaultyDevice):
                 self._fed = True
                 self._button_pressed = False
                 self._step_at = None
-                self._leaving.clear()
+                self.leaving.clear()
                 self._stuck.clear()
                 self._zero = self._truth
             case "trip_watchdog":

@@ -88,10 +88,10 @@ class PolhemHidEmulator(PolhemBoard):
             if self._arrived:
                 self._obey(self._arrived.popleft(), SHORT_LIMIT_MA, at)
             self._number = (self._number + 1) & 0xFFFF
-            self._leaving.append(self._report())
+            self.leaving.append(self._report())
             self._send_later(now)
         elif self._ready is not None:
-            self._leaving.append(self._ready)
+            self.leaving.append(self._ready)
             self._ready = None
             self._step_at = at + self._processing if self._arrived else None
         else:

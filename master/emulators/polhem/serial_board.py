@@ -105,7 +105,7 @@ class PolhemSerialEmulator(PolhemBoard):
         else:
             self._drive(currents, at)
             error = self._measure()
-        self._leaving.append(encode_status(Sensors(self._counts, model=self.model, error=error)))
+        self.leaving.append(encode_status(Sensors(self._counts, model=self.model, error=error)))
         self._begin(at)
 
     def _measure(self) -> int:

@@ -3,11 +3,10 @@
 `weberlink.testing.serving` connects one to a port, `weberlink device emulate` also one of the kernel.
 """
 
-from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 from weberlink.registry import Registry
 
@@ -18,8 +17,8 @@ BUILT_IN = {
 EMULATORS: Registry[Any] = Registry("emulated device", BUILT_IN, "weberlink.emulators")
 """Each by the name of its driver; entry points of `weberlink.emulators` add more.
 
-An entry is a subclass of `FaultyDevice`, an `Emulator`, with the pydantic class of its `Options` and the name of its
-`transport`: serial, hid, evdev, or one of its own. For a device of the kernel (hid, evdev) it has `identity`, a
+An entry is an `Emulator`, with the pydantic class of its `Options` and the name of its `transport`: serial, hid, evdev,
+or one of its own. For a device of the kernel (hid, evdev) it has `identity`, a
 `HidIdentity` or one that has `entry(number, instance)`, which tells umockdev of it. With a transport of its own it has
 `served(begin)`, which gives a `weberlink.testing.serving.ServedDevice` with an `address`.
 """
@@ -34,30 +33,11 @@ class WireFaults:
     silent: bool = False  # replies are lost
 
 
-class Emulator(Protocol):
-    """A device on the wire, without I/O. `now` [s] never goes back."""
+class Emulator:
+    """A device on the wire, without I/O. `now` [s] never goes back.
 
-    faults: WireFaults
-
-    def receive(self, data: bytes, now: float) -> None:
-        """Take bytes as they come, or one HID report without its number."""
-        ...
-
-    def advance(self, now: float) -> None:
-        """Move mechanics, watchdog and timers on to `now`."""
-        ...
-
-    def replies(self, now: float) -> list[bytes]:
-        """The messages that leave the device by `now`, oldest first; each of them once."""
-        ...
-
-    def next_timer(self) -> float | None:
-        """When `advance` or `replies` must be called next if nothing arrives [s]; None for never."""
-        ...
-
-
-class FaultyDevice(ABC):
-    """The faults of an emulator: those of its wire, and its own, which happen when it is advanced next."""
+    Its faults are those of its wire, and its own, which happen when it is advanced next.
+    """
 
     OWN_FAULTS: ClassVar[Mapping[str, str]] = {}  # what each of its own does, and what its value means
     fault_values: Mapping[str, range | float] = {}
@@ -65,7 +45,26 @@ class FaultyDevice(ABC):
 
     def __init__(self) -> None:
         self.faults = WireFaults()
+        self.leaving: list[bytes] = []  # the messages that `replies` gives next
         self._injected: deque[tuple[str, float]] = deque()
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Take bytes as they come, or one HID report without its number."""
+        raise NotImplementedError
+
+    def advance(self, now: float) -> None:  # noqa: ARG002
+        """Move mechanics, watchdog and timers on to `now`; here, let happen what was injected."""
+        while self._injected:
+            self.apply_fault(*self._injected.popleft())
+
+    def replies(self, now: float) -> list[bytes]:  # noqa: ARG002
+        """The messages that leave the device by `now`, oldest first; each of them once."""
+        leaving, self.leaving = self.leaving, []
+        return leaving
+
+    def next_timer(self) -> float | None:
+        """When `advance` or `replies` must be called next if nothing arrives [s]; None for never."""
+        return None
 
     def inject(self, name: str, value: float = 1.0) -> None:
         """Cause one of `OWN_FAULTS` at the next `advance`; from any thread. Raises ValueError if there is none of that
@@ -79,14 +78,9 @@ class FaultyDevice(ABC):
             raise ValueError(f"{name}: expected a number within +-{values:g}, got {value:g}")
         self._injected.append((name, value))
 
-    def take_faults(self) -> None:
-        """Apply what was injected; to be called by `advance`."""
-        while self._injected:
-            self.apply_fault(*self._injected.popleft())
-
-    @abstractmethod
     def apply_fault(self, name: str, value: float) -> None:
         """Let one of `OWN_FAULTS` happen now."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True)

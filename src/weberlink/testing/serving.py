@@ -20,13 +20,18 @@ LONGEST_PAUSE_S = 0.02
 
 
 def serve(
-    emulator: Emulator, descriptor: int, stopping: Callable[[], bool], encode: Callable[[bytes], bytes] = bytes
+    emulator: Emulator,
+    descriptor: int,
+    stopping: Callable[[], bool],
+    encode: Callable[[bytes], bytes] = bytes,
+    receive: Callable[[bytes, float], None] | None = None,
 ) -> None:
     """Carry bytes between an emulator and a descriptor until told to stop, and add the wire faults.
 
-    `encode` gives the bytes to write for a message. A read error does not end the loop: it may only mean that no host
-    has the other end open.
+    `encode` gives the bytes to write for a message, and `receive` takes what comes in place of the emulator. A read
+    error does not end the loop: it may only mean that no host has the other end open.
     """
+    receive = receive or emulator.receive
     leaving: deque[tuple[float, bytes]] = deque()
     while not stopping():
         now = monotonic()
@@ -47,7 +52,7 @@ def serve(
         try:
             ready, _, _ = select((descriptor,), (), (), pause)
             if ready:
-                emulator.receive(os.read(descriptor, CHUNK), monotonic())
+                receive(os.read(descriptor, CHUNK), monotonic())
         except OSError:
             select((), (), (), 0.001)
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 from pydantic import BaseModel, ConfigDict, Field
 
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.hardware.emulator import FaultyDevice
+from weberlink.hardware.emulator import Emulator
 
 FAULTS: Mapping[str, str] = {
     "x": "push it toward the operator, in percent of a full deflection, and hold it; negative: away",
@@ -30,7 +30,7 @@ class ThumbOptions(BaseModel):
     serial_number: str = Field(default="", description="by which two alike can be told apart")
 
 
-class DeflectionEmulator(FaultyDevice):
+class DeflectionEmulator(Emulator):
     """The common part of the emulators: deflection, a number of buttons, and faults."""
 
     OWN_FAULTS: ClassVar[Mapping[str, str]] = FAULTS
@@ -51,7 +51,7 @@ class DeflectionEmulator(FaultyDevice):
 
     def advance(self, now: float) -> None:
         """Move the thumb on to `now` [s]."""
-        self.take_faults()
+        super().advance(now)
         if self._began is None:
             self._began = now
         self.deflection = self._swing(now - self._began) if self._held is None else self._held

@@ -20,7 +20,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from weberlink.child_process import Child
-from weberlink.hardware.emulator import Emulator, HidIdentity
+from weberlink.hardware.emulator import HidIdentity
 from weberlink.hardware.fault import HardwareFault
 from weberlink.testing.serving import PtyDevice, serve
 
@@ -208,6 +208,7 @@ class TestbedNode(PtyDevice):
         self.node = entry_of(self._identity, self._number, 0).node  # its path for processes that see the testbed
         super().__init__(emulator, testbed.root / self.node.removeprefix("/"), begin=begin)
         self._testbed = testbed
+        self._rest, self._came_at = b"", 0.0
 
     def plug(self) -> None:
         self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -235,8 +236,7 @@ class TestbedNode(PtyDevice):
 
     def _serve(self) -> None:
         if isinstance(self._identity, HidIdentity):
-            device = _Reports(self.emulator, self._identity.report_size)
-            serve(device, self._near, self._stopping.is_set, encode=self._encode_report)
+            serve(self.emulator, self._near, self._stopping.is_set, self._encode_report, self._receive)
         else:
             super()._serve()
 
@@ -246,23 +246,11 @@ class TestbedNode(PtyDevice):
             return b""
         return b"".join(LITERAL + message[i : i + 1] for i in range(len(message))) + END
 
-
-class _Reports:
-    """Splits bytes as hidapi writes them into reports, and passes these on without the number in front."""
-
-    def __init__(self, emulator: Emulator, report_size: int) -> None:
-        self._device = emulator
-        self.faults = emulator.faults
-        self.advance = emulator.advance
-        self.replies = emulator.replies
-        self.next_timer = emulator.next_timer
-        self._size = 1 + report_size
-        self._rest = b""
-        self._came_at = 0.0
-
-    def receive(self, data: bytes, now: float) -> None:
+    def _receive(self, data: bytes, now: float) -> None:
+        """Split bytes as hidapi writes them into reports, and pass these on without the number in front."""
         self._rest = data if now - self._came_at > TORN_S else self._rest + data
         self._came_at = now
-        while len(self._rest) >= self._size:
-            report, self._rest = self._rest[1 : self._size], self._rest[self._size :]
-            self._device.receive(report, now)
+        size = 1 + self._identity.report_size
+        while len(self._rest) >= size:
+            report, self._rest = self._rest[1:size], self._rest[size:]
+            self.emulator.receive(report, now)

@@ -3,7 +3,7 @@
 from struct import pack
 from time import sleep
 
-from weberlink.hardware.emulator import WireFaults
+from weberlink.hardware.emulator import Emulator
 from weberlink_devices.haply.board import RESET
 from weberlink_devices.haply.linkage import VERSIONS
 
@@ -27,16 +27,15 @@ def counts(angles: tuple[float, float]) -> tuple[int, int]:
     return (round(angles[0] / COUNT_DEG), round(angles[1] / COUNT_DEG))
 
 
-class Far:
+class Far(Emulator):
     """An emulator that says the next answer to each question that comes, and `rest` once there are no more."""
 
     def __init__(self) -> None:
-        self.faults = WireFaults()
+        super().__init__()
         self.messages: list[bytes] = []
         self.answers: list[bytes] = []
         self.rest = b""
         self.slow_s = 0.0
-        self.said: list[bytes] = []
         self._heard = b""
 
     def receive(self, data: bytes, now: float) -> None:
@@ -47,13 +46,4 @@ class Far:
                 self.messages.append(message)
             if message[0] == 2:
                 sleep(self.slow_s)
-                self.said.append(self.answers.pop(0) if self.answers else self.rest)
-
-    def advance(self, now: float) -> None: ...
-
-    def replies(self, now: float) -> list[bytes]:
-        said, self.said = self.said, []
-        return said
-
-    def next_timer(self) -> float | None:
-        return None
+                self.leaving.append(self.answers.pop(0) if self.answers else self.rest)

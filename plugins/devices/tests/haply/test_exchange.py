@@ -108,7 +108,7 @@ def line(path: str) -> Iterator[HaplyLine]:
 
 
 def test_what_came_before_the_question_is_no_answer(far: Far, line: HaplyLine) -> None:
-    far.said.append(answer(9) + b"junk")
+    far.leaving.append(answer(9) + b"junk")
     while line._port._port.in_waiting < 13:
         sleep(0.001)
     far.answers = [answer(1)]

@@ -12,34 +12,25 @@ from websockets.sync.server import ServerConnection, serve
 
 from tests.hardware.test_ports import Noting
 from tests.wait import PATIENCE, until
-from weberlink.hardware.emulator import WireFaults
+from weberlink.hardware.emulator import Emulator
 from weberlink.hardware.fault import HardwareFault
 from weberlink_devices.inverse3.websocket_device import WebSocketDevice
 from weberlink_devices.inverse3.websocket_port import WebSocketPort, text_frame
 
 
-class Echo:
+class Echo(Emulator):
     """A service and its only session: says hello, then sends back what it hears, in upper case."""
 
     def __init__(self) -> None:
-        self.faults = WireFaults()
+        super().__init__()
         self.left = 0
 
     def join(self, now: float) -> "Echo":
-        self._waiting = [b"hello"]
+        self.leaving = [b"hello"]
         return self
 
     def receive(self, text: bytes, now: float) -> None:
-        self._waiting.append(text.upper())
-
-    def replies(self, now: float) -> list[bytes]:
-        waiting, self._waiting = self._waiting, []
-        return waiting
-
-    def advance(self, now: float) -> None: ...
-
-    def next_timer(self) -> float | None:
-        return None
+        self.leaving.append(text.upper())
 
     def leave(self) -> None:
         self.left += 1

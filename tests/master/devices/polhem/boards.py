@@ -4,7 +4,7 @@ import re
 from time import monotonic, sleep
 from typing import Any
 
-from tests.hardware.helpers import Answering
+from weberlink.hardware.emulator import Emulator
 from weberlink.hardware.guardian import Guardian
 from weberlink.master.devices.polhem.driver import PolhemDevice
 from weberlink.master.devices.polhem.hid_device import PolhemHidDevice
@@ -32,7 +32,7 @@ def decode_currents(message: bytes) -> Currents:
     return (a, b, c)
 
 
-class Teensy(Answering):
+class Teensy(Emulator):
     """Answers every message as the firmware does. Its counters are `counts`, whoever sets them."""
 
     def __init__(self, counts: tuple[int, int, int, int, int, int]) -> None:
@@ -45,7 +45,7 @@ class Teensy(Answering):
         *messages, self._rest = (self._rest + data.replace(b"\0", b"")).split(b"\n")
         for message in messages:
             self.currents.append(decode_currents(message))
-            self.answers.append(encode_status(Sensors(self.counts, model=self.model, error=self.error)))
+            self.leaving.append(encode_status(Sensors(self.counts, model=self.model, error=self.error)))
 
 
 class ScriptedHidBoard:

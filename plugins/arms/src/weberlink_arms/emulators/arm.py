@@ -5,7 +5,6 @@ when `advance` is called. Temperature, backlash and cables are not modelled.
 """
 
 from abc import ABC, abstractmethod
-from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import copysign, inf, pi, sin
@@ -14,7 +13,7 @@ from typing import Annotated, ClassVar, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from weberlink.geometry.joints import Joints
-from weberlink.hardware.emulator import WireFaults
+from weberlink.hardware.emulator import Emulator
 from weberlink_arms.emulators.bus import EmulatedBus, EmulatedServo
 from weberlink_arms.servo.layout import ArmLayout
 from weberlink_arms.servo.packet import Framing
@@ -156,8 +155,8 @@ class Joint:
         return spring, damper, push
 
 
-class ArmEmulator(ABC):
-    """Sans-I/O: bytes and `now` go in, messages come out. See `weberlink.hardware.emulator`.
+class ArmEmulator(Emulator, ABC):
+    """See `weberlink.hardware.emulator`.
 
     Args:
         framing: Of the protocol.
@@ -166,17 +165,16 @@ class ArmEmulator(ABC):
     """
 
     transport: ClassVar[str] = "serial"
-    OWN_FAULTS: ClassVar[Mapping[str, str]]
     NUMBERED: ClassVar[Mapping[str, int]]
     """Faults of one servo, and the least number that it may have."""
     STEP: ClassVar[float]
     """Of integration [s]."""
 
     def __init__(self, framing: Framing, servos: Sequence[EmulatedServo], baud: int) -> None:
-        self.faults = WireFaults()
+        super().__init__()
+        self.fault_values = {name: range(least, len(servos) + 1) for name, least in self.NUMBERED.items()}
+        self.fault_values["wrong_model"] = range(0x10000)
         self.bus = EmulatedBus(framing, servos, baud)
-        self._count = len(servos)
-        self._injected: deque[tuple[str, float]] = deque()
         self._steps: int | None = None
         self._began = 0
         self.motor_nm = [0.0] * len(servos)
@@ -186,18 +184,14 @@ class ArmEmulator(ABC):
     def _step(self, time: float) -> None:
         """Advance the mechanics by `STEP`, `time` after the beginning [s]."""
 
-    @abstractmethod
-    def _apply(self, name: str, value: float, now: float) -> None:
-        """Cause a fault."""
-
-    def _performed(self) -> None:  # noqa: B027 - most arms have nothing to do
+    def _performed(self) -> None:
         """Called after every request."""
 
     def _deadline(self) -> float:
         """When a watchdog would trip next."""
         return inf
 
-    def _watch(self, now: float) -> None:  # noqa: B027 - not all have one
+    def _watch(self, now: float) -> None:
         """Let watchdogs trip that are due."""
 
     def receive(self, data: bytes, now: float) -> None:
@@ -207,8 +201,8 @@ class ArmEmulator(ABC):
     def advance(self, now: float) -> None:
         if self._steps is None:
             self._steps = self._began = int(now / self.STEP)
-        while self._injected:
-            self._apply(*self._injected.popleft(), now)
+        self._now = now
+        super().advance(now)
         while True:
             request, deadline = self.bus.next_request, self._deadline()
             due = min(request, deadline)
@@ -228,21 +222,6 @@ class ArmEmulator(ABC):
     def next_timer(self) -> float | None:
         soonest = min(self.bus.next_request, self.bus.next_reply, self._deadline())
         return soonest if soonest < inf else None
-
-    def inject(self, name: str, value: float) -> None:
-        """Cause one of its own faults at the next `advance`; callable from any thread.
-
-        Raises:
-            ValueError: unknown fault or value.
-        """
-        if name not in self.OWN_FAULTS:
-            raise ValueError(f"no fault is called {name!r}; there are {', '.join(self.OWN_FAULTS)}")
-        least = self.NUMBERED.get(name)
-        if least is not None and value not in range(least, self._count + 1):
-            raise ValueError(f"{name}: expected a joint from {least} to {self._count}, got {value:g}")
-        if name == "wrong_model" and not 0 <= value <= 0xFFFF:
-            raise ValueError(f"{name}: expected a model number, got {value:g}")
-        self._injected.append((name, value))
 
     def _move_to(self, now: float) -> None:
         """Advance the mechanics to a time, on the grid of steps."""

@@ -103,7 +103,7 @@ class FeetechEmulator(ArmEmulator):
     def _performed(self) -> None:
         self.held = self.held and not all(self.torques_on)
 
-    def _apply(self, name: str, value: float, now: float) -> None:  # noqa: ARG002
+    def apply_fault(self, name: str, value: float) -> None:
         index = int(value) - 1
         match name:
             case "overload":

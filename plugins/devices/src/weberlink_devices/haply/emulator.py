@@ -10,7 +10,7 @@ from typing import ClassVar, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.hardware.emulator import FaultyDevice
+from weberlink.hardware.emulator import Emulator
 from weberlink.master.devices.operator import CircleStep, ReachStep, RestStep, Script, SlideStep
 from weberlink.master.emulators.handle import Handle, HandleOptions
 from weberlink_devices.haply.board import Pair
@@ -79,7 +79,7 @@ class _Setup:
     pwms: int
 
 
-class HaplyEmulator(FaultyDevice):
+class HaplyEmulator(Emulator):
     """The emulated board and linkage.
 
     The torque of a motor stays until another comes: not even a reset or a new setup takes it away, and there is no
@@ -139,7 +139,7 @@ class HaplyEmulator(FaultyDevice):
             self._take(message, now)
 
     def advance(self, now: float) -> None:
-        self.take_faults()
+        super().advance(now)
         if self._waiting and now - self._waiting_since > PATIENCE_S:
             self._waiting = b""
         if now - self._moved_at >= STEP_S:

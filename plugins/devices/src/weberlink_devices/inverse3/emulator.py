@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale
-from weberlink.hardware.emulator import FaultyDevice
+from weberlink.hardware.emulator import Emulator
 from weberlink.hardware.fault import BadReply
 from weberlink.master.emulators.handle import Handle, HandleOptions
 from weberlink_devices.inverse3.protocol import decode, listed, ours, theirs
@@ -109,7 +109,7 @@ class Inverse3Session:
         self._replies.append((now + self._service.answer_s, json.dumps(document).encode()))
 
 
-class Inverse3Emulator(FaultyDevice):
+class Inverse3Emulator(Emulator):
     """The service and its device; see `weberlink_devices.inverse3.websocket_device.Service`.
 
     Forces of all sessions add. A command is displayed until the next one, until its session ends, or for the time-out.
@@ -174,7 +174,7 @@ class Inverse3Emulator(FaultyDevice):
         return None
 
     def advance(self, now: float) -> None:
-        self.take_faults()
+        super().advance(now)
         self.advance_force(now)
         if now - self._moved_at >= STEP_S:
             self._moved_at = now

@@ -99,7 +99,7 @@ class DynamixelArmEmulator(ArmEmulator):
         for servo in self.servos:
             servo.watch(now)
 
-    def _apply(self, name: str, value: float, now: float) -> None:
+    def apply_fault(self, name: str, value: float) -> None:
         index = int(value) - 1
         match name:
             case "overload":
@@ -109,9 +109,9 @@ class DynamixelArmEmulator(ArmEmulator):
             case "dead":
                 self.bus.dead = set() if index < 0 else {self.servos[index].id}
             case _:
-                self._apply_to_all(name, value, now)
+                self._apply_to_all(name, value)
 
-    def _apply_to_all(self, name: str, value: float, now: float) -> None:
+    def _apply_to_all(self, name: str, value: float) -> None:
         if name == "restart":
             self.bus.restart()
         for servo in self.servos:
@@ -123,7 +123,7 @@ class DynamixelArmEmulator(ArmEmulator):
                 case "wrong_model":
                     servo.rename(int(value) or servo.model.number)
                 case _:
-                    servo.reboot(now)
+                    servo.reboot(self._now)
 
     def _servo(self, index: int, id_: int, baud: int, law: CurrentLaw | None) -> Servo:
         model = self._models[index]
