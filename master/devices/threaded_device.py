@@ -5,8 +5,7 @@ from hashlib import sha256
 from typing import Any
 
 from weberlink.geometry.vector import ZERO, Vector, scale, within
-from weberlink.hardware.threaded import ThreadedDriver
-from weberlink.hardware.worker import Exchange, Worker
+from weberlink.hardware.worker import Exchange, ThreadedDriver
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, check_finite
 
 STALE_S = 0.01  # a force ends this long, or three ticks, after the last command [s]
@@ -37,7 +36,8 @@ class ThreadedDevice(ThreadedDriver[Any, DeviceReading]):
     ) -> None:
         self.spec = spec
         self._stale = max(STALE_S, 3.0 * tick_period)
-        worker = Worker(
+        super().__init__(
+            spec.name,
             exchange,
             rest=rest,
             period=2.0 * tick_period,  # else the pause could end just before the command comes
@@ -48,7 +48,6 @@ class ThreadedDevice(ThreadedDriver[Any, DeviceReading]):
             scale=share,
             ramp=RAMP_S,
         )
-        super().__init__(spec.name, exchange, worker)
         x, y, z = (float(axis in spec.axes) for axis in "xyz")
         self._mask: Vector = (x, y, z)
         self._answer: tuple[float, DeviceReading] | None = None

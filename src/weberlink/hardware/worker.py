@@ -1,4 +1,4 @@
-"""The thread that runs a blocking device: a tick only swaps a command for the newest sample."""
+"""The thread that runs a blocking device: a tick only swaps a command for the newest sample. And a driver on it."""
 
 import atexit
 import os
@@ -9,7 +9,7 @@ from math import inf
 from select import select
 from threading import Event, Thread, current_thread
 from time import monotonic
-from typing import Generic, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.guardian import Guardian
@@ -249,3 +249,47 @@ class Worker(Generic[Command, Sample]):
             else:
                 self._newest = (sample, self.clock())
                 return
+
+
+class ThreadedDriver(Generic[Command, Sample]):
+    """A driver whose exchange a `Worker` runs; times are of `time.monotonic` [s]. A subclass makes readings of samples.
+
+    An exchange with a method `start_afresh` keeps its state over reconnections, but not over sessions: it is called
+    before the first `open` of each session. `options` are those of the worker."""
+
+    FAULT: ClassVar[type[Exception]]  # what the contract of its family raises
+
+    def __init__(self, name: str, exchange: Exchange[Command, Sample], **options: Any) -> None:
+        self._name = name
+        self.guarded = getattr(exchange, "guardian", None) is not None  # by a process, when this one stops
+        self._worker: Worker[Command, Sample] = Worker(exchange, **options)
+        self._is_open = False
+
+    @property
+    def trouble(self) -> str | None:
+        return self._worker.trouble
+
+    def open(self, now: float) -> None:  # noqa: ARG002
+        self.close()
+        if start_afresh := getattr(self._worker.exchange, "start_afresh", None):
+            start_afresh()
+        try:
+            self._worker.start()
+        except HardwareFault as fault:
+            raise self._fault(str(fault)) from None
+        self._is_open = True
+
+    def close(self) -> None:
+        self._is_open = False
+        self._worker.stop()
+
+    def _check(self) -> None:
+        """Raise the fault of a driver that is not open, or that cannot go on."""
+        if not self._is_open:
+            raise self._fault("not open")
+        self._worker.check(self._fault)
+
+    def _fault(self, why: str) -> Exception:
+        """The fault with the driver's name in front, once."""
+        name = f"{self._name}: "
+        return self.FAULT(name + why.removeprefix(name))

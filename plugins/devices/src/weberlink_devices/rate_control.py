@@ -19,8 +19,7 @@ from pydantic import Field, model_validator
 
 from weberlink.geometry.rotation import IDENTITY, product, quaternion, unit_quaternion
 from weberlink.geometry.vector import ZERO, Vector, check_home, cube, scale
-from weberlink.hardware.threaded import ThreadedDriver
-from weberlink.hardware.worker import Exchange, Worker
+from weberlink.hardware.worker import Exchange, ThreadedDriver
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, check_finite
 from weberlink.master.devices.force_device import PortOptions
 from weberlink.master.devices.threaded_device import STALE_S
@@ -124,7 +123,8 @@ class RateDevice(ThreadedDriver[Vector, Deflection]):
             watchdog_s=0.0,
             push_n=options.push_n,
         )
-        worker = Worker(
+        super().__init__(
+            name,
             exchange,
             rest=ZERO,
             period=PERIOD_S,
@@ -133,7 +133,6 @@ class RateDevice(ThreadedDriver[Vector, Deflection]):
             bad_replies=1,
             reconnect=options.reconnect_s,
         )
-        super().__init__(name, exchange, worker)
         self._options = options
         self._longest_step = max(LONGEST_STEP, LONGEST_TICKS * tick_period)
         self._spin = spin

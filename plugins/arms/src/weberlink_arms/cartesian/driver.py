@@ -5,9 +5,8 @@ from typing import ClassVar, Final
 
 from weberlink.geometry.vector import Vector, add, distance, is_finite, scale, subtract, within
 from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_ports
-from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.serial_port import SerialPort
-from weberlink.hardware.worker import Worker
+from weberlink.hardware.worker import ThreadedDriver
 from weberlink.registry import Tier
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 from weberlink.slave.scenes.scene import Scene
@@ -26,13 +25,14 @@ REST_STEP_S: Final = 0.01
 REST_MOST_S: Final = 10.0
 
 
-class DynamixelRobot:
+class DynamixelRobot(ThreadedDriver[Vector | None, ArmSample]):
     """Readings are interpolated between the cycles of the bus, and late by the lag that the spec states.
 
     Raises:
         ValueError: a scene was given.
     """
 
+    FAULT = RobotFault
     TIER: ClassVar[Tier] = "emulated only"
     Options = DynamixelOptions
     USB: ClassVar[tuple[UsbId, ...]] = USB
@@ -49,7 +49,8 @@ class DynamixelRobot:
         self._interpolation = Interpolation(options.lag_s)
         self.spec = self._spec()
         self._exchange = ArmExchange(options, self._connect, self._interpolation)
-        self._worker = Worker[Vector | None, ArmSample](
+        super().__init__(
+            NAME,
             self._exchange,
             rest=None,
             period=1.0 / options.rate_hz,
@@ -58,7 +59,7 @@ class DynamixelRobot:
             bad_replies=options.bad_replies,
             reconnect=options.reconnect_s,
         )
-        self._open = self._stays = False
+        self._stays = False
         self._reading: tuple[float, RobotReading] | None = None
 
     def _spec(self) -> RobotSpec:
@@ -90,29 +91,20 @@ class DynamixelRobot:
             path = only(self.plugged(), NAME, "slave.robot.port").path
         return SerialPort(path, self._options.baud)
 
-    @property
-    def trouble(self) -> str | None:
-        return self._worker.trouble
-
-    def open(self, now: float) -> None:  # noqa: ARG002
+    def open(self, now: float) -> None:
         self.close()
         self._exchange.hold_on_close = self._options.on_close is not OnClose.LIMP
-        try:
-            self._worker.start()
-        except HardwareFault as fault:
-            raise RobotFault(_named(str(fault))) from None
-        self._open, self._stays = True, False
+        self._stays = False
+        super().open(now)
 
     def command(self, position: Vector, now: float) -> None:
         if not is_finite(position):
             raise ValueError(f"{NAME}: commanded a position that is not finite: {position}")
-        if self._open:
+        if self._is_open:
             self._worker.command(position, now)
 
     def latest(self, now: float) -> RobotReading:
-        if not self._open:
-            raise RobotFault(f"{NAME}: not open")
-        self._worker.check(lambda why: RobotFault(_named(why)))
+        self._check()
         if self._reading is not None and now <= self._reading[0]:
             return self._reading[1]
         at, (x, y, z, fx, fy, fz) = self._interpolation.at(now)
@@ -127,11 +119,10 @@ class DynamixelRobot:
 
     def close(self) -> None:
         """Leave the arm as `on_close` says; going home first takes at most 10 s."""
-        if self._open and not self._stays and self._worker.fault is None and self._options.on_close is OnClose.REST:
+        if self._is_open and not self._stays and self._worker.fault is None and self._options.on_close is OnClose.REST:
             self._exchange.hold_on_close = not self._go_home()
-        self._open = False
         self._reading = None
-        self._worker.stop()
+        super().close()
 
     def _go_home(self) -> bool:
         """Whether the tip arrived."""
@@ -147,7 +138,3 @@ class DynamixelRobot:
             if goal == home and distance(self._worker.newest[0].tip, home) < REACHED_M:
                 return True
         return False
-
-
-def _named(complaint: str) -> str:
-    return complaint if complaint.startswith(NAME) else f"{NAME}: {complaint}"

@@ -5,8 +5,7 @@ from typing import Generic, NamedTuple
 
 from weberlink.arms.contract import ArmFault, ArmReading, ArmSpec
 from weberlink.geometry.joints import Joints, is_finite
-from weberlink.hardware.threaded import ThreadedDriver
-from weberlink.hardware.worker import Command, Exchange, Worker
+from weberlink.hardware.worker import Command, Exchange, ThreadedDriver
 from weberlink_arms.interpolation import Interpolation, TimedValues
 
 
@@ -50,7 +49,8 @@ class ThreadedArm(ThreadedDriver[Command, ArmSample]):
     ) -> None:
         self.spec = spec
         self._interpolation = Interpolation(spec.lag_s)
-        worker: Worker[Command, ArmSample] = Worker(
+        super().__init__(
+            spec.name,
             _Recorded(exchange, self._interpolation),
             rest=rest,
             period=1.0 / spec.rate_hz,
@@ -60,7 +60,6 @@ class ThreadedArm(ThreadedDriver[Command, ArmSample]):
             reconnect=reconnect,
             scale=scale,
         )
-        super().__init__(spec.name, exchange, worker)
         self._answer: tuple[float, ArmReading] | None = None
 
     def latest(self, now: float) -> ArmReading:
