@@ -112,7 +112,8 @@ def make() -> Iterator[Callable[..., Rig]]:
         rig.let_go()
         rig.worker.stop()
         assert len(rig.threads) <= 1 + rig.calls.count("open"), "one thread a session, and who closes at a failure"
-    assert (descriptors(), threading.active_count()) == (files, threads)
+    assert descriptors() <= files  # some of another test may have been collected meanwhile
+    assert threading.active_count() == threads
 
 
 @pytest.fixture
