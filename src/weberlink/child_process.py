@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from mmap import mmap
+from pathlib import Path
 from select import select
 from signal import SIG_BLOCK, SIG_SETMASK, SIGKILL, Signals, pthread_sigmask
 from subprocess import DEVNULL, Popen, TimeoutExpired
@@ -26,6 +27,15 @@ def python(*arguments: str) -> list[str]:
 def isolated_python(*arguments: str) -> list[str]:
     """The same, with the standard library alone: neither the user's environment nor installed packages."""
     return [sys.executable, "-I", "-S", *arguments]
+
+
+def process_columns(pid: int | str) -> list[str] | None:
+    """What /proc/PID/stat says of a process, from its state on: parent second, start 20th; None if there is none."""
+    try:
+        status = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
+    except (FileNotFoundError, ProcessLookupError):
+        return None
+    return status.rpartition(")")[2].split()  # before it, the program's name in parentheses, which may hold anything
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from math import inf
 
 import pytest
 
-from weberlink.realtime.garbage import FULL_EVERY, PATIENCE, GarbageSchedule, freeze_garbage, thaw_garbage
+from weberlink.realtime.garbage import FULL, FULL_EVERY, PATIENCE, YOUNG, GarbageSchedule, freeze_garbage, thaw_garbage
 
 
 @pytest.fixture(autouse=True)
@@ -30,8 +30,8 @@ def test_a_pass_runs_after_every_so_many_ticks_and_frees_cycles():
     assert dead() is None
     for _ in range(10):
         schedule.tick(inf)
-    assert schedule.young.count == 3
-    assert schedule.young.last_s > 0.0
+    assert schedule.counts[YOUNG] == 3
+    assert schedule.last_s[YOUNG] > 0.0
 
 
 def test_without_slack_a_pass_is_forced_in_the_end():
@@ -39,7 +39,7 @@ def test_without_slack_a_pass_is_forced_in_the_end():
     counts = []
     for _ in range(2 * 5 * PATIENCE):
         schedule.tick(-1.0)
-        counts.append(schedule.young.count)
+        counts.append(schedule.counts[YOUNG])
     assert (counts[5 * PATIENCE - 2], counts[-1]) == (0, 2), "it waits for slack"
 
 
@@ -55,4 +55,4 @@ def test_every_so_many_passes_one_is_full():
     assert dead() is not None
     schedule.tick(inf)
     assert dead() is None
-    assert (schedule.young.count, schedule.full.count) == (FULL_EVERY - 1, 1)
+    assert schedule.counts == {YOUNG: FULL_EVERY - 1, FULL: 1}

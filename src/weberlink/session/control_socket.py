@@ -28,7 +28,6 @@ if TYPE_CHECKING:  # who only asks needs no event loop
 
     from weberlink.session.daemon import LiveLink
     from weberlink.session.side import Side
-    from weberlink.session.tuning import Tuning
 
 LONGEST_QUESTION, LONGEST_ANSWER = 1024, 4096  # bytes
 LOOK_S = 0.01  # time between two checks for the peer's answer [s]
@@ -155,23 +154,6 @@ def ask(ring: str | Path, request: Mapping[str, Any], patience_s: float = 2.0) -
     return answer
 
 
-class _Opening:
-    """Stands for a side whose device or robot is being opened, which can take a minute: it can only be stopped."""
-
-    def __init__(self, tuning: "Tuning") -> None:
-        self.tuning = tuning
-        self.outcome: str | None = None
-
-    def stop(self, _now: float, reason: str) -> None:
-        self.outcome = self.outcome or reason
-
-    def emergency(self, _now: float) -> None:
-        self.outcome = EMERGENCY
-
-    def propose(self, _change: Mapping[str, object], _now: float) -> str:
-        return _OPENING
-
-
 class ControlSocket:
     """The daemon's end: takes requests between ticks and hands them to its side.
 
@@ -184,28 +166,28 @@ class ControlSocket:
         self, listener: socket.socket, side: "Side", link: "LiveLink | None" = None, ordered_at: float = 0.0
     ) -> None:
         self._socket, self._path = listener, Path(listener.getsockname())
-        self._side: Side | _Opening = side
-        self._link = link
+        self._side, self._link = side, link
         self._ordered_at = ordered_at
-        self._is_stopped = False
+        self._is_stopped = self._is_opening = False
+        self._outcome: str | None = None  # of a run that ends while its device is being opened
         self._loop: asyncio.AbstractEventLoop | None = None
         # Who waits for the answer of the peer: one at most, because there is one change at a time.
         self._waiting: str | bytes | None = None
 
     @contextmanager
     def opening(self, stopped: type[Exception]) -> Iterator[None]:
-        """Take a stop while the main thread opens the device or the robot, and before that: raises `stopped`.
+        """Take a stop, and nothing else, while the main thread opens the device or the robot, which can take a minute,
+        and before that: raises `stopped`.
 
         The kernel signals each question, since no loop runs yet."""
-        side, standing = self._side, _Opening(self._side.tuning)
         descriptor, flags = self._socket.fileno(), fcntl(self._socket, F_GETFL)
 
         def asked(*_: object) -> None:
             self._on_questions()
-            if standing.outcome is not None:
-                raise stopped(standing.outcome)
+            if self._outcome is not None:
+                raise stopped(self._outcome)
 
-        self._side = standing
+        self._is_opening = True
         signal(SIGIO, asked)
         try:
             fcntl(descriptor, F_SETOWN, os.getpid())
@@ -215,7 +197,7 @@ class ControlSocket:
         finally:
             signal(SIGIO, SIG_IGN)  # one may be under way
             fcntl(descriptor, F_SETFL, flags)
-            self._side = side
+            self._is_opening = False
 
     def open(self, loop: "asyncio.AbstractEventLoop") -> None:
         """Answer in this loop from now on."""
@@ -263,7 +245,7 @@ class ControlSocket:
         if "stop" in request:
             return self._stop(request, now)
         if set(request).isdisjoint(AT_ONCE):
-            return self._side.propose(request, now)
+            return _OPENING if self._is_opening else self._side.propose(request, now)
         return NO_EMULATION if self._link is None else self._link.change(request)
 
     def _stop(self, request: dict[str, object], now: float) -> str | None:
@@ -272,7 +254,10 @@ class ControlSocket:
             return "ask for stop alone"
         if not (isinstance(reason, str) and 0 < len(reason) <= LONGEST_REASON and reason.isprintable()):
             return f"stop must be the outcome in words, 1 to {LONGEST_REASON} printable characters"
-        self._side.stop(now, reason)
+        if self._is_opening:
+            self._outcome = self._outcome or reason
+        else:
+            self._side.stop(now, reason)
         return None
 
     def _emergency(self, at: object, now: float) -> str | None:
@@ -281,7 +266,10 @@ class ControlSocket:
         if at < self._ordered_at:
             return IS_NEWER
         self._is_stopped = True
-        self._side.emergency(now)
+        if self._is_opening:
+            self._outcome = EMERGENCY
+        else:
+            self._side.emergency(now)
         return None
 
     def _look(self) -> None:

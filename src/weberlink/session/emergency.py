@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from weberlink.bounded_json import parse
+from weberlink.child_process import process_columns
 from weberlink.session.control_socket import IS_NEWER, LONGEST_ANSWER, connect, control_sockets, session_of
 
 REPEAT_S = 0.02
@@ -27,17 +28,10 @@ class Scope:
 
     def holds(self, path: Path) -> bool:
         """Whether it holds the session of a control socket."""
-        name = session_of(path)
-        is_here = self.folder in (None, str(path.parent)) and self.session in (None, name)
-        return is_here and (self.parent is None or _parent_of(name) == self.parent)
-
-
-def _parent_of(pid: str | None) -> int | None:
-    try:
-        stat = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace")
-    except OSError:
-        return None
-    return int(stat.rpartition(")")[2].split()[1])
+        name = str(session_of(path))
+        if self.parent is not None and (process_columns(name) or ["", ""])[1] != str(self.parent):
+            return False
+        return self.folder in (None, str(path.parent)) and self.session in (None, name)
 
 
 class EmergencyStop:

@@ -21,6 +21,7 @@ from time import monotonic, time
 from types import TracebackType
 from typing import NamedTuple, Self
 
+from weberlink.child_process import process_columns
 from weberlink.compiled import mypyc_attr
 from weberlink.telemetry.record import ALL, FIELDS, Layout, layout
 from weberlink.telemetry.runtime_directory import directory, open_file
@@ -125,13 +126,8 @@ def is_alive(header: Header) -> bool:
 
 def process_started(pid: int) -> int | None:
     """When a process started, in clock ticks since boot; None if it does not run, or is a zombie."""
-    try:
-        status = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
-    except (FileNotFoundError, ProcessLookupError):
-        return None
-    # The second column is the program's name in parentheses and may hold anything; state is the third, start the 22nd.
-    columns = status.rpartition(")")[2].split()
-    return None if columns[0] in ("Z", "X") else int(columns[19])
+    columns = process_columns(pid)
+    return None if columns is None or columns[0] in ("Z", "X") else int(columns[19])
 
 
 class RingWriter:

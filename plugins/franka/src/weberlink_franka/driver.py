@@ -3,11 +3,10 @@
 import os
 from collections.abc import Sequence
 from math import sqrt
-from pathlib import Path
 from time import monotonic, sleep
 from typing import ClassVar, Final
 
-from weberlink.child_process import Child, python, shared_memory
+from weberlink.child_process import Child, process_columns, python, shared_memory
 from weberlink.geometry.rotation import IDENTITY, Quaternion, unit_quaternion
 from weberlink.geometry.vector import Vector, is_finite, within
 from weberlink.hardware.discovery import PluggedDevice
@@ -194,11 +193,7 @@ class FrankaRobot:
 
 def _is_stopped(pid: int) -> bool:
     """Whether a signal has stopped this process."""
-    try:
-        status = Path(f"/proc/{pid}/stat").read_text()
-    except OSError:
-        return False
-    return status.rpartition(")")[2].split()[0] == "T"  # the name before it may hold anything
+    return (process_columns(pid) or [""])[0] == "T"
 
 
 def _spec(options: FrankaOptions) -> RobotSpec:
