@@ -29,8 +29,7 @@ from weberlink_recording.writer import RecordingWriter
 parquet = pytest.importorskip("pyarrow.parquet")
 
 TICKS = 3000
-FRAME = 34
-"""Ticks of a window: the longest time between two frames at 30 Hz."""
+FRAME = 34  # ticks of a window: the longest time between two frames at 30 Hz
 
 STRIDE = round(1000.0 / RATE_HZ)
 Messages = dict[str, list[tuple[int, Any]]]

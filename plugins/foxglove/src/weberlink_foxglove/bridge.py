@@ -37,14 +37,11 @@ from weberlink_ros2.messages import encode_body, types
 from weberlink_ros2.names import Qos
 from weberlink_ros2.topics import BODIES, SCENE, TopicBridge
 
-RATE_HZ = 30.0
-"""Of what the 3-D view needs. Ticks come at the rate of the session, in pieces of this length."""
-ALONE_S = 0.25
-"""Period of counting records while no client reads."""
+RATE_HZ = 30.0  # of what the 3-D view needs. Ticks come at the rate of the session, in pieces of this length.
+ALONE_S = 0.25  # period of counting records while no client reads
 BACKLOG = 4096
 """Messages that wait for a slow client, of which the oldest are dropped: two seconds of ticks of both sides."""
-REFUSED = "weberlink-refused"
-"""Name of the status that tells the last refusal."""
+REFUSED = "weberlink-refused"  # name of the status that tells the last refusal
 LAYOUT = "foxglove-live-layout.json"
 LOG, LOG_TYPE = "/weberlink/log", "rcl_interfaces/msg/Log"
 LEVELS = {INFO: 20, WARN: 30, ALARM: 40}

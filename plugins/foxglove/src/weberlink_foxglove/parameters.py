@@ -15,8 +15,7 @@ NUMBERS = frozenset({"weber", "delay_ms", "jitter_ms", "loss"})
 """Parameters that are numbers; a client may send them as integers."""
 NAMES = NUMBERS | {"predictor"}
 """All parameters. Every page in a browser of this host can connect, so a client must not stop a session."""
-LOOK_S = 1.0
-"""Period of asking what is in force, while a client wants to be told of changes."""
+LOOK_S = 1.0  # period of asking what is in force, while a client wants to be told of changes
 CLOSED = "parameters are read-only; start the bridge with --allow-changes, and every client of its port may change them"
 
 Values = dict[str, Any]

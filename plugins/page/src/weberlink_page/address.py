@@ -7,8 +7,7 @@ import socket
 from errno import EADDRINUSE, EADDRNOTAVAIL
 from ipaddress import ip_address
 
-BACKLOG = socket.SOMAXCONN
-"""Connections that wait to be accepted: who finds no place asks again after a second."""
+BACKLOG = socket.SOMAXCONN  # connections that wait to be accepted: who finds no place asks again after a second
 ELSEWHERE = {socket.AF_INET: "192.0.2.1", socket.AF_INET6: "2001:db8::1"}
 """Addresses for documentation (RFC 5737, RFC 3849): a route to them is one to other hosts."""
 

@@ -30,15 +30,13 @@ if TYPE_CHECKING:
 # Robots share their host with other tools, whose ports this one avoids: 8765 of Foxglove's bridge, which LeRobot starts
 # too; 9090 of rosbridge and Prometheus; 9876 and 9877 of Rerun; 7000 of MeshCat; 5000, 5555, 8000, 8080, 8081 and 8888
 # of web servers, notebooks and ZeroMQ. IANA assigns 8724 to nobody; Linux takes it for no outgoing connection.
-MONITOR_PORT = 8724
-"""Port of the live page where none is given."""
+MONITOR_PORT = 8724  # port of the live page where none is given
 Port = Annotated[
     int | None, typer.Option(min=0, max=65535, help=f"Port of the page; 0 for any free one; default: {MONITOR_PORT}.")
 ]
 Browse = Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")]
 NAME = "weberlink try"
-LEFT_S = 60.0
-"""How long the page of one person may be closed before the session ends [s]."""
+LEFT_S = 60.0  # how long the page of one person may be closed before the session ends [s]
 
 
 def monitor(

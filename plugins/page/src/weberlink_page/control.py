@@ -10,8 +10,7 @@ from weberlink.watching.control import Answer, ask_daemon, change, refusal
 from weberlink_page.session import PageSession
 
 INHERIT_TIMES = 150
-INHERIT_AGAIN_S = 0.2
-"""How often, and how soon again, a new session is asked to take the settings of the one before."""
+INHERIT_AGAIN_S = 0.2  # how often, and how soon again, a new session is asked to take the settings of the one before
 
 
 class SessionControl:

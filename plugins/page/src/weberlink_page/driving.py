@@ -19,13 +19,10 @@ from weberlink_page.viewer import Viewer
 if TYPE_CHECKING:
     from weberlink_pointer.target_link import PointerSender
 
-LEASE_S = 5.0
-"""How long a page keeps the handle after it has released it, or fallen silent."""
+LEASE_S = 5.0  # how long a page keeps the handle after it has released it, or fallen silent
 MOST_PER_S = 250.0
-BURST = 25.0
-"""Targets of one page that are passed on: per second, and at once. More are dropped; a release never is."""
-REMIND_S = 0.5
-"""Least time between two refusals to the same page."""
+BURST = 25.0  # targets of one page that are passed on: per second, and at once. More are dropped; a release never is.
+REMIND_S = 0.5  # least time between two refusals to the same page
 NOT_DRIVEN = "the operator of this session is not the page"
 TAKEN = "another visitor drives; wait until the handle is free"
 

@@ -32,26 +32,19 @@ EMERGENCY = "/api/emergency"
 PROOF_HEADER = "X-WeberLink-Token"
 UNPROVEN = "this is not the token of the monitor; open the address that it printed"
 BEGIN = f"POST {EMERGENCY}".encode()
-MOST_SILENT = 64
-"""Connections that have sent nothing yet."""
-MOST_PASSING = 64
-"""Connections that wait for a busy monitor."""
-MOST_ASKING = 16
-"""Connections that ask for a stop."""
-MOST_ARMED = 16
-"""Stops that are not acknowledged yet; the newest ones concern what the others do."""
+MOST_SILENT = 64  # connections that have sent nothing yet
+MOST_PASSING = 64  # connections that wait for a busy monitor
+MOST_ASKING = 16  # connections that ask for a stop
+MOST_ARMED = 16  # stops that are not acknowledged yet; the newest ones concern what the others do
 DESCRIPTORS = 1024
 RECEIVE_BYTES = 8192
 """Of a connection that is passed on: half of what the monitor reads of a page in one turn of its loop."""
 LONGEST_REQUEST = 8192
-REQUEST_S = 2.0
-"""How long an emergency request may take to come."""
+REQUEST_S = 2.0  # how long an emergency request may take to come
 ANSWER_S = 0.5
 """How long daemons may take to acknowledge, before the page is told that they have not; they are asked on and on."""
-LONGEST_AGE_MS = 60_000.0
-"""Of the press of a button whose request is repeated."""
-LOOK_S, LOOK_LATE_S = 0.002, 0.02
-"""Time between two looks for an answer, at first and after `ANSWER_S`."""
+LONGEST_AGE_MS = 60_000.0  # of the press of a button whose request is repeated
+LOOK_S, LOOK_LATE_S = 0.002, 0.02  # time between two looks for an answer, at first and after `ANSWER_S`
 CONNECTION, STOPPED = b"connection", b"stopped "
 """How messages to the monitor begin: one with a descriptor, and one with the moment of a stop."""
 T = TypeVar("T")

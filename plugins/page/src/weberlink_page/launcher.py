@@ -22,12 +22,9 @@ from weberlink.watching.control import Answer, refusal
 from weberlink_page.messages import Rooms
 from weberlink_page.scenes import SceneChoice
 
-STOP_LIMIT_S = 20.0
-"""Time from the request to stop to a kill; the launcher gives its daemons 15 s."""
-SAME_PRESS_S = 1.0
-"""Within this time, stops are the two ways of one press."""
-SHORTEST_S = 1.0
-"""Length of a session that starts when the time is almost over [s]."""
+STOP_LIMIT_S = 20.0  # time from the request to stop to a kill; the launcher gives its daemons 15 s
+SAME_PRESS_S = 1.0  # within this time, stops are the two ways of one press
+SHORTEST_S = 1.0  # length of a session that starts when the time is almost over [s]
 # The program, which ends with this process however this process ends.
 _PROGRAM = (
     "import sys; from signal import SIGTERM; from weberlink.realtime.process import die_with_parent; "
@@ -75,8 +72,7 @@ class _Child:
 
     process: Process
     scene: str | None
-    asked_at: float
-    """When it was asked for, on `time.monotonic` [s]."""
+    asked_at: float  # when it was asked for, on `time.monotonic` [s]
     is_asked_to_end: bool = False
     is_replaced: bool = False
 

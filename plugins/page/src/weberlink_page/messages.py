@@ -9,8 +9,7 @@ from typing import Annotated, Any, Literal, NotRequired
 from pydantic import ConfigDict, Field, TypeAdapter
 from typing_extensions import TypedDict  # pydantic needs it before Python 3.12
 
-Numbers = list[float | None]
-"""One for each row; None for what is unknown."""
+Numbers = list[float | None]  # one for each row; None for what is unknown
 Side = Literal["master", "slave"]
 
 
@@ -37,12 +36,10 @@ class Hello(TypedDict):
 
     type: Literal["hello"]
     session: str | None
-    token: str | None
-    """Goes with every request that changes something; None for a page that only looks."""
+    token: str | None  # goes with every request that changes something; None for a page that only looks
     rooms: Rooms
     readonly: NotRequired[bool]
-    sides: NotRequired[dict[Side, dict[str, Any] | None]]
-    """Their descriptions, see `weberlink.session.description`."""
+    sides: NotRequired[dict[Side, dict[str, Any] | None]]  # their descriptions, see `weberlink.session.description`
     present: NotRequired[list[Side]]
     names: NotRequired[dict[str, str | None]]
     scene: NotRequired[list[dict[str, Any]]]

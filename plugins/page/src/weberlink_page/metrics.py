@@ -17,8 +17,7 @@ from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
 from weberlink.watching.session import WatchedSession
 
-Newest = Sequence[tuple[str, str, Any]]
-"""Session, side and newest record."""
+Newest = Sequence[tuple[str, str, Any]]  # session, side and newest record
 SESSION, SIDE = ("session",), ("session", "side")
 COUNTERS = {
     "ticks_missed": ("ticks_missed", "Deadlines without a tick."),
@@ -48,8 +47,7 @@ GAUGES = {
     "incoming_burst_datagrams": ("peer_burst", 1.0, "Mean run of lost datagrams of the peer; 0 while unknown."),
     "energy_joules": ("energy", 1.0, "Energy that the display may still give to the hand; 0 without an account."),
 }
-PATH_INFO = ("route", "via", "interface", "remote")
-"""Labels of a path."""
+PATH_INFO = ("route", "via", "interface", "remote")  # labels of a path
 QUANTILES = {"0.5": "p50", "0.99": "p99", "0.999": "p99_9"}
 CHANNEL_FIGURES: dict[str, tuple[Callable[[Channel], float | None], str]] = {
     "packets_per_second": (lambda channel: channel.packets_per_s, "Updates sent per second, over the session."),

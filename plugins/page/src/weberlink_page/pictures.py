@@ -19,8 +19,7 @@ from weberlink_page.watch import SessionWatcher
 
 MOST_VIEWS = 16
 HEARTBEAT_S = 20.0
-AGAIN_S = 0.5
-"""Between two tries to reach who serves the pictures."""
+AGAIN_S = 0.5  # between two tries to reach who serves the pictures
 READ_BYTES = 1 << 18
 
 

@@ -33,12 +33,9 @@ from weberlink_page.watch import SessionWatcher
 from weberlink_page.web import Site
 
 NICENESS = 5
-STOP_LIMIT_S = 1.0
-"""Time limit for closing the pages."""
-FAREWELL_S = 0.1
-"""How long the pages may take to read the last figures."""
-LOOK_S = 0.25
-"""Period of looking whether a page is open."""
+STOP_LIMIT_S = 1.0  # time limit for closing the pages
+FAREWELL_S = 0.1  # how long the pages may take to read the last figures
+LOOK_S = 0.25  # period of looking whether a page is open
 
 
 @dataclass(frozen=True)
@@ -46,14 +43,10 @@ class MonitorSettings:
     """What to serve, and where."""
 
     listen: str = "127.0.0.1"
-    port: int = 0
-    """0 for any free one."""
-    session: str | None = None
-    """Name of the session to follow; None for all."""
-    browse: bool = False
-    """Whether to open the page in a browser."""
-    recordings: Path = FOLDER
-    """Folder of the recordings that pages start."""
+    port: int = 0  # 0 for any free one
+    session: str | None = None  # name of the session to follow; None for all
+    browse: bool = False  # whether to open the page in a browser
+    recordings: Path = FOLDER  # folder of the recordings that pages start
 
 
 @dataclass(frozen=True)
@@ -61,12 +54,9 @@ class TrySession:
     """A session that pages start and drive, on top of a monitor."""
 
     order: TryOrder
-    listening: socket
-    """Of the page."""
-    token: str
-    """Who has it may drive and change."""
-    left_s: float | None = None
-    """How long the page may be closed, once it was open, before it ends [s]; None for ever."""
+    listening: socket  # of the page
+    token: str  # who has it may drive and change
+    left_s: float | None = None  # how long the page may be closed, once it was open, before it ends [s]; None for ever
 
 
 def run(settings: MonitorSettings, attempt: TrySession | None = None) -> SessionResult | None:

@@ -18,8 +18,7 @@ from weberlink.watching.session import WatchedSession
 from weberlink_page.viewer import Viewer, put_all
 from weberlink_page.watch import SessionWatcher
 
-FOLDER = Path("recordings")
-"""Where recordings go if nothing else is said."""
+FOLDER = Path("recordings")  # where recordings go if nothing else is said
 LONGEST_NAME = 80
 TELL_S = 1.0
 OFF = {"state": "off", "path": None, "bytes": 0, "seconds": 0.0, "marks": 0, "why": None}
@@ -37,8 +36,7 @@ class _Recording:
     size: int = 0
     seconds: float = 0.0
     why: str | None = None
-    kill_at: float | None = None
-    """When to give up a recorder that was told to finish."""
+    kill_at: float | None = None  # when to give up a recorder that was told to finish
 
     def look(self, now: float) -> bool:
         """Bring the state up to date; returns whether the recording has ended."""
@@ -82,10 +80,8 @@ class RecordingService:
         self._watch = watch
         self._folder = folder.absolute()
         self._tell = tell
-        self._recordings: dict[str, _Recording] = {}
-        """The newest recording of each session."""
-        self._failures: dict[str, str] = {}
-        """Why the last start of a session failed."""
+        self._recordings: dict[str, _Recording] = {}  # the newest recording of each session
+        self._failures: dict[str, str] = {}  # why the last start of a session failed
         self._tell_at = 0.0
         watch.requests.handlers["record"] = self._record
         watch.attach(self)

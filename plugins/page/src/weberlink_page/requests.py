@@ -12,8 +12,7 @@ from weberlink_page.front import UNPROVEN
 from weberlink_page.messages import REQUEST
 from weberlink_page.viewer import Viewer
 
-LONGEST_MESSAGE = 4096
-"""Longest message of a page [bytes]: it only asks for changes."""
+LONGEST_MESSAGE = 4096  # longest message of a page [bytes]: it only asks for changes
 URGENT = frozenset({"drive", "emergency"})
 """Requests that wait for no earlier one of their page; their handlers must not take long."""
 READ_ONLY = "this page is read-only: open the address that weberlink printed, the key in it permits changes"

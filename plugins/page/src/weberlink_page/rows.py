@@ -10,8 +10,7 @@ from weberlink.figures.channel import Records
 from weberlink.figures.session import Layout
 from weberlink.watching.rows import listed
 
-ROWS_PER_S = 250.0
-"""Rows per second of a side, besides the ticks that sent an update."""
+ROWS_PER_S = 250.0  # rows per second of a side, besides the ticks that sent an update
 _INTEGERS = ("ticks_missed", "datagrams_sent", "updates_sent", "state", "fault", "sent", "ramping", "model", "settings")
 COLUMNS: dict[str, int | None] = (
     dict.fromkeys(("position", "raw", "output", "bound", "energy", "surface", "surface_size"), 7)

@@ -17,8 +17,7 @@ from weberlink.watching.session import SessionEvent, WatchedSession
 from weberlink_page.hello import hello
 from weberlink_page.rows import Thinning, samples_message
 
-BACKLOG_S = 5.0
-"""How far back `backlog` reaches."""
+BACKLOG_S = 5.0  # how far back `backlog` reaches
 
 
 def events_message(session: str, events: list[SessionEvent]) -> dict[str, Any]:

@@ -17,8 +17,7 @@ Topic = Literal["hello", "again", "rows", "events", "figures", "final", "handle"
 """
 MOST_WAITING: dict[Topic, int] = {"rows": 60, "events": 16}
 """Most messages that wait, of a topic of which every one counts: 60 of rows are about a second of a session."""
-OUTLIVING: tuple[Topic, ...] = ("final", "launcher")
-"""What still counts once another session is shown."""
+OUTLIVING: tuple[Topic, ...] = ("final", "launcher")  # what still counts once another session is shown
 ANSWERS_WAITING = 16
 
 
@@ -37,8 +36,7 @@ class Viewer:
     def __init__(self, session: str | None, *, may_change: bool) -> None:
         self.pinned = session
         self.may_change = may_change
-        self.watching: str | None = None
-        """The session of its last greeting."""
+        self.watching: str | None = None  # the session of its last greeting
         self.lost_rows = 0
         self._waiting: deque[tuple[Topic, str]] = deque()
         self._answers: deque[str] = deque(maxlen=ANSWERS_WAITING)

@@ -19,18 +19,14 @@ from weberlink_page.requests import Requests
 from weberlink_page.session import PageSession, events_message
 from weberlink_page.viewer import Topic, Viewer, put_all
 
-LOOK_S = 0.05
-"""Period of reading the rings while a page is open."""
-LOOK_DRIVEN_S = 1.0 / 60.0
-"""Period while a page drives, which is to see its handle move."""
-LOOK_ALONE_S = 0.25
-"""Period without a page; the rings hold ten seconds."""
+LOOK_S = 0.05  # period of reading the rings while a page is open
+LOOK_DRIVEN_S = 1.0 / 60.0  # period while a page drives, which is to see its handle move
+LOOK_ALONE_S = 0.25  # period without a page; the rings hold ten seconds
 FIND_S = 0.25
 FIGURES_S = 0.5
 ASK_TIMES = 5
 ASK_AGAIN_S = 1.0
-ENDED_KEPT = 4
-"""Ended sessions that can still be viewed."""
+ENDED_KEPT = 4  # ended sessions that can still be viewed
 
 
 class Attachment(Protocol):
@@ -60,8 +56,7 @@ class SessionWatcher:
     """
 
     def __init__(self, where: Path | None, only: str | None, tell: Callable[[str], None]) -> None:
-        self.sessions: dict[str, PageSession] = {}
-        """The newest last."""
+        self.sessions: dict[str, PageSession] = {}  # the newest last
         self.viewers: list[Viewer] = []
         self._where = where
         self._only = only

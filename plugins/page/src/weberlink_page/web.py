@@ -19,21 +19,14 @@ from weberlink_page.requests import LONGEST_MESSAGE, URGENT
 from weberlink_page.viewer import Viewer, to_json
 from weberlink_page.watch import SessionWatcher
 
-MOST_PER_S = 250.0
-"""Most messages of a page that are taken [1/s], pings among them; one that drives sends 125."""
-BURST_S = 0.1
-"""How long a page may have sent nothing to catch up afterwards [s]."""
-REQUESTS_WAITING = 16
-"""Most requests of a page that wait for an earlier one."""
-MOST_PAGES = 16
-"""Pages with the token; nobody without it can take their places."""
-MOST_GUESTS = 12
-"""Pages without it, which only look."""
-MOST_UNPROVEN = 64
-"""Connections without it, those of guests among them."""
+MOST_PER_S = 250.0  # most messages of a page that are taken [1/s], pings among them; one that drives sends 125
+BURST_S = 0.1  # how long a page may have sent nothing to catch up afterwards [s]
+REQUESTS_WAITING = 16  # most requests of a page that wait for an earlier one
+MOST_PAGES = 16  # pages with the token; nobody without it can take their places
+MOST_GUESTS = 12  # pages without it, which only look
+MOST_UNPROVEN = 64  # connections without it, those of guests among them
 HEARTBEAT_S = 20.0
-GOODBYE_S = 0.5
-"""How long a page may take to close its WebSocket."""
+GOODBYE_S = 0.5  # how long a page may take to close its WebSocket
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
@@ -58,8 +51,7 @@ class Site:
         self._exposition = exposition
         self._page = Path(str(files("weberlink_page") / "page")).resolve()
         self._sockets: dict[web.WebSocketResponse, asyncio.Transport | None] = {}
-        self._pages = Counter[bool]()
-        """How many are open, with the token and without."""
+        self._pages = Counter[bool]()  # how many are open, with the token and without
 
     def application(self) -> web.Application:
         application = web.Application(middlewares=[self._guarded], client_max_size=LONGEST_MESSAGE)

@@ -8,11 +8,9 @@ import yaml
 from weberlink.figures.channel import joints_in
 
 LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-LONGEST_FOREIGN = 1 << 16
-"""Characters of it; those of all shipped files have 5,000."""
+LONGEST_FOREIGN = 1 << 16  # characters of it; those of all shipped files have 5,000
 DEEPEST_FOREIGN = 32
-CONFIGURATION = "configuration"
-"""The fact with the configuration, as YAML."""
+CONFIGURATION = "configuration"  # the fact with the configuration, as YAML
 
 
 def parse_foreign(text: str) -> Any:

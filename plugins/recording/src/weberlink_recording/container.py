@@ -38,14 +38,11 @@ from numpy.typing import NDArray
 
 from weberlink.telemetry.message import ENCAPSULATION, MESSAGE_ENCODING, SCHEMA_ENCODING, Origin, Rows
 
-MAGIC = b"\x89MCAP0\r\n"
-"""Begins a file and ends a complete one."""
+MAGIC = b"\x89MCAP0\r\n"  # begins a file and ends a complete one
 FRAME = Struct("<BQ")
-MESSAGE = Struct("<HIQQ")
-"""What a message begins with: channel, sequence, log time, publish time [ns]."""
+MESSAGE = Struct("<HIQQ")  # what a message begins with: channel, sequence, log time, publish time [ns]
 HEAD = FRAME.size + MESSAGE.size + len(ENCAPSULATION)
-QOS = {"offered_qos_profiles": ""}
-"""Players of ROS 2 ask for this key; without a profile they use their default."""
+QOS = {"offered_qos_profiles": ""}  # players of ROS 2 ask for this key; without a profile they use their default
 _NUMBERS = ("rate_hz", "wall_s", "monotonic_s")
 
 
@@ -113,10 +110,8 @@ def uniform(data: bytes) -> Rows | None:
 
 
 PROFILE, LIBRARY = "ros2", "weberlink"
-FACTS, END = "weberlink", "end"
-"""Names of the records of metadata at the start and at the end of a recording."""
-JOURNAL = "journal"
-"""In that at the end, the hash of the last line of the journal."""
+FACTS, END = "weberlink", "end"  # names of the records of metadata at the start and at the end of a recording
+JOURNAL = "journal"  # in that at the end, the hash of the last line of the journal
 
 
 class McapFile:
@@ -130,10 +125,8 @@ class McapFile:
         self._chunks: list[ChunkIndex] = []
         self._metadata: list[MetadataIndex] = []
         self._compress = zstandard.ZstdCompressor().compress
-        self.size = 0
-        """Of what is in the file [bytes]."""
-        self.messages: Counter[int] = Counter()
-        """By channel."""
+        self.size = 0  # of what is in the file [bytes]
+        self.messages: Counter[int] = Counter()  # by channel
 
     @classmethod
     def create(cls, path: Path, first: Metadata) -> Self:

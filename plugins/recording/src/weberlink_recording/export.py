@@ -34,10 +34,8 @@ from weberlink_recording.session import RecordedSession, put_together, time_axis
 from weberlink_recording.verified import Verified, verify
 
 FORMATS = ("csv", "parquet", "ros", "lerobot")
-ARROW = ("parquet", "lerobot")
-"""Formats that need pyarrow, which is in the extra of that name."""
-BLOCK_ROWS = 50_000
-"""Rows converted at a time: Python numbers take far more memory than an array."""
+ARROW = ("parquet", "lerobot")  # formats that need pyarrow, which is in the extra of that name
+BLOCK_ROWS = 50_000  # rows converted at a time: Python numbers take far more memory than an array
 
 
 class ExportError(Exception):
@@ -184,8 +182,7 @@ def export(paths: Sequence[Path], to: str, folder: Path | None, dataset: Dataset
 
 
 Columns = dict[str, NDArray[Any]]
-Output = Callable[[Path], str]
-"""Writes a file that is not there yet, and says what is in it."""
+Output = Callable[[Path], str]  # writes a file that is not there yet, and says what is in it
 
 
 def _outputs(

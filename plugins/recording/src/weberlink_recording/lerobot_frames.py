@@ -20,17 +20,13 @@ from weberlink.telemetry.record import FORCE
 from weberlink_recording.session import RecordedSession
 
 Numbers = NDArray[np.float32]
-Stretches = list[tuple[float, float]]
-"""Begins and ends, in order of time."""
+Stretches = list[tuple[float, float]]  # begins and ends, in order of time
 
 LONGEST_GAP_S = 0.1
 """A side without records for longer than this ends an episode [s]; the value before a shorter gap is held."""
-CONTACT_N = 0.05
-"""A force above this is one of a contact [N]."""
-LONGEST_UNSEEN_S = 1.0
-"""Cameras without a picture for longer than this end an episode too [s]."""
-LEAST_FRAMES = 2
-"""A shorter stretch becomes no episode."""
+CONTACT_N = 0.05  # a force above this is one of a contact [N]
+LONGEST_UNSEEN_S = 1.0  # cameras without a picture for longer than this end an episode too [s]
+LEAST_FRAMES = 2  # a shorter stretch becomes no episode
 
 
 @dataclass(frozen=True)

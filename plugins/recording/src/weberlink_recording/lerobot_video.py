@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from weberlink_recording.lerobot_frames import Video
 
 VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
-SAMPLES = 20
-"""Pictures of which the statistics are taken."""
+SAMPLES = 20  # pictures of which the statistics are taken
 
 
 def write_video(video: Video, fps: int, folder: Path) -> tuple[dict[str, Any], NDArray[np.uint8]]:

@@ -24,10 +24,8 @@ int32 sec
 uint32 nanosec
 """
 NAME = "weberlink"
-INFO = 20
-"""The level INFO of the schema."""
-LONGEST_MARK = 200
-"""Characters of a mark; the rest is cut off."""
+INFO = 20  # the level INFO of the schema
+LONGEST_MARK = 200  # characters of a mark; the rest is cut off
 
 _HEAD = Struct("<iIB")
 _LENGTH = Struct("<I")

@@ -10,8 +10,7 @@ from typing import NamedTuple
 from weberlink.telemetry.message import ENCAPSULATION
 from weberlink.telemetry.pictures import Picture, path_beside, split
 
-PICTURE_TOPIC = "/weberlink/pictures/"
-"""With the name of the camera behind it."""
+PICTURE_TOPIC = "/weberlink/pictures/"  # with the name of the camera behind it
 PICTURE_SCHEMA = "foxglove_msgs/msg/CompressedImage"
 PICTURE_DEFINITION = """\
 # A picture of the robot, stamped at its capture on the clock of the records.

@@ -85,12 +85,9 @@ def dtype_of(schema_text: str) -> np.dtype[np.void]:
 COMPRESSIONS = ("", "lz4", "zstd")
 UNPACKED_LEAST, UNPACKED_FACTOR = 1 << 26, 32
 """A file may unpack to so many bytes, and so many times its size; sessions that stand still unpack to 20 times it."""
-FRAME_COST = 512
-"""What each message that Python handles alone counts of that: it takes the time of so many bytes."""
-MOST_CHANNELS = 16
-"""Of sides and marks; a file of two hosts has three."""
-NEEDED = {"at": np.dtype("<f8"), "tick": np.dtype("<u8")}
-"""Without these a record cannot be placed."""
+FRAME_COST = 512  # what each message that Python handles alone counts of that: it takes the time of so many bytes
+MOST_CHANNELS = 16  # of sides and marks; a file of two hosts has three
+NEEDED = {"at": np.dtype("<f8"), "tick": np.dtype("<u8")}  # without these a record cannot be placed
 
 
 class DamagedError(ValueError):
@@ -124,13 +121,11 @@ class Content:
         self.origins: dict[str, Origin] = {}
         self.marks: list[Mark] = []
         self.journal: list[bytes] = []
-        self.foreign: dict[str, None] = {}
-        """Topics that are none of a recording, with the name of their schema."""
+        self.foreign: dict[str, None] = {}  # topics that are none of a recording, with the name of their schema
         self._schemas: dict[int, Schema] = {}
         self._sides: dict[int, tuple[str, np.dtype[np.void]]] = {}
         self._layouts: dict[str, np.dtype[np.void]] = {}
-        self._logs: dict[int, str] = {}
-        """Topics of marks, journal and pictures, by channel."""
+        self._logs: dict[int, str] = {}  # topics of marks, journal and pictures, by channel
         self._parts: dict[str, list[Rows]] = defaultdict(list)
 
     def take(self, opcode: int, body: bytes) -> None:

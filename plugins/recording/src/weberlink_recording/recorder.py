@@ -35,15 +35,11 @@ if TYPE_CHECKING:
 COMPLETED, FAILED = 0, 1
 STOP_SIGNALS = (SIGINT, SIGTERM)
 
-LOOK_S = 0.2
-"""Time between two reads of the rings, and so the most that the death of this process can cost [s]."""
-LOOK_FOR_S = 0.02
-"""The same while there is no ring."""
-APPEAR_S = 10.0
-"""How long the first ring may take to appear [s]."""
+LOOK_S = 0.2  # time between two reads of the rings, and so the most that the death of this process can cost [s]
+LOOK_FOR_S = 0.02  # the same while there is no ring
+APPEAR_S = 10.0  # how long the first ring may take to appear [s]
 NICENESS = 5
-COMMANDS_AT_ONCE = 65_536
-"""Bytes of commands taken at a look."""
+COMMANDS_AT_ONCE = 65_536  # bytes of commands taken at a look
 
 
 @dataclass(frozen=True)
@@ -82,8 +78,7 @@ class RingSource:
         self._read = 0
         self._lost = 0
         self._since = since
-        self._left_out: int | None = None
-        """How many records were before `since`; None before the first look."""
+        self._left_out: int | None = None  # how many records were before `since`; None before the first look
 
     def open(self) -> bool:
         """Open the ring if it exists; returns whether it is open.
@@ -168,11 +163,9 @@ class RingRecorder:
         self._sources = [RingSource(side, path, order.since) for side, path in order.rings.items()]
         self._pictures = [PictureSource(path) for path in order.rings.values()]
         self._clock: tuple[float, float] | None = None
-        self._told: list[str] = []
-        """Why to finish: outcomes."""
+        self._told: list[str] = []  # why to finish: outcomes
         self._commands = CommandReader() if order.takes_commands else None
-        self._marks: list[dict[str, Any]] = []
-        """Marks that wait for the file."""
+        self._marks: list[dict[str, Any]] = []  # marks that wait for the file
         self.writer: RecordingWriter | None = None
         self._journal: SessionJournal | None = None
         self._unnoted: list[tuple[RingSource, Rows]] = []

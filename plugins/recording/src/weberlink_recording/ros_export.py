@@ -18,8 +18,7 @@ from weberlink.watching.ros import SCHEMAS, shown
 from weberlink_recording.container import END, FACTS, QOS, McapFile, framed, metadata_of
 from weberlink_recording.session import RecordedSession
 
-RATE_HZ = 100.0
-"""Of poses, forces and frames; ticks are not thinned out."""
+RATE_HZ = 100.0  # of poses, forces and frames; ticks are not thinned out
 CHUNK_ROWS = 4096
 
 

@@ -22,8 +22,7 @@ from weberlink_recording.container import END, FACTS, JOURNAL, QOS, McapFile, fr
 from weberlink_recording.marks import JOURNAL_TOPIC, MARK_DEFINITION, MARK_SCHEMA, MARK_TOPIC, Mark, pack_mark
 from weberlink_recording.pictures import PICTURE_DEFINITION, PICTURE_SCHEMA, RecordedPicture, pack_picture, topic_of
 
-CHUNK_RECORDS = 4096
-"""A chunk is written when it holds so many records, or earlier by `flush`."""
+CHUNK_RECORDS = 4096  # a chunk is written when it holds so many records, or earlier by `flush`
 
 
 class RecordingExistsError(FileExistsError):
@@ -40,13 +39,11 @@ class RecordingWriter:
     def __init__(self, path: Path, file: McapFile) -> None:
         self.path = path
         self._file = file
-        self._sides: dict[str, tuple[Origin, int]] = {}
-        """With the channel of each."""
+        self._sides: dict[str, tuple[Origin, int]] = {}  # with the channel of each
         self._taken: Counter[str] = Counter()
         self._lost: Counter[str] = Counter()
         self._schema: int | None = None
-        self._logs: dict[str, int] = {}
-        """Channels of marks, journal and pictures by topic."""
+        self._logs: dict[str, int] = {}  # channels of marks, journal and pictures by topic
         self._log_schema = self._picture_schema = 0
         self._chain = Chain()
         self._pending: list[Rows] = []

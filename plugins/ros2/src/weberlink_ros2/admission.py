@@ -12,17 +12,13 @@ from typing import NamedTuple
 from weberlink.geometry.rotation import unit_quaternion, vector
 from weberlink.geometry.vector import ZERO, Vector, is_finite, subtract
 
-UNIT_WITHIN = 0.01
-"""Largest difference between the length of a quaternion and 1."""
+UNIT_WITHIN = 0.01  # largest difference between the length of a quaternion and 1
 RELAX = 0.1
 """By how much the shortest delay may grow [s/s]: a clock of the publisher that was set back is forgiven so fast."""
-MOST_CLOCKS = 16
-"""Publishers whose delays are remembered."""
-SHOWN_S = 1.0
-"""Time for which a refusal is told [s]."""
+MOST_CLOCKS = 16  # publishers whose delays are remembered
+SHOWN_S = 1.0  # time for which a refusal is told [s]
 SECOND_NS = 1_000_000_000
-LET = "weberlink lead"
-"""The command by which a person lets a node lead."""
+LET = "weberlink lead"  # the command by which a person lets a node lead
 NOT_LET = f"nobody lets it lead the hand; run: {LET}"
 LET_AGAIN = f"end {LET} and run it again"
 
@@ -63,8 +59,7 @@ class Admission:
 
     def __init__(self, subscription: Subscription) -> None:
         self._wanted = subscription
-        self._ended: str | None = NOT_LET
-        """Why nobody leads until the next act; None after one."""
+        self._ended: str | None = NOT_LET  # why nobody leads until the next act; None after one
         self._leader = b""
         self._taken_at: float | None = None
         self._stamp_ns = self._number = 0

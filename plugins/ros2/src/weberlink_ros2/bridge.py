@@ -11,8 +11,7 @@ from weberlink_ros2.topics import TopicBridge
 
 NAME = "ros2"
 NODE = "weberlink"
-PERIOD_S = 0.002
-"""Between two looks at the rings [s]: a message waits half of it on average."""
+PERIOD_S = 0.002  # between two looks at the rings [s]: a message waits half of it on average
 
 
 class Ros2Bridge(TopicBridge):

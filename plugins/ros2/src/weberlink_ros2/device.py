@@ -39,8 +39,7 @@ class Ros2Options(PointerOptions):
         return Subscription(self.topic, self.domain, self.connect, self.frame_id, self.origin_m, silence, turns)
 
 
-HOLD_S = 0.2
-"""Who lets the topic lead, and has said nothing for longer, lets it no more [s]."""
+HOLD_S = 0.2  # who lets the topic lead, and has said nothing for longer, lets it no more [s]
 
 
 class PoseSource(TargetSource[PointerTarget], Protocol):
@@ -64,8 +63,7 @@ class Ros2Device(PointerDevice):
     """
 
     NAME: ClassVar = "ros2"
-    LIVE: ClassVar = True
-    """Another program leads it, so it cannot run in virtual time."""
+    LIVE: ClassVar = True  # another program leads it, so it cannot run in virtual time
     Options: ClassVar[type[Ros2Options]] = Ros2Options
 
     def __init__(

@@ -14,8 +14,7 @@ from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
 from weberlink.watching.rings import RingSource
 
-STALE_S = 1.0
-"""A side that has written no record for this long stands still [s]."""
+STALE_S = 1.0  # a side that has written no record for this long stands still [s]
 
 
 class Level(IntEnum):

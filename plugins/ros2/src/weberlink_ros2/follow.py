@@ -15,8 +15,7 @@ if TYPE_CHECKING:
     from weberlink_ros2.topics import TopicBridge
 
 NICENESS = 5
-FIND_S = 0.25
-"""Period of looking for rings."""
+FIND_S = 0.25  # period of looking for rings
 
 Tell = Callable[[str], None]
 

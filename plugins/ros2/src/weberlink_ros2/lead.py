@@ -11,8 +11,7 @@ from weberlink.watching.rings import living_ring
 from weberlink_pointer.target_link import PointerSender
 
 PERIOD_S = 0.03
-ANEW_S = 0.3
-"""How long it lets go at first, so that a new publisher may lead."""
+ANEW_S = 0.3  # how long it lets go at first, so that a new publisher may lead
 
 
 def lead(session: str | None) -> None:

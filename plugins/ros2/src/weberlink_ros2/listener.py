@@ -23,10 +23,8 @@ from weberlink_ros2.process import END_S, FAILED, LEAD, LONGEST_TEXT, ORDER_BYTE
 
 TYPE = "geometry_msgs/msg/PoseStamped"
 NODE = "weberlink_listener"
-LOOK_MS = 200
-"""Period of looking for what is wrong."""
-QUIET_S = 1.0
-"""Least time between two lines [s]."""
+LOOK_MS = 200  # period of looking for what is wrong
+QUIET_S = 1.0  # least time between two lines [s]
 
 
 class Listener:

@@ -17,8 +17,7 @@ MARKERS = "visualization_msgs/msg/MarkerArray"
 ARROW, CUBE, SPHERE, LINE_LIST, TRIANGLE_LIST = 0, 1, 2, 5, 11
 DELETE_ALL = 3
 SOLID, FLOOR, HAND, ROBOT = (0.55, 0.51, 0.44), (0.23, 0.28, 0.34), (0.35, 0.65, 1.0), (1.0, 0.60, 0.30)
-HOLLOW = 0.3
-"""Opacity of what one is inside of, of what is carved out, and of what it is carved out of."""
+HOLLOW = 0.3  # opacity of what one is inside of, of what is carved out, and of what it is carved out of
 LEAST_REACH_M = 0.055
 THIN_M = 5e-4  # of a drawn plane
 MOST_CELLS = 40  # of a drawn height field in a row or column

@@ -9,20 +9,16 @@ from functools import partial
 from struct import Struct, error
 from typing import Final, NamedTuple
 
-LARGEST_DOMAIN: Final = 232
-"""Of ROS_DOMAIN_ID; larger ones have no ports under DDS."""
+LARGEST_DOMAIN: Final = 232  # of ROS_DOMAIN_ID; larger ones have no ports under DDS
 PUBLISHER: Final = "MP"
 SUBSCRIPTION: Final = "MS"
 _NODE: Final = "NN"
 _TOKENS: Final = "@ros2_lv"
-_NO_NAME: Final = "%"
-"""An empty enclave or namespace."""
+_NO_NAME: Final = "%"  # an empty enclave or namespace
 
-_TOKEN_PARTS: Final = 13
-"""Of the token of an endpoint."""
+_TOKEN_PARTS: Final = 13  # of the token of an endpoint
 
-_ATTACHMENT: Final = Struct("<qqB16s")
-"""Sequence number, time of the source [ns], length of the identity, identity."""
+_ATTACHMENT: Final = Struct("<qqB16s")  # sequence number, time of the source [ns], length of the identity, identity
 _IDENTITY_BYTES: Final = 16
 
 _NODE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")

@@ -29,8 +29,7 @@ from weberlink_ros2.names import (
     publishers_of,
 )
 
-ROUTER: Final = "tcp/localhost:7447"
-"""Where nodes look for the router of their host."""
+ROUTER: Final = "tcp/localhost:7447"  # where nodes look for the router of their host
 CONFIG_VARIABLE: Final = "ZENOH_SESSION_CONFIG_URI"
 """Environment variable of rmw_zenoh: path of a file that configures the session."""
 ANSWER_S: Final = 1.0
@@ -144,8 +143,7 @@ class Publisher:
 
     def __init__(self, raw: zenoh.Publisher, source: bytes) -> None:
         self._raw, self._source = raw, source
-        self.sequence = 0
-        """Number of messages published."""
+        self.sequence = 0  # number of messages published
 
     def put_body(self, cdr: bytes, stamp_ns: int) -> None:
         """Publish the body of a message, little endian, at a time [ns since 1970]; NodeError if the node was closed."""

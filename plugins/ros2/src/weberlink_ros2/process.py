@@ -17,19 +17,14 @@ from weberlink_ros2.admission import Subscription
 
 READY, TROUBLE, FAILED = b"WLR1", b"WLT1", b"WLF1"
 """What a datagram other than a target begins with; a text follows, which is empty for no trouble."""
-LEAD, LEAVE = b"WLL1", b"WLN1"
-"""What the daemon sends: one publisher may lead, or none any more."""
+LEAD, LEAVE = b"WLL1", b"WLN1"  # what the daemon sends: one publisher may lead, or none any more
 ORDER_BYTES = 4
-LONGEST_TEXT = 400
-"""Bytes of a text."""
-SEND_BUFFER = 16_384
-"""Of the listener [bytes]; the kernel counts about 750 for a target."""
+LONGEST_TEXT = 400  # bytes of a text
+SEND_BUFFER = 16_384  # of the listener [bytes]; the kernel counts about 750 for a target
 MOST_A_TICK = 64
 """Datagrams that one call of `newest` reads: more than that buffer holds, so nothing old is left after a stall."""
-START_S = 30.0
-"""Longest time for the listener to start [s]; Python and Zenoh take less than one on an idle machine."""
-END_S = 3.0
-"""Longest time for the listener to end [s]."""
+START_S = 30.0  # longest time for the listener to start [s]; Python and Zenoh take less than one on an idle machine
+END_S = 3.0  # longest time for the listener to end [s]
 
 
 class ListenerProcess:

@@ -21,16 +21,12 @@ from weberlink_ros2.markers import MARKERS, body_markers, no_markers, reach_of, 
 from weberlink_ros2.messages import encode_body, types
 from weberlink_ros2.names import Qos
 
-DIAGNOSTICS_S = 1.0
-"""Period of the diagnostics, and of the scene, which whoever comes later needs as well."""
-BODIES_S = 1.0 / 30.0
-"""Period of the markers of hand and robot."""
+DIAGNOSTICS_S = 1.0  # period of the diagnostics, and of the scene, which whoever comes later needs as well
+BODIES_S = 1.0 / 30.0  # period of the markers of hand and robot
 DIAGNOSTICS, SCENE, BODIES = "/diagnostics", "/weberlink/scene", "/weberlink/bodies"
 ARRAY, STATUS, PAIR = (f"diagnostic_msgs/msg/{name}" for name in ("DiagnosticArray", "DiagnosticStatus", "KeyValue"))
-FRESH_S = 2 * follow.FIND_S
-"""Of a side that is found, older records are left out [s]: a topic is no history."""
-LARGEST_STEP_S = 0.1
-"""A wall clock that was set by more than this moves the stamps along [s]."""
+FRESH_S = 2 * follow.FIND_S  # of a side that is found, older records are left out [s]: a topic is no history
+LARGEST_STEP_S = 0.1  # a wall clock that was set by more than this moves the stamps along [s]
 
 
 @dataclass

@@ -34,12 +34,10 @@ from weberlink_video.stream import FORM_BYTES, REPORT_BYTES, Receiver, Sender
 TICK_S: Final = 1e-3
 SILENCE_S: Final = 1.0
 LONGEST_ROUND_TRIP_S: Final = 2.0
-LARGEST_AGE_S: Final = 60.0
-"""Of a picture; one of another age, on whatever clock, is none of a camera."""
+LARGEST_AGE_S: Final = 60.0  # of a picture; one of another age, on whatever clock, is none of a camera
 LOOK_S: Final = 0.002
 IDLE_LOOK_S: Final = 0.02
-CLASS: Final = 8
-"""Class of service of pictures: lower than that of all other traffic (CS1, RFC 8325)."""
+CLASS: Final = 8  # class of service of pictures: lower than that of all other traffic (CS1, RFC 8325)
 AGREEMENT: Final = {"pictures": 1}
 STREAM: Final = "pictures"
 

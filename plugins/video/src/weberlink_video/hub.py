@@ -9,8 +9,7 @@ from typing import Final
 from weberlink.telemetry.pictures import Picture, pack
 from weberlink_video.options import MOST_CAMERAS
 
-MOST_WAITING: Final = 2**22
-"""Of bytes that who reads slowly has not taken; it misses pictures from there on."""
+MOST_WAITING: Final = 2**22  # of bytes that who reads slowly has not taken; it misses pictures from there on
 MOST_READERS: Final = 32
 
 
@@ -18,8 +17,7 @@ class Hub:
     """Serves a socket at a path, until it is closed."""
 
     def __init__(self, path: Path) -> None:
-        self.newest: dict[str, Picture] = {}
-        """By camera."""
+        self.newest: dict[str, Picture] = {}  # by camera
         self._path = path
         self._readers: set[asyncio.StreamWriter] = set()
         self._server: asyncio.Server | None = None

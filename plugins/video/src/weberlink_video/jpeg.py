@@ -8,8 +8,7 @@ MOST_PIXELS: Final = 4096
 """Of width and height: a larger picture of a few bytes would fill the memory of who decodes it."""
 _BEGIN, _END = b"\xff\xd8", b"\xff\xd9"
 _SCAN: Final = 0xDA
-_FRAMES: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-"""Markers of a segment that tells the size."""
+_FRAMES: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # markers of a segment that tells the size
 
 
 def read_head(data: bytes) -> tuple[int, int, int] | None:

@@ -7,12 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-BITS: Final = 28
-"""Of the time in ms, which wraps after 74 hours; a check of 4 bits follows."""
+BITS: Final = 28  # of the time in ms, which wraps after 74 hours; a check of 4 bits follows
 COLUMNS, ROWS = 8, 4
 _CELLS: Final = COLUMNS * ROWS
-HEIGHT_SHARE: Final = 0.5
-"""Of the picture, from the top, that the cells take."""
+HEIGHT_SHARE: Final = 0.5  # of the picture, from the top, that the cells take
 
 
 def _check_bits(number: int) -> int:

@@ -15,8 +15,7 @@ from weberlink_video.jpeg import Splitter, check
 from weberlink_video.options import SourceSettings
 from weberlink_video.v4l2 import captured
 
-AGAIN_S: Final = 1.0
-"""After a source has failed, until it is tried again."""
+AGAIN_S: Final = 1.0  # after a source has failed, until it is tried again
 READ_BYTES: Final = 1 << 16
 LONGEST_NOTE: Final = 200
 

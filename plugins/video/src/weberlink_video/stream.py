@@ -24,35 +24,24 @@ FRAGMENT_S: Final = 0.002
 """Longest time that a fragment takes at the rate, above `LEAST_CHUNK`: what shares the link waits for it to pass."""
 MOST_FRAGMENTS: Final = (MESSAGE_HEAD.size + 2 * LONGEST_TEXT + LARGEST) // CHUNK + 1
 FORM_BYTES: Final = HEAD.size + CHUNK
-REPORT: Final = Struct("<IHI")
-"""Number of the report, delay in queues [0.1 ms], and bytes so far, modulo 2^32."""
-MISSING: Final = Struct("<IH")
-"""Message and place of a fragment that is missing."""
+REPORT: Final = Struct("<IHI")  # number of the report, delay in queues [0.1 ms], and bytes so far, modulo 2^32
+MISSING: Final = Struct("<IH")  # message and place of a fragment that is missing
 MOST_MISSING: Final = 60
 REPORT_BYTES: Final = REPORT.size + MOST_MISSING * MISSING.size
 REPORT_S: Final = 0.05
-KEPT: Final = 8
-"""Messages of which fragments can be sent again, and that are put together at a time."""
-DEADLINE_S: Final = 0.5
-"""A picture that is older is given up."""
-QUEUE_S: Final = 0.005
-"""Delay in queues up to which the rate grows."""
-GROWTH, SLOW_GROWTH, FALL = 0.08, 0.01, 0.8
-"""At a report."""
-NEAR: Final = 0.9
-"""Of the rate at which queues grew before: from there on, and as far beyond, it grows slowly."""
+KEPT: Final = 8  # messages of which fragments can be sent again, and that are put together at a time
+DEADLINE_S: Final = 0.5  # a picture that is older is given up
+QUEUE_S: Final = 0.005  # delay in queues up to which the rate grows
+GROWTH, SLOW_GROWTH, FALL = 0.08, 0.01, 0.8  # at a report
+NEAR: Final = 0.9  # of the rate at which queues grew before: from there on, and as far beyond, it grows slowly
 LEAST_BIT_S, FIRST_BIT_S = 1e5, 2e6
-BURST_S: Final = 0.01
-"""Of the rate, which a host that stood still for so long makes up for."""
-ALONE_SHARE: Final = 1 / 32
-"""Of a fragment in the mean delay of those that met no queue of pictures."""
+BURST_S: Final = 0.01  # of the rate, which a host that stood still for so long makes up for
+ALONE_SHARE: Final = 1 / 32  # of a fragment in the mean delay of those that met no queue of pictures
 WAITED_SHARE: Final = 0.75
 """Of the time that a host did not look, which fragments count as having waited there: half of it would be the mean, and
 what is left over passes for a queue of the link; all of it would hide one."""
-ASK_AGAIN_S: Final = 0.02
-"""Beside the round trip, until a fragment that is missing is asked for again."""
-TAIL_S: Final = 0.03
-"""Without a fragment for so long, the rest of a picture is missing."""
+ASK_AGAIN_S: Final = 0.02  # beside the round trip, until a fragment that is missing is asked for again
+TAIL_S: Final = 0.03  # without a fragment for so long, the rest of a picture is missing
 
 
 @dataclass
@@ -71,8 +60,7 @@ class Sender:
     """
 
     def __init__(self, most_bit_s: float) -> None:
-        self.rate = FIRST_BIT_S
-        """[bit/s]"""
+        self.rate = FIRST_BIT_S  # [bit/s]
         self.most_bit_s = most_bit_s
         self._next: dict[int, tuple[bytes, float, int]] = {}
         self._queue: deque[bytes] = deque()

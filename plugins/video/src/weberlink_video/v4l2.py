@@ -10,23 +10,17 @@ from select import select
 from struct import Struct
 from typing import Final
 
-CAPTURE, MEMORY_MAPPED = 1, 1
-"""V4L2_BUF_TYPE_VIDEO_CAPTURE, V4L2_MEMORY_MMAP."""
+CAPTURE, MEMORY_MAPPED = 1, 1  # V4L2_BUF_TYPE_VIDEO_CAPTURE, V4L2_MEMORY_MMAP
 MJPG: Final = int.from_bytes(b"MJPG", "little")
 CAN_CAPTURE, CAN_STREAM = 0x1, 0x0400_0000
-MONOTONIC, ERROR = 0x2000, 0x40
-"""Flags of a buffer: its time is on the monotonic clock; its data are damaged."""
+MONOTONIC, ERROR = 0x2000, 0x40  # flags of a buffer: its time is on the monotonic clock; its data are damaged
 BUFFERS: Final = 3
 PATIENCE_S: Final = 3.0
 
-CAPABILITY = Struct("<16s32s32sIII12x")
-"""Driver, card, bus; version, capabilities, those of this node."""
-FORMAT = Struct("<I4xIIIIII176x")
-"""Type; width, height, pixel format, field, bytes per line, bytes per picture."""
-PARAMETERS = Struct("<IIIII184x")
-"""Type; capability, mode, then seconds per picture as a fraction."""
-REQUEST = Struct("<IIIII")
-"""Number of buffers, type, memory."""
+CAPABILITY = Struct("<16s32s32sIII12x")  # driver, card, bus; version, capabilities, those of this node
+FORMAT = Struct("<I4xIIIIII176x")  # type; width, height, pixel format, field, bytes per line, bytes per picture
+PARAMETERS = Struct("<IIIII184x")  # type; capability, mode, then seconds per picture as a fraction
+REQUEST = Struct("<IIIII")  # number of buffers, type, memory
 BUFFER = Struct("<IIIII4xqqIIBBBB4sIIQI4xI4x")
 """Index, type, bytes used, flags, field; time [s, us]; timecode; sequence, memory, offset, length; reserved."""
 

@@ -13,8 +13,7 @@ from weberlink.telemetry.ring import RingWriter, default_path
 from weberlink_video.carrier import Carrier
 from weberlink_video.hub import Hub
 
-TAKE_OVER = "; to take it over, use --take-over"
-"""Last words of the refusal of an end that serves somebody else."""
+TAKE_OVER = "; to take it over, use --take-over"  # last words of the refusal of an end that serves somebody else
 LOOK_S = 0.1
 
 
