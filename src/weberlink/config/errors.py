@@ -1,17 +1,17 @@
 """Configuration errors in one line: field path, what was expected, and the nearest known key."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from importlib.util import find_spec
 from traceback import format_exception
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
-from pydantic.errors import PydanticInvalidForJsonSchema
 from pydantic_core import ErrorDetails
 
 from weberlink.installation import install_line
+from weberlink.options import refuse_unknown_keys
 from weberlink.registry import PartError, fault_of
 
 M = TypeVar("M", bound=BaseModel)
@@ -63,29 +63,26 @@ def validated(model: type[M], document: Mapping[str, Any], *where: str, strict: 
     `strict`, a text is no number.
     """
     try:
+        if model.model_config.get("extra") == "forbid":  # options of others need not be made of ours
+            refuse_unknown_keys(model, document)
         return model.model_validate(document, strict=strict)
     except ValidationError as error:
-        raise ConfigurationError(_line(error, model, document, where)) from None
+        raise ConfigurationError(_line(error.errors(include_url=False), document, where)) from None
 
 
-def _line(error: ValidationError, model: type[BaseModel], document: Mapping[str, Any], where: tuple[str, ...]) -> str:
-    """The first error; a wrong key comes before the missing one that it may stand for."""
-    errors = error.errors(include_url=False)
-    first = errors[0]
-    path = _path(first, document)
-    if first["type"] == "missing":
-        siblings = (each for each in errors if each["loc"][:-1] == first["loc"][:-1])
-        first = next((each for each in siblings if each["type"] == "extra_forbidden"), first)
-    elif len(path) < len(first["loc"]):  # of a setting of several forms, the error of the form that the value has
+def _line(errors: Sequence[ErrorDetails], document: Mapping[str, Any], where: tuple[str, ...]) -> str:
+    """The first error; of a setting of several forms, that of the form that the value has."""
+    first, path = errors[0], _path(errors[0], document)
+    if len(path) < len(first["loc"]):
         alike = (each for each in errors if each["loc"][: len(path)] == first["loc"][: len(path)])
         first = next((each for each in alike if each["type"] not in _EXPECTED), first)
-    path = _path(first, document)
-    shown = ".".join((*where, *map(str, path))) or "the file"
-    if first["type"] == "extra_forbidden":
-        return f"{shown}: unknown key{_hint(model, document, path)}"
+        path = _path(first, document)
     if not path and first["type"] == "value_error":  # of several fields; the message names them
         return _expectation(first)
-    return f"{shown}: {_expectation(first)}"
+    keys = [*where, *map(str, path)]
+    line = f"{'.'.join(keys) or 'the file'}: {_expectation(first)}"
+    into = first.get("ctx", {}).get("into")
+    return line if into is None else f"{line}; options of a driver belong into {'.'.join((*keys[:-1], into))}"
 
 
 def _path(error: ErrorDetails, document: Any) -> list[int | str]:
@@ -99,44 +96,6 @@ def _path(error: ErrorDetails, document: Any) -> list[int | str]:
                 continue
             path.append(part)
     return [*path, error["loc"][-1]] if error["type"] == "missing" else path
-
-
-def _hint(model: type[BaseModel], document: Any, path: Sequence[int | str]) -> str:
-    """The nearest of the keys that are known in the place of an unknown one, or all of them; or where it may belong."""
-    try:
-        schema = model.model_json_schema()
-    except PydanticInvalidForJsonSchema:
-        return ""
-    definitions = schema.get("$defs", {})
-    nodes = list(_forms(schema, definitions, document))
-    for part in path[:-1]:
-        document = document[part]
-        below = [node.get("properties", {}).get(part) or node.get("additionalProperties") for node in nodes]
-        below += [node.get("items") for node in nodes]
-        nodes = [each for node in below if isinstance(node, dict) for each in _forms(node, definitions, document)]
-    keys = {name: each for node in nodes for name, each in node.get("properties", {}).items()}
-    close = get_close_matches(str(path[-1]), keys, n=1, cutoff=0.5)
-    hint = f"; did you mean {close[0]}?" if close else f"; known are {', '.join(sorted(keys))}" if keys else ""
-    takes_any = [
-        name
-        for name, each in keys.items()
-        if any(node.get("additionalProperties") is True for node in _forms(each, definitions, {}))
-    ]
-    if len(takes_any) == 1:
-        hint += f"; options of a driver belong into {'.'.join(map(str, (*path[:-1], *takes_any)))}"
-    return hint
-
-
-def _forms(node: dict[str, Any], definitions: dict[str, Any], document: Any) -> Iterator[dict[str, Any]]:
-    """The forms of a JSON Schema that a part of a document may have, without those of other tags."""
-    if "$ref" in node:
-        node = definitions[node["$ref"].rpartition("/")[2]]
-    for each in node.get("anyOf", node.get("oneOf", ())):
-        yield from _forms(each, definitions, document)
-    fields = node.get("properties", {}).items()
-    tags = {name: field["const"] for name, field in fields if "const" in field}
-    if not (isinstance(document, Mapping) and any(document.get(name, tag) != tag for name, tag in tags.items())):
-        yield node
 
 
 # What a value should be, by the type of error of pydantic, whose own words name its classes.
@@ -162,9 +121,9 @@ _EXPECTED = {
 def _expectation(error: ErrorDetails) -> str:
     message = error["msg"].removeprefix("Value error, ").removeprefix("Input ")
     given = error["input"]
-    if error["type"] == "missing":
-        return "is missing"
-    if error["type"] == "value_error":
+    if error["type"] in ("missing", "extra_forbidden"):
+        return "is missing" if error["type"] == "missing" else "unknown key"
+    if error["type"] in ("value_error", "unknown_key"):
         return message
     if error["type"] == "literal_error":
         return one_of(re.findall(r"'([^']*)'", error["ctx"]["expected"]), given)

@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from math import cos, pi
 from typing import ClassVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.emulator import Emulator
+from weberlink.options import Options
 
 FAULTS: Mapping[str, str] = {
     "x": "push it toward the operator, in percent of a full deflection, and hold it; negative: away",
@@ -20,10 +21,8 @@ FAULTS: Mapping[str, str] = {
 AXES = "xyz"
 
 
-class ThumbOptions(BaseModel):
+class ThumbOptions(Options):
     """Options of every emulated rate-controlled device."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     amplitude: Vector = Field(default=(0.6, 0.7, 0.4), description="of the swing, in shares of a full deflection")
     period_s: float = Field(default=3.0, ge=0.1, le=1e3, description="of the swing along y; along x and z, others")

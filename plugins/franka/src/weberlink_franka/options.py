@@ -2,19 +2,18 @@
 
 from typing import Annotated, Final, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from weberlink.geometry.vector import Vector
+from weberlink.options import Options
 
 STIFFEST: Final = 3000.0
 """Of the tip [N/m]."""
 SHORTEST_STALE_MS: Final = 5.0
 
 
-class FrankaOptions(BaseModel):
+class FrankaOptions(Options):
     """Options of `franka`. Frame: the robot's base (O), x forward, y left, z up; the tip is its end effector (EE)."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     host: Annotated[str, Field(min_length=1)] = Field(
         default="127.0.0.1", description="address of the robot's control, not that of the arm's own port"

@@ -10,10 +10,11 @@ from dataclasses import dataclass, field
 from math import copysign, inf, pi, sin
 from typing import Annotated, ClassVar, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.emulator import Emulator
+from weberlink.options import Options
 from weberlink_arms.emulators.bus import EmulatedBus, EmulatedServo
 from weberlink_arms.servo.layout import ArmLayout
 from weberlink_arms.servo.packet import Framing
@@ -24,10 +25,8 @@ HAND_S = (4.0, 5.0, 6.0, 7.0, 8.0, 3.0)
 """Periods of the hand's motion [s]; different, so that the axes pass through many combinations."""
 
 
-class Wall(BaseModel):
+class Wall(Options):
     """Something that an axis meets at an angle."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     joint: str = Field(description="name of the axis")
     angle_rad: float = Field(ge=-6.3, le=6.3, description="where it begins")
@@ -40,10 +39,9 @@ class Wall(BaseModel):
         return min(beyond, 0.0) if self.below else max(beyond, 0.0)
 
 
-class EmulatedBusOptions(BaseModel):
+class EmulatedBusOptions(Options):
     """Options of an emulated bus."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
     LAYOUT: ClassVar[ArmLayout]
     HIGHEST_ID: ClassVar[int]
     BAUD_RATES: ClassVar[tuple[int, ...]]

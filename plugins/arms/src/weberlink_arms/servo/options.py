@@ -3,9 +3,10 @@
 from math import ceil, floor, pi
 from typing import ClassVar, Final, Literal, NamedTuple, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from weberlink.geometry.joints import Joints
+from weberlink.options import Options
 from weberlink_arms.servo.bus import BITS_PER_BYTE, ServoBus
 from weberlink_arms.servo.layout import ArmLayout
 
@@ -29,10 +30,9 @@ class AngleScale(NamedTuple):
         return [round(zero + sign * angle / RAD_PER_COUNT) for sign, angle, zero in axes]
 
 
-class BusOptions(BaseModel):
+class BusOptions(Options):
     """Options of a bus."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
     BUS: ClassVar[type[ServoBus]]
     BAUD_RATES: ClassVar[tuple[int, ...]]
     HIGHEST_ID: ClassVar[int]

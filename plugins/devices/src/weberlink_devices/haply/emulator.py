@@ -7,12 +7,13 @@ from math import inf, isfinite
 from struct import Struct
 from typing import ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.emulator import Emulator
 from weberlink.master.devices.operator import CircleStep, ReachStep, RestStep, Script, SlideStep
 from weberlink.master.emulators.handle import Handle, HandleOptions
+from weberlink.options import Options
 from weberlink_devices.haply.board import Pair
 from weberlink_devices.haply.linkage import MOST_TORQUE_N_M, VERSIONS, HaplyFrame, Unreachable, degrees, radians
 
@@ -44,10 +45,8 @@ class PlanarHandleOptions(HandleOptions):
     workspace_m: float = Field(default=0.08, gt=0.0, le=1.0, description="half an edge of the cube about the origin")
 
 
-class HaplyEmulatorOptions(BaseModel):
+class HaplyEmulatorOptions(Options):
     """Options of the emulated `haply_2diy`."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     version: Literal["v3", "v2", "pantograph"] = "v3"
     answer_ms: float = Field(default=0.2, ge=0.0, le=100.0, description="from a message to its answer")

@@ -10,12 +10,13 @@ from collections.abc import Callable, Mapping
 from math import cos, inf, sin
 from typing import Any, ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale
 from weberlink.hardware.emulator import Emulator
 from weberlink.hardware.fault import BadReply
 from weberlink.master.emulators.handle import Handle, HandleOptions
+from weberlink.options import Options
 from weberlink_devices.inverse3.protocol import decode, listed, ours, theirs
 from weberlink_devices.inverse3.websocket_device import WebSocketDevice
 
@@ -27,10 +28,8 @@ NOD_RAD = 0.3
 """Amplitude of the turning of the grip about the axis to the right."""
 
 
-class Inverse3EmulatorOptions(BaseModel):
+class Inverse3EmulatorOptions(Options):
     """Options of the emulated `inverse3`."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     version: Literal["3.5", "3.1", "3.0"] = Field(
         default="3.5", description="of the service; 3.1 takes `values` alone, 3.0 only says that it is older"

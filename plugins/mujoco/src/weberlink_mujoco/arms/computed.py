@@ -3,10 +3,11 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from weberlink.arms.contract import ArmFault, ArmReading, ArmSpec
 from weberlink.geometry.joints import Joints, is_finite
+from weberlink.options import Options
 from weberlink_mujoco.arms.models import ArmModel, ModelName
 
 if TYPE_CHECKING:
@@ -17,10 +18,8 @@ PerAxis = float | tuple[float, ...]
 """One value for all axes, or one for each."""
 
 
-class ModelOptions(BaseModel):
+class ModelOptions(Options):
     """Options of a computed arm. Angles are in the frame of its model, the gripper last."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     model: ModelName | Path = Field(
         description="name of a model that is installed, or an MJCF file with hinges that have names and "

@@ -4,21 +4,20 @@ from importlib import import_module
 from math import exp, pi
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from weberlink.arms.contract import ArmSpec
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import Vector
+from weberlink.options import Options
 from weberlink_mujoco.arms.computed import ComputedArm, ModelOptions, PerAxis, home_of, motors, per_axis
 from weberlink_mujoco.arms.models import load, mujoco
 
 Length = Annotated[float, Field(gt=0.0, le=10.0)]
 
 
-class ArmObject(BaseModel):
+class ArmObject(Options):
     """Something to touch, in the frame of the model; z is up."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     position_m: Vector = Field(description="of its centre; of a table, a point on its surface")
     time_constant_s: float = Field(

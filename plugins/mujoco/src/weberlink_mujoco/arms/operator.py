@@ -7,11 +7,12 @@ from itertools import accumulate
 from math import inf, pi, sin
 from typing import Annotated, ClassVar, Literal, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from weberlink.arms.contract import ArmSpec
 from weberlink.geometry.joints import Joints
 from weberlink.master.devices.motion import minimum_jerk
+from weberlink.options import Options
 from weberlink_mujoco.arms.computed import ComputedArm, ModelOptions, PerAxis, home_of, labels, motors, per_axis
 from weberlink_mujoco.arms.models import ArmModel, load
 
@@ -44,10 +45,8 @@ class JointLeg(NamedTuple):
         return tuple(moved)
 
 
-class ArmStep(BaseModel):
+class ArmStep(Options):
     """One motion of the script; it begins where the one before left the hand."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     duration_s: Duration = 1.0
 
@@ -97,14 +96,12 @@ class HoldStep(ArmStep):
 Step = Annotated[MoveStep | SwingStep | HoldStep, Field(discriminator="motion")]
 
 
-class JointHand(BaseModel):
+class JointHand(Options):
     """Impedance of the hand at each axis, for all axes or for each.
 
     The defaults are an assumption of the order of a wrist (see `WristOptions`), not a measurement of a person on such
     an arm.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     stiffness_nm_rad: PerAxis = Field(default=2.0, description="how hard it holds on to where it wants to be")
     damping_nm_s_rad: PerAxis = Field(default=0.15)

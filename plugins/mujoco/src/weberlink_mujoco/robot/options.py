@@ -3,9 +3,10 @@
 from pathlib import Path
 from typing import Annotated, Self
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from weberlink.geometry.vector import Vector
+from weberlink.options import Options
 from weberlink.slave.guard import Workspace
 
 CONTACTS = "contacts"
@@ -17,10 +18,8 @@ LARGEST_WORKSPACE = 10.0
 AxisRange = tuple[float, float]
 
 
-class RotationOptions(BaseModel):
+class RotationOptions(Options):
     """Orientation control and torque sensing about the site of the end effector."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     stiffness_n_m_rad: float = Field(
         default=5.0, ge=1e-6, le=1e9, description="of the orientation control, equal about all axes"
@@ -35,10 +34,8 @@ class RotationOptions(BaseModel):
     )
 
 
-class MujocoOptions(BaseModel):
+class MujocoOptions(Options):
     """Options of `mujoco`. Positions and forces are in the world frame of the MJCF file."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     model: Path = Field(description="the MJCF file; a relative path starts at the folder of this file")
     end_effector: str = Field(default="tip", description="name of the site that follows the commands")
