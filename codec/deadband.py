@@ -31,7 +31,7 @@ class DeadbandSetup(NamedTuple):
     floor: float  # absolute threshold in the unit of the values, >= 0
     reference: Reference  # the value that k scales
     tick_period: float  # time between ticks [s]
-    options: Any  # the deadband's `Options`
+    options: Any  # has the fields of the deadband's `Options`
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

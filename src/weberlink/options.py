@@ -38,7 +38,7 @@ def refuse_unknown_keys(model: type[BaseModel], data: Mapping[Any, Any]) -> None
             if getattr(each, "model_config", {}).get("extra") == "allow"
         ]
         context = {"into": into[0]} if len(into) == 1 else {}
-        problem = PydanticCustomError("unknown_key", f"unknown key{hint}", context)  # type: ignore[arg-type]
+        problem = PydanticCustomError("unknown_key", f"unknown key{hint}", context)
         raise ValidationError.from_exception_data(
             model.__name__, [{"type": problem, "loc": (str(name),), "input": data[name]}]
         )

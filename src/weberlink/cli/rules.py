@@ -23,7 +23,7 @@ from weberlink.installation import CONFIGS, config_folders
 
 RULES_DIR = Path("/etc/udev/rules.d")
 FOLDERS = (RULES_DIR, Path("/usr/lib/udev/rules.d"), Path("/lib/udev/rules.d"))  # folders that udev reads rules from
-SUBSYSTEMS = ("hidraw", "tty", "usb")  # subsystems of the devices that the rules cover
+MATCHED = [f"--subsystem-match={name}" for name in ("hidraw", "tty", "usb")]  # of the devices that the rules cover
 SUDO_FOLDERS = ("/usr/local/bin", "/usr/bin", "/bin")  # folders that sudo searches for programs
 
 
@@ -35,8 +35,8 @@ def shipped() -> dict[str, str]:
 
 def covers(package: str | None) -> bool:
     """Whether a distribution brings rules for its devices; None for this program's own drivers."""
-    found = (entry for entry in entry_points(group=CONFIGS) if entry.dist is not None and entry.dist.name == package)
-    return package is None or any(any(Path(str(files(entry.module))).glob("*.rules")) for entry in found)
+    names = (entry.module for entry in entry_points(group=CONFIGS) if entry.dist and entry.dist.name == package)
+    return package is None or any(any(Path(str(files(name))).glob("*.rules")) for name in names)
 
 
 def installed(folders: Sequence[Path] = FOLDERS) -> bool:
@@ -110,8 +110,7 @@ def _apply(udevadm: str | None) -> str | None:
     """Let udev apply the rules to plugged devices; returns an error, or None."""
     if udevadm is None:
         return "there is no udevadm here"
-    trigger = ["trigger", "--action=change", *(f"--subsystem-match={name}" for name in SUBSYSTEMS)]
-    for arguments in (["control", "--reload"], trigger):
+    for arguments in (["control", "--reload"], ["trigger", "--action=change", *MATCHED]):
         try:
             done = subprocess.run([udevadm, *arguments], capture_output=True, text=True, timeout=30, check=False)  # noqa: S603
         except (OSError, subprocess.TimeoutExpired) as error:

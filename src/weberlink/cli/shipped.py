@@ -5,10 +5,7 @@ from collections.abc import Iterator
 from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
-from typing import Any
-from xml.etree import ElementTree
 
-import yaml
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -42,9 +39,8 @@ def listing() -> list[tuple[str, str]]:
 
 
 def show(console: Console) -> None:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=False)
-    table.add_column(no_wrap=True)
-    table.add_column()
+    table = Table("", "", box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=False)
+    table.columns[0].no_wrap = True
     for name, about in listing():
         table.add_row(Text(name), Text(about))
     console.print(table)
@@ -67,9 +63,11 @@ def find(name: str) -> Path:
     none.
     """
     asked = name.removeprefix("configs/")
-    inside = {str(path.relative_to(folder)): path for folder in config_folders() for path in _all(folder)}
-    folders = {f"{place}/": path for place, path in inside.items() if path.is_dir()}
-    known = inside | folders | {path.stem: path for path in inside.values() if path.suffix == ".yaml"}
+    known: dict[str, Path] = {}
+    for folder in config_folders():
+        for path in _all(folder):
+            place = str(path.relative_to(folder))
+            known |= {place: path, f"{place}/" if path.is_dir() else place.removesuffix(".yaml"): path}
     if asked in known:
         return known[asked]
     guest = guests(CONFIGS).get(asked.removesuffix(".yaml").removesuffix("/"))
@@ -110,18 +108,16 @@ def copy(name: str, out: Path | None) -> list[Path]:
     if source.is_dir():
         pairs = {path: target / path.relative_to(source) for path in _all(source) if path.is_file()}
     else:
-        folders = (source.parent, *config_folders())
-        beside = {
-            path: target.parent / path.relative_to(next(each for each in folders if each in path.parents))
-            for path in needed_by(source)
-        }
-        pairs = {source: target} | beside
+        pairs, folders = {source: target}, (source.parent, *config_folders())
+        for path in needed_by(source):
+            folder = next(each for each in folders if each in path.parents)
+            pairs[path] = target.parent / path.relative_to(folder)
     new = {path: place for path, place in pairs.items() if not place.exists()}
     for path, place in pairs.items():
-        if place.exists() and not (place.is_file() and place.read_bytes() == path.read_bytes()):
+        if path not in new and not (place.is_file() and place.read_bytes() == path.read_bytes()):
             raise ConfigurationError(f"{place}: exists and is another one; name another file or folder with --out")
     try:
-        if not source.is_dir() and new:
+        if new and source.is_file():
             check_file(target)
         for path, place in new.items():
             place.parent.mkdir(parents=True, exist_ok=True)
@@ -135,32 +131,17 @@ def copy(name: str, out: Path | None) -> list[Path]:
 
 
 def needed_by(path: Path) -> list[Path]:
-    """The files that a file names, and those that these name, in turn: beside it, or of the program's own.
-
-    YAML names files in its values, and its schema in a comment; a model of MuJoCo in attributes called `file`.
-    """
+    """The files that a YAML or XML file names, and those that these name in turn: beside it, or of the program."""
     found: list[Path] = []
     waiting = [path]
     while waiting:
-        at, names = waiting.pop(), list[str]()
-        if at.suffix == ".yaml":
-            text = at.read_text(encoding="utf-8")
-            names = [*re.findall(r"^# yaml-language-server: \$schema=(\S+)", text), *_texts(yaml.safe_load(text))]
-        elif at.suffix == ".xml":
-            elements = ElementTree.parse(at).iter()  # noqa: S314 - a file of this package
-            names = [element.attrib["file"] for element in elements if "file" in element.attrib]
-        for name in names:
+        at = waiting.pop()
+        text = at.read_text(encoding="utf-8") if at.suffix in (".yaml", ".xml") else ""
+        text = re.sub(r"(?m)(^|\s)#(?! yaml-language-server).*", "", text)  # that comment names the schema
+        for name in re.split(r"[\s\"'=<>\[\]{},]+", text):
             near = (at.parent / name).resolve()
             near = near if near.is_file() else config_folders()[0] / name
             if near.is_file() and near not in (path.resolve(), *found):
                 found.append(near)
                 waiting.append(near)
     return found
-
-
-def _texts(content: Any) -> Iterator[str]:
-    if isinstance(content, str):
-        yield content
-    elif isinstance(content, (dict, list)):
-        for item in content.values() if isinstance(content, dict) else content:
-            yield from _texts(item)

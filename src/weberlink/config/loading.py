@@ -59,24 +59,29 @@ def load(path: Path, overrides: Iterable[str] = (), sides: Iterable[str] = SIDES
     """
     content = parse(path)
     overridden = {override(content, text) for text in overrides}
-    device = robot = finder = cameras = None
     try:
         system: System = make_absolute(validated(System, content), path.parent, overridden)
         devices, robots = _tables(system)
-        if MASTER in sides:
-            device = load_part(devices, system.master.device, "master.device", path.parent, overridden)
-        if SLAVE in sides:
-            robot = load_part(robots, system.slave.robot, "slave.robot", path.parent, overridden)
-        if system.link.finder is not None:
-            finder = load_part(FINDERS, system.link.finder, "link.finder", path.parent, overridden)
-        if system.slave.cameras is not None:
-            cameras = load_part(CAMERAS, system.slave.cameras, "slave.cameras", path.parent, overridden)
-        if system.link.security == "none":
-            _refuse_hardware("master.device", system.master.device, device)
-            _refuse_hardware("slave.robot", system.slave.robot, robot)
+        named = {
+            "master.device": (devices, system.master.device if MASTER in sides else None),
+            "slave.robot": (robots, system.slave.robot if SLAVE in sides else None),
+            "link.finder": (FINDERS, system.link.finder),
+            "slave.cameras": (CAMERAS, system.slave.cameras),
+        }
+        parts: dict[str, Part] = {}
+        for where, (table, settings) in named.items():
+            if settings is None:
+                continue
+            parts[where] = part = load_part(table, settings, where, path.parent, overridden)
+            may_move = where in ("master.device", "slave.robot") and is_hardware(part.driver)
+            if may_move and system.link.security == "none":
+                raise ConfigurationError(  # noqa: TRY301 - in one line with the file, as the others
+                    f"link.security: none lets every user of this host move {where} {settings.driver}; "
+                    "write session (weberlink loopback makes a key), or psk with key_file (weberlink keygen KEYFILE)"
+                )
     except ConfigurationError as error:
         raise ConfigurationError(f"{path}: {error}") from None
-    return Configuration(path, system, device, robot, finder, cameras)
+    return Configuration(path, system, *map(parts.get, named))
 
 
 def load_device(configuration: Configuration) -> Part:
@@ -92,15 +97,6 @@ def load_device(configuration: Configuration) -> Part:
 def _tables(system: System) -> tuple[Registry[Any], Registry[Any]]:
     """The drivers of each side: devices and robots, or arms led and followed joint by joint."""
     return (DEVICES, ROBOTS) if system.codec.joints is None else (LEADERS, FOLLOWERS)
-
-
-def _refuse_hardware(where: str, settings: DriverSettings, part: Part | None) -> None:
-    """Refuse hardware without a key: any user of this host could then join the session."""
-    if part is not None and is_hardware(part.driver):
-        raise ConfigurationError(
-            f"link.security: none lets every user of this host move {where} {settings.driver}; "
-            "write session (weberlink loopback makes a key), or psk with key_file (weberlink keygen KEYFILE)"
-        )
 
 
 def load_part(

@@ -72,8 +72,8 @@ class PredictorFor:
         for table in self._tables:
             if name in table.absent():
                 table.check_known(name)  # says how to install it
-        if any(name in table for table in self._tables) and self._suits(name):
-            return name
+            if name in table and self._suits(name):
+                return name
         raise ValueError(one_of(self._suitable(), name))
 
     def _suits(self, name: str) -> bool:
@@ -117,17 +117,13 @@ class PredictedSettings(Settings):
 
 
 class ShapeSettings(Settings):
-    """The name of a deadband; its options are the fields of a subclass."""
+    """The name of a deadband; a subclass has its options as fields (`weberlink.codec.deadband.contract.Deadband`)."""
 
     shape: str
 
     @property
     def deadband(self) -> type[Deadband]:
         return DEADBANDS[self.shape]
-
-    @property
-    def options(self) -> Any:
-        return self.deadband.Options(**self.model_dump(exclude={"shape"}))
 
 
 @cache

@@ -19,10 +19,8 @@ from weberlink.control.table import SCHEMES
 
 def force_deadband(force: ForceCodecSettings, tick_period: float, weber: float) -> Deadband:
     """The shape that the file asks for, at a Weber factor that a session may have changed."""
-    settings = force.deadband
-    return settings.deadband.configured(
-        DeadbandSetup(weber, force.floor_n, force.reference, tick_period, settings.options)
-    )
+    setup = DeadbandSetup(weber, force.floor_n, force.reference, tick_period, force.deadband)
+    return force.deadband.deadband.configured(setup)
 
 
 def measures_in(dump: Mapping[str, Any]) -> Measures | None:
