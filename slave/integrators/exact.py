@@ -8,8 +8,7 @@ from weberlink.slave.integrators.contract import ControlledMass, MassState
 from weberlink.slave.integrators.linear_contact import Drag, LinearContact
 from weberlink.slave.integrators.problem import MassInContact, Stage, contact_force
 from weberlink.slave.integrators.stick_slip import StickSlip
-from weberlink.slave.scenes.contact import Touch
-from weberlink.slave.scenes.scene import Scene, SceneState
+from weberlink.slave.scenes.scene import Scene, SceneState, Touch
 
 if TYPE_CHECKING:  # what a flat scene without friction does not import
     from weberlink.slave.integrators.implicit import Implicit

@@ -6,9 +6,8 @@ from math import inf, sqrt
 from weberlink.geometry.vector import ZERO, Vector, add, dot, scale, subtract
 from weberlink.slave.integrators.contract import ControlledMass, MassState
 from weberlink.slave.integrators.problem import MassInContact, Stage, contact_force, pushes
-from weberlink.slave.scenes.contact import Touch
 from weberlink.slave.scenes.proxy import multipliers
-from weberlink.slave.scenes.scene import Scene, SceneState
+from weberlink.slave.scenes.scene import Scene, SceneState, Touch
 
 GAMMA = 1.0 - 1.0 / sqrt(2.0)
 EVALUATIONS = 24

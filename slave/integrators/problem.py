@@ -14,9 +14,8 @@ from typing import NamedTuple
 from weberlink.geometry.vector import ZERO, Vector, dot, scale, subtract
 from weberlink.slave.integrators.contract import ControlledMass, MassState
 from weberlink.slave.integrators.oscillation import Oscillation
-from weberlink.slave.scenes.contact import Touch
 from weberlink.slave.scenes.proxy import multipliers
-from weberlink.slave.scenes.scene import Scene, SceneState
+from weberlink.slave.scenes.scene import Scene, SceneState, Touch
 
 ROUNDING = 1e-12  # Share of the energy that a step may gain
 RESOLVED = 0.01  # Share of the energy up to which a gain is the error of a step that resolves the motion

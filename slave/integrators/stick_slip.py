@@ -1,6 +1,6 @@
 """A mass on one rough plane, solved from event to event in closed form.
 
-Contact is a spring from the body to its anchor on the surface (see `weberlink.slave.scenes.contact`), so that there are
+Contact is a spring from the body to its anchor on the surface (see `weberlink.slave.scenes.scene`), so that there are
 three linear motions:
 
     free     the oscillation of the control alone
@@ -24,8 +24,7 @@ from weberlink.slave.integrators.contract import MassState
 from weberlink.slave.integrators.linear_contact import EVENTS_MOST
 from weberlink.slave.integrators.oscillation import Oscillation
 from weberlink.slave.integrators.problem import MassInContact, Stage, contact_force
-from weberlink.slave.scenes.contact import RESTICK, UNTOUCHED, FrictionCone, Touch
-from weberlink.slave.scenes.scene import FARTHEST, NOTHING, Facing, SceneState
+from weberlink.slave.scenes.scene import FARTHEST, NOTHING, RESTICK, UNTOUCHED, Facing, FrictionCone, SceneState, Touch
 
 Local = tuple[float, complex]  # Depth, and the components along the surface
 

@@ -10,8 +10,7 @@ from pydantic import Field, model_validator
 
 from weberlink.geometry.vector import Vector
 from weberlink.options import Options
-from weberlink.slave.scenes.shape import SceneShapeSettings, Shape, Tangent
-from weberlink.slave.scenes.solids import CarvedShape, PlaneShape
+from weberlink.slave.scenes.shape import CarvedShape, PlaneShape, SceneShapeSettings, Shape, Tangent
 
 WAVE_SAMPLES = 16
 

@@ -10,10 +10,8 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import PydanticCustomError
 from pydantic_core.core_schema import CoreSchema, no_info_plain_validator_function
 
-from weberlink.slave.scenes.contact import FrictionCone, SceneObject, Sway
-from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.shape import SHAPES, CarvableSettings, SceneShapeSettings
-from weberlink.slave.scenes.solids import CarvedShape
+from weberlink.slave.scenes.scene import FrictionCone, Scene, SceneObject, Sway
+from weberlink.slave.scenes.shape import SHAPES, CarvableSettings, CarvedShape, SceneShapeSettings
 
 
 class ByShape:

@@ -11,10 +11,8 @@ from weberlink.geometry.vector import Vector, dot, is_finite, norm, subtract
 from weberlink.slave.integrators import INTEGRATORS, ControlledMass, MassState
 from weberlink.slave.integrators.problem import contact_force
 from weberlink.slave.robots.simulated import chosen
-from weberlink.slave.scenes.contact import FrictionCone, SceneObject, Touch
-from weberlink.slave.scenes.scene import Scene, SceneState
-from weberlink.slave.scenes.shape import Shape
-from weberlink.slave.scenes.solids import PlaneShape
+from weberlink.slave.scenes.scene import FrictionCone, Scene, SceneObject, SceneState, Touch
+from weberlink.slave.scenes.shape import PlaneShape, Shape
 
 STEPS = 60
 LOSING = sorted(name for name, scheme in INTEGRATORS.items() if scheme.gains_nothing)

@@ -16,9 +16,8 @@ from weberlink.geometry.vector import ZERO, Vector, dot, norm, unit
 from weberlink.slave.integrators import INTEGRATORS, ControlledMass, MassState
 from weberlink.slave.integrators.problem import contact_force
 from weberlink.slave.robots.simulated import BUDGET, SPLITTING_S, SimulatedOptions, SimulatedRobot, chosen
-from weberlink.slave.scenes.contact import FrictionCone, SceneObject
-from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.solids import PlaneShape, SphereShape
+from weberlink.slave.scenes.scene import FrictionCone, Scene, SceneObject
+from weberlink.slave.scenes.shape import PlaneShape, SphereShape
 
 TICK = 0.001
 CONE = FrictionCone(static=0.5, dynamic=0.4)

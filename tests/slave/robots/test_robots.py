@@ -14,9 +14,8 @@ from weberlink.geometry.vector import ZERO, Vector, add, scale
 from weberlink.slave.robots import BUILT_IN, ROBOTS
 from weberlink.slave.robots.contract import Robot, RobotFault, RobotReading
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
-from weberlink.slave.scenes.contact import SceneObject
-from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.solids import SphereShape
+from weberlink.slave.scenes.scene import Scene, SceneObject
+from weberlink.slave.scenes.shape import SphereShape
 from weberlink.testing.robots import RobotBench, RobotContract
 from weberlink.testing.time import virtual_time
 

@@ -3,11 +3,9 @@
 from math import sin
 
 from weberlink.geometry.vector import Vector
-from weberlink.slave.scenes.contact import FrictionCone, SceneObject
 from weberlink.slave.scenes.height_field import HeightFieldShape, bumps
-from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.shape import Shape
-from weberlink.slave.scenes.solids import BoxCavity, BoxShape, CarvedShape, PlaneShape, SphereShape, TurnedShape
+from weberlink.slave.scenes.scene import FrictionCone, Scene, SceneObject
+from weberlink.slave.scenes.shape import BoxCavity, BoxShape, CarvedShape, PlaneShape, Shape, SphereShape, TurnedShape
 
 UP: Vector = (0.0, 0.0, 1.0)
 GROUND = PlaneShape((0.0, 0.0, 0.0), UP)

@@ -10,9 +10,8 @@ from tests.examples import examples
 from tests.slave.scenes.solids import GROUND, SHAPES, STIFFNESS, UP, elastic, scenes, wander
 from weberlink.geometry.vector import ZERO, Vector, distance, dot, is_finite, norm, scale, subtract
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
-from weberlink.slave.scenes.contact import FrictionCone, SceneObject, Sway
-from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.solids import BoxShape, SphereShape
+from weberlink.slave.scenes.scene import FrictionCone, Scene, SceneObject, Sway
+from weberlink.slave.scenes.shape import BoxShape, SphereShape
 
 TICK = 0.001
 CONE = FrictionCone(static=0.5, dynamic=0.4)

@@ -10,9 +10,8 @@ from typing import Literal
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.slave.integrators.contract import ControlledMass
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
-from weberlink.slave.scenes.contact import FrictionCone, SceneObject
-from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.solids import PlaneShape, SphereShape
+from weberlink.slave.scenes.scene import FrictionCone, Scene, SceneObject
+from weberlink.slave.scenes.shape import PlaneShape, SphereShape
 
 TICK = 1e-3  # tick of the recommendation and of the errors [s]
 

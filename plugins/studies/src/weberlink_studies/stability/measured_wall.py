@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 
 from weberlink.geometry.vector import ZERO
 from weberlink.master.devices.hand import modelled_hand
-from weberlink.slave.scenes.contact import SceneObject
-from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.solids import PlaneShape
+from weberlink.slave.scenes.scene import Scene, SceneObject
+from weberlink.slave.scenes.shape import PlaneShape
 from weberlink_studies.frame import Row
 from weberlink_studies.stability.wall import Grip, SampledWall, bisect, bracket, passivity_limit, stability_limit
 
