@@ -18,7 +18,7 @@ from weberlink_arms.emulators.feetech_servo import EmulatedServo
 from weberlink_arms.emulators.open_manipulator import DynamixelEmulator
 from weberlink_arms.feetech.follower import FollowerExchange, So101FollowerOptions
 from weberlink_arms.feetech.leader import LeaderExchange, So101LeaderOptions
-from weberlink_arms.servo.gravity import Gravity, gravity_of, no_gravity
+from weberlink_arms.servo.exchange import Gravity, gravity_of, no_gravity
 
 STILL = (0.0,) * 6
 

@@ -56,7 +56,6 @@ class Kind(NamedTuple):
 
     bus: type[Any]
     mode: Any  # a register of a byte
-    all: Callable[[Any], Any]  # reads the measurements of all
     data: Callable[[int], bytes]  # of the measurements of an id
     expected: Callable[[int], Any]  # what they mean
     request: int  # bytes of the request for them
@@ -74,11 +73,11 @@ def servo_data(id_: int) -> bytes:
 
 KINDS = {
     "dynamixel": Kind(
-        MotorBus, dynamixel_registers.OPERATING_MODE, MotorBus.present, motor_data,
+        MotorBus, dynamixel_registers.OPERATING_MODE, motor_data,
         lambda id_: MotorReading(-id_, 10 * id_, 2048 + id_), 18,
     ),
     "feetech": Kind(
-        FeetechBus, feetech_registers.MODE, FeetechBus.exchange, servo_data,
+        FeetechBus, feetech_registers.MODE, servo_data,
         lambda id_: Present(2048 + id_, -id_, -id_, 74, 30, id_), 12,
     ),
 }  # fmt: skip
@@ -103,7 +102,7 @@ class Wired:
         return [self.answer(id_, 0, self.kind.data(id_)) for id_ in IDS]
 
     def measured(self) -> bool:
-        return bool(self.kind.all(self.bus) == [self.kind.expected(id_) for id_ in IDS])
+        return bool(self.bus.present() == [self.kind.expected(id_) for id_ in IDS])
 
     def one(self) -> int:
         """A register of id 11."""
@@ -152,7 +151,7 @@ def test_a_missing_or_garbled_answer_is_named_and_the_next_is_good(
     wired.port.answer = spoilt
     complaint = "garbled" if is_garbled else "missing or late"
     with pytest.raises(BadReply, match=rf"^{NAMES[missing]} \(id {IDS[missing]}\): its answer was {complaint}"):
-        wired.kind.all(wired.bus)
+        wired.bus.present()
     wired.port.answer = wired.good
     assert wired.measured()
 
@@ -194,7 +193,7 @@ def test_an_error_of_a_servo_is_a_fault_of_the_exchange_alone() -> None:
             FEETECH.encode(Status(id_, error * (id_ == 12), servo_data(id_))) for id_ in IDS
         ]
         with pytest.raises(HardwareFault, match=rf"^lift \(id 12\): .*{says}"):
-            wired.bus.exchange()
+            wired.bus.present()
     wired.port.answer = lambda request: [FEETECH.encode(Status(11, 32, b"\x03"))]
     assert wired.one() == 3
 
@@ -203,13 +202,13 @@ def test_orders_leave_before_the_request_and_alone_while_a_late_answer_may_come(
     """What makes servos safe does not wait."""
     wired = Wired(KINDS["feetech"])
     order = FEETECH.sync_write(40, 1, [(11, b"\0")])
-    wired.bus.exchange(order)
+    wired.bus.present(order)
     assert [each.instruction for each in wired.port.heard] == [SYNC_WRITE, SYNC_READ]
     wired.port.answer = lambda _: []
     with pytest.raises(BadReply):
-        wired.bus.exchange(order)
+        wired.bus.present(order)
     wired.port.answer, wired.port.heard = wired.good, []
-    wired.bus.exchange(order)
+    wired.bus.present(order)
     assert [each.instruction for each in wired.port.heard] == [SYNC_WRITE, READ, SYNC_READ]
 
 

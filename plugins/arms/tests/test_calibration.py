@@ -5,9 +5,8 @@ import pytest
 from weberlink.hardware.fault import HardwareFault
 from weberlink.testing.stepping import VirtualPort, VirtualTime
 from weberlink_arms.emulators.feetech import FeetechEmulator, FeetechEmulatorOptions
-from weberlink_arms.feetech.bus import FeetechBus
+from weberlink_arms.feetech.bus import FeetechBus, FeetechServos
 from weberlink_arms.feetech.calibration import Scales, Weighing, fit
-from weberlink_arms.feetech.servos import FeetechServos
 
 OWN_NM = 0.1
 STALL_NM = 1.7

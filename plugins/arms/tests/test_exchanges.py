@@ -6,9 +6,9 @@ import pytest
 
 from plugins.arms.tests.benches import FAMILIES, FOLLOWERS, LEADERS, ArmBench, only, opened
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink_arms.dynamixel import registers
 from weberlink_arms.dynamixel.packet import FRAMING
 from weberlink_arms.emulators.feetech import FeetechEmulator
+from weberlink_arms.servo.layout import RAD_PER_COUNT
 from weberlink_arms.servo.packet import WRITE
 
 DYNAMIXEL = [name for name in FAMILIES if not name.startswith("so101")]
@@ -92,7 +92,7 @@ def test_settings_last_until_they_are_set_back(name: str) -> None:
         assert bench.register("mode") == [0] * 6
         assert bench.register("p_gain") == [bench.options.p_gain] * 6
         for servo, before in zip(bench.emulator.servos, saved, strict=True):
-            servo.restart()
+            servo.restart(0.0)
             assert bytes(servo.memory[9:21]) == before[9:21]
         return
     for wears in (False, True):
@@ -187,7 +187,7 @@ def test_the_gripper_of_an_so101_needs_its_closed_place() -> None:
     with pytest.raises(HardwareFault, match="gripper: its range is not calibrated"):
         opened("so101_follower", calibrated=False)
     given = opened("so101_follower", {"gripper_closed": 1500}, calibrated=False)
-    assert given.sample.angles[-1] == pytest.approx((2048 - 1500) * registers.RAD_PER_COUNT, abs=2e-3)
+    assert given.sample.angles[-1] == pytest.approx((2048 - 1500) * RAD_PER_COUNT, abs=2e-3)
 
 
 FAILING = [

@@ -13,11 +13,11 @@ from weberlink.hardware.guardian import DIED, HoldingGuardian
 from weberlink.testing.serving import PtyDevice
 from weberlink.testing.stepping import KilledError
 from weberlink.testing.time import TICK
-from weberlink_arms.dynamixel import registers
 from weberlink_arms.emulators.feetech import FeetechEmulator
 from weberlink_arms.feetech.arm import SO101
 from weberlink_arms.feetech.follower import So101Follower, So101FollowerOptions
-from weberlink_arms.servo.on_close import SINK_RAD_S, SINK_S
+from weberlink_arms.servo.layout import RAD_PER_COUNT
+from weberlink_arms.servo.position import SINK_RAD_S, SINK_S
 
 every_follower = pytest.mark.parametrize("name", FOLLOWERS)
 
@@ -60,7 +60,7 @@ def test_goals_stay_within_the_range(name: str, axis: int, end: str) -> None:
         bench.run(tuple(goal), 0.2)
         goals.append(bench.register("goal_position")[axis])
     assert goals[1] == goals[2] == goals[3]
-    assert abs(goals[0] - goals[1]) == pytest.approx(0.01 / registers.RAD_PER_COUNT, abs=1.01)
+    assert abs(goals[0] - goals[1]) == pytest.approx(0.01 / RAD_PER_COUNT, abs=1.01)
 
 
 @pytest.mark.parametrize("name", ["koch_follower", "open_manipulator_x"])
@@ -77,7 +77,7 @@ def test_goals_of_dynamixel_followers_keep_to_their_speed(name: str, sign: int) 
         bench.run(command, cycles / bench.options.rate_hz)
         bench.wait(0.001)  # until it has arrived
         counts.append(bench.register("goal_position")[0])
-        return (counts[-1] - counts[-2]) * registers.RAD_PER_COUNT / (cycles / bench.options.rate_hz)
+        return (counts[-1] - counts[-2]) * RAD_PER_COUNT / (cycles / bench.options.rate_hz)
 
     assert went(goal, 50) == pytest.approx(sign, abs=0.03)
     assert went(None, 50) == 0.0

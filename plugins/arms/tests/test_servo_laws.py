@@ -5,9 +5,9 @@ from hypothesis import given, strategies as st
 
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import HardwareFault
-from weberlink_arms.interpolation import Interpolation, TimedValues
-from weberlink_arms.servo.on_close import LEAST_RAD, STEPS, give_way
-from weberlink_arms.servo.pace import TRIES, check_pace
+from weberlink_arms.servo.driver import Interpolation, TimedValues
+from weberlink_arms.servo.exchange import TRIES, check_pace
+from weberlink_arms.servo.position import LEAST_RAD, STEPS, give_way
 
 # --- readings: between neighbours, exact at samples, never ahead of the newest, late by the stated lag
 

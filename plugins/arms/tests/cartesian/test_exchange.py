@@ -11,13 +11,12 @@ from weberlink.geometry.vector import Vector, distance, norm
 from weberlink.hardware.fault import HardwareFault
 from weberlink.testing.stepping import KilledError
 from weberlink_arms.cartesian.arm import LEAST_ROTOR_INERTIA_KG_M2, Joints, Mechanics
-from weberlink_arms.cartesian.exchange import ArmExchange, ArmSample
+from weberlink_arms.cartesian.exchange import ArmExchange, TipSample
 from weberlink_arms.cartesian.external_force import force_error
 from weberlink_arms.cartesian.impedance import fastest_damping, stiffest
 from weberlink_arms.cartesian.options import DynamixelOptions, poses, worst_force_error
 from weberlink_arms.dynamixel import registers
 from weberlink_arms.emulators.open_manipulator import DynamixelEmulator, DynamixelEmulatorOptions as EmulatedOptions
-from weberlink_arms.interpolation import Interpolation
 
 POSE = Mechanics().pose
 AT_WORK: Vector = (0.2, 0.03, 0.13)
@@ -34,9 +33,9 @@ class Bench(benches.Bench):
     ) -> None:
         super().__init__(options or DynamixelOptions(), DynamixelEmulator(emulated), latency)
         clock, pause = self.time.clock, self.time.pause
-        self.exchange: Any = ArmExchange(self.options, self._connect, Interpolation(0.006), clock, pause)
+        self.exchange: Any = ArmExchange(self.options, self._connect, clock=clock, pause=pause)
 
-    def lead(self, goal: Vector, speed: float = 0.1) -> ArmSample:
+    def lead(self, goal: Vector, speed: float = 0.1) -> TipSample:
         """Command a straight way there [m/s]; gives the last sample."""
         (sample,) = self.run(None, 1.0 / self.options.rate_hz)
         start = sample.tip

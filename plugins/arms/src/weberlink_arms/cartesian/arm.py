@@ -26,10 +26,7 @@ _UPPER_ARM_M: Final = hypot(0.024, 0.128)
 _UPPER_ARM_ANGLE: Final = atan2(0.024, 0.128)
 _PITCH_STEP: Final = 0.02
 
-LOWER: Final[Joints] = (-pi, -1.5, -1.5, -1.7)
-UPPER: Final[Joints] = (pi, 1.5, 1.4, 1.97)
-MODEL_ROTOR_KG_M2: Final = 0.005
-"""Armature of each joint in the model."""
+MODEL_ROTOR_KG_M2: Final = 0.005  # armature of each joint in the model
 
 COULOMB_N_M: Final[Joints] = (0.037, 0.085, 0.132, 0.045)
 VISCOUS_N_M_S: Final[Joints] = (0.037, 0.0, 0.0, 0.005)
@@ -43,29 +40,28 @@ LEAST_ROTOR_INERTIA_KG_M2: Final = 0.005
 dynamixel_2r), below which no published figure lies."""
 
 
+def four(axes: Sequence[float]) -> Joints:
+    """Joints 1 to 4 of all axes."""
+    a, b, c, d = axes[:4]
+    return (a, b, c, d)
+
+
+LOWER: Final[Joints] = four(OPEN_MANIPULATOR_X.lower)
+UPPER: Final[Joints] = four(OPEN_MANIPULATOR_X.upper)
+
+
 class ArmPose(NamedTuple):
-    """The arm at given joint angles: all quantities that a control cycle needs.
+    """The arm at given joint angles: all quantities that a control cycle needs."""
 
-    Args:
-        joints: Angles [rad].
-        tip: Position of the tip [m].
-        pitch: Of the gripper [rad].
-        reach: Distance of the tip from the axis of joint 1 [m].
-        cos_yaw, sin_yaw: Of joint 1.
-        columns: (dr/dq, dz/dq) of the tip for joints 2 to 4 [m/rad].
-        gravity: Torques that hold the arm against its weight [N m].
-        inertia: Mass matrix, row by row, with the rotors of the model, `MODEL_ROTOR_KG_M2` [kg m^2].
-    """
-
-    joints: Joints
-    tip: Vector
-    pitch: float
-    reach: float
-    cos_yaw: float
+    joints: Joints  # angles [rad]
+    tip: Vector  # position of the tip [m]
+    pitch: float  # of the gripper [rad]
+    reach: float  # distance of the tip from the axis of joint 1 [m]
+    cos_yaw: float  # of joint 1
     sin_yaw: float
-    columns: tuple[float, float, float, float, float, float]
-    gravity: Joints
-    inertia: tuple[Joints, Joints, Joints, Joints]
+    columns: tuple[float, float, float, float, float, float]  # (dr/dq, dz/dq) of the tip for joints 2 to 4 [m/rad]
+    gravity: Joints  # torques that hold the arm against its weight [N m]
+    inertia: tuple[Joints, Joints, Joints, Joints]  # mass matrix, with the rotors of the model [kg m^2]
 
     def torques(self, force: Vector) -> Joints:
         """Joint torques of a force [N] that the tip exerts: J^T f."""
@@ -113,12 +109,6 @@ class Mechanics:
             four(model.gravity(axes)),
             (four(rows[0]), four(rows[1]), four(rows[2]), four(rows[3])),
         )
-
-
-def four(axes: Sequence[float]) -> Joints:
-    """Joints 1 to 4 of all axes."""
-    a, b, c, d = axes[:4]
-    return (a, b, c, d)
 
 
 def inverse(tip: Vector, pitch: float, elbow_up: bool = True) -> Joints | None:

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 from weberlink.geometry.joints import Joints as Axes
 from weberlink.geometry.vector import Vector
 from weberlink.hardware.fault import HardwareFault
-from weberlink_arms.cartesian.arm import LOWER, UPPER, ArmPose, Joints, Mechanics, four
+from weberlink_arms.cartesian.arm import ArmPose, Joints, Mechanics, four
 from weberlink_arms.cartesian.external_force import tip_force
 from weberlink_arms.cartesian.impedance import TipGoal, currents, joint_torques
 from weberlink_arms.cartesian.options import DynamixelOptions
@@ -17,18 +17,17 @@ from weberlink_arms.dynamixel.bus import MotorBus, MotorReading
 from weberlink_arms.dynamixel.exchange import MotorExchange
 from weberlink_arms.dynamixel.motor_models import XM430_W350
 from weberlink_arms.dynamixel.motors import Motors
-from weberlink_arms.interpolation import Interpolation, TimedValues
 from weberlink_arms.servo.bus import ServoPort
-from weberlink_arms.servo.filter import LowPass
-from weberlink_arms.servo.options import CENTRE, AngleScale
+from weberlink_arms.servo.driver import TimedValues
+from weberlink_arms.servo.layout import CENTRE
+from weberlink_arms.servo.options import AngleScale
+from weberlink_arms.servo.position import LowPass
 
-PATIENCE_S: Final = 0.1
-"""How long the last command holds when no more come [s]."""
-WEIGHT_A: Final = 0.65
-"""Current to carry the stretched arm: 1.06 N m, by the smallest published torque constant 1.65 N m/A."""
+PATIENCE_S: Final = 0.1  # how long the last command holds when no more come
+WEIGHT_A: Final = 0.65  # to carry the stretched arm: 1.06 N m, by the smallest published torque constant 1.65 N m/A
 
 
-class ArmSample(NamedTuple):
+class TipSample(NamedTuple):
     """Measured at `at` [s]: tip [m], force of the environment on it [N], joints [rad]."""
 
     at: float
@@ -36,17 +35,13 @@ class ArmSample(NamedTuple):
     force: Vector
     joints: Joints
 
+    @property
+    def flat(self) -> TimedValues:
+        return TimedValues(self.at, (*self.tip, *self.force))
 
-class ArmExchange(MotorExchange[Vector | None, ArmSample]):
-    """The work of the bus thread; a command is where the tip should go [m], None to stay.
 
-    Args:
-        options: Of the robot.
-        connect: Opens the port, at every opening.
-        interpolation: Receives (x, y, z, fx, fy, fz) of every cycle.
-        clock: Monotonic [s].
-        pause: Sleeps [s].
-    """
+class ArmExchange(MotorExchange[Vector | None, TipSample]):
+    """The work of the bus thread; a command is where the tip should go [m], None to stay."""
 
     ZERO_ADVICE = "check its zero, and that ids are in the order of the joints"
 
@@ -54,28 +49,20 @@ class ArmExchange(MotorExchange[Vector | None, ArmSample]):
         self,
         options: DynamixelOptions,
         connect: Callable[[], ServoPort],
-        interpolation: Interpolation,
         clock: Callable[[], float] = monotonic,
         pause: Callable[[float], None] = sleep,
     ) -> None:
         super().__init__(options, connect, clock=clock, pause=pause)
-        self._interpolation = interpolation
         self._gains, self._friction, self._current = options.gains, options.friction, options.current
         self._mechanics = Mechanics()
         self._goal = TipGoal(options.approach_m_s, PATIENCE_S)
         self._filter = LowPass(options.force_cutoff_hz)
         self._pitch = 0.0
         self._arm: ArmPose | None = None
-        self.hold_on_close = True
-        """Whether `close` leaves the motors holding the arm, or limp."""
+        self.hold_on_close = True  # else `close` leaves the motors limp
 
-    def _range(self) -> tuple[Axes, Axes]:
-        return LOWER, UPPER
-
-    def _made(self, port: ServoPort) -> Motors:
-        options = self._options
-        bus = MotorBus(port, options.baud, options.ids, (), options.margin_s, self._clock, self._pause)
-        return Motors(bus, options.watchdog_s, self._current, (XM430_W350,) * 4, "an OpenMANIPULATOR-X")
+    def _made(self, bus: MotorBus) -> Motors:
+        return Motors(bus, self._options.watchdog_s, self._current, (XM430_W350,) * 4, "an OpenMANIPULATOR-X")
 
     def _scaled(self, servos: Motors) -> AngleScale:
         if servos.current_limit < registers.counts_of_current(WEIGHT_A):
@@ -93,16 +80,6 @@ class ArmExchange(MotorExchange[Vector | None, ArmSample]):
         self._filter.restart()
         self._misses = 0
 
-    def open(self) -> ArmSample:
-        sample = super().open()
-        self._interpolation.restart(_flat(sample))
-        return sample
-
-    def exchange(self, command: Vector | None) -> ArmSample:
-        sample = super().exchange(command)
-        self._interpolation.add(_flat(sample))
-        return sample
-
     def _act(self, command: Vector | None, present: list[MotorReading], angles: Axes, now: float) -> None:
         arm = self._arm = self._mechanics.pose(four(angles))
         goal = self._goal.next(command, arm.tip, now)
@@ -118,13 +95,13 @@ class ArmExchange(MotorExchange[Vector | None, ArmSample]):
         amperes = currents(torques, self._options.torque_constant_n_m_a, self._current)
         return tuple([registers.counts_of_current(each) for each in amperes])
 
-    def _sample(self, present: list[MotorReading], angles: Axes, at: float) -> ArmSample:  # noqa: ARG002
+    def _sample(self, present: list[MotorReading], angles: Axes, at: float) -> TipSample:  # noqa: ARG002
         arm = self._arm
         assert arm is not None
         per_count = self._options.torque_constant_n_m_a * registers.A_PER_COUNT
         torques = four([each.current * per_count for each in present])
         x, y, z = self._filter.next(tip_force(arm, _rates(present), torques, self._friction), at)
-        return ArmSample(at, arm.tip, (x, y, z), arm.joints)
+        return TipSample(at, arm.tip, (x, y, z), arm.joints)
 
     def _leave(self) -> None:
         """Leave the arm holding itself, or limp."""
@@ -135,7 +112,3 @@ class ArmExchange(MotorExchange[Vector | None, ArmSample]):
 
 def _rates(present: list[MotorReading]) -> Joints:
     return four([each.velocity * registers.RAD_S_PER_COUNT for each in present])
-
-
-def _flat(sample: ArmSample) -> TimedValues:
-    return TimedValues(sample.at, (*sample.tip, *sample.force))

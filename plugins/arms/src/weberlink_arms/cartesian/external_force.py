@@ -15,9 +15,9 @@ from typing import Final, NamedTuple
 from weberlink.geometry.vector import Vector
 from weberlink_arms.cartesian.arm import COULOMB_N_M, VISCOUS_N_M_S, ArmPose, Joints
 
+# Smallest singular value of the planar Jacobian, and smallest reach, without damping [m]: below it a torque of
+# 0.02 N m, which is friction, would appear as more than 1 N.
 _FEELS_LEAST_M: Final = 0.02
-"""Smallest singular value of the planar Jacobian, and smallest reach, without damping [m]: below it a torque of
-0.02 N m, which is friction, would appear as more than 1 N."""
 
 
 class JointFriction(NamedTuple):
@@ -63,8 +63,7 @@ def _pressing(posture: ArmPose, torques: Joints) -> Vector:
 
 def _damping(square: float) -> float:
     """Addition to a squared singular value [m^2]; 0 where the direction is observable."""
-    least = _FEELS_LEAST_M**2
-    return max(0.0, least - square)
+    return max(0.0, _FEELS_LEAST_M**2 - square)
 
 
 def force_error(posture: ArmPose, friction: JointFriction, torque_constant_error: float) -> tuple[float, float]:
@@ -76,13 +75,11 @@ def force_error(posture: ArmPose, friction: JointFriction, torque_constant_error
 
     with f' the estimate. So the error is that of friction - (r - 1) gravity, and |r - 1| of f'. Friction at rest may
     have either sign in each joint; r is the same for all motors. The newtons are the worst case over these signs.
-
-    Args:
-        posture: The pose of the arm.
-        friction: Of its joints.
-        torque_constant_error: Largest |r - 1|.
+    `torque_constant_error` is the largest |r - 1|.
     """
-    a, b, c, d = [_pressing(posture, _only(joint, friction.coulomb[joint])) for joint in range(4)]
+    p, q, r, s = friction.coulomb
+    rubs = ((p, 0.0, 0.0, 0.0), (0.0, q, 0.0, 0.0), (0.0, 0.0, r, 0.0), (0.0, 0.0, 0.0, s))
+    a, b, c, d = [_pressing(posture, rub) for rub in rubs]
     g1, g2, g3, g4 = posture.gravity
     e = torque_constant_error
     x, y, z = _pressing(posture, (e * g1, e * g2, e * g3, e * g4))
@@ -91,10 +88,3 @@ def force_error(posture: ArmPose, friction: JointFriction, torque_constant_error
         for i, j, k, m in product((1.0, -1.0), repeat=4)
     )
     return (newtons, torque_constant_error)
-
-
-def _only(joint: int, torque: float) -> Joints:
-    torques = [0.0, 0.0, 0.0, 0.0]
-    torques[joint] = torque
-    a, b, c, d = torques
-    return (a, b, c, d)

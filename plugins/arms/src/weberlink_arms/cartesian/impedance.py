@@ -26,23 +26,15 @@ from weberlink_arms.cartesian.arm import (
 
 
 class ImpedanceGains(NamedTuple):
-    """Gains of the impedance, bounded by `stiffest` and `fastest_damping`.
+    """Gains of the impedance, bounded by `stiffest` and `fastest_damping`."""
 
-    Args:
-        stiffness: Of the tip [N/m].
-        damping_rate: Decay rate of motions [1/s].
-        force: Largest force of the spring [N].
-        rotor: Inertia of each motor at its joint that the damping assumes [kg m^2].
-    """
-
-    stiffness: float = 400.0
-    damping_rate: float = 12.0
-    force: float = 5.0
-    rotor: float = ROTOR_INERTIA_KG_M2
+    stiffness: float = 400.0  # of the tip [N/m]
+    damping_rate: float = 12.0  # decay rate of motions [1/s]
+    force: float = 5.0  # largest of the spring [N]
+    rotor: float = ROTOR_INERTIA_KG_M2  # inertia of each motor at its joint that the damping assumes [kg m^2]
 
 
-SLOWEST_HZ: Final = 200.0
-"""Rate of the bus below which contact with a stiff wall is unstable."""
+SLOWEST_HZ: Final = 200.0  # rate of the bus below which contact with a stiff wall is unstable
 
 
 def fastest_damping(rate: float, rotor: float) -> float:
@@ -69,22 +61,12 @@ def stiffest(damping_rate: float, rate: float, rotor: float) -> float:
 # The springs of pitch and joint limits are proportional to that of the tip, so that one bound holds for all [m^2].
 _PITCH: Final = 0.003
 _LIMIT: Final = 0.006
-LIMIT_MARGIN_RAD: Final = 0.2
-"""Distance from the limit of a joint at which its spring begins."""
-_NULL_LEAST: Final = 1e-4
-"""Below this length of n [m^2] the arm counts as straight, without a null motion."""
+LIMIT_MARGIN_RAD: Final = 0.2  # distance from the limit of a joint at which its spring begins
+_NULL_LEAST: Final = 1e-4  # below this length of n [m^2] the arm counts as straight, without a null motion
 
 
 def joint_torques(posture: ArmPose, rates: Joints, goal: Vector, pitch: float, gains: ImpedanceGains) -> Joints:
-    """Torques of the joints [N m].
-
-    Args:
-        posture: The pose of the arm.
-        rates: Of the joints [rad/s].
-        goal: For the tip [m].
-        pitch: For the gripper [rad].
-        gains: Of spring and damper.
-    """
+    """Torques of the joints [N m] at rates [rad/s], for a goal of the tip [m] and a pitch of the gripper [rad]."""
     tip = posture.tip
     k, most, decay = gains.stiffness, gains.force, gains.damping_rate
     x, y, z = k * (goal[0] - tip[0]), k * (goal[1] - tip[1]), k * (goal[2] - tip[2])
@@ -126,24 +108,17 @@ def currents(torques: Joints, torque_constant: float, most: float) -> Joints:
 
 
 class TipGoal:
-    """Follows commands; once they have stopped, holds the tip where it is, without spring force.
+    """Follows commands; once they have stopped for `patience` [s], holds the tip where it is, without spring force.
 
-    After `place` or such a pause it approaches the next command at a limited speed, and follows without delay once it
-    is there, so the arm never jumps.
-
-    Args:
-        approach_speed: [m/s], > 0.
-        patience: How long the last command holds when no more come [s].
+    After `place` or such a pause it approaches the next command at a limited speed [m/s], and follows without delay
+    once it is there, so the arm never jumps.
     """
 
     def __init__(self, approach_speed: float, patience: float) -> None:
-        self._approach_speed = approach_speed
-        self._patience = patience
+        self._approach_speed, self._patience = approach_speed, patience
         self._point: Vector = ZERO
-        self._following = False
-        self._holding = True
-        self._heard_at = 0.0
-        self._at = 0.0
+        self._following, self._holding = False, True
+        self._heard_at = self._at = 0.0
 
     @property
     def holding(self) -> bool:
@@ -152,9 +127,7 @@ class TipGoal:
 
     def place(self, tip: Vector, now: float) -> None:
         """Hold here [m]."""
-        self._point = tip
-        self._following = False
-        self._holding = True
+        self._point, self._following, self._holding = tip, False, True
         self._at = self._heard_at = now
 
     def next(self, command: Vector | None, tip: Vector, now: float) -> Vector:

@@ -13,9 +13,12 @@ from weberlink_arms.cartesian.arm import (
     AXIS_X_M,
     COULOMB_N_M,
     LEAST_ROTOR_INERTIA_KG_M2,
+    LOWER,
     ROTOR_INERTIA_KG_M2,
+    UPPER,
     VISCOUS_N_M_S,
     ArmPose,
+    Joints,
     Mechanics,
     inverse_nearest,
 )
@@ -82,6 +85,15 @@ class DynamixelOptions(MotorBusOptions):
     @property
     def bus_ids(self) -> tuple[int, ...]:
         return self.ids
+
+    @property
+    def lower(self) -> Joints:
+        """Range of the joints [rad]."""
+        return LOWER
+
+    @property
+    def upper(self) -> Joints:
+        return UPPER
 
     @property
     def gains(self) -> ImpedanceGains:

@@ -19,10 +19,10 @@ from weberlink_arms.dynamixel.registers import (
 from weberlink_arms.servo.bus import ServoBus
 from weberlink_arms.servo.packet import Status
 
+# ROBOTIS U2D2 (identifies as FT232H) and other FTDI adapters; only the motors tell which one leads to an arm.
 USB: Final = (UsbId(0x0403, 0x6014), UsbId(0x0403, 0x6001), UsbId(0x0403, 0x6010), UsbId(0x0403, 0x6015))
-"""ROBOTIS U2D2 (identifies as FT232H) and other FTDI adapters; only the motors tell which one leads to an arm."""
+# Those, and the bus servo board of Waveshare that a Koch arm has (CH343); arms with Feetech servos have it too.
 ARM_USB: Final = (*USB, UsbId(0x1A86, 0x55D3))
-"""Those, and the bus servo board of Waveshare that a Koch arm has (CH343); arms with Feetech servos have it too."""
 SYSFS: Final = Path("/sys/bus/usb-serial/devices")
 _PRESENT: Final = Struct("<hii")
 
@@ -36,15 +36,15 @@ class MotorReading(NamedTuple):
 
 
 class MotorBus(ServoBus):
-    """Motors on one port; see `ServoBus`."""
+    """Motors on one port."""
 
     FRAMING = FRAMING
     PRESENT = (PRESENT_ADDRESS, PRESENT_SIZE)
     PING_SIZE = 3
 
-    def present(self) -> list[MotorReading]:
-        """Measurements of all motors in the order of the axes; raises as `measure`."""
-        return [MotorReading(*_PRESENT.unpack(status.parameters)) for status in self.measure()]
+    @staticmethod
+    def decoded(data: bytes) -> MotorReading:
+        return MotorReading(*_PRESENT.unpack(data))
 
     def check(self, status: Status, what: str) -> None:
         if not status.error:
@@ -53,16 +53,12 @@ class MotorBus(ServoBus):
         if error == CRC_ERROR:
             raise BadReply(f"{self.label(status.id)}: received a garbled request")
         if status.error & ALERT:
-            raise HardwareFault(f"{self.label(status.id)}: {self._alarm(status.id)}")
+            value = self._despite_alarm(status.id, HARDWARE_ERROR)
+            text = hardware_error_text(value)
+            if value & VOLTAGE_ERROR:
+                text += f"; it has {0.1 * self._despite_alarm(status.id, PRESENT_INPUT_VOLTAGE):.1f} V now"
+            raise HardwareFault(f"{self.label(status.id)}: {text}; it stays off until its power was off and on again")
         raise HardwareFault(f"{self.label(status.id)} refuses {what}: {error_text(error)}")
-
-    def _alarm(self, id_: int) -> str:
-        """Meaning of a motor's alarm."""
-        value = self._despite_alarm(id_, HARDWARE_ERROR)
-        text = hardware_error_text(value)
-        if value & VOLTAGE_ERROR:
-            text += f"; it has {0.1 * self._despite_alarm(id_, PRESENT_INPUT_VOLTAGE):.1f} V now"
-        return f"{text}; it stays off until its power was off and on again"
 
     def _despite_alarm(self, id_: int, register: Register) -> int:
         (status,) = self._ask(self.FRAMING.read(id_, register.address, register.size), (id_,), register.size)

@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Callable
 from time import monotonic, sleep
-from typing import Final, TypeVar
+from typing import Final
 
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import BadReply
@@ -12,18 +12,13 @@ from weberlink_arms.dynamixel.bus import MotorBus, MotorReading, latency_advice
 from weberlink_arms.dynamixel.motor_models import CurrentLaw
 from weberlink_arms.dynamixel.motors import Motors
 from weberlink_arms.dynamixel.options import DynamixelArmOptions
+from weberlink_arms.servo.arm import ArmSample
 from weberlink_arms.servo.bus import ServoPort
-from weberlink_arms.servo.exchange import WATCH_EVERY, Command, PositionControl, Sample, ServoExchange
-from weberlink_arms.servo.gravity import Gravity, no_gravity
-from weberlink_arms.servo.options import AngleScale
-from weberlink_arms.servo.threaded_arm import ArmSample
+from weberlink_arms.servo.exchange import WATCH_EVERY, Command, Gravity, Sample, ServoExchange, no_gravity
+from weberlink_arms.servo.position import PositionControl
 
-GRAVITY_RAMP_S: Final = 0.5
-"""Time in which a leader begins to carry its own weight [s]."""
-FULL_RATE_RAD_S: Final = 0.05
-"""Speed from which on dry friction has its full value [rad/s]."""
-
-DynamixelOptions = TypeVar("DynamixelOptions", bound=DynamixelArmOptions)
+GRAVITY_RAMP_S: Final = 0.5  # in which a leader begins to carry its own weight
+FULL_RATE_RAD_S: Final = 0.05  # speed from which on dry friction has its full value
 
 
 class MotorExchange(ServoExchange[Command, Sample]):
@@ -34,20 +29,11 @@ class MotorExchange(ServoExchange[Command, Sample]):
     _laws: tuple[CurrentLaw, ...] = ()
     _ratios: Joints = ()
 
-    def _made(self, port: ServoPort) -> Motors:
+    def _made(self, bus: MotorBus) -> Motors:
         options, layout = self._options, self._options.LAYOUT
         self._signs, self._laws, self._ratios = options.signs, options.laws, options.ratios
-        bus = MotorBus(port, options.baud, options.bus_ids, layout.axes, options.margin_s, self._clock, self._pause)
         current = 1e-3 * options.max_current_ma
         return Motors(bus, options.watchdog_s, current, layout.motors, layout.title, reversible=True)
-
-    def _scaled(self, servos: Motors) -> AngleScale:  # noqa: ARG002
-        scale: AngleScale = self._options.scale
-        return scale
-
-    def _measured(self) -> list[MotorReading]:
-        measured: list[MotorReading] = self._servos.bus.present()
-        return measured
 
     def _prepare(self) -> None:
         self._servos.quicken()
@@ -65,7 +51,7 @@ class MotorExchange(ServoExchange[Command, Sample]):
             motors.watch()
         asked = self._clock()
         try:
-            present = self._measured()
+            present = motors.bus.present()
         except BadReply:
             self._misses += 1
             if self._misses > 1:
@@ -119,7 +105,7 @@ class PositionExchange(MotorExchange[Joints | None, ArmSample]):
 
     def __init__(
         self,
-        options: DynamixelOptions,
+        options: DynamixelArmOptions,
         connect: Callable[[], ServoPort],
         gravity: Gravity = no_gravity,
         clock: Callable[[], float] = monotonic,
@@ -169,5 +155,5 @@ class PositionExchange(MotorExchange[Joints | None, ArmSample]):
         self._servos.stay(None if goals is None else self._scale.counts(goals))
 
     def _place(self) -> Joints:
-        angles = self._angles(self._measured())
+        angles = self._angles(self._servos.bus.present())
         return self.control.raised(angles, self._gravity(angles))

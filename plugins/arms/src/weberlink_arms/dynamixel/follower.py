@@ -20,9 +20,9 @@ from weberlink_arms.dynamixel.motors import watchdog_units
 from weberlink_arms.dynamixel.options import DynamixelArmOptions
 from weberlink_arms.dynamixel.registers import GOAL_POSITION, WATCHDOG_UNIT_S
 from weberlink_arms.servo.arm import ServoFollower, spec_of
-from weberlink_arms.servo.gravity import gravity_of
+from weberlink_arms.servo.exchange import gravity_of
 from weberlink_arms.servo.layout import ArmLayout
-from weberlink_arms.servo.on_close import OnClose
+from weberlink_arms.servo.position import OnClose
 
 ELBOW_GAIN: Final = 1500
 """Position gain that LeRobot gives the elbow of a Koch follower, whose own one is too soft for the weight behind it."""
@@ -141,7 +141,7 @@ class DynamixelFollower(ServoFollower):
 
     def __init__(self, options: DynamixelFollowerOptions, tick_period: float) -> None:
         gravity = gravity_of(options.LAYOUT.name, options.gravity)
-        exchange = PositionExchange(options, self.port(options), gravity)
+        exchange = PositionExchange(options, self.port(options, options.LAYOUT.name), gravity)
         super().__init__(options, _spec(options), exchange, tick_period)
 
 

@@ -18,7 +18,7 @@ from weberlink_arms.dynamixel.motors import watchdog_units
 from weberlink_arms.dynamixel.options import DynamixelArmOptions
 from weberlink_arms.dynamixel.registers import GOAL_CURRENT, WATCHDOG_UNIT_S
 from weberlink_arms.servo.arm import ServoLeader, spec_of
-from weberlink_arms.servo.gravity import gravity_of
+from weberlink_arms.servo.exchange import gravity_of
 from weberlink_arms.servo.layout import ArmLayout
 
 HAND_N_M_S: Final = 0.023
@@ -72,7 +72,7 @@ class DynamixelLeader(ServoLeader):
 
     def __init__(self, options: DynamixelLeaderOptions, tick_period: float) -> None:
         gravity = gravity_of(options.LAYOUT.name, options.gravity)
-        exchange = TorqueExchange(options, self.port(options), gravity)
+        exchange = TorqueExchange(options, self.port(options, options.LAYOUT.name), gravity)
         super().__init__(options, _spec(options), exchange, tick_period)
 
 

@@ -25,19 +25,15 @@ from weberlink_arms.dynamixel.registers import (
     MODE_EXTENDED_POSITION,
     MODE_POSITION,
     POSITION_P_GAIN,
-    RAD_PER_COUNT,
     REGISTERS,
     Register,
 )
+from weberlink_arms.servo.layout import RAD_PER_COUNT
 
-RPM: Final = 2.0 * pi / 60.0
-"""[rad/s]"""
-FULL_DUTY: Final = 885
-"""PWM register of the full supply voltage."""
-LOAD_FULL: Final = 1000.0
-"""Load register of the largest torque."""
-XL330_TEETH: Final = 77.5 / 288.4
-"""Gear ratio of an XL330-M077 over that of an XL330-M288, which has the same motor."""
+RPM: Final = 2.0 * pi / 60.0  # [rad/s]
+FULL_DUTY: Final = 885  # PWM register of the full supply voltage
+LOAD_FULL: Final = 1000.0  # load register of the largest torque
+XL330_TEETH: Final = 77.5 / 288.4  # gear ratio of an XL330-M077 over that of an XL330-M288, which has the same motor
 
 
 class CurrentLaw(StrEnum):
@@ -66,10 +62,9 @@ class MotorModel:
     viscous_n_m_s: float
     rotor_kg_m2: float  # inertia of the rotor, seen behind the gears
     p_divisor: float = 128.0  # of the position gain: duty = gain / p_divisor * error [counts] / 885
+    # Registers whose initial value and range are not those of an XM430-W350.
     differs: Mapping[str, tuple[int, int, int]] = field(default_factory=dict)
-    """Registers whose initial value and range are not those of an XM430-W350."""
-    lacks: frozenset[str] = frozenset()
-    """Names of registers that it does not have."""
+    lacks: frozenset[str] = frozenset()  # names of registers that it does not have
 
     @property
     def constant(self) -> float:
@@ -99,13 +94,9 @@ class MotorModel:
     @cached_property
     def registers(self) -> tuple[Register, ...]:
         """Its control table."""
-        return tuple(self._own(each) for each in REGISTERS if each.name not in self.lacks)
-
-    def _own(self, register: Register) -> Register:
-        if register.name == "model_number":
-            return register._replace(initial=self.number)
-        initial, low, high = self.differs.get(register.name, (register.initial, register.low, register.high))
-        return register._replace(initial=initial, low=low, high=high)
+        own = {**self.differs, "model_number": (self.number, 0, 65_535)}
+        found = [each for each in REGISTERS if each.name not in self.lacks]
+        return tuple(Register(*each[:4], *own.get(each.name, each[4:])) for each in found)
 
     def motor_current(self, counts: int, law: CurrentLaw) -> float:
         """Current of the motor [A] at rest, from the register of the current or load."""

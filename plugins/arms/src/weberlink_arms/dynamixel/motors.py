@@ -9,7 +9,7 @@ from weberlink_arms.dynamixel import registers
 from weberlink_arms.dynamixel.bus import MotorBus
 from weberlink_arms.dynamixel.motor_models import MotorModel
 from weberlink_arms.dynamixel.registers import NAMES, WITHOUT_CURRENT_CONTROL, Register
-from weberlink_arms.servo.servos import Servos
+from weberlink_arms.servo.bus import Servos
 
 
 def watchdog_units(watchdog_s: float) -> int:
@@ -18,15 +18,10 @@ def watchdog_units(watchdog_s: float) -> int:
 
 
 class Motors(Servos[MotorBus]):
-    """The motors of an arm.
+    """The motors of an arm, of these `models` in the order of the joints.
 
-    Args:
-        bus: With their ids in the order of the joints.
-        watchdog_s: Time without instructions after which a motor stops [s].
-        current: Largest one ever commanded, in the unit of the current registers [A].
-        models: Of the motors in that order.
-        arm: What they belong to, for error messages.
-        reversible: Whether a motor may run in reverse mode.
+    A motor stops `watchdog_s` [s] after the last instruction. `current` is the largest one ever commanded, in the unit
+    of the current registers [A]; `arm` is what they belong to, for messages; `reversible`: a motor may run in reverse.
     """
 
     TORQUE = registers.TORQUE_ENABLE
@@ -48,8 +43,7 @@ class Motors(Servos[MotorBus]):
         self._models = tuple(models)
         self._arm, self._reversible = arm, reversible
         self._limits = [floor(current / each.a_per_count) if each.controls_current else 0 for each in self._models]
-        self.current_limit = 0
-        """Largest goal current that all of them accept [counts]."""
+        self.current_limit = 0  # largest goal current that all of them accept [counts]
 
     def advice(self) -> str:
         volts = " and ".join(sorted({f"{each.volts:.0f} V" for each in self._models}, reverse=True))
@@ -66,12 +60,9 @@ class Motors(Servos[MotorBus]):
             if not self._reversible and self.read(id_, registers.DRIVE_MODE) & registers.DRIVE_MODE_REVERSE:
                 raise HardwareFault(f"{bus.label(id_)}: runs in reverse; clear bit 0 of its drive mode (register 10)")
             self._check_supply(id_, model)
-        self._limit()
-
-    def _limit(self) -> None:
-        """Bound the goal currents by what the motors accept; the least of a model holds for all of that model."""
+        # Goal currents are bounded by what the motors accept; the least of a model holds for all of that model.
         accepted: dict[int, int] = {}
-        for id_, model in zip(self.bus.ids, self._models, strict=True):
+        for id_, model in zip(bus.ids, self._models, strict=True):
             if model.controls_current:
                 limit = self.read(id_, registers.CURRENT_LIMIT)
                 accepted[model.number] = min(limit, accepted.get(model.number, limit))
@@ -120,8 +111,7 @@ class Motors(Servos[MotorBus]):
     def engage_positions(self, gains: Sequence[int | None]) -> None:
         """Hold every motor where it is by its position control, which its goal current limits if it has one.
 
-        Args:
-            gains: Of the position error (register 84) of each motor; None for that as delivered.
+        `gains` are those of the position error (register 84) of each motor; None for that as delivered.
         """
         goals: list[int] = []
         for id_, model, limit, gain in zip(self.bus.ids, self._models, self._limits, gains, strict=True):
@@ -151,12 +141,9 @@ class Motors(Servos[MotorBus]):
 
     def command(self, goals: Sequence[int]) -> None:
         """Set goal currents [counts] from joint 1 on, limited to what the motors accept and may have."""
+        motors = zip(self.bus.ids, goals, self._limits, strict=False)
         self.bus.sync_write(
-            registers.GOAL_CURRENT,
-            [
-                (id_, min(max(goal, -limit), limit))
-                for id_, goal, limit in zip(self.bus.ids, goals, self._limits, strict=False)
-            ],
+            registers.GOAL_CURRENT, [(id_, min(max(goal, -limit), limit)) for id_, goal, limit in motors]
         )
 
     def go(self, goals: Sequence[int]) -> None:
@@ -168,11 +155,8 @@ class Motors(Servos[MotorBus]):
         return max(self.bus.silence, now - self.bus.sent_at) >= self._watchdog_s
 
     def watch(self) -> None:
-        """Check torque or watchdog of one motor, in turn, since its measurements do not show them.
-
-        Raises:
-            BadReply: As of the bus.
-            HardwareFault: Its watchdog has tripped, or it was without power.
+        """Check torque or watchdog of one motor, in turn, since its measurements do not show them; HardwareFault if its
+        watchdog has tripped, or it was without power.
         """
         count = len(self.bus.ids)
         number, self._next = self._next, (self._next + 1) % (2 * count)
@@ -211,7 +195,14 @@ class Motors(Servos[MotorBus]):
         for id_, limit in zip(self.bus.ids, self._limits, strict=True):
             # A motor with an alarm is limp already, and must not prevent the others from holding.
             with suppress(HardwareFault):
-                self._leave_one(id_, limit, hold)
+                position = self.bus.read(id_, registers.PRESENT_POSITION)
+                self.write(id_, registers.TORQUE_ENABLE, 0)
+                self.write(id_, registers.BUS_WATCHDOG, 0)
+                if hold:
+                    self.write(id_, registers.OPERATING_MODE, registers.MODE_CURRENT_BASED_POSITION)
+                    self.write(id_, registers.GOAL_CURRENT, limit)
+                    self.write(id_, registers.GOAL_POSITION, position)
+                    self.write(id_, registers.TORQUE_ENABLE, 1)
 
     def release(self) -> None:
         """Let the arm go limp, motors with an alarm that keeps their torque on included; never raises."""
@@ -233,13 +224,3 @@ class Motors(Servos[MotorBus]):
                 self.write(id_, registers.GOAL_POSITION, goal)
                 if model.controls_current:  # that of a motor whose watchdog has tripped may be 0
                     self.write(id_, registers.GOAL_CURRENT, limit)
-
-    def _leave_one(self, id_: int, limit: int, hold: bool) -> None:
-        position = self.bus.read(id_, registers.PRESENT_POSITION)
-        self.write(id_, registers.TORQUE_ENABLE, 0)
-        self.write(id_, registers.BUS_WATCHDOG, 0)
-        if hold:
-            self.write(id_, registers.OPERATING_MODE, registers.MODE_CURRENT_BASED_POSITION)
-            self.write(id_, registers.GOAL_CURRENT, limit)
-            self.write(id_, registers.GOAL_POSITION, position)
-            self.write(id_, registers.TORQUE_ENABLE, 1)

@@ -11,12 +11,9 @@ from typing import Final, NamedTuple
 
 EEPROM_END: Final = 64
 END: Final = 147
-ANY_16: Final = 0x7FFF
+ANY_16: Final = 0x7FFF  # range of a goal that only another register limits
 ANY_32: Final = 0x7FFF_FFFF
-"""Range of a goal that only another register limits."""
-OPENMANIPULATOR_X_MODEL: Final = 1020
-FIRMWARE: Final = 45
-"""New enough for all functions used here (bus watchdog from 38, clear from 42)."""
+FIRMWARE: Final = 45  # new enough for all functions used here (bus watchdog from 38, clear from 42)
 
 
 class Register(NamedTuple):
@@ -52,7 +49,7 @@ def _setting(address: int, size: int, name: str, initial: int, low: int, high: i
 
 
 REGISTERS: Final = (
-    _measured(0, 2, "model_number", OPENMANIPULATOR_X_MODEL),
+    _measured(0, 2, "model_number", 1020),
     _measured(2, 4, "model_information"),
     _measured(6, 1, "firmware_version", FIRMWARE),
     _setting(7, 1, "id", 1, 0, 252),
@@ -124,44 +121,31 @@ PRESENT_POSITION: Final = BY_NAME["present_position"]
 PRESENT_INPUT_VOLTAGE: Final = BY_NAME["present_input_voltage"]
 
 PRESENT_ADDRESS: Final = PRESENT_CURRENT.address
-PRESENT_SIZE: Final = 10
-"""Current, velocity and position are contiguous: one read of 10 bytes."""
+PRESENT_SIZE: Final = 10  # current, velocity and position are contiguous: one read
 
 MODE_CURRENT: Final = 0
 MODE_POSITION: Final = 3
 MODE_EXTENDED_POSITION: Final = 4
 MODE_CURRENT_BASED_POSITION: Final = 5
 
-DRIVE_MODE_REVERSE: Final = 0x01
-"""Bit of the drive mode: position, velocity and current have the opposite sign."""
-
-WATCHDOG_TRIPPED: Final = -1
-"""Read from the bus watchdog: goals are read-only until 0 is written to it."""
+DRIVE_MODE_REVERSE: Final = 0x01  # bit of the drive mode: position, velocity and current have the opposite sign
+WATCHDOG_TRIPPED: Final = -1  # read from the bus watchdog: goals are read-only until 0 is written to it
 WATCHDOG_UNIT_S: Final = 0.020
 WATCHDOG_MOST: Final = 127
-
+# By the value of the register [bit/s]; delivered with 1.
 BAUD_RATES: Final = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
-"""By the value of the register [bit/s]; delivered with 1."""
-
-COUNTS_PER_TURN: Final = 4096
-CENTRE: Final = 2048
-RAD_PER_COUNT: Final = 2.0 * pi / COUNTS_PER_TURN
 RAD_S_PER_COUNT: Final = 0.229 * 2.0 * pi / 60.0
-A_PER_COUNT: Final = 2.69e-3
-"""Of XM430-W350; "about", says the vendor."""
+A_PER_COUNT: Final = 2.69e-3  # of XM430-W350; "about", says the vendor
 
 VOLTAGE_ERROR: Final = 0x01
-HARDWARE_ERRORS: Final = {
+HARDWARE_ERRORS: Final = {  # by the bit of the hardware error register
     0: "input voltage out of range: check the supply",
     2: "overheating: let it cool down",
     3: "encoder fault",
     4: "electrical shock or too little power: check supply and cables",
     5: "overload: it pushed too hard for too long",
 }
-"""By the bit of the hardware error register."""
-
-
-NAMES: Final = {
+NAMES: Final = {  # by model number, those of the vendor's own software
     1000: "XH430-W350",
     1020: "XM430-W350",
     1060: "XL430-W250",
@@ -171,13 +155,7 @@ NAMES: Final = {
     1190: "XL330-M077",
     1200: "XL330-M288",
 }
-"""By model number, those of the vendor's own software."""
 WITHOUT_CURRENT_CONTROL: Final = {1060, 1070, 1080, 1160}
-
-
-def angle(counts: int) -> float:
-    """Angle of a joint [rad] from the position of its motor."""
-    return (counts - CENTRE) * RAD_PER_COUNT
 
 
 def counts_of_current(amperes: float) -> int:
@@ -186,5 +164,4 @@ def counts_of_current(amperes: float) -> int:
 
 def hardware_error_text(value: int) -> str:
     """Meaning of the hardware error register."""
-    names = [HARDWARE_ERRORS.get(bit, f"alarm bit {bit}") for bit in range(8) if value >> bit & 1]
-    return "; ".join(names) if names else "none"
+    return "; ".join(HARDWARE_ERRORS.get(bit, f"alarm bit {bit}") for bit in range(8) if value >> bit & 1) or "none"

@@ -6,9 +6,8 @@ when `advance` is called. Temperature, backlash and cables are not modelled.
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from math import copysign, inf, pi, sin
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field, model_validator
 
@@ -19,10 +18,9 @@ from weberlink_arms.emulators.bus import EmulatedBus, EmulatedServo
 from weberlink_arms.servo.layout import ArmLayout
 from weberlink_arms.servo.packet import Framing
 
-GAP_S = 1.0
-"""Longest time per call; the rest of a longer silence is skipped [s]."""
+GAP_S = 1.0  # longest time per call; the rest of a longer silence is skipped
+# Periods of the hand's motion [s]; different, so that the axes pass through many combinations.
 HAND_S = (4.0, 5.0, 6.0, 7.0, 8.0, 3.0)
-"""Periods of the hand's motion [s]; different, so that the axes pass through many combinations."""
 
 
 class Wall(Options):
@@ -100,87 +98,90 @@ class JointArmOptions(EmulatedBusOptions):
         return self
 
 
-@dataclass
 class Joint:
     """An axis in motion: rotor and link as one inertia, dry and viscous friction, stops, walls, and a person's hand.
 
     Each step is linearly implicit Euler, stable for any stiffness.
     """
 
-    angle: float  # [rad]
-    inertia: float  # [kg m^2]
-    coulomb: float  # [N m]
-    viscous: float  # [N m s]
-    lower: float  # [rad]
-    upper: float
-    stop: float  # stiffness of the stops [N m/rad]
-    stop_damper: float  # [N m s]
-    walls: Sequence[Wall] = ()
-    hand: float = 0.0  # stiffness of the hand [N m/rad]
-    hand_damper: float = 0.0  # [N m s]
-    amplitude: float = 0.0  # of its motion about the start [rad]
-    period: float = 1.0  # [s]
-    push: float = 0.0  # torque of a person besides [N m]
-    velocity: float = field(default=0.0, init=False)  # [rad/s]
-    outside: float = field(default=0.0, init=False)  # torque of hand, person and walls [N m]
-    start: float = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.start = self.angle
+    def __init__(
+        self, options: JointArmOptions, axis: int, inertia: float, coulomb: float, viscous: float, stop: float,
+        stop_damper: float, hand_damper: float,
+    ) -> None:  # fmt: skip
+        """Inertia [kg m^2], friction [N m], [N m s], and stiffness [N m/rad] and dampers [N m s] of stops and hand."""
+        layout = options.LAYOUT
+        self.angle = self._start = options.start[axis]  # [rad]
+        self.velocity = 0.0  # [rad/s]
+        self.push = 0.0  # torque of a person besides the hand [N m]
+        self.outside = 0.0  # torque of hand, person and walls [N m]
+        self._inertia, self._coulomb, self._viscous = inertia, coulomb, viscous
+        self._lower, self._upper = layout.lower[axis], layout.upper[axis]
+        self._stop, self._stop_damper = stop, stop_damper
+        self._walls = [wall for wall in options.walls if wall.joint == layout.axes[axis]]
+        self._hand, self._hand_damper = options.hand_n_m_rad, hand_damper
+        self._amplitude, self._period = options.hand_rad[axis], options.hand_s[axis]
 
     def turn(self, torque: float, time: float, step: float) -> None:
         """Move on by a step [s] under the torque of motor and weight [N m], `time` after the beginning [s]."""
-        spring, damper, push = self._outside(time)
-        inertia = self.inertia + step * (self.viscous + damper + step * spring)
-        momentum = self.inertia * self.velocity + step * (torque + push)
-        self.velocity = copysign(max(0.0, abs(momentum) - step * self.coulomb), momentum) / inertia
-        self.outside = push - (damper + step * spring) * self.velocity
-        self.angle += step * self.velocity
-
-    def _outside(self, time: float) -> tuple[float, float, float]:
-        """Springs [N m/rad] and dampers [N m s], and their torque if the axis stood still [N m]."""
         angle, spring, damper, push = self.angle, 0.0, 0.0, self.push
-        if self.hand > 0.0:
-            spring, damper = self.hand, self.hand_damper
-            push += spring * (self.start + self.amplitude * sin(2.0 * pi * time / self.period) - angle)
-        for wall in self.walls:
+        if self._hand > 0.0:
+            spring, damper = self._hand, self._hand_damper
+            push += spring * (self._start + self._amplitude * sin(2.0 * pi * time / self._period) - angle)
+        for wall in self._walls:
             if depth := wall.depth(angle):
                 spring += wall.stiffness_nm_rad
                 push -= wall.stiffness_nm_rad * depth
-        if not self.lower <= angle <= self.upper:
-            beyond = angle - (self.lower if angle < self.lower else self.upper)
-            spring, damper, push = spring + self.stop, damper + self.stop_damper, push - self.stop * beyond
-        return spring, damper, push
+        if not self._lower <= angle <= self._upper:
+            beyond = angle - (self._lower if angle < self._lower else self._upper)
+            spring, damper, push = spring + self._stop, damper + self._stop_damper, push - self._stop * beyond
+        inertia = self._inertia + step * (self._viscous + damper + step * spring)
+        momentum = self._inertia * self.velocity + step * (torque + push)
+        self.velocity = copysign(max(0.0, abs(momentum) - step * self._coulomb), momentum) / inertia
+        self.outside = push - (damper + step * spring) * self.velocity
+        self.angle += step * self.velocity
 
 
 class ArmEmulator(Emulator, ABC):
     """See `weberlink.hardware.emulator`.
 
-    Args:
-        framing: Of the protocol.
-        servos: In the order of the joints, the gripper last.
-        baud: Rate of the bus [bit/s].
+    `servos` are in the order of the joints, the gripper last; `baud` is the rate of the bus [bit/s].
     """
 
     transport: ClassVar[str] = "serial"
-    NUMBERED: ClassVar[Mapping[str, int]]
-    """Faults of one servo, and the least number that it may have."""
-    STEP: ClassVar[float]
-    """Of integration [s]."""
+    NUMBERED: ClassVar[Mapping[str, int]]  # faults of one servo, and the least number that it may have
+    STEP: ClassVar[float]  # of integration [s]
 
     def __init__(self, framing: Framing, servos: Sequence[EmulatedServo], baud: int) -> None:
         super().__init__()
         self.fault_values = {name: range(least, len(servos) + 1) for name, least in self.NUMBERED.items()}
         self.fault_values["wrong_model"] = range(0x10000)
         self.bus = EmulatedBus(framing, servos, baud)
+        self.servos: Any = servos
         self._steps: int | None = None
         self._began = 0
-        self.motor_nm = [0.0] * len(servos)
-        """Torques of the motors on the axes [N m]."""
+        self.motor_nm = [0.0] * len(servos)  # torques of the motors on the axes [N m]
 
     @abstractmethod
     def _step(self, time: float) -> None:
         """Advance the mechanics by `STEP`, `time` after the beginning [s]."""
+
+    @abstractmethod
+    def _fail(self, name: str, value: float) -> None:
+        """Cause a fault of this kind of arm."""
+
+    def apply_fault(self, name: str, value: float) -> None:
+        match name:
+            case "dead":
+                self.bus.dead = {self.servos[int(value) - 1].id} if value >= 1 else set()
+            case "restart":
+                self.bus.restart()
+                for servo in self.servos:
+                    servo.restart(self._now)
+            case "wrong_model":
+                for servo in self.servos:
+                    servo.rename(int(value))
+            case _:
+                self._fail(name, value)
 
     def _performed(self) -> None:
         """Called after every request."""

@@ -13,15 +13,13 @@ from typing import Protocol
 
 from weberlink_arms.servo.packet import BROADCAST, PING, SYNC_READ, SYNC_WRITE, Framing, Packet, Status
 
-QUEUE = 64
-"""Most requests, and most answers, that wait; more are lost."""
+QUEUE = 64  # most requests, and most answers, that wait; more are lost
 
 
 class EmulatedServo(Protocol):
     """A servo on the bus."""
 
-    heard_at: float
-    """When the last request for it ended [s]."""
+    heard_at: float  # when the last request for it ended [s]
 
     @property
     def id(self) -> int: ...
@@ -44,26 +42,15 @@ class EmulatedServo(Protocol):
 
 
 class EmulatedBus:
-    """Servos on one wire.
-
-    Args:
-        framing: Of the protocol.
-        servos: In any order.
-        baud: Rate of the wire [bit/s].
-    """
+    """Servos on one wire, in any order; `baud` is its rate [bit/s]."""
 
     def __init__(self, framing: Framing, servos: Sequence[EmulatedServo], baud: int) -> None:
-        self._framing = framing
-        self._servos = tuple(servos)
-        self._byte_s = 10.0 / baud
+        self._framing, self._servos, self._byte_s = framing, tuple(servos), 10.0 / baud
         self._reader = framing.requests()
         self._quiet_from = 0.0
         self._requests: deque[tuple[float, Packet]] = deque(maxlen=QUEUE)
         self._replies: deque[tuple[float, bytes]] = deque(maxlen=QUEUE)
-        self.dead: set[int] = set()
-        """Ids that no longer hear or say anything."""
-        self.packets = 0
-        """Requests carried out."""
+        self.dead: set[int] = set()  # ids that no longer hear or say anything
 
     @property
     def next_request(self) -> float:
@@ -86,7 +73,6 @@ class EmulatedBus:
     def perform(self, now: float) -> None:
         """Carry out the oldest request, which is due `now`."""
         _, packet = self._requests.popleft()
-        self.packets += 1
         hearing = [servo for servo in self._servos if servo.id not in self.dead and servo.hears(now)]
         if packet.id != BROADCAST:
             hearing = [servo for servo in hearing if servo.id == packet.id]

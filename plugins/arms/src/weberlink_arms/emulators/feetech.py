@@ -14,15 +14,16 @@ from weberlink_arms.emulators.arm import ArmEmulator, Joint, JointArmOptions
 from weberlink_arms.emulators.feetech_servo import EmulatedServo
 from weberlink_arms.feetech.arm import SO101, Six
 from weberlink_arms.feetech.packet import FRAMING, HIGHEST_ID
-from weberlink_arms.feetech.registers import BAUD_RATES, CENTRE, COUNTS_PER_TURN, MODEL, RAD_PER_COUNT
+from weberlink_arms.feetech.registers import BAUD_RATES
+from weberlink_arms.servo.layout import CENTRE, COUNTS_PER_TURN, RAD_PER_COUNT
 from weberlink_mujoco.arms.models import load
 
 INERTIA_KG_M2: Final = 0.028
 FRICTION_NM: Final = 0.052
 VISCOUS_N_M_S: Final = 0.02
 STOP_N_M_RAD: Final = 50.0
+# Angles of the emulated axes where their servos are in the middle of their turns [rad].
 MIDDLES: Final = (0.0,) * 5 + (0.5 * SO101.upper[-1],)
-"""Angles of the emulated axes where their servos are in the middle of their turns [rad]."""
 
 
 class FeetechEmulatorOptions(JointArmOptions):
@@ -59,21 +60,12 @@ class FeetechEmulator(ArmEmulator):
     def __init__(self, options: FeetechEmulatorOptions | None = None) -> None:
         options = self.Options() if options is None else options
         damper = 2.0 * sqrt(options.hand_n_m_rad * INERTIA_KG_M2)
-        self.joints = [
-            Joint(
-                angle, INERTIA_KG_M2, options.friction_nm, VISCOUS_N_M_S, SO101.lower[axis], SO101.upper[axis],
-                STOP_N_M_RAD, 0.0, [wall for wall in options.walls if wall.joint == SO101.axes[axis]],
-                options.hand_n_m_rad, damper, options.hand_rad[axis], options.hand_s[axis],
-            )
-            for axis, angle in enumerate(options.start)
-        ]  # fmt: skip
-        self.servos = [self._servo(options, axis, id_) for axis, id_ in enumerate(options.bus_ids)]
-        super().__init__(FRAMING, self.servos, options.baud)
+        body = (INERTIA_KG_M2, options.friction_nm, VISCOUS_N_M_S, STOP_N_M_RAD, 0.0, damper)
+        self.joints = [Joint(options, axis, *body) for axis in range(len(SO101.axes))]
+        super().__init__(FRAMING, [self._servo(options, *each) for each in enumerate(options.bus_ids)], options.baud)
         self._gravity = load(SO101.name).gravity if options.weight else None
-        self.held = options.weight
-        """Whether a person still holds the arm against its weight."""
-        self.most_motor_nm = 0.0
-        """Largest torque of a motor since the start [N m]."""
+        self.held = options.weight  # a person still holds the arm against its weight
+        self.most_motor_nm = 0.0  # largest torque of a motor since the start [N m]
 
     @property
     def angles(self) -> list[float]:
@@ -97,31 +89,21 @@ class FeetechEmulator(ArmEmulator):
             )
         servo = EmulatedServo(id_, least, largest, options.supply_v, options.stall_nm[axis], options.rated_v)
         servo.angle = options.start[axis] - MIDDLES[axis]
-        servo.restart()
+        servo.restart(0.0)
         return servo
 
     def _performed(self) -> None:
         self.held = self.held and not all(self.torques_on)
 
-    def apply_fault(self, name: str, value: float) -> None:
-        index = int(value) - 1
+    def _fail(self, name: str, value: float) -> None:
         match name:
             case "overload":
-                self.servos[index].overload()
-            case "dead":
-                self.bus.dead = set() if index < 0 else {self.servos[index].id}
+                self.servos[int(value) - 1].overload()
             case "push":
                 self.joints[1].push = value
-            case "restart":
-                self.bus.restart()
-        for servo in self.servos:
-            match name:
-                case "supply":
+            case "supply":
+                for servo in self.servos:
                     servo.supply = value
-                case "wrong_model":
-                    servo["model"] = int(value) or MODEL
-                case "restart":
-                    servo.restart()
 
     def _step(self, time: float) -> None:
         weights = [0.0] * 6 if self._gravity is None or self.held else self._gravity(tuple(self.angles))

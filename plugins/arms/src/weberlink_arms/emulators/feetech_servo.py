@@ -15,73 +15,49 @@ from weberlink_arms.feetech.arm import NO_LOAD_RAD_S
 from weberlink_arms.feetech.registers import (
     A_PER_COUNT,
     BY_NAME,
-    CENTRE,
-    COUNTS_PER_TURN,
     DUTY_PER_P_RAD,
     EEPROM_END,
     END,
     FULL_LOAD,
     MODE_POSITION,
-    RAD_PER_COUNT,
+    MODEL,
     REGISTERS,
     V_PER_COUNT,
 )
+from weberlink_arms.servo.layout import CENTRE, COUNTS_PER_TURN, RAD_PER_COUNT
 from weberlink_arms.servo.packet import PING, READ, SYNC_READ, WRITE, Packet, Status
 
 STALL_A: Final = 2.7
-FASTEST: Final = 3400
-"""Steps per second of the inner goal when `goal_velocity` is 0."""
-CENTRE_HERE: Final = 128
-"""Written to `torque_enable`: the present position becomes 2048."""
+FASTEST: Final = 3400  # steps per second of the inner goal when `goal_velocity` is 0
+CENTRE_HERE: Final = 128  # written to `torque_enable`: the present position becomes 2048
 _NAME_OF: Final = {register.address + i: register.name for register in REGISTERS for i in range(register.size)}
 
 
 class MotorOrder(NamedTuple):
-    """What the registers command the motor.
+    """What the registers command the motor."""
 
-    Args:
-        goal: From the middle of the turn [counts].
-        fastest: Of the inner goal [counts/s].
-        gain: Duty per error [1/count].
-        most: Largest duty, 0 to 1.
-        dead_zone: Largest error without duty [counts].
-        overload: Duty from which on the servo protects itself after a time.
-    """
-
-    goal: float = 0.0
-    fastest: float = 0.0
-    gain: float = 0.0
-    most: float = 0.0
-    dead_zone: float = 0.0
-    overload: float = 1.0
+    goal: float = 0.0  # from the middle of the turn [counts]
+    fastest: float = 0.0  # of the inner goal [counts/s]
+    gain: float = 0.0  # duty per error [1/count]
+    most: float = 0.0  # largest duty, 0 to 1
+    dead_zone: float = 0.0  # largest error without duty [counts]
+    overload: float = 1.0  # duty from which on the servo protects itself after a time
 
 
 OFF: Final = MotorOrder()
 
 
 class EmulatedServo:
-    """A servo with power, as delivered but for its id and range.
-
-    Args:
-        id_: On the bus.
-        least: Of its range [counts].
-        largest: Of its range [counts].
-        supply: Of the bus [V].
-        stall: Torque at `rated` [N m].
-        rated: [V]
-    """
+    """A servo with power, as delivered but for its id and range [counts]; `stall` is its torque [N m] at `rated` V."""
 
     def __init__(self, id_: int, least: int, largest: int, supply: float, stall: float, rated: float) -> None:
         self.memory = bytearray(END)
         self.heard_at = 0.0
         self.supply = supply
         self._stall, self._rated = stall, rated
-        self.angle = 0.0
-        """From the middle of the turn, without the homing offset [rad]."""
-        self.speed = 0.0
-        """[rad/s]"""
-        self.duty = 0.0
-        """Present duty of the bridge, -1 to 1."""
+        self.angle = 0.0  # from the middle of the turn, without the homing offset [rad]
+        self.speed = 0.0  # [rad/s]
+        self.duty = 0.0  # present one of the bridge, -1 to 1
         self._overloaded_for = 0.0
         self.overloaded = False
         for register in REGISTERS:
@@ -91,7 +67,7 @@ class EmulatedServo:
         self._saved = bytes(self.memory[:EEPROM_END])
         self._inner_goal = 0.0
         self._order = OFF
-        self.restart()
+        self.restart(0.0)
 
     def __getitem__(self, name: str) -> int:
         register = BY_NAME[name]
@@ -129,7 +105,7 @@ class EmulatedServo:
             | packet.OVERLOAD_ERROR * self.overloaded
         )
 
-    def restart(self) -> None:
+    def restart(self, now: float) -> None:  # noqa: ARG002
         """Power cycle: what was saved is kept, everything else as delivered, the torque off."""
         for register in REGISTERS:
             if register.address >= EEPROM_END:
@@ -141,15 +117,14 @@ class EmulatedServo:
         self._inner_goal = self.angle / RAD_PER_COUNT
         self._steer()
 
+    def rename(self, model: int) -> None:
+        """Report another model; 0 for its own."""
+        self["model"] = model or MODEL
+
     def overload(self) -> None:
         """Begin the servo's own protection."""
         self.overloaded = True
         self._steer()
-
-    def read(self, address: int, size: int) -> bytes:
-        """Bytes of registers; zeros where there are none."""
-        self._measure()
-        return bytes(self.memory[address : address + size]).ljust(size, b"\0")
 
     def write(self, address: int, data: bytes) -> int:
         """Takes what can be written; never an error."""
@@ -197,7 +172,9 @@ class EmulatedServo:
         """Carry out a request for this servo; None if it does not answer."""
         given = request.parameters
         if request.instruction in (READ, SYNC_READ) and len(given) == 2:
-            return Status(self.id, self.error, self.read(given[0], given[1]))
+            self._measure()
+            data = bytes(self.memory[given[0] : given[0] + given[1]])
+            return Status(self.id, self.error, data.ljust(given[1], b"\0"))  # zeros where there are no registers
         if request.instruction == WRITE and len(given) >= 2:
             level = self["response_level"]
             self.write(given[0], given[1:])
@@ -210,23 +187,15 @@ class EmulatedServo:
         if order is OFF:
             self.duty = 0.0
             return 0.0
-        self.duty = self._duty(order, step)
-        self._watch_load(order, step)
-        return self._stall * (self.duty * self.supply / self._rated - self.speed / NO_LOAD_RAD_S)
-
-    def _duty(self, order: MotorOrder, step: float) -> float:
         way = order.fastest * step
         self._inner_goal += min(max(order.goal - self._inner_goal, -way), way)
         error = self._inner_goal - self.angle / RAD_PER_COUNT
-        if abs(error) <= order.dead_zone:
-            return 0.0
-        return min(max(order.gain * error, -order.most), order.most)
-
-    def _watch_load(self, order: MotorOrder, step: float) -> None:
-        """The servo's own protection: after a time of overload it pushes with the protective torque only."""
+        self.duty = 0.0 if abs(error) <= order.dead_zone else min(max(order.gain * error, -order.most), order.most)
+        # The servo's own protection: after a time of overload it pushes with the protective torque only.
         self._overloaded_for = self._overloaded_for + step if abs(self.duty) >= order.overload else 0.0
         if self._overloaded_for and self._overloaded_for >= 0.01 * self["protection_time"]:
             self.overload()
+        return self._stall * (self.duty * self.supply / self._rated - self.speed / NO_LOAD_RAD_S)
 
     def _measure(self) -> None:
         current = self.duty * self.supply / self._rated - self.speed / NO_LOAD_RAD_S if self.torque_on else 0.0

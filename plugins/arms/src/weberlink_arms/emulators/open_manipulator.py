@@ -26,10 +26,8 @@ from weberlink_arms.emulators.dynamixel.arm import DynamixelArmEmulator
 from weberlink_mujoco.arms.models import MODELS, compiled, mujoco, read
 
 STEP = DynamixelArmEmulator.STEP
-GRIPPER_N_M, GRIPPER_N_M_S = 0.02, 0.02
-"""Dry and viscous friction of the gripper [N m], [N m s]; guesses."""
-FINGER_M_RAD = 0.015
-"""Way of a finger in the model [m/rad]."""
+GRIPPER_N_M, GRIPPER_N_M_S = 0.02, 0.02  # dry and viscous friction of the gripper; guesses
+FINGER_M_RAD = 0.015  # way of a finger in the model
 EmulatedFriction = Annotated[float, Field(ge=0.0, le=100.0)]
 EmulatedJointFriction = tuple[EmulatedFriction, EmulatedFriction, EmulatedFriction, EmulatedFriction]
 
@@ -75,11 +73,7 @@ class DynamixelEmulatorOptions(EmulatedBusOptions):
 
 
 class Mechanism:
-    """The arm in motion by MuJoCo: weight, rotors, friction, stops, and a scene that its tip touches.
-
-    Args:
-        options: Of the emulated arm.
-    """
+    """The arm in motion by MuJoCo: weight, rotors, friction, stops, and a scene that its tip touches."""
 
     def __init__(self, options: DynamixelEmulatorOptions) -> None:
         path = MODELS[OPEN_MANIPULATOR_X.name]
@@ -95,8 +89,7 @@ class Mechanism:
         model.dof_damping[:5] = (*options.viscous_n_m_s, GRIPPER_N_M_S)
         closed = OPEN_MANIPULATOR_X.offset_rad[4]
         self._data.qpos[:] = (*options.start_rad, closed, FINGER_M_RAD * closed, FINGER_M_RAD * closed)
-        self.force: Vector = ZERO
-        """Of the scene on the tip during the last step [N]."""
+        self.force: Vector = ZERO  # of the scene on the tip during the last step [N]
 
     @property
     def angles(self) -> list[float]:
@@ -153,8 +146,7 @@ class DynamixelEmulator(DynamixelArmEmulator):
         self._options = options = DynamixelEmulatorOptions() if options is None else options
         self._mechanism = Mechanism(options)
         self._look()
-        self.held = options.held
-        """Whether a person still holds the arm."""
+        self.held = options.held  # by a person
         super().__init__(
             OPEN_MANIPULATOR_X, options.bus_ids, baud=options.baud, noise_a=1e-3 * options.current_noise_ma,
             seed=options.seed, constant=options.torque_constant_n_m_a / XM430_W350.constant,

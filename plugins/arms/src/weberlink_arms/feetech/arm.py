@@ -1,4 +1,4 @@
-"""The SO-101: its axes, the options of its bus, and what load and speed mean as a torque."""
+"""The SO-101: its axes, the options of its bus, its cycle, and what load and speed mean as a torque."""
 
 from math import pi
 from typing import Annotated, ClassVar, Final
@@ -6,12 +6,14 @@ from typing import Annotated, ClassVar, Final
 from pydantic import Field
 
 from weberlink.geometry.joints import Joints
+from weberlink.hardware.fault import HardwareFault
 from weberlink_arms.feetech import registers
-from weberlink_arms.feetech.bus import FeetechBus
+from weberlink_arms.feetech.bus import FeetechBus, FeetechServos
 from weberlink_arms.feetech.packet import HIGHEST_ID
 from weberlink_arms.feetech.registers import BAUD_RATES, ORDER_SIZE, Present
-from weberlink_arms.servo.layout import LEROBOT_JOINTS, ArmLayout
-from weberlink_arms.servo.options import ServoOptions
+from weberlink_arms.servo.exchange import Command, Sample, ServoExchange
+from weberlink_arms.servo.layout import COUNTS_PER_TURN, LEROBOT_JOINTS, ArmLayout
+from weberlink_arms.servo.options import AngleScale, ServoOptions
 
 Six = tuple[float, float, float, float, float, float]
 Positive = Annotated[float, Field(gt=0.0, le=100.0)]
@@ -29,8 +31,9 @@ SO101: Final = ArmLayout(
 )
 """Ranges of TheRobotStudio/SO-ARM100, so101_new_calib.xml, whose zeros are the middles of the ranges as LeRobot's
 calibration sets them; the gripper there goes from -0.174533 (closed) to 1.74533."""
-NO_LOAD_RAD_S: Final = 45.0 * 2.0 * pi / 60.0
-"""Speed of the 1/345 servo at its rated voltage, by the vendor."""
+NO_LOAD_RAD_S: Final = 45.0 * 2.0 * pi / 60.0  # speed of the 1/345 servo at its rated voltage, by the vendor
+# Requests in the guardian's message; together longer than a message that it may cut, so that one arrives whole.
+REPEATS: Final = 6
 
 
 class So101Options(ServoOptions):
@@ -72,3 +75,32 @@ def motor_torques(present: list[Present], rates: Joints, options: So101Options, 
         supply = each.voltage * registers.V_PER_COUNT / options.rated_v
         torques.append(unit * (sign * each.load * supply - registers.FULL_LOAD * rate / NO_LOAD_RAD_S))
     return tuple(torques)
+
+
+class FeetechExchange(ServoExchange[Command, Sample]):
+    """Of an SO-101."""
+
+    ZERO_ADVICE = "calibrate the arm with lerobot-calibrate, or check ids, sign and offset_rad"
+
+    def _made(self, bus: FeetechBus) -> FeetechServos:
+        return FeetechServos(bus)
+
+    def _scaled(self, servos: FeetechServos) -> AngleScale:
+        """With the closed gripper of the option or of LeRobot's calibration, which its range holds."""
+        options, scale = self._options, self._options.scale
+        closed = options.gripper_closed
+        if closed is None:
+            low, high = servos.ranges()[-1]
+            if (low, high) == (0, COUNTS_PER_TURN - 1):
+                raise HardwareFault(
+                    "gripper: its range is not calibrated; calibrate the arm with lerobot-calibrate, or give "
+                    "gripper_closed"
+                )
+            closed = low if options.signs[-1] > 0 else high
+        return AngleScale(scale.signs, (*scale.zeros[:-1], closed))
+
+    def _prepare(self) -> None:
+        self._servos.prepare(self._options.p_gain)
+
+    def _advice(self) -> str:
+        return "set rate_hz lower, or use another USB port or host"

@@ -9,6 +9,7 @@ the torque of a load as its slope; what the lever itself weighs is its intercept
 import argparse
 import sys
 from collections.abc import Callable, Sequence
+from statistics import fmean, linear_regression
 from time import monotonic, sleep
 from typing import Final, NamedTuple
 
@@ -16,20 +17,18 @@ from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.serial_port import SerialPort
 from weberlink_arms.feetech import registers
 from weberlink_arms.feetech.arm import SO101, So101Options
-from weberlink_arms.feetech.bus import FeetechBus
+from weberlink_arms.feetech.bus import FeetechBus, FeetechServos
 from weberlink_arms.feetech.packet import FRAMING
-from weberlink_arms.feetech.registers import ORDER_ADDRESS, ORDER_SIZE, RAD_PER_COUNT, Present
-from weberlink_arms.feetech.servos import FeetechServos
+from weberlink_arms.feetech.registers import ORDER_ADDRESS, ORDER_SIZE, Present
+from weberlink_arms.servo.layout import RAD_PER_COUNT
 
 GRAVITY_M_S2: Final = 9.81
-SWAY_RAD: Final = 0.15
-"""How far the servo moves away before it comes back from that side."""
+SWAY_RAD: Final = 0.15  # how far the servo moves away before it comes back from that side
 SETTLE_S: Final = 1.5
 READINGS: Final = 100
 P_GAIN: Final = 32
 FULL_TORQUE: Final = 1000
-MOST_LOAD: Final = 700
-"""Load beyond which the servo's own protection is near (register 36, 80 %)."""
+MOST_LOAD: Final = 700  # load beyond which the servo's own protection is near (register 36, 80 %)
 
 
 class Weighing(NamedTuple):
@@ -49,47 +48,27 @@ class TorqueScale(NamedTuple):
     per_amp: float
     friction: float
     supply: float
-    error: float
-    """Largest distance of a weighing from the line [N m]."""
+    error: float  # largest distance of a weighing from the line [N m]
 
 
 def fit(weighings: Sequence[Weighing]) -> TorqueScale:
-    """The scale of an axis.
-
-    Raises:
-        ValueError: there are fewer than three weights, or the load does not follow them.
-    """
+    """The scale of an axis; ValueError if there are fewer than three weights, or the load does not follow them."""
     if len({each.torque for each in weighings}) < 3:
         raise ValueError("expected at least three different weights; none at all is one of them")
-    torques = [each.torque for each in weighings]
-    per_load, own = _line([each.load for each in weighings], torques)
-    per_amp, _ = _line([each.current for each in weighings], torques)
-    friction = abs(per_load) * _mean([each.friction for each in weighings])
-    error = max(abs(per_load * each.load + own - each.torque) for each in weighings)
-    return TorqueScale(
-        abs(per_load), abs(per_amp), friction, sum(each.supply for each in weighings) / len(weighings), error
-    )
-
-
-def _line(xs: Sequence[float], ys: Sequence[float]) -> tuple[float, float]:
-    """Slope and intercept of y over x by least squares."""
-    x, y = _mean(xs), _mean(ys)
-    spread = sum((each - x) ** 2 for each in xs)
-    if spread == 0.0:
+    torques, loads, currents = ([each[column] for each in weighings] for column in (0, 1, 2))
+    if min(len(set(loads)), len(set(currents))) == 1:
         raise ValueError("the servo measures the same with every weight: is the weight on the lever of this joint?")
-    slope = sum((a - x) * (b - y) for a, b in zip(xs, ys, strict=True)) / spread
-    return slope, y - slope * x
+    per_load, own = linear_regression(loads, torques)
+    per_amp, _ = linear_regression(currents, torques)
+    friction = abs(per_load) * fmean([each.friction for each in weighings])
+    error = max(abs(per_load * each.load + own - each.torque) for each in weighings)
+    return TorqueScale(abs(per_load), abs(per_amp), friction, fmean([each.supply for each in weighings]), error)
 
 
 class Scales:
-    """An arm that weighs with one of its axes; all servos hold their places.
+    """An arm that weighs with the axis of this number; its servos were found, and all hold their places.
 
-    Args:
-        servos: Found, on their bus.
-        axis: Number of the axis, from 0.
-        settle: Time to come to a place and to rest there [s].
-        clock: Monotonic [s].
-        pause: Sleeps [s].
+    `settle` is the time to come to a place and to rest there, `pause` sleeps [s].
     """
 
     def __init__(
@@ -100,24 +79,17 @@ class Scales:
         clock: Callable[[], float] = monotonic,
         pause: Callable[[float], None] = sleep,
     ) -> None:
-        self._servos = servos
-        self._axis = axis
-        self._settle = settle
-        self._clock = clock
-        self._pause = pause
+        self._servos, self._axis, self._settle = servos, axis, settle
+        self._clock, self._pause = clock, pause
         servos.prepare(P_GAIN)
         self._level = [each.position for each in self._first()]
         self._hold(self._level)
 
     def weigh(self, torque: float) -> Weighing:
-        """Weigh a torque [N m] that is on the axis now.
-
-        Raises:
-            HardwareFault: the weight is too heavy, or of the bus.
-        """
+        """Weigh a torque [N m] that is on the axis now; HardwareFault if it is too heavy, or as of the bus."""
         above, below = self._come_from(SWAY_RAD), self._come_from(-SWAY_RAD)
         both = above + below
-        load = _mean([each.load for each in both])
+        load = fmean([each.load for each in both])
         if abs(load) > MOST_LOAD:
             raise HardwareFault(
                 f"{SO101.axes[self._axis]}: a load of {abs(load) / 10:.0f} % is too much; take a lighter weight"
@@ -126,9 +98,9 @@ class Scales:
         return Weighing(
             torque,
             load,
-            sense * _mean([each.current for each in both]) * registers.A_PER_COUNT,
-            0.5 * abs(_mean([each.load for each in above]) - _mean([each.load for each in below])),
-            _mean([each.voltage for each in both]) * registers.V_PER_COUNT,
+            sense * fmean([each.current for each in both]) * registers.A_PER_COUNT,
+            0.5 * abs(fmean([each.load for each in above]) - fmean([each.load for each in below])),
+            fmean([each.voltage for each in both]) * registers.V_PER_COUNT,
         )
 
     def release(self) -> None:
@@ -150,17 +122,13 @@ class Scales:
         self._servos.bus.send(FRAMING.sync_write(ORDER_ADDRESS, ORDER_SIZE, orders))
 
     def _first(self) -> list[Present]:
-        return self._servos.bus.insist(self._servos.bus.exchange)
+        return self._servos.bus.insist(self._servos.bus.present)
 
     def _wait(self, time: float) -> None:
         until = self._clock() + time
         while self._clock() < until:
             self._first()  # an error of a servo ends the weighing
             self._pause(0.02)
-
-
-def _mean(values: Sequence[float]) -> float:
-    return sum(values) / len(values)
 
 
 def main(

@@ -21,38 +21,22 @@ from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.guardian import HoldingGuardian
 from weberlink_arms.feetech import registers
-from weberlink_arms.feetech.arm import SO101, SixPositive, So101Options, motor_torques
+from weberlink_arms.feetech.arm import REPEATS, SO101, FeetechExchange, SixPositive, So101Options, motor_torques
 from weberlink_arms.feetech.bus import USB
-from weberlink_arms.feetech.exchange import FeetechExchange
 from weberlink_arms.feetech.packet import FRAMING
-from weberlink_arms.feetech.registers import (
-    COUNTS_PER_TURN,
-    FULL_LOAD,
-    GOAL_POSITION,
-    ORDER_ADDRESS,
-    ORDER_SIZE,
-    POSITION,
-    RAD_PER_COUNT,
-    Present,
-)
-from weberlink_arms.servo.arm import ServoFollower, spec_of
+from weberlink_arms.feetech.registers import FULL_LOAD, GOAL_POSITION, ORDER_ADDRESS, ORDER_SIZE, POSITION, Present
+from weberlink_arms.servo.arm import ArmSample, ServoFollower, spec_of
 from weberlink_arms.servo.bus import ServoPort
-from weberlink_arms.servo.exchange import WATCH_EVERY, PositionControl
-from weberlink_arms.servo.gravity import Gravity, gravity_of
-from weberlink_arms.servo.on_close import OnClose
-from weberlink_arms.servo.threaded_arm import ArmSample
+from weberlink_arms.servo.exchange import WATCH_EVERY, Gravity, gravity_of
+from weberlink_arms.servo.layout import COUNTS_PER_TURN, RAD_PER_COUNT
+from weberlink_arms.servo.position import OnClose, PositionControl
 
-STALL_NM: Final = 1.91
-"""Of the C001 (1/345) at 7.4 V, by the vendor: 19.5 kg cm; the C018 has 2.94 N m (30 kg cm) at 12 V."""
-LEASE_S: Final = 0.1
-"""Beyond two cycles, time without one after which the guardian takes this process for stopped [s]."""
-REPEATS: Final = 6
-"""Requests in the guardian's message; together longer than a message that it may cut, so that one arrives whole."""
-GRAVITY_NM: Final = 0.9
-"""Largest torque of the arm's own weight, by its model stretched out from the shoulder."""
+STALL_NM: Final = 1.91  # of the C001 (1/345) at 7.4 V, by the vendor: 19.5 kg cm; the C018 has 30 kg cm at 12 V
+LEASE_S: Final = 0.1  # beyond two cycles, time without one after which the guardian takes this process for stopped
+GRAVITY_NM: Final = 0.9  # largest torque of the arm's own weight, by its model stretched out from the shoulder
+# Share of a torque by the data sheet, and by a calibration, that may be wrong; chosen, not measured.
 LOAD_ERROR: Final = 0.3
 CALIBRATED_ERROR: Final = 0.1
-"""Share of a torque by the data sheet, and by a calibration, that may be wrong; chosen, not measured."""
 
 Limit = Annotated[int, Field(ge=50, le=1000)]
 Friction = Annotated[float, Field(ge=0.0, le=5.0)]
@@ -112,7 +96,8 @@ class So101Follower(ServoFollower):
     def __init__(self, options: So101FollowerOptions, tick_period: float) -> None:
         guardian = HoldingGuardian(LEASE_S + 2.0 * (1.0 / options.rate_hz + options.margin_s))
         gravity = gravity_of(SO101.name, options.gravity)
-        exchange = FollowerExchange(options, self.port(options, guardian), gravity, guardian=guardian)
+        connect = self.port(options, options.LAYOUT.name, guardian)
+        exchange = FollowerExchange(options, connect, gravity, guardian=guardian)
         super().__init__(options, _spec(options), exchange, tick_period)
 
 
@@ -136,16 +121,7 @@ def _spec(options: So101FollowerOptions) -> ArmSpec:
 
 
 class FollowerExchange(FeetechExchange[Joints | None, ArmSample]):
-    """The work of the bus thread; a command is angles to go to [rad], None to stay.
-
-    Args:
-        options: Of the follower.
-        connect: Opens the port, at every opening.
-        gravity: Torque that holds the arm at given angles [N m].
-        clock: Monotonic [s].
-        pause: Sleeps [s].
-        guardian: Of the port; None for none.
-    """
+    """The work of the bus thread; a command is angles to go to [rad], None to stay."""
 
     def __init__(
         self,
@@ -189,7 +165,7 @@ class FollowerExchange(FeetechExchange[Joints | None, ArmSample]):
         if self.control.sinks or command is not None:
             orders = self._orders(self.control.goal)
         asked = self._clock()
-        present = self._servos.bus.exchange(orders)
+        present = self._servos.bus.present(orders)
         return self._sample(present, self._angles(present), 0.5 * (asked + self._clock()))
 
     def _hold(self, goals: Joints) -> None:

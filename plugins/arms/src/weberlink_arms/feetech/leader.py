@@ -20,31 +20,18 @@ from weberlink.arms.contract import ArmSpec
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.guardian import Guardian
 from weberlink_arms.feetech import registers
-from weberlink_arms.feetech.arm import SO101, Six, So101Options
-from weberlink_arms.feetech.bus import USB
-from weberlink_arms.feetech.exchange import FeetechExchange
+from weberlink_arms.feetech.arm import REPEATS, SO101, FeetechExchange, Six, So101Options
+from weberlink_arms.feetech.bus import USB, FeetechBus, FeetechServos, torque_off
 from weberlink_arms.feetech.packet import FRAMING
-from weberlink_arms.feetech.registers import (
-    DUTY_PER_P_RAD,
-    FULL_LOAD,
-    ORDER_ADDRESS,
-    ORDER_SIZE,
-    RAD_PER_COUNT,
-    Present,
-)
-from weberlink_arms.feetech.servos import FeetechServos, torque_off
-from weberlink_arms.servo.arm import ServoLeader, spec_of
+from weberlink_arms.feetech.registers import DUTY_PER_P_RAD, FULL_LOAD, ORDER_ADDRESS, ORDER_SIZE, Present
+from weberlink_arms.servo.arm import ArmSample, ServoLeader, spec_of
 from weberlink_arms.servo.bus import ServoPort
-from weberlink_arms.servo.threaded_arm import ArmSample
+from weberlink_arms.servo.layout import COUNTS_PER_TURN, RAD_PER_COUNT
 
 STALL_NM: Final[Six] = (2.16, 1.91, 2.16, 1.37, 1.37, 1.37)
 """At 7.4 V, by the vendor: C044 (1/191, 22 kg cm), C001 (1/345, 19.5 kg cm), C044, and three C046 (1/147, 14 kg cm)."""
-LEAST_V: Final = 4.0
-"""Least supply that the orders make up for [V]; a servo reports an error below that."""
-REPEATS: Final = 6
-"""Requests in the guardian's message; together longer than a message that it may cut, so that one arrives whole."""
-RELEASE: Final = 0.5
-"""Share of the dead zone below which a torque that was displayed ends."""
+LEAST_V: Final = 4.0  # least supply that the orders make up for; a servo reports an error below that
+RELEASE: Final = 0.5  # share of the dead zone below which a torque that was displayed ends
 
 
 class So101LeaderOptions(So101Options):
@@ -87,7 +74,7 @@ class So101Leader(ServoLeader):
 
     def __init__(self, options: So101LeaderOptions, tick_period: float) -> None:
         guardian = Guardian(b"")
-        exchange = LeaderExchange(options, self.port(options, guardian), guardian)
+        exchange = LeaderExchange(options, self.port(options, options.LAYOUT.name, guardian), guardian)
         super().__init__(options, _spec(options), exchange, tick_period)
 
 
@@ -110,15 +97,7 @@ def _spec(options: So101LeaderOptions) -> ArmSpec:
 
 
 class LeaderExchange(FeetechExchange[Joints, ArmSample]):
-    """The work of the bus thread; a command is the torques to display [N m], within those of the options.
-
-    Args:
-        options: Of the leader.
-        connect: Opens the port, at every opening.
-        guardian: Of the port.
-        clock: Monotonic [s].
-        pause: Sleeps [s].
-    """
+    """The work of the bus thread; a command is the torques to display [N m], within those of the options."""
 
     def __init__(
         self,
@@ -141,9 +120,9 @@ class LeaderExchange(FeetechExchange[Joints, ArmSample]):
         self._pushing = [False] * 6
         self._present: list[Present] = []
 
-    def _made(self, port: ServoPort) -> FeetechServos:
-        port.write(self._off)
-        return super()._made(port)
+    def _made(self, bus: FeetechBus) -> FeetechServos:
+        bus.send(self._off)
+        return super()._made(bus)
 
     def _engage(self, angles: Joints, now: float) -> None:  # noqa: ARG002 - torque is on only while it is displayed
         self._pushing = [False] * 6
@@ -151,7 +130,7 @@ class LeaderExchange(FeetechExchange[Joints, ArmSample]):
     def exchange(self, command: Joints) -> ArmSample:
         orders = self._orders(command)
         asked = self._clock()
-        present = self._servos.bus.exchange(orders)
+        present = self._servos.bus.present(orders)
         return self._sample(present, self._angles(present), 0.5 * (asked + self._clock()))
 
     def _orders(self, torques: Joints) -> bytes:
@@ -174,7 +153,7 @@ class LeaderExchange(FeetechExchange[Joints, ArmSample]):
         ahead = torque / self._stiffness[axis] / RAD_PER_COUNT * self._options.signs[axis]
         # Two counts more, since the servo has a dead zone of one.
         goal = present.position + round(ahead + copysign(2.0, ahead))
-        goal = min(registers.COUNTS_PER_TURN - 1, max(0, goal))
+        goal = min(COUNTS_PER_TURN - 1, max(0, goal))
         options, limit = self._options, round(abs(torque) / self._per_load[axis])
         limit = min(options.torque_limit, max(options.least_limit, limit))
         return registers.order(True, goal, limit)

@@ -21,12 +21,10 @@ VOLTAGE_ERROR: Final = 1
 HEAT_ERROR: Final = 4
 OVERLOAD_ERROR: Final = 32
 
-LONGEST_LENGTH: Final = 250
-"""Largest length byte that a reader accepts, that of Feetech's SDK."""
+LONGEST_LENGTH: Final = 250  # largest length byte that a reader accepts, that of Feetech's SDK
 
 
 def checksum(data: bytes | bytearray) -> int:
-    """Of the bytes from the id to the last parameter."""
     return ~sum(data) & 0xFF
 
 

@@ -5,12 +5,10 @@ the sign bit of the load, and defaults: Feetech's memory table of the STS series
 sign bit, not a two's complement.
 """
 
-from math import pi
 from typing import Final, NamedTuple
 
 MODEL: Final = 777
-EEPROM_END: Final = 40
-"""Registers below this address survive a power cycle if they were written with `lock` at 0."""
+EEPROM_END: Final = 40  # registers below survive a power cycle if they were written with `lock` at 0
 END: Final = 87
 
 
@@ -109,34 +107,26 @@ POSITION: Final = BY_NAME["position"]
 MODE_POSITION: Final = 0
 
 ORDER_ADDRESS: Final = TORQUE_ENABLE.address
-ORDER_SIZE: Final = 10
-"""Torque, acceleration, goal, time, velocity and torque limit are contiguous: one write of 10 bytes."""
-PRESENT_ADDRESS: Final = BY_NAME["position"].address
-PRESENT_SIZE: Final = 15
-"""Position to current: one read of 15 bytes."""
+ORDER_SIZE: Final = 10  # torque, acceleration, goal, time, velocity and torque limit are contiguous: one write
+PRESENT_ADDRESS: Final = POSITION.address
+PRESENT_SIZE: Final = 15  # position to current: one read
 
-COUNTS_PER_TURN: Final = 4096
-CENTRE: Final = 2048
-RAD_PER_COUNT: Final = 2.0 * pi / COUNTS_PER_TURN
-FULL_LOAD: Final = 1000
-"""Load and torque limit are shares of the full supply voltage in 0.1 %."""
+FULL_LOAD: Final = 1000  # load and torque limit are shares of the full supply voltage in 0.1 %
 A_PER_COUNT: Final = 6.5e-3
 V_PER_COUNT: Final = 0.1
+# Share of the supply voltage for a P gain of 1 and an error of 1 rad, measured with an oscilloscope on the STS3215:
+# 0.166 (Rhoban/bam, feetech/actuator.py), 0.165 (kscalelabs/sysid, STS_3215_12V).
 DUTY_PER_P_RAD: Final = 0.165
-"""Share of the supply voltage for a P gain of 1 and an error of 1 rad, measured with an oscilloscope on the STS3215:
-0.166 (Rhoban/bam, feetech/actuator.py), 0.165 (kscalelabs/sysid, STS_3215_12V)."""
 
+# By the value of the register, as LeRobot has them; delivered with 0.
 BAUD_RATES: Final = (1_000_000, 500_000, 250_000, 128_000, 115_200, 57_600, 38_400, 19_200)
-"""By the value of the register, as LeRobot has them; delivered with 0."""
-
-ERRORS: Final = {
+ERRORS: Final = {  # by the bit of the error byte
     1: "voltage",
     2: "angle sensor fault",
     4: "overheating: let it cool down",
     8: "overcurrent",
     32: "overload: it pushed too hard for too long",
 }
-"""By the bit of the error byte."""
 
 
 class Present(NamedTuple):

@@ -1,52 +1,48 @@
 """The drivers of arms with servos, whatever the servos are."""
 
-from collections.abc import Callable
 from time import monotonic, sleep
-from typing import Any, ClassVar, Final, TypeVar
+from typing import Any, Final, NamedTuple
 
-from weberlink.arms.contract import ArmSpec
-from weberlink.geometry.joints import Joints
-from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_ports
-from weberlink.hardware.guardian import Guardian
-from weberlink.hardware.serial_port import SerialPort
-from weberlink.hardware.worker import Exchange
-from weberlink.registry import Tier
-from weberlink_arms.servo.exchange import PositionControl
-from weberlink_arms.servo.on_close import SINK_S, OnClose
+from weberlink.arms.contract import ArmFault, ArmReading, ArmSpec
+from weberlink.geometry.joints import Joints, is_finite
+from weberlink.hardware.worker import Command, Exchange
+from weberlink_arms.servo.driver import BusDriver, TimedValues
 from weberlink_arms.servo.options import ServoOptions
-from weberlink_arms.servo.threaded_arm import ArmSample, ThreadedArm
+from weberlink_arms.servo.position import SINK_S, OnClose, PositionControl
 
+# A command ends this long, or three ticks, after it was given; a follower holds its last goal then [s].
 LEADER_STALE_S: Final = 0.02
 FOLLOWER_STALE_S: Final = 0.1
-"""A command ends this long, or three ticks, after it was given; a follower holds its last goal then [s]."""
-LOOK_S: Final = 0.02
-"""Between two looks at an arm that sinks [s]."""
-
-Command = TypeVar("Command")
+LOOK_S: Final = 0.02  # between two looks at an arm that sinks
 
 
-class ServoArm(ThreadedArm[Command]):
+class ArmSample(NamedTuple):
+    """Measured at `at` [s]: angles [rad] and torques of the environment [N m] of all axes."""
+
+    at: float
+    angles: Joints
+    torques: Joints
+
+    @property
+    def flat(self) -> TimedValues:
+        return TimedValues(self.at, self.angles + self.torques)
+
+
+class ServoArm(BusDriver[Command, ArmSample]):
     """An arm on a bus."""
 
-    TIER: ClassVar[Tier] = "emulated only"
-    USB: ClassVar[tuple[UsbId, ...]]
-    KEY: ClassVar[str]
-    """Of the port, in a file."""
+    FAULT = ArmFault
 
-    @classmethod
-    def plugged(cls) -> list[PluggedDevice]:
-        """Adapters that may lead to an arm."""
-        return serial_ports(cls.USB)
+    def _reading(self, at: float, values: tuple[float, ...], sampled_at: float) -> ArmReading:
+        axes = self.spec.axes
+        return ArmReading(at, values[:axes], values[axes:], sampled_at=sampled_at)
 
-    @classmethod
-    def port(cls, options: ServoOptions, guardian: Guardian | None = None) -> Callable[[], SerialPort]:
-        """Opens the port that the options name, or the only one."""
-
-        def connect() -> SerialPort:
-            path = options.port or only(cls.plugged(), options.LAYOUT.name, cls.KEY).path
-            return SerialPort(path, options.baud, guardian)
-
-        return connect
+    def _command(self, command: Command, values: Joints, now: float) -> None:
+        """Set the command of these values; raises ValueError for one that is not finite or not of this arm."""
+        if len(values) != self.spec.axes or not is_finite(values):
+            raise ValueError(f"{self.spec.name}: expected {self.spec.axes} finite values, got {values}")
+        if self._is_open:
+            self._worker.command(command, now)
 
 
 class ServoLeader(ServoArm[Joints]):
@@ -59,11 +55,10 @@ class ServoLeader(ServoArm[Joints]):
     ) -> None:
         super().__init__(
             spec,
+            options,
             exchange,
             rest=(0.0,) * spec.axes,
             stale=max(LEADER_STALE_S, 3.0 * tick_period),
-            bad_replies=options.bad_replies,
-            reconnect=options.reconnect_s,
             scale=lambda torques, share: tuple([share * each for each in torques]),
         )
 
@@ -78,14 +73,7 @@ class ServoFollower(ServoArm[Joints | None]):
     KEY = "slave.robot.port"
 
     def __init__(self, options: Any, spec: ArmSpec, exchange: Any, tick_period: float) -> None:
-        super().__init__(
-            spec,
-            exchange,
-            rest=None,
-            stale=max(FOLLOWER_STALE_S, 3.0 * tick_period),
-            bad_replies=options.bad_replies,
-            reconnect=options.reconnect_s,
-        )
+        super().__init__(spec, options, exchange, rest=None, stale=max(FOLLOWER_STALE_S, 3.0 * tick_period))
         self._control: PositionControl = exchange.control
         self._sinks = options.on_close is OnClose.SINK
 

@@ -1,21 +1,18 @@
-"""The bus of the servos: requests, their answers within a deadline, and errors that name joint and id."""
+"""The servos of an arm on their bus: requests, answers within a deadline, and errors that name joint and id."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from time import monotonic, sleep
-from typing import ClassVar, Final, Protocol, TypeVar
+from typing import Any, ClassVar, Final, Generic, Protocol, TypeVar
 
-from weberlink.hardware.fault import BadReply
+from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink_arms.servo.packet import Framing, Status
 
 BITS_PER_BYTE: Final = 10
-SETTLE_S: Final = 0.003
-"""Time of silence after a bad answer [s], so that a late answer is not taken for the next one."""
+SETTLE_S: Final = 0.003  # of silence after a bad answer, so that a late answer is not taken for the next one
 _SETTLE_MOST: Final = 8
-ADAPTER_S: Final = 0.0002
-"""Least delay of any adapter beyond the time on the wire [s]."""
-TRIES: Final = 12
-"""At opening, where a late answer must not be fatal; together longer than a pause of a busy host."""
+ADAPTER_S: Final = 0.0002  # least delay of any adapter beyond the time on the wire
+TRIES: Final = 12  # at opening, where a late answer must not be fatal; together longer than a pause of a busy host
 
 Reply = TypeVar("Reply")
 
@@ -49,23 +46,18 @@ class Register(Protocol):
 
 
 class ServoBus:
-    """Servos on one port.
+    """Servos on one open port at their rate `baud` [bit/s], `ids` in the order of the axes.
 
-    Args:
-        port: Open, at the rate of the servos.
-        baud: That rate [bit/s].
-        ids: Of the servos, in the order of the axes.
-        names: Of the axes, for messages; numbers if empty.
-        margin: Longest time of an answer beyond its time on the wire [s]: adapter, host and return delay.
-        clock: Monotonic [s].
-        pause: Sleeps [s].
+    `names` are those of the axes, for messages; numbers if empty. `margin` is the longest time of an answer beyond its
+    time on the wire [s]: adapter, host and return delay. `pause` sleeps [s].
+
+    What asks raises BadReply where there is no good answer, and HardwareFault if a servo refuses (see `check`) or the
+    port is gone.
     """
 
     FRAMING: ClassVar[Framing]
-    PRESENT: ClassVar[tuple[int, int]]
-    """Address and size of all measurements."""
-    PING_SIZE: ClassVar[int] = 0
-    """Bytes of data in the answer to a ping."""
+    PRESENT: ClassVar[tuple[int, int]]  # address and size of all measurements
+    PING_SIZE: ClassVar[int] = 0  # bytes of data in the answer to a ping
 
     def __init__(
         self,
@@ -80,18 +72,12 @@ class ServoBus:
         self.ids, self.baud = tuple(ids), baud
         self._names = dict(zip(ids, names or [f"joint {number + 1}" for number in range(len(ids))], strict=True))
         self._ask_present = self.FRAMING.sync_read(*self.PRESENT, self.ids)
-        self._port = port
-        self._byte_s = BITS_PER_BYTE / baud
-        self._margin = margin
-        self._clock = clock
-        self._pause = pause
+        self._port, self._byte_s, self._margin = port, BITS_PER_BYTE / baud, margin
+        self._clock, self._pause = clock, pause
         self._reader = self.FRAMING.answers()
-        self._unsettled = False
-        self._marks = 0
-        self.sent_at = clock()
-        """When the last request was sent [s]."""
-        self.silence = 0.0
-        """Longest time between two requests since this was set to 0 [s]."""
+        self._unsettled, self._marks = False, 0
+        self.sent_at = clock()  # when the last request was sent [s]
+        self.silence = 0.0  # longest time between two requests since this was set to 0 [s]
 
     @property
     def path(self) -> str:
@@ -105,63 +91,56 @@ class ServoBus:
         """Raise the error that an answer reports, if it is one for any request."""
 
     def ping(self, id_: int) -> bytes:
-        """What it answers, whatever errors it has.
-
-        Raises:
-            BadReply: no good answer.
-            HardwareFault: the port is gone.
-        """
+        """What it answers, whatever errors it has."""
         (status,) = self._ask(self.FRAMING.ping(id_), (id_,), self.PING_SIZE)
         return status.parameters
 
     def read(self, id_: int, register: Register) -> int:
-        """The value of a register.
-
-        Raises:
-            BadReply: no good answer.
-            HardwareFault: the servo refuses, see `check`, or the port is gone.
-        """
+        """The value of a register."""
         request = self.FRAMING.read(id_, register.address, register.size)
         (status,) = self._ask(request, (id_,), register.size)
         self.check(status, f"a read of register {register.address}")
         return register.decode(status.parameters)
 
     def write(self, id_: int, register: Register, value: int) -> None:
-        """Set a register and wait for the confirmation; raises as `read` does."""
+        """Set a register and wait for the confirmation."""
         request = self.FRAMING.write(id_, register.address, register.encode(value))
         (status,) = self._ask(request, (id_,), 0)
         self.check(status, f"{value} in register {register.address}")
 
     def sync_write(self, register: Register, values: Sequence[tuple[int, int]]) -> None:
-        """Set a register of several servos to (id, value) each, without confirmation; HardwareFault as `send`."""
+        """Set a register of several servos to (id, value) each, without confirmation."""
         encoded = [(id_, register.encode(value)) for id_, value in values]
         self.send(self.FRAMING.sync_write(register.address, register.size, encoded))
 
     def send(self, requests: bytes) -> None:
-        """Send requests that no servo answers; raises HardwareFault if the port is gone."""
+        """Send requests that no servo answers."""
         now = self._clock()
         self.silence = max(self.silence, now - self.sent_at)
         self.sent_at = now
         self._port.write(requests)
 
-    def measure(self, orders: bytes = b"") -> list[Status]:
+    def present(self, orders: bytes = b"") -> list[Any]:
         """The measurements of all servos, in the order of the axes; each measures when it answers.
 
-        Args:
-            orders: Requests that no servo answers; they leave immediately before, in one message, so that a guardian
-                sees both as one. While a late answer may come they leave alone: what makes servos safe does not wait.
-
-        Raises:
-            BadReply: an answer was missing, late or garbled.
-            HardwareFault: see `check`.
+        `orders` are requests that no servo answers. They leave immediately before, in one message, so that a guardian
+        sees both as one. While a late answer may come they leave alone: what makes servos safe does not wait.
         """
         if self._unsettled and orders:
             self.send(orders)
             orders = b""
         statuses = self._ask(orders + self._ask_present, self.ids, self.PRESENT[1])
         for status in statuses:
-            self.check(status, "a read of what it measures")
-        return statuses
+            self._check_present(status)
+        return [self.decoded(status.parameters) for status in statuses]
+
+    @staticmethod
+    def decoded(data: bytes) -> Any:
+        """What a servo measures."""
+        raise NotImplementedError
+
+    def _check_present(self, status: Status) -> None:
+        self.check(status, "a read of what it measures")
 
     def insist(self, ask: Callable[[], Reply]) -> Reply:
         """What `ask` gives, tried again after bad answers."""
@@ -191,13 +170,11 @@ class ServoBus:
                 raise BadReply(f"{self.label(ids[len(statuses)])}: its answer was {complaint}")
             for status in reader.feed(data):
                 # Any other answer belongs to another servo or to an earlier request.
-                if len(statuses) < len(ids) and status.id == ids[len(statuses)] and self._fits(status, size):
+                fits = len(status.parameters) == size or status.error & self.FRAMING.REFUSAL
+                if len(statuses) < len(ids) and status.id == ids[len(statuses)] and fits:
                     statuses.append(status)
         self._unsettled = False
         return statuses
-
-    def _fits(self, status: Status, size: int) -> bool:
-        return len(status.parameters) == size or bool(status.error & self.FRAMING.REFUSAL)
 
     def _mark(self) -> None:
         """Wait until no answer to an earlier request can arrive any more.
@@ -222,3 +199,57 @@ class ServoBus:
         for _ in range(_SETTLE_MOST if self._unsettled else 0):
             if not self._port.read(self._clock() + SETTLE_S):
                 return
+
+
+Bus = TypeVar("Bus", bound=ServoBus)
+
+
+class Servos(Generic[Bus]):
+    """All servos of an arm; a subclass says what they are, and sets them up."""
+
+    TORQUE: ClassVar[Register]  # whether the torque is on
+    KIND: ClassVar[str]
+
+    def __init__(self, bus: Bus) -> None:
+        self.bus = bus
+        self._next = 0
+
+    def advice(self) -> str:
+        """What to check where none answers."""
+        raise NotImplementedError
+
+    def find(self) -> None:
+        """Check that all are there; raises HardwareFault with what to check."""
+        bus = self.bus
+        missing = [id_ for id_ in bus.ids if not self._answers(id_)]
+        if len(missing) == len(bus.ids):
+            raise HardwareFault(f"{bus.path}: no {self.KIND} answers at {bus.baud} bit/s: check {self.advice()}")
+        if missing:
+            raise HardwareFault(
+                f"{', '.join(map(bus.label, missing))}: no answer at {bus.baud} bit/s, but others answer: check the "
+                "cable to it, its id and its baud rate"
+            )
+
+    def watch(self) -> None:
+        """Check the torque of one servo, in turn, since its measurements do not show it; HardwareFault if it is off."""
+        ids = self.bus.ids
+        self.check_torque(ids[self._next])
+        self._next = (self._next + 1) % len(ids)
+
+    def check_torque(self, id_: int) -> None:
+        if not self.bus.read(id_, self.TORQUE):
+            raise HardwareFault(f"{self.bus.label(id_)}: its torque is off; was it without power?")
+
+    def read(self, id_: int, register: Register) -> int:
+        """A register, with patience."""
+        return self.bus.insist(lambda: self.bus.read(id_, register))
+
+    def write(self, id_: int, register: Register, value: int) -> None:
+        self.bus.insist(lambda: self.bus.write(id_, register, value))
+
+    def _answers(self, id_: int) -> bool:
+        try:
+            self.bus.insist(lambda: self.bus.ping(id_))
+        except BadReply:
+            return False
+        return True

@@ -1,43 +1,39 @@
-"""One cycle on the bus of an arm: how it opens, how it is left, and what a follower senses."""
+"""One cycle on the bus of an arm: how it opens, and how it is left."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from contextlib import suppress
-from math import inf
 from time import monotonic, sleep
 from typing import Any, Final, Generic, TypeVar
 
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import HardwareFault
-from weberlink_arms.servo.bus import ServoPort
-from weberlink_arms.servo.filter import LowPass
-from weberlink_arms.servo.gravity import Gravity, no_gravity
-from weberlink_arms.servo.on_close import LEAST_RAD, LIES_S, SETTLE_S, SINK_RAD_S, give_way
+from weberlink_arms.servo.bus import ServoBus, ServoPort, Servos
 from weberlink_arms.servo.options import AngleScale
-from weberlink_arms.servo.pace import check_pace
-from weberlink_arms.servo.servos import Servos
+from weberlink_mujoco.arms.models import load
 
 Command = TypeVar("Command")
 Sample = TypeVar("Sample")
-Present = list[Any]
-"""Measurements of all servos, of a type of their own."""
+Present = list[Any]  # measurements of all servos, of a type of their own
+Gravity = Callable[[Joints], Joints]  # torques of all axes [N m] that hold the arm at these angles [rad]
 
-WATCH_EVERY: Final = 25
-"""Cycles between two checks of a servo."""
-BEYOND_RAD: Final = 0.35
-"""Largest angle of an axis beyond its range at opening; more means that its zero is wrong."""
+WATCH_EVERY: Final = 25  # cycles between two checks of a servo
+BEYOND_RAD: Final = 0.35  # largest angle of an axis beyond its range at opening; more means that its zero is wrong
+TRIES: Final = 40  # readings, so that a busy host does not look like a slow adapter
+
+
+def no_gravity(angles: Joints) -> Joints:
+    return (0.0,) * len(angles)
+
+
+def gravity_of(model: str, wanted: bool) -> Gravity:
+    """By the model of this name, or none; raises ValueError where MuJoCo is missing."""
+    return load(model).gravity if wanted else no_gravity
 
 
 class ServoExchange(ABC, Generic[Command, Sample]):
-    """The work of the bus thread.
+    """The work of the bus thread: `connect` opens the port, at every opening, and `pause` sleeps [s]."""
 
-    Args:
-        options: Of the arm.
-        connect: Opens the port, at every opening.
-        gravity: Of the arm.
-        clock: Monotonic [s].
-        pause: Sleeps [s].
-    """
+    ZERO_ADVICE = "check ids, sign, offset_rad, lower_rad and upper_rad"
 
     def __init__(
         self,
@@ -48,8 +44,7 @@ class ServoExchange(ABC, Generic[Command, Sample]):
         pause: Callable[[float], None] = sleep,
     ) -> None:
         self._options: Any = options  # of the arm: BusOptions at least
-        self._connect, self._gravity = connect, gravity
-        self._clock, self._pause = clock, pause
+        self._connect, self._gravity, self._clock, self._pause = connect, gravity, clock, pause
         self._scale = AngleScale((), ())
         self._port: ServoPort | None = None
         self._group: Servos[Any] | None = None
@@ -74,12 +69,21 @@ class ServoExchange(ABC, Generic[Command, Sample]):
             raise
 
     def _begin(self, port: ServoPort) -> Sample:
-        servos = self._group = self._made(port)
+        options = self._options
+        ids, names = options.bus_ids, options.axis_names
+        bus = options.BUS(port, options.baud, ids, names, options.margin_s, self._clock, self._pause)
+        servos = self._group = self._made(bus)
         servos.find()
         self._scale = self._scaled(servos)
-        self._check_place(self._angles(self._first()))
+        places = zip(ids, self._angles(self._first()), options.lower, options.upper, strict=True)
+        for id_, angle, low, high in places:
+            if not low - BEYOND_RAD <= angle <= high + BEYOND_RAD:
+                raise HardwareFault(
+                    f"{bus.label(id_)}: stands at {angle:.2f} rad, where it cannot be ({low:.2f} to {high:.2f}): "
+                    f"{self.ZERO_ADVICE}"
+                )
         self._prepare()
-        check_pace(self._first, self._options.rate_hz, self._clock, port.path, self._advice)
+        check_pace(self._first, options.rate_hz, self._clock, port.path, self._advice)
         now = self._clock()
         present = self._first()
         angles = self._angles(present)
@@ -89,23 +93,11 @@ class ServoExchange(ABC, Generic[Command, Sample]):
         return self._sample(present, angles, now)
 
     def _first(self) -> Present:
-        measured: Present = self._servos.bus.insist(self._measured)
-        return measured
+        bus: ServoBus = self._servos.bus
+        return bus.insist(bus.present)
 
     def _angles(self, present: Present) -> Joints:
         return self._scale.angles([each.position for each in present])
-
-    def _check_place(self, angles: Joints) -> None:
-        lower, upper = self._range()
-        bus = self._servos.bus
-        for id_, angle, low, high in zip(bus.ids, angles, lower, upper, strict=True):
-            if not low - BEYOND_RAD <= angle <= high + BEYOND_RAD:
-                raise HardwareFault(
-                    f"{bus.label(id_)}: stands at {angle:.2f} rad, where it cannot be ({low:.2f} to {high:.2f}): "
-                    f"{self.ZERO_ADVICE}"
-                )
-
-    ZERO_ADVICE = "check ids, sign, offset_rad, lower_rad and upper_rad"
 
     def close(self) -> None:
         """Leave the arm safe; any number of times."""
@@ -117,19 +109,13 @@ class ServoExchange(ABC, Generic[Command, Sample]):
         if port is not None:
             port.close()
 
-    def _range(self) -> tuple[Joints, Joints]:
-        """Of the angles [rad]."""
-        return self._options.lower, self._options.upper
-
     @abstractmethod
-    def _made(self, port: ServoPort) -> Servos[Any]:
-        """The servos on a port."""
+    def _made(self, bus: Any) -> Servos[Any]:
+        """The servos on a bus."""
 
-    @abstractmethod
-    def _scaled(self, servos: Any) -> AngleScale: ...
-
-    @abstractmethod
-    def _measured(self) -> Present: ...
+    def _scaled(self, servos: Any) -> AngleScale:  # noqa: ARG002
+        scale: AngleScale = self._options.scale
+        return scale
 
     @abstractmethod
     def _prepare(self) -> None:
@@ -151,78 +137,19 @@ class ServoExchange(ABC, Generic[Command, Sample]):
         """Make the servos safe; never raises."""
 
 
-class PositionControl:
-    """What a follower under the position control of its servos senses, and how it is left; for exchanges.
-
-    At rest and in slow motion the motors carry weight, friction and the torque of the environment:
-
-        environment = weight + friction - motor
-
-    less a dead zone. The inertia of links and rotors is not subtracted.
+def check_pace(
+    read: Callable[[], object], rate_hz: float, clock: Callable[[], float], path: str, advice: Callable[[], str]
+) -> None:
+    """Raise HardwareFault, with what to do about it, if even the best reading of all motors does not fit into a period
+    of the bus at `path`.
     """
-
-    def __init__(self, stiffness: Joints, dead_zone: Joints, cutoff: float) -> None:
-        self._stiffness, self._dead_zone = stiffness, dead_zone
-        self._filter = LowPass(cutoff)
-        self.goal: Joints = ()
-        """The last one [rad]."""
-        self.sinks = self.lies = False
-        """Whether the arm is to sink by its weight, and whether the motors have nothing to carry any more."""
-        self._still: tuple[float, Joints] = (-inf, ())
-
-    def restart(self, goal: Joints) -> None:
-        self.goal = goal
-        self.sinks = self.lies = False
-        self._still = (-inf, goal)
-        self._filter.restart()
-
-    def sink(self, angles: Joints, now: float, period: float) -> None:
-        """In each cycle of an arm that sinks: the goals, below which it sags, follow it down at `SINK_RAD_S`."""
-        way = SINK_RAD_S * period
-        left = [at - goal for at, goal in zip(angles, self.goal, strict=True)]
-        self.goal = tuple([goal + min(max(each, -way), way) for goal, each in zip(self.goal, left, strict=True)])
-        since, there = self._still
-        moved = [at - was for at, was in zip(angles, there, strict=True)]
-        if since == -inf or max(map(abs, left + moved)) > LEAST_RAD:
-            self._still = (now, angles)
-        self.lies = now - self._still[0] > LIES_S
-
-    def sensed(self, torques: Joints, at: float) -> Joints:
-        """Filtered torques beyond the dead zone [N m]."""
-        felt = zip(self._filter.next(torques, at), self._dead_zone, strict=True)
-        return tuple([each - min(max(each, -zone), zone) for each, zone in felt])
-
-    def raised(self, angles: Joints, weight: Joints) -> Joints:
-        """Goals at which the motors carry a weight at these angles, and push on nothing [rad].
-
-        Position control needs an error to push: the weight gets its share of it.
-        """
-        return tuple([angle + each / k for angle, each, k in zip(angles, weight, self._stiffness, strict=True)])
-
-    def leave(
-        self,
-        place: Callable[[], Joints],
-        go: Callable[[Joints], None],
-        clock: Callable[[], float],
-        pause: Callable[[], None],
-    ) -> Joints | None:
-        """Move the goals until the arm pushes on nothing; the last ones, or None where they are not known.
-
-        Args:
-            place: Measures goals at which the arm would push on nothing where it is [rad].
-            go: Sets goals; called again and again, for watchdogs.
-            clock: [s]
-            pause: Waits for a cycle.
-        """
-
-        def settled(goals: Joints) -> Joints:
-            until = clock() + SETTLE_S
-            while clock() < until:
-                go(goals)
-                pause()
-            return place()
-
-        goals = None
-        with suppress(HardwareFault):
-            goals = give_way(self.goal, place(), settled)
-        return goals
+    period, best = 1.0 / rate_hz, 1.0
+    for _ in range(TRIES):
+        began = clock()
+        read()
+        best = min(best, clock() - began)
+        if best <= period:
+            return
+    raise HardwareFault(
+        f"{path}: a reading takes {best * 1e3:.1f} ms at best, {rate_hz:g} Hz leave {period * 1e3:.1f} ms; {advice()}"
+    )

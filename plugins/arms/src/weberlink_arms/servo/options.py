@@ -1,18 +1,14 @@
 """Options that arms with servos share, checked against what bus and arm allow."""
 
 from math import ceil, floor, pi
-from typing import ClassVar, Final, Literal, NamedTuple, Self
+from typing import ClassVar, Literal, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
 from weberlink.geometry.joints import Joints
 from weberlink.options import Options
 from weberlink_arms.servo.bus import BITS_PER_BYTE, ServoBus
-from weberlink_arms.servo.layout import ArmLayout
-
-COUNTS_PER_TURN: Final = 4096
-CENTRE: Final = 2048
-RAD_PER_COUNT: Final = 2.0 * pi / COUNTS_PER_TURN
+from weberlink_arms.servo.layout import CENTRE, RAD_PER_COUNT, ArmLayout
 
 
 class AngleScale(NamedTuple):
@@ -37,12 +33,9 @@ class BusOptions(Options):
     BAUD_RATES: ClassVar[tuple[int, ...]]
     HIGHEST_ID: ClassVar[int]
     SLOWEST_HZ: ClassVar[float]
-    GOAL_SIZE: ClassVar[int]
-    """Bytes of a goal for each servo."""
-    HOST_S: ClassVar[float] = 0.0
-    """Time of the host for an exchange [s]."""
-    LOST_S: ClassVar[float] = 0.15
-    """Time without a good answer after which the arm counts as lost [s]."""
+    GOAL_SIZE: ClassVar[int]  # bytes of a goal for each servo
+    HOST_S: ClassVar[float] = 0.0  # time of the host for an exchange [s]
+    LOST_S: ClassVar[float] = 0.15  # time without a good answer after which the arm counts as lost [s]
 
     port: str | None = Field(default=None, description="of the adapter; the only one plugged in if not given")
     baud: int = Field(default=1_000_000, description="rate of the bus [bit/s]")
@@ -58,6 +51,11 @@ class BusOptions(Options):
     @property
     def bus_ids(self) -> tuple[int, ...]:
         raise NotImplementedError
+
+    @property
+    def axis_names(self) -> tuple[str, ...]:
+        """For messages; numbers if empty."""
+        return ()
 
     @property
     def margin_s(self) -> float:
@@ -119,6 +117,10 @@ class ServoOptions(BusOptions):
     @property
     def bus_ids(self) -> tuple[int, ...]:
         return self.LAYOUT.ids if self.ids is None else self.ids
+
+    @property
+    def axis_names(self) -> tuple[str, ...]:
+        return self.LAYOUT.axes
 
     @property
     def signs(self) -> tuple[int, ...]:

@@ -35,8 +35,7 @@ Heard_co = TypeVar("Heard_co", covariant=True)
 class Reader(Protocol[Heard_co]):
     """Cuts a stream into packets; never raises, and never holds more than the longest one."""
 
-    bad: int
-    """Packets with a wrong checksum since the start."""
+    bad: int  # packets with a wrong checksum since the start
 
     def feed(self, data: bytes) -> Sequence[Heard_co]:
         """The packets that are complete with these bytes, oldest first."""
@@ -50,15 +49,11 @@ class Reader(Protocol[Heard_co]):
 class Framing(ABC):
     """A protocol on the wire: how packets become bytes, and bytes packets."""
 
-    OVERHEAD: ClassVar[int]
-    """Bytes of an answer without parameters."""
-    WIDTH: ClassVar[int]
-    """Bytes of an address or size."""
-    REFUSAL: ClassVar[int]
-    """Error bits of an answer that comes without the data asked for."""
+    OVERHEAD: ClassVar[int]  # bytes of an answer without parameters
+    WIDTH: ClassVar[int]  # bytes of an address or size
+    REFUSAL: ClassVar[int]  # error bits of an answer that comes without the data asked for
+    # Address, and sizes, of reads that are used for nothing else; more than answers can be owed before an arm is lost.
     MARKS: ClassVar[tuple[int, range]]
-    """Address, and sizes, of reads that are used for nothing else; more than answers can be owed before an arm counts
-    as lost."""
 
     @abstractmethod
     def encode(self, packet: Packet | Status) -> bytes: ...

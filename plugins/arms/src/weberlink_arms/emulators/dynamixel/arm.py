@@ -8,6 +8,7 @@ from typing import ClassVar, Final, Literal
 from pydantic import Field
 
 from weberlink_arms.dynamixel.layouts import KOCH_FOLLOWER, KOCH_LEADER, OMX_LEADER
+from weberlink_arms.dynamixel.leader import HAND_N_M_S
 from weberlink_arms.dynamixel.motor_models import CurrentLaw
 from weberlink_arms.dynamixel.packet import FRAMING, HIGHEST_ID
 from weberlink_arms.dynamixel.registers import BAUD_RATES
@@ -17,25 +18,17 @@ from weberlink_arms.servo.layout import ArmLayout
 from weberlink_mujoco.arms.models import load
 
 OVERLOAD: Final = 1 << 5
-LINK_KG_M2: Final = 0.001
-"""Inertia of what an axis carries; a guess between those of the joints of the Koch's model."""
+LINK_KG_M2: Final = 0.001  # inertia of what an axis carries; a guess between those of the joints of the Koch's model
 STOP_N_M_RAD: Final = 20.0
 STOP_N_M_S: Final = 0.1
-HAND_N_M_S: Final = 0.023
-"""As in `weberlink_arms.dynamixel.leader`: fingers 0.1 m from the joint."""
 
 
 class DynamixelArmEmulator(ArmEmulator):
     """An arm whose motors have currents; a subclass moves it.
 
-    Args:
-        layout: The arm.
-        ids: Of its motors, in the order of the axes.
-        baud: Rate of the bus [bit/s].
-        noise_a: Standard deviation of the measured current of a motor [A].
-        seed: Of that noise.
-        law: What the current registers mean; that of each model if None.
-        constant: True torque constants over those of the data sheets.
+    `noise_a` is the standard deviation of the measured current of a motor [A], `seed` that of the noise; `law` is what
+    the current registers mean, that of each model if None; `constant` the true torque constants over those of the data
+    sheets.
     """
 
     STEP = 0.0005
@@ -64,14 +57,10 @@ class DynamixelArmEmulator(ArmEmulator):
         self._layout, self._models, self._constant = layout, layout.motors, constant
         self._random = Random(seed)  # noqa: S311 - noise of a sensor
         self._noise = noise_a
-        self.currents = [0.0] * len(ids)
-        """Present currents of the motors [A]."""
-        self.largest_current = 0.0
-        """Of any motor since the start [A]."""
+        self.currents = [0.0] * len(ids)  # present ones of the motors [A]
+        self.largest_current = 0.0  # of any motor since the start [A]
         self._stuck: dict[int, float] = {}
-        self.servos = tuple(self._servo(index, id_, baud, law) for index, id_ in enumerate(ids))
-        """In the order of the joints."""
-        super().__init__(FRAMING, self.servos, baud)
+        super().__init__(FRAMING, [self._servo(index, id_, baud, law) for index, id_ in enumerate(ids)], baud)
 
     @property
     @abstractmethod
@@ -93,37 +82,26 @@ class DynamixelArmEmulator(ArmEmulator):
         return sum(servo.watchdog_trips for servo in self.servos)
 
     def _deadline(self) -> float:
-        return min([servo.deadline for servo in self.servos])
+        deadlines: list[float] = [servo.deadline for servo in self.servos]
+        return min(deadlines)
 
     def _watch(self, now: float) -> None:
         for servo in self.servos:
             servo.watch(now)
 
-    def apply_fault(self, name: str, value: float) -> None:
+    def _fail(self, name: str, value: float) -> None:
         index = int(value) - 1
         match name:
             case "overload":
                 self.servos[index].alarm(OVERLOAD)
             case "stuck_encoder":
                 self._stuck = {} if index < 0 else {index: self._place(index)[0]}
-            case "dead":
-                self.bus.dead = set() if index < 0 else {self.servos[index].id}
-            case _:
-                self._apply_to_all(name, value)
-
-    def _apply_to_all(self, name: str, value: float) -> None:
-        if name == "restart":
-            self.bus.restart()
-        for servo in self.servos:
-            match name:
-                case "low_voltage":
+            case "low_voltage":
+                for servo in self.servos:
                     servo.lose_supply()
-                case "trip_watchdog":
+            case "trip_watchdog":
+                for servo in self.servos:
                     servo.trip()
-                case "wrong_model":
-                    servo.rename(int(value) or servo.model.number)
-                case _:
-                    servo.reboot(self._now)
 
     def _servo(self, index: int, id_: int, baud: int, law: CurrentLaw | None) -> Servo:
         model = self._models[index]
@@ -207,12 +185,10 @@ class DynamixelJoints(DynamixelArmEmulator):
         layout = options.LAYOUT
         self.joints = [
             Joint(
-                angle, model.rotor_kg_m2 + LINK_KG_M2, model.coulomb_n_m, model.viscous_n_m_s,
-                layout.lower[axis], layout.upper[axis], STOP_N_M_RAD, STOP_N_M_S,
-                [wall for wall in options.walls if wall.joint == layout.axes[axis]],
-                options.hand_n_m_rad, HAND_N_M_S, options.hand_rad[axis], options.hand_s[axis],
+                options, axis, each.rotor_kg_m2 + LINK_KG_M2, each.coulomb_n_m, each.viscous_n_m_s, STOP_N_M_RAD,
+                STOP_N_M_S, HAND_N_M_S,
             )
-            for axis, (angle, model) in enumerate(zip(options.start, layout.motors, strict=True))
+            for axis, each in enumerate(layout.motors)
         ]  # fmt: skip
         self._gravity = load(layout.name).gravity if options.gravity else None
         super().__init__(
@@ -237,10 +213,6 @@ class DynamixelJoints(DynamixelArmEmulator):
     def outside_nm(self) -> list[float]:
         """Torques of hand and walls on the axes [N m]."""
         return [joint.outside for joint in self.joints]
-
-    def _place(self, index: int) -> tuple[float, float]:
-        joint, sign = self.joints[index], self._layout.sign[index]
-        return sign * (joint.angle - self._layout.offset_rad[index]), sign * joint.velocity
 
     def _move(self, time: float) -> None:
         weights = self._gravity(tuple(self.angles)) if self._gravity is not None else [0.0] * len(self.joints)

@@ -10,8 +10,8 @@ from weberlink_arms.dynamixel.packet import (
 )
 from weberlink_arms.dynamixel.registers import EEPROM_END, END, MODE_POSITION, Register
 
+# Goals and the registers that limit their magnitude.
 LIMITS = {"goal_current": "current_limit", "goal_velocity": "velocity_limit", "goal_pwm": "pwm_limit"}
-"""Goals and the registers that limit their magnitude."""
 
 
 class RegisterTable:

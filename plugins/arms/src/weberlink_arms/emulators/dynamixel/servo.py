@@ -20,50 +20,36 @@ from weberlink_arms.dynamixel.registers import (
     ANY_16,
     BAUD_RATES,
     BY_NAME,
-    CENTRE,
-    COUNTS_PER_TURN,
     MODE_CURRENT,
     MODE_CURRENT_BASED_POSITION,
     MODE_POSITION,
-    RAD_PER_COUNT,
     RAD_S_PER_COUNT,
     VOLTAGE_ERROR,
     WATCHDOG_MOST,
     WATCHDOG_UNIT_S,
 )
 from weberlink_arms.emulators.dynamixel.register_table import RegisterTable
+from weberlink_arms.servo.layout import CENTRE, COUNTS_PER_TURN, RAD_PER_COUNT
 from weberlink_arms.servo.packet import PING, READ, REBOOT, SYNC_READ, WRITE, Packet, Status
 
-OFFSET_MOST = 1024
-"""Largest homing offset that has an effect in position control."""
-PRESENT = BY_NAME["realtime_tick"].address
-"""Measurements begin at this address."""
+OFFSET_MOST = 1024  # largest homing offset that has an effect in position control
+PRESENT = BY_NAME["realtime_tick"].address  # measurements begin here
 ID, TORQUE_ENABLE, BUS_WATCHDOG = (BY_NAME[name].address for name in ("id", "torque_enable", "bus_watchdog"))
+# Real-time tick, moving, its status, PWM, current, velocity, position, and both trajectories.
 MEASUREMENTS = Struct("<HBBhhiiii")
-"""Real-time tick, moving, its status, PWM, current, velocity, position, and both trajectories."""
 READING = (READ, SYNC_READ)
-REBOOT_S = 0.2
-"""Time without answers after a reboot [s]; a guess, since the manual does not state it."""
+REBOOT_S = 0.2  # without answers after a reboot; a guess, since the manual does not state it
 
 
 class MotorOrder(NamedTuple):
-    """What the registers command the motor.
+    """What the registers command the motor."""
 
-    Args:
-        on: Torque enabled.
-        current: Goal [A]; None for position control.
-        goal: Angle [rad].
-        gain: Duty per error of angle [1/rad].
-        duty: Largest duty, 0 to 1.
-        limit: Of the current [A].
-    """
-
-    on: bool = False
-    current: float | None = None
-    goal: float = 0.0
-    gain: float = 0.0
-    duty: float = 1.0
-    limit: float = inf
+    on: bool = False  # torque enabled
+    current: float | None = None  # goal [A]; None for position control
+    goal: float = 0.0  # angle [rad]
+    gain: float = 0.0  # duty per error of angle [1/rad]
+    duty: float = 1.0  # largest one, 0 to 1
+    limit: float = inf  # of the current [A]
 
 
 OFF = MotorOrder()
@@ -99,14 +85,9 @@ class Measured(NamedTuple):
 
 
 class Servo:
-    """A servo with power, as delivered but for its id and rate.
+    """A servo with power, as delivered but for its id and rate, one of `BAUD_RATES`.
 
-    Args:
-        id_: On the bus, 0 to 252.
-        measured: Returns the sensor values.
-        baud: Its rate [bit/s], one of `BAUD_RATES`.
-        model: Of the servo.
-        law: What its registers of the current mean; that of the model if None.
+    `law` is what its registers of the current mean; that of the model if None.
     """
 
     def __init__(
@@ -127,10 +108,8 @@ class Servo:
         self._turns = 0
         self._sign, self._middle = 1, CENTRE
         self._deaf_until = -inf
-        self.heard_at = 0.0
-        """When the last instruction for it ended [s]."""
-        self.drive = OFF
-        """The present order for its motor."""
+        self.heard_at = 0.0  # when the last instruction for it ended [s]
+        self.drive = OFF  # the present order for its motor
         self.watchdog_trips = 0
         self._start()
 
@@ -164,7 +143,7 @@ class Servo:
         """Carry out an instruction for this servo; None if it does not answer."""
         if packet.instruction == REBOOT:
             status = self.status(REBOOT, 0)
-            self.reboot(now)
+            self.restart(now)
             return status
         if packet.instruction == PING:
             return self.status(PING, 0, bytes(self.registers.memory[0:2] + self.registers.memory[6:7]))
@@ -172,7 +151,10 @@ class Servo:
             if len(packet.parameters) != 4:
                 return self.status(READ, DATA_LENGTH_ERROR)
             return self.status(READ, *self.read(word(packet.parameters, 0), word(packet.parameters, 2)))
-        return self.status(packet.instruction, self._written(packet))
+        error, given = INSTRUCTION_ERROR, packet.parameters
+        if packet.instruction == WRITE:
+            error = DATA_LENGTH_ERROR if len(given) < 3 else self.write(word(given, 0), given[2:])
+        return self.status(packet.instruction, error)
 
     def status(self, instruction: int, error: int, data: bytes = b"") -> Status | None:
         """The answer to an instruction; None if the status return level suppresses it."""
@@ -230,7 +212,7 @@ class Servo:
             self.registers["torque_enable"] = 0
             self._steer()
 
-    def reboot(self, now: float) -> None:
+    def restart(self, now: float) -> None:
         """As a power cycle: RAM as delivered, EEPROM kept, alarms cleared."""
         self.registers.clear_ram()
         self._deaf_until = now + REBOOT_S
@@ -241,16 +223,9 @@ class Servo:
         self.registers["present_input_voltage"] = self.registers["min_voltage_limit"] - 5
         self.alarm(VOLTAGE_ERROR)
 
-    def rename(self, model_number: int) -> None:
-        """Report another model."""
-        self.registers["model_number"] = model_number
-
-    def _written(self, packet: Packet) -> int:
-        """Carry out a write; returns the error number."""
-        parameters = packet.parameters
-        if packet.instruction != WRITE:
-            return INSTRUCTION_ERROR
-        return DATA_LENGTH_ERROR if len(parameters) < 3 else self.write(word(parameters, 0), parameters[2:])
+    def rename(self, model: int) -> None:
+        """Report another model; 0 for its own."""
+        self.registers["model_number"] = model or self.model.number
 
     def _start(self) -> None:
         """After power on: the position is within one turn, and is the goal."""
