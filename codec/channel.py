@@ -11,7 +11,7 @@ from weberlink.codec.rate import UpdateRate
 from weberlink.codec.sample import Quantizer, Sample, SampleGrid
 from weberlink.compiled import mypyc_attr
 from weberlink.geometry.joints import PART, Joints, parts
-from weberlink.geometry.vector import ZERO, Vector, is_finite, within
+from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.update import MAX_SELECTOR, UpdateForm
 
 ROUNDING = 0.5 * (1.0 + 1e-9)  # Largest rounding error of the wire [steps], with that of the arithmetic
@@ -35,14 +35,6 @@ class Smoothing:
             raise ValueError(f"ticks must be at least 1, not {self.ticks!r}")
         if not 0.0 <= self.share <= 0.9:
             raise ValueError(f"share must be 0 to 0.9, not {self.share!r}")
-
-    def kept(self, jump: Vector, bound: float) -> Vector:
-        """The part of a jump from the new sample to the value before that is held back."""
-        return within(jump, self.share * bound)
-
-    def remaining(self, since: float) -> float:
-        """The share of the held part, 0 to 1, that is left `since` ticks after the sample."""
-        return min(1.0, max(0.0, 1.0 - since / self.ticks))
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

@@ -1,5 +1,6 @@
 """The receiving end: it evaluates the model of the newest update at any tick and position."""
 
+from collections.abc import Sequence
 from math import inf
 from typing import Any, NamedTuple
 
@@ -8,12 +9,12 @@ from weberlink.codec.deadband import Deadband
 from weberlink.codec.predictors.contract import UNFITTED, Model, ModelRecord, Predictor
 from weberlink.codec.sample import Sample
 from weberlink.geometry.joints import PART, Joints, joined
-from weberlink.geometry.vector import ZERO, Vector, add, subtract
+from weberlink.geometry.vector import ZERO, Vector, add, subtract, within
 from weberlink.update import PreviousSample, Update
 
 
 class Decoded(NamedTuple):
-    """What an update says: its sample, its model, and the value of that model at the tick of the sample."""
+    """What an update says to a part: its sample, its model, and the value of that model at the tick of the sample."""
 
     newest: Sample
     model: Model
@@ -96,60 +97,48 @@ class Decoder:
         Raises:
             ValueError: if selector, number of levels or payload do not fit the channel; the state is unchanged then.
         """
-        if update == self._applied:  # the model of a repeated one has a memory of the positions since
-            return
-        if len(self.parts) == 1:
+        if update != self._applied:  # the model of a repeated one has a memory of the positions since
             self.take(update, self.read(update))
-            return
-        read = []
-        for part, own in zip(self.parts, self._slices, strict=True):
-            payload = update.payload
-            if isinstance(payload, PreviousSample):
-                payload = PreviousSample(payload.gap, payload.levels[own])
-            each = Update(update.tick, update.selector, update.newest[own], payload)
-            read.append((part, each, part.read(each)))
-        for part, each, decoded in read:
-            part.take(each, decoded)
-        self._applied = update
 
-    def read(self, update: Update, newest: Sample | None = None, previous: Sample | None = None) -> Decoded:
-        """What an update says to the first part; changes nothing and raises as `apply`.
-
-        Args:
-            update: levels of this part alone.
-            newest: the sample of the update, where it is known already; `previous` likewise.
-        """
-        selector, levels, payload = update.selector, update.newest, update.payload
+    def read(self, update: Update) -> list[Decoded]:
+        """What an update says to each part; changes nothing and raises as `apply`."""
+        tick, selector, newest, payload = update
         if not 0 <= selector < len(self._predictors):
             raise ValueError(f"update selects predictor {selector} of a bank of {len(self._predictors)}")
-        if len(levels) != self._sizes[selector]:
-            raise ValueError(f"update has {len(levels)} levels, expected {self._sizes[selector]}")
-        predictor, grid = self._predictors[selector], self._grid
-        if newest is None:
-            newest = grid.sample(update.tick, levels)
-        model = predictor.decode(payload, newest, grid, self._limits, previous)
-        first = self._channel.displayable(model.first(newest), newest) if predictor.estimated else newest.value
-        return Decoded(newest, model, first)
+        predictor, decoded = self._predictors[selector], []
+        for part, own in zip(self.parts, self._slices, strict=True):
+            levels, grid, previous = newest[own], part._grid, payload
+            if len(levels) != part._sizes[selector]:
+                raise ValueError(f"update has {len(levels)} levels, expected {part._sizes[selector]}")
+            if len(self.parts) > 1 and isinstance(payload, PreviousSample):
+                previous = PreviousSample(payload.gap, payload.levels[own])
+            sample = grid.sample(tick, levels)
+            model = predictor.decode(previous, sample, grid, part._limits)
+            first = part._channel.displayable(model.first(sample), sample) if predictor.estimated else sample.value
+            decoded.append(Decoded(sample, model, first))
+        return decoded
 
-    def take(self, update: Update, decoded: Decoded) -> None:
-        """Replace the state of the first part by that of an update that was read."""
-        (newest, model, first), smoothing = decoded, self._smoothing
-        ramp: Vector | None = None
-        if smoothing is not None:
-            if self._noted is not None and self._noted[0] == newest.tick:
-                self._memory = self._noted[1]  # a mirror was asked in this tick already: that change is undone
-            tick, sample = newest.tick + self._late, newest.value
-            before = self.value(tick, newest.position)
-            if before is not None:
-                # The ramp starts within a share of the deadband around the sample, even if the model starts elsewhere.
-                deadband = self._deadband if tick >= self._since else self._former
-                kept = smoothing.kept(subtract(before, sample), deadband.bound(sample, sample, sample, 0.0))
-                ramp = subtract(add(sample, kept), first)
-        self._ramp = ramp if ramp != ZERO else None
-        self.model, self.newest, self.selected, self._applied = model, newest, update.selector, update
-        self.first = first
-        self.record = model.record()
-        self._memory, self._noted = model.memory, None
+    def take(self, update: Update, decoded: Sequence[Decoded]) -> None:
+        """Replace the state by that of an update that was read."""
+        for part, (newest, model, first) in zip(self.parts, decoded, strict=True):
+            part._ramp = None if part._smoothing is None else part._ramp_of(newest, first, part._smoothing.share)
+            part.model, part.newest, part.selected, part.first = model, newest, update.selector, first
+            part.record = model.record()
+            part._memory, part._noted = model.memory, None
+        self._applied = update
+
+    def _ramp_of(self, newest: Sample, first: Vector, share: float) -> Vector | None:
+        """From the first value of a new model to that of the model before, as far as this share of the deadband."""
+        if self._noted is not None and self._noted[0] == newest.tick:
+            self._memory = self._noted[1]  # a mirror was asked in this tick already: that change is undone
+        tick, sample = newest.tick + self._late, newest.value
+        before = self.value(tick, newest.position)
+        if before is None:
+            return None
+        # The ramp starts within a share of the deadband around the sample, even if the model starts elsewhere.
+        bound = (self._deadband if tick >= self._since else self._former).bound(sample, sample, sample, 0.0)
+        ramp = subtract(add(sample, within(subtract(before, sample), share * bound)), first)
+        return ramp if ramp != ZERO else None
 
     def value(self, tick: float, position: Vector = ZERO) -> Vector | None:
         """The value to display, finite and within the range of the wire; of an arm, that of its first part.
@@ -162,9 +151,9 @@ class Decoder:
         Returns:
             Force [N] or position [m]; the channel's `rest` before the first update.
         """
-        newest, model, channel = self.newest, self.model, self._channel
+        newest, model, ramp = self.newest, self.model, self._ramp
         if newest is None or model is None:
-            return channel.rest
+            return self._channel.rest
         tick -= self._late
         if tick == newest.tick:
             value = self.first
@@ -179,16 +168,15 @@ class Decoder:
                 value, self._memory = model.advance(tick, position, self._memory)
             (x, y, z), low, high = value, self._lowest, self._highest
             if not (low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]):
-                value = channel.displayable(value, newest)
-        ramp, smoothing = self._ramp, self._smoothing
-        if ramp is None or smoothing is None:
+                value = self._channel.displayable(value, newest)
+        if ramp is None or self._smoothing is None:
             return value
-        left = smoothing.remaining(tick - newest.tick)
+        left = min(1.0, max(0.0, 1.0 - (tick - newest.tick) / self._smoothing.ticks))
         if left == 0.0:
             self._ramp = None
             return value
         shown = (value[0] + left * ramp[0], value[1] + left * ramp[1], value[2] + left * ramp[2])
-        return channel.displayable(shown, newest)
+        return self._channel.displayable(shown, newest)
 
     def joints(self, tick: float, position: Vector = ZERO) -> Joints | None:  # noqa: ARG002 - as `value`
         """As `value`, of all joints of an arm [rad or N m]."""
@@ -202,7 +190,11 @@ class Decoder:
 
     def stated(self, tick: float, position: Vector) -> Vector:
         """As `value`, for another place or tick, and without the memory; zero before the first update."""
-        newest, model, channel = self.newest, self.model, self._channel
+        newest, model = self.newest, self.model
         if newest is None or model is None:
             return ZERO
-        return channel.displayable(model.at(tick - self._late, channel.place(position)), newest)
+        value = model.at(tick - self._late, position if self._places is None else self._places.confine(position))
+        (x, y, z), low, high = value, self._lowest, self._highest
+        if low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]:
+            return value
+        return self._channel.displayable(value, newest)

@@ -3,15 +3,15 @@
 from collections import deque
 from collections.abc import Sequence
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from weberlink.codec.channel import Channel
 from weberlink.codec.choice import CHOICES, NOTHING, Ahead, Choice, DueSample
-from weberlink.codec.deadband import Deadband
+from weberlink.codec.deadband import Deadband, Measure
 from weberlink.codec.decoder import Decoder
 from weberlink.codec.predictors.contract import EstimatedPredictor, FittedPredictor
 from weberlink.codec.rate import TokenBucket
-from weberlink.codec.sample import UNKNOWN, Sample
+from weberlink.codec.sample import Sample
 from weberlink.geometry.joints import Joints, is_finite, joined, parts
 from weberlink.geometry.vector import ZERO, Vector, distance
 from weberlink.update import MAX_GAP, Payload, PreviousSample, Update
@@ -33,16 +33,19 @@ class PendingSample(NamedTuple):
 class Part:
     """Up to three axes of a stream at its sending end."""
 
-    __slots__ = ("actual", "deadband", "grid", "levels", "mirror", "newest", "previous", "quantizer", "shown")
+    __slots__ = ("actual", "deadband", "error", "grid", "levels", "mirror", "newest", "quantizer", "shown")
 
     def __init__(self, channel: Channel, mirror: Decoder) -> None:
-        self.grid, self.quantizer, self.deadband = channel.grid, channel.value_quantizer, channel.deadband
-        self.mirror = mirror
+        self.grid, self.quantizer, self.mirror = channel.grid, channel.value_quantizer, mirror
         self.newest: Sample | None = None  # that was sent
-        self.previous: Sample | None = None  # sent before that
-        self.levels: tuple[int, ...] = ()  # of the newest one, on the wire
+        self.levels: tuple[int, ...] = ()  # of it, on the wire
         self.actual: Vector = ZERO  # of the sample to code, within the range of the wire
         self.shown: Vector | None = None  # what the mirror displays instead
+        self.retune(channel.deadband)
+
+    def retune(self, deadband: Deadband) -> None:
+        self.deadband = deadband
+        self.error: Measure = distance if deadband.is_ball else deadband.error
 
 
 class Encoder:
@@ -71,6 +74,7 @@ class Encoder:
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
         self._joints = channel.joints
+        self._lowest, self._highest = channel.value_quantizer.lowest, channel.value_quantizer.highest
         self._reads_value = channel.position_quantizer is None  # A deadband reads the motion of the value itself
         self._lookahead = channel.lookahead
         self._predictors = channel.predictors
@@ -101,15 +105,12 @@ class Encoder:
         self.mirror.reset()
         self._choice.reset()
         for part in self._parts:
-            part.newest = part.previous = None
-            part.levels = ()
+            part.newest, part.levels = None, ()
         self._last: Vector | None = None
         self._arrived: Vector | None = None
         self.bound = 0.0
         self.widened = False
-        rest: Joints | None = self._channel.rest
-        if self._joints:
-            rest = self.mirror.joints(0.0)
+        rest = self.mirror.joints(0.0) if self._joints else self._channel.rest
         self.coded: Joints = rest or (0.0,) * (self._joints or 3)
         self.predicted: Joints | None = None
         self.held: Joints | None = None
@@ -140,7 +141,7 @@ class Encoder:
         if not selectors or not all(0 <= selector < count for selector in selectors):
             raise ValueError(f"selectors must name some of a bank of {count} predictors, not {list(selectors)!r}")
         for part, each in zip(self._parts, (deadband, *more), strict=True):
-            part.deadband = each
+            part.retune(each)
         self._choice.deadband = deadband
         self.mirror.retune(deadband)
         if not deadband.reads_motion:
@@ -166,37 +167,40 @@ class Encoder:
         Raises:
             ValueError: the sample has another number of values than the channel.
         """
+        first = self._parts[0]
         if self._joints:
-            return self._encode_axes(tick, value, most)
-        first, (x, y, z), (u, v, w) = self._parts[0], value, position
-        if not (x - x == y - y == z - z == u - u == v - v == w - w == 0.0):  # not finite
+            if len(value) != self._joints:
+                raise ValueError(f"a sample has {len(value)} axes, expected {self._joints}")
+            good = is_finite(value)
+            for part, each in zip(self._parts, parts(value), strict=True):
+                part.actual = part.quantizer.confine(each)
+        else:
+            vector: Any = value
+            (x, y, z), (u, v, w), low, high = vector, position, self._lowest, self._highest
+            good = u - u == v - v == w - w == 0.0
+            if low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]:
+                first.actual = vector
+            else:
+                good = good and x - x == y - y == z - z == 0.0
+                first.actual = first.quantizer.confine(vector)
+        if not good:
             self.rejected += 1
             return self.decide(tick)
-        first.actual = actual = first.quantizer.confine((x, y, z))
         if self._lookahead == 0:
             return self._code(tick, tick, value, position, most, NOTHING)
+        actual = first.actual
         pending = self._pending
         if pending and tick <= pending[-1].tick:  # the sender's ticks began anew
             pending.clear()
         deadband, moved = first.deadband, 0.0
         if deadband.reads_motion:
             place = actual if self._reads_value else position
-            moved, self._arrived = distance(place, self._arrived if self._arrived is not None else place), place
+            moved, self._arrived = distance(place, self._arrived or place), place
         bound = min(deadband.bound(actual, actual, actual, moved), most)
         if self._follows:
             self._choice.learn(tick, actual, self._channel.place(position), bound)
         pending.append(PendingSample(tick, value, actual, position, most, bound))
         return self.decide(tick)
-
-    def _encode_axes(self, tick: int, value: Joints, most: float) -> Update | None:
-        if len(value) != self._joints:
-            raise ValueError(f"a sample has {len(value)} axes, expected {self._joints}")
-        if not is_finite(value):
-            self.rejected += 1
-            return None
-        for part, each in zip(self._parts, parts(value), strict=True):
-            part.actual = part.quantizer.confine(each)
-        return self._code(tick, tick, value, ZERO, most, NOTHING)
 
     def decide(self, tick: int) -> Update | None:
         """Code the sample of L ticks ago in a tick that has none itself, as `encode` does.
@@ -226,93 +230,76 @@ class Encoder:
     def _code(self, now: int, tick: int, value: Joints, position: Vector, most: float, ahead: Ahead) -> Update | None:
         """Code the sample of `tick`, which the parts hold."""
         self.coded = value
-        first = self._parts[0]
-        error = inf if self._forced else 0.0
+        first, error = self._parts[0], inf if self._forced else 0.0
         for part in self._parts:
             part.shown = shown = part.mirror.value(now, position)
-            apart = inf if shown is None else part.deadband.error(shown, part.actual)
+            apart = inf if shown is None else part.error(shown, part.actual)
             if not apart <= error:
                 error = apart
-        if self._joints and first.shown is not None:
+        actual, shown, deadband, moved = first.actual, first.shown, first.deadband, 0.0
+        if self._joints and shown is not None:
             self.predicted = self.held = joined([part.shown or ZERO for part in self._parts], self._joints)
         else:
-            self.predicted = self.held = first.shown
-        bound = self._bound(tick, first, position, most)
-        if self._follows:
-            self._choice.follow(tick, first.actual, self._channel.place(position), bound, ahead)
-        if error <= bound:
-            return None
-        quantized: list[Quantized] = []
-        least = 0.0
-        for part in self._parts:
-            quantized.append(part.grid.quantize(tick, part.actual, position))
-            least = max(part.deadband.error(quantized[-1][1].value, part.actual), least)
-        if error <= least:
-            return None
-        if self._bucket is not None and not self._bucket.take(forced=self._forced or first.shown is None):
-            self.bound = error
-            return None
-        self._forced = False
-        return self._send(quantized, position, ahead, max(bound, least))
-
-    def _bound(self, tick: int, part: Part, position: Vector, most: float) -> float:
-        """The deadband in force, widened by the rate limit; it is that of the first part for all."""
-        actual, moved = part.actual, 0.0
-        if part.deadband.reads_motion:
+            self.predicted = self.held = shown
+        # The deadband in force is that of the first part for all.
+        if deadband.reads_motion:
             place = actual if self._reads_value else position
-            moved, self._last = distance(place, self._last if self._last is not None else place), place
-        displayed = part.shown if part.shown is not None else actual
-        sent = displayed if part.newest is None else part.newest.value
-        bound = part.deadband.bound(actual, displayed, sent, moved)
+            moved, self._last = distance(place, self._last or place), place
+        displayed = shown or actual
+        bound = deadband.bound(actual, displayed, displayed if first.newest is None else first.newest.value, moved)
         self.bound = bound = bound if bound < most else most
         self.widened = False
         if self._bucket is not None:
             self.bound = self._bucket.widened(tick, bound)
-            self.widened = self.bound > bound
-        return self.bound
+            self.widened, bound = self.bound > bound, self.bound
+        if self._follows:
+            self._choice.follow(tick, actual, self._channel.place(position), bound, ahead)
+        return None if error <= bound else self._send(tick, position, error, bound, ahead)
 
-    def _send(self, quantized: list[Quantized], position: Vector, ahead: Ahead, most: float) -> Update:
-        """Make the update of a sample that was decided on, and apply it to the mirror.
+    def _send(self, tick: int, position: Vector, error: float, bound: float, ahead: Ahead) -> Update | None:
+        """Make the update of a sample whose error is beyond the deadband, and apply it to the mirror.
 
-        A model that would not begin within `most` of the measured value is not sent: the sample is held.
+        None if it would not be nearer, or if no token is left for it.
         """
-        first, (_, sample) = self._parts[0], quantized[0]
+        quantized: list[Quantized] = []
+        least = 0.0
+        for part in self._parts:
+            quantized.append(part.grid.quantize(tick, part.actual, position))
+            least = max(part.error(quantized[-1][1].value, part.actual), least)
+        if error <= least:
+            return None
+        first, sample, mirror = self._parts[0], quantized[0][1], self.mirror
+        if self._bucket is not None and not self._bucket.take(forced=self._forced or first.shown is None):
+            self.bound = error
+            return None
+        self._forced = False
         earlier = first.newest
         if earlier is not None and not 0 < sample.tick - earlier.tick <= MAX_GAP:
             earlier = None
-        mirror, place = self.mirror, self._channel.place(position)
+        place = self._channel.place(position)
         due = DueSample(sample, earlier, first.actual, place, self.bound, ahead, mirror.selected, mirror.model)
         selector, model = self._choice.choose(self._selectors, due)
-        predictor, size, reads = self._predictors[selector], self._sizes[selector], self._reads[selector]
+        predictor = self._predictors[selector]
         levels: tuple[int, ...] = ()
         former: tuple[int, ...] = ()
-        fitted = predictor if isinstance(predictor, FittedPredictor) else None
         reads_previous = False  # where one part reads it, it travels for all
         for part, (own, each) in zip(self._parts, quantized, strict=True):
             levels += own
             former += part.levels
-            part.previous = part.newest if earlier is not None else None
-            if fitted is not None and part.previous is not None and fitted.needs_previous(each, part.previous):
-                reads_previous = True
+            if earlier is not None and part.newest is not None and isinstance(predictor, FittedPredictor):
+                reads_previous = reads_previous or predictor.needs_previous(each, part.newest)
             part.newest, part.levels = each, own
         payload: Payload = None
         if reads_previous and earlier is not None:
-            payload = PreviousSample(sample.tick - earlier.tick, former[:reads])
+            payload = PreviousSample(sample.tick - earlier.tick, former[: self._reads[selector]])
         elif model is not None and isinstance(predictor, EstimatedPredictor):
             payload = predictor.packed(model, sample, first.grid)
-        update = Update(sample.tick, selector, levels[:size], payload)
-        if self._joints:
-            mirror.apply(update)
-            self.held = joined([part.mirror.first for part in self._parts], self._joints)
-            return update
-        # The mirror is given the two samples as the update says them: without a position where it carries none.
-        known = sample if size == len(levels) else Sample(sample.tick, sample.value, UNKNOWN)
-        if earlier is not None and reads < len(former):
-            earlier = Sample(earlier.tick, earlier.value, UNKNOWN)
-        decoded = mirror.read(update, known, earlier)
-        if first.deadband.error(decoded.first, first.actual) > most:
+        update = Update(sample.tick, selector, levels[: self._sizes[selector]], payload)
+        decoded = mirror.read(update)
+        # A model that would not begin within the deadband is not sent: the sample is held.
+        if first.error(decoded[0].first, first.actual) > max(bound, least):
             update = update._replace(payload=None)
-            decoded = mirror.read(update, known)
+            decoded = mirror.read(update)
         mirror.take(update, decoded)
-        self.held = decoded.first
+        self.held = joined([each.first for each in decoded], self._joints) if self._joints else decoded[0].first
         return update

@@ -153,9 +153,7 @@ class Predictor(metaclass=ABCMeta):
         return grid.groups if self.geometric else grid.groups[:1]
 
     @abstractmethod
-    def decode(
-        self, payload: Payload, newest: Sample, grid: SampleGrid, limits: FitLimits, previous: Sample | None = None
-    ) -> Model:
+    def decode(self, payload: Payload, newest: Sample, grid: SampleGrid, limits: FitLimits) -> Model:
         """The model of an update; it holds the newest sample if none can be trusted.
 
         Args:
@@ -163,7 +161,6 @@ class Predictor(metaclass=ABCMeta):
             newest: that sample.
             grid: of the channel.
             limits: the range of accepted contacts.
-            previous: the previous sample of the payload, where it is known already.
 
         Raises:
             ValueError: if the payload does not fit the predictor or the channel.
@@ -188,19 +185,15 @@ class FittedPredictor(Predictor):
         """The fitted model; if there is none, the newest sample is held."""
         return self.fit(newest, previous, limits) or Hold(newest.value)
 
-    def decode(
-        self, payload: Payload, newest: Sample, grid: SampleGrid, limits: FitLimits, previous: Sample | None = None
-    ) -> Model:
-        size = grid.size if self.geometric else grid.value.size
+    def decode(self, payload: Payload, newest: Sample, grid: SampleGrid, limits: FitLimits) -> Model:
         if payload is None:
-            previous = None
-        elif isinstance(payload, ModelParameters):
-            raise ValueError(f"update of {self.name} carries model parameters, expected a previous sample")
-        elif len(payload.levels) != size:
+            return self.model(newest, None, limits)
+        if isinstance(payload, ModelParameters):
+            raise ValueError(f"update of {self.name} carries model parameters, expected a previous sample")  # noqa: TRY004 - of a peer
+        size = grid.size if self.geometric else grid.value.size
+        if len(payload.levels) != size:
             raise ValueError(f"update carries {len(payload.levels)} levels of the previous sample, expected {size}")
-        elif previous is None:
-            previous = grid.sample(newest.tick - payload.gap, payload.levels)
-        return self.model(newest, previous, limits)
+        return self.model(newest, grid.sample(newest.tick - payload.gap, payload.levels), limits)
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -223,14 +216,7 @@ class EstimatedPredictor(Predictor):
             ValueError: if the predictor sends no parameters of this length.
         """
 
-    def decode(
-        self,
-        payload: Payload,
-        newest: Sample,
-        grid: SampleGrid,
-        limits: FitLimits,
-        previous: Sample | None = None,  # noqa: ARG002
-    ) -> Model:
+    def decode(self, payload: Payload, newest: Sample, grid: SampleGrid, limits: FitLimits) -> Model:
         if isinstance(payload, PreviousSample):
             raise ValueError(f"update of {self.name} carries a previous sample, expected model parameters")  # noqa: TRY004 - of a peer
         model = None if payload is None else self.unpacked(payload.data, newest, grid, limits)

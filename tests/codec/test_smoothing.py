@@ -1,30 +1,18 @@
 """A ramp within the deadband instead of a step: closed form, the law of the encoder, effect, and losses."""
 
 import pytest
-from hypothesis import given, strategies as st
 
 from tests.codec.law import POSITION_PREDICTORS, make_channel
 from tests.codec.signals import contact_stream, up
 from weberlink.codec import Decoder, Encoder, Update, force_channel
 from weberlink.codec.channel import Smoothing
 from weberlink.codec.deadband import ForceDeadband
-from weberlink.geometry.vector import ZERO, Vector, distance, norm
+from weberlink.geometry.vector import ZERO
 from weberlink.update import PreviousSample
-
-vectors = st.tuples(*[st.floats(-40.0, 40.0)] * 3)
 
 
 def held(tick: int, force: int) -> Update:
     return Update(tick, 0, (0, 0, force))
-
-
-@given(jump=vectors, bound=st.floats(0.0, 10.0), share=st.floats(0.0, 0.9))
-def test_a_share_of_the_deadband_is_kept_of_a_jump_in_its_direction(jump: Vector, bound: float, share: float) -> None:
-    kept = Smoothing(5, share).kept(jump, bound)
-    assert norm(kept) == pytest.approx(min(norm(jump), share * bound), abs=1e-12)
-    assert distance(kept, jump) == pytest.approx(norm(jump) - norm(kept), abs=1e-9)
-    if norm(jump) < share * bound * 0.999:
-        assert kept == jump
 
 
 def test_a_step_is_displayed_as_a_ramp_within_the_deadband() -> None:
