@@ -50,9 +50,7 @@ PYTHON = {
     "control/contract.py": "a protocol, from which compiled code would ask its classes to inherit",
     "control/table.py": "a type made of the table",
     "protocol/keys.py": "runs once",
-    "protocol/noise.py": "runs in a handshake only",
     "protocol/paths.py": "words for people",
-    "protocol/security.py": "compiled code takes only classes that inherit from a compiled protocol",
 }
 """What stays Python of those, and why; packages (`__init__.py`) do too, as they hold names and tables only."""
 

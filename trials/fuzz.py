@@ -15,10 +15,9 @@ from typing import Any
 
 from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, Side, forms, sample_update
 from weberlink.protocol import Endpoint, State
-from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.handshake import HELLO_HEADER, LARGEST_STAMP
 from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.security import Protection, Security
+from weberlink.protocol.security import Checksum, Protection, Security
 from weberlink.protocol.wire import LONGEST_DATAGRAM, Kind
 
 STRANGER = ("203.0.113.9", 9)

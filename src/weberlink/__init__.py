@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from weberlink.config import Configuration, ConfigurationError, load
     from weberlink.master.trace import Trace, read_trace
     from weberlink.protocol import Endpoint, LocalEnd, Role, UpdateLost, UpdateReceived
-    from weberlink.protocol.checksum import Checksum
     from weberlink.protocol.psk import PresharedKey
+    from weberlink.protocol.security import Checksum
     from weberlink.session.simulation import simulate
     from weberlink.update import ModelParameters, PreviousSample, Update, UpdateForm
 
@@ -66,7 +66,7 @@ _PLACES = {
     "weberlink.codec.replay": "Coded code",
     "weberlink.master.trace": "Trace read_trace",
     "weberlink.protocol": "Endpoint LocalEnd Role UpdateLost UpdateReceived",
-    "weberlink.protocol.checksum": "Checksum",
+    "weberlink.protocol.security": "Checksum",
     "weberlink.protocol.psk": "PresharedKey",
     "weberlink.config": "Configuration ConfigurationError load",
     "weberlink.session.simulation": "simulate",

@@ -28,11 +28,10 @@ from weberlink.protocol import (
     UpdateLost,
     UpdateReceived,
 )
-from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.liveness import HeartbeatSchedule
 from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.security import Protection, Security
+from weberlink.protocol.security import Checksum, Protection, Security
 from weberlink.protocol.wire import Kind
 from weberlink.update import MAX_SELECTOR, PreviousSample, Update, UpdateForm
 

@@ -37,7 +37,6 @@ from weberlink.protocol import (
     StateError,
     TakenOver,
 )
-from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.handshake import (
     FIRST_INTERVAL,
@@ -53,7 +52,7 @@ from weberlink.protocol.handshake import (
 )
 from weberlink.protocol.local_end import LONGEST_SILENCE, PROTOCOL_VERSION
 from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.security import Security
+from weberlink.protocol.security import Checksum, Security
 from weberlink.protocol.session import Session
 from weberlink.protocol.states import moved
 from weberlink.protocol.wire import Kind

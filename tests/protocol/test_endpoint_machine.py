@@ -43,9 +43,9 @@ from weberlink.protocol import (
     TakenOver,
     UpdateReceived,
 )
-from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.psk import PresharedKey
+from weberlink.protocol.security import Checksum
 from weberlink.protocol.session import EXPIRY
 from weberlink.protocol.timing import WINDOW
 from weberlink.protocol.wire import Kind

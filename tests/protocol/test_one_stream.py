@@ -5,10 +5,9 @@ from hashlib import sha256
 import pytest
 
 from tests.protocol.harness import KEY, Pair, forms, sample_update
-from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.security import Security
+from weberlink.protocol.security import Checksum, Security
 
 RECORDED = {
     ("checksum", False): "8aa19cc7e41b3abfffa6b57a3f1d8c576c3235dbd08f5ecda6605b156d4e5b08",

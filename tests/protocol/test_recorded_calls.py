@@ -10,7 +10,6 @@ from tests.protocol.harness import MASTER, STRANGER, Pair, kind_of, local_end, m
 from weberlink.protocol import DropReason, Endpoint, Role, State
 from weberlink.protocol.aio.sockets import MOST_S
 from weberlink.protocol.aio.udp import PEER_SHARE
-from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.handshake import (
     EXCHANGE_PACE,
     EXCHANGE_PACE_ENGAGED,
@@ -22,6 +21,7 @@ from weberlink.protocol.handshake import (
     Dialer,
 )
 from weberlink.protocol.local_end import PROTOCOL_VERSION
+from weberlink.protocol.security import Checksum
 from weberlink.protocol.wire import Kind
 
 

@@ -3,13 +3,15 @@
 import os
 import subprocess
 import sys
+from hmac import digest
+from random import Random
 
 import pytest
+from noise.connection import Keypair, NoiseConnection
 
 from tests.protocol.harness import KEY, by_suite, exchanged
-from weberlink.protocol.checksum import Checksum
-from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.security import Security
+from weberlink.protocol.psk import NAME, CcmCipher, PresharedKey
+from weberlink.protocol.security import Checksum, Security
 from weberlink.protocol.wire import CLEAR_BYTES, PHASE, Kind, pack, sequence_of
 
 CLEAR = b"\x03\x01\x00\x00"[:CLEAR_BYTES]
@@ -133,11 +135,67 @@ def test_another_key_or_another_ephemeral_one_opens_nothing_and_reads_nothing() 
             PresharedKey(bytes(size))
 
 
+def judge(*, initiates: bool, psk: bytes, prologue: bytes, private: bytes) -> NoiseConnection:
+    """The other end, by the other implementation, with an ephemeral key that is known."""
+    connection = NoiseConnection.from_name(NAME)
+    connection.set_psks(psk)
+    connection.set_prologue(prologue)
+    if initiates:
+        connection.set_as_initiator()
+    else:
+        connection.set_as_responder()
+    connection.set_keypair_from_private_bytes(Keypair.EPHEMERAL, private)
+    connection.start_handshake()
+    return connection
+
+
+def sealed(connection: NoiseConnection, *, sends: bool) -> bytes:
+    """What an end with these secrets seals, or what its peer does."""
+    states = connection.noise_protocol
+    key = (states.cipher_state_encrypt if sends else states.cipher_state_decrypt).k
+    return CcmCipher(digest(connection.get_handshake_hash(), key, "sha256")).seal(7, DATAGRAM)
+
+
+@pytest.mark.filterwarnings("ignore:One of ephemeral keypairs:UserWarning")
+@pytest.mark.parametrize("seed", range(8))
+def test_both_roles_interoperate_byte_for_byte_with_another_implementation_of_noise(seed: int) -> None:
+    random = Random(seed)
+    psk, prologue, first, second = (random.randbytes(size) for size in (32, seed * 9, 32, 32))
+    payloads = random.randbytes(seed * 40), random.randbytes(seed * 7)
+    security = PresharedKey(psk)
+    theirs = judge(initiates=True, psk=psk, prologue=prologue, private=first)
+    hello, waiting = security.call(prologue, first, payloads[0])
+    assert hello == theirs.write_message(payloads[0])
+    heard = security.hear(prologue, hello)
+    their_answering = judge(initiates=False, psk=psk, prologue=prologue, private=second)
+    assert heard is not None
+    assert heard[0] == payloads[0] == their_answering.read_message(hello)
+    answered = security.answer(heard[1], second, payloads[1])
+    assert answered is not None
+    welcome, answering = answered
+    assert welcome == their_answering.write_message(payloads[1])
+    opened = security.open(waiting, welcome)
+    assert opened is not None and opened[0] == payloads[1] == theirs.read_message(welcome)
+    for protection, their in ((opened[1], theirs), (answering, their_answering)):
+        assert protection.seal(7, DATAGRAM, 0.0) == sealed(their, sends=True)
+        assert said(protection.open(7, sealed(their, sends=False), 0)) == SAID
+
+
+@pytest.mark.parametrize("public", [bytes(32), b"\x01" + bytes(31)])
+def test_a_public_key_of_low_order_makes_no_session(public: bytes) -> None:
+    security = PresharedKey(KEY)
+    hello, waiting = security.call(b"when", bytes([7] * 32), b"payload")
+    heard = security.hear(b"when", hello)
+    assert heard is not None
+    assert security.open(waiting, public + bytes(30)) is None
+    assert security.answer((heard[1][0], public), bytes([8] * 32), b"") is None
+
+
 def test_no_crypto_library_is_loaded_without_a_key() -> None:
     program = """
 import sys
 import weberlink.protocol, weberlink.protocol.aio, weberlink.protocol.emulation, weberlink.protocol.keys
-from weberlink.protocol.checksum import Checksum
+from weberlink.protocol.security import Checksum
 suite = Checksum()
 assert suite.hear(b"", suite.call(b"", bytes(suite.private_size), b"")[0]) is not None
 assert "cryptography" not in sys.modules

@@ -7,11 +7,10 @@ import pytest
 
 from tests.protocol.harness import by_suite, exchanged, forms, local_end, sample_update
 from weberlink.protocol import DropReason, Role, Statistics
-from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.events import PeerClosed, UpdateReceived
 from weberlink.protocol.liveness import INTRODUCTIONS, Liveness
 from weberlink.protocol.retransmission import RESIDUAL, SHORTEST_PACE
-from weberlink.protocol.security import REKEY_AFTER_S, Security
+from weberlink.protocol.security import REKEY_AFTER_S, Checksum, Security
 from weberlink.protocol.session import Outcome, Session
 from weberlink.protocol.wire import PHASE, DirectionLayout, Kind
 from weberlink.update import PreviousSample, Update

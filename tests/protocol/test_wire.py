@@ -8,8 +8,8 @@ from hypothesis import given, strategies as st
 from tests.protocol.harness import KEY, forms, kind_of
 from weberlink.codec import force_channel
 from weberlink.protocol import wire
-from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.psk import PresharedKey
+from weberlink.protocol.security import Checksum
 from weberlink.protocol.wire import CLEAR_BYTES, Content, DirectionLayout, Envelope, Kind, Report, UpdateLayout
 from weberlink.update import (
     MAX_GAP,

@@ -97,7 +97,6 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
     return {
         "cryptography": secured,
         "weberlink.protocol.psk": secured,
-        "weberlink.protocol.checksum": not secured,
         "weberlink.control.bounded": scheme == "bounded" and not arms,
         "weberlink_mujoco": arms,
         "weberlink.geometry.rotation": turns or mapped,

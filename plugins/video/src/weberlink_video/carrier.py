@@ -20,7 +20,7 @@ from weberlink.protocol import Endpoint, Event, LocalEnd, Role
 from weberlink.protocol.aio.udp import UdpShell, peer_address
 from weberlink.protocol.events import Connected, Refused, TakenOver, UpdateReceived
 from weberlink.protocol.keys import HeldKey, Right
-from weberlink.protocol.security import Security
+from weberlink.protocol.security import Checksum, Security
 from weberlink.session.composition.link import acquaintance, default_name, held_keys
 from weberlink.session.daemon import emulated_link
 from weberlink.session.key_watch import KeyWatch
@@ -52,10 +52,8 @@ def robots_security(configuration: Configuration, finder: PathFinder | None, *, 
     link = configuration.system.link
     path = link.key_file
     if finder is None and (link.security == "none" or path is None):
-        from weberlink.protocol.checksum import Checksum  # noqa: PLC0415 - only the one that is used
-
         return Checksum(), None
-    from weberlink.protocol.psk import Keyring  # noqa: PLC0415 - likewise
+    from weberlink.protocol.psk import Keyring  # noqa: PLC0415 - only where there is a key
 
     where, read = (path, partial(held_keys, path)) if finder is None else finder.stored_keys()  # type: ignore[arg-type]
 

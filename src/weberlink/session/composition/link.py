@@ -24,7 +24,7 @@ from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
 from weberlink.protocol.keys import KEY_BYTES, LONGEST_NAME, HeldKey, KeyFileError, Right, load
 from weberlink.protocol.local_end import LocalEnd
-from weberlink.protocol.security import Security
+from weberlink.protocol.security import Checksum, Security
 from weberlink.registry import check_contract, fault_of
 from weberlink.session.channels import IncomingChannel
 from weberlink.session.composition.channels import account, felt_deadbands, longest_round_trip, signal_delay, streams
@@ -103,8 +103,6 @@ def build_security(configuration: Configuration) -> Security:
     if len(loaded) == 1 and (finder := finder_of(configuration, *loaded)) is not None:  # a process runs one side
         return finder.security
     if link.security == "none":
-        from weberlink.protocol.checksum import Checksum  # noqa: PLC0415
-
         return Checksum()
     from weberlink.protocol.psk import Keyring, PresharedKey  # noqa: PLC0415
     from weberlink.realtime.process import forbid_core_dumps  # noqa: PLC0415
