@@ -67,6 +67,8 @@ class Endpoint:
         peer_grant: what the key of the master of the session, or of the last one, is good for.
         told: gives what the owner adds to what a watcher is told; texts and numbers.
         on_update: takes an update as it comes, if no event waits; False to have it as an event. Must not raise.
+        on_heard: takes the number and the arrival [s] of each authentic datagram that is no replay, and the token of
+            the question of `ask` that it answers, else b"".
     """
 
     def __init__(
@@ -101,6 +103,7 @@ class Endpoint:
         self.peer_grant = Grant()
         self.told: Callable[[], Mapping[str, object]] = dict
         self.on_update: Callable[[events.UpdateReceived], bool] | None = None
+        self.on_heard: Callable[[int, float, bytes], None] | None = None
         self._encoding_report = max(ENCODING_REPORT_S, ENCODING_REPORT_TICKS * end.tick_period)
         self._encoding_reported_at: float | None = None
         self._is_encoding = True
@@ -169,7 +172,8 @@ class Endpoint:
         if self._session is None:
             return False
         self._due = None
-        self._set_encoding(now, is_encoding=True)
+        if not self._is_encoding:
+            self._set_encoding(now, is_encoding=True)
         self._post(self._session.send_update(now, update, stream))
         return True
 
@@ -183,9 +187,8 @@ class Endpoint:
             self._tell_encoding()
 
     def _set_encoding(self, now: float, *, is_encoding: bool) -> None:
-        if is_encoding is not self._is_encoding:
-            self._is_encoding = is_encoding
-            self.liveness.count_from(now if is_encoding else inf)  # what is not repeated cannot be held
+        self._is_encoding = is_encoding
+        self.liveness.count_from(now if is_encoding else inf)  # what is not repeated cannot be held
 
     def grant(self, count: int) -> None:
         """Tell the peer a cumulative count, in every datagram; it is 0 when a session begins, and stays 0 without one.
@@ -200,6 +203,15 @@ class Endpoint:
         """Tell the peer that the owner holds none of its updates any more, so that it sends complete ones."""
         if self._session is not None:
             self._session.request_full_state()
+
+    def ask(self, now: float, token: bytes) -> bool:
+        """Send a question of `wire.TOKEN_BYTES`, which the peer answers at once; False if there is no session, and
+        nothing was sent. It stamps the answer when it leaves, so that it tells the delay of both directions."""
+        if self._session is None:
+            return False
+        self._due = None
+        self._post(self._session.send(now, wire.PATH, token))
+        return True
 
     def request_answer(self) -> None:
         """Ask the peer for an answer at once, which shows whether an update of it is missing."""
@@ -260,8 +272,7 @@ class Endpoint:
         self._leave(events.PeerClosed(WITHDRAWN), now)
 
     def _part(self, now: float, reason: str) -> None:
-        """Say farewell; nothing is heard or repeated from then on, so a lossy link gets copies at once."""
-        if self._session is not None:
+        if self._session is not None:  # nothing is heard or repeated from then on, so a lossy link gets copies at once
             for _ in range(1 + copies_needed(self.statistics.outgoing_loss, self.statistics.outgoing_burst)):
                 self._post(self._session.send(now, wire.BYE, wire.cut(reason)))
 
@@ -270,9 +281,8 @@ class Endpoint:
         if self._due is None:
             due, session = self._dialer.due, self._session
             if session is not None:
-                is_engaged = self.state is _ENGAGED
-                ends_at = session.liveness.silent_at if is_engaged else session.expires_at
-                sends_at = session.next_timer(is_engaged=is_engaged, is_encoding=self._is_encoding)
+                ends_at = session.liveness.silent_at if self.state is _ENGAGED else session.expires_at
+                sends_at = session.next_timer(is_encoding=self._is_encoding)
                 deaf_at = session.liveness.heard_at + self._end.silence if self._is_peer_heard else inf
                 due = min(due, sends_at, ends_at, deaf_at)
             self._due = due
@@ -280,27 +290,25 @@ class Endpoint:
 
     def handle_timer(self, now: float) -> None:
         """Do what is due: silence, calls, repeats, heartbeats. Early calls do no harm."""
-        due = self._due  # of most ticks it is known
-        if due is None:
-            due = self.next_timer()
+        due = self._due if self._due is not None else self.next_timer()  # of most ticks it is known
         if due is None or now < due:
             return
         self._due = None
         self._watch_silence(now)
-        session, is_engaged = self._session, self.state is _ENGAGED
+        session = self._session
         if session is not None:
-            if is_engaged:
+            if self.state is _ENGAGED and self._is_encoding:
                 if self._encoding_reported_at is not None and now - self._encoding_reported_at > self._encoding_report:
                     self._set_encoding(now, is_encoding=False)
-                for stream in session.take_lost(now) if self._is_encoding else ():
-                    self._tell(events.UpdateLost(stream))
-            while data := session.handle_timer(now, is_engaged=is_engaged, is_encoding=self._is_encoding):
+                else:
+                    for stream in session.take_lost(now):
+                        self._tell(events.UpdateLost(stream))
+            while data := session.handle_timer(now, is_encoding=self._is_encoding):
                 self._post(data)
         if now >= self._dialer.due:
             self._post(self._dialer.hello(now))
 
     def _watch_silence(self, now: float) -> None:
-        """Fall silent when a limit is passed, and end the session some seconds later."""
         session, silence = self._session, self._end.silence
         if session is None:
             return
@@ -323,7 +331,6 @@ class Endpoint:
         self._post(self._dialer.hello(now))
 
     def _tell_encoding(self) -> None:
-        """Tell the peer at once if our encoder has started or stopped."""
         session = self._session
         if session is not None and self.state is _ENGAGED and session.said_encoding is not self._is_encoding:
             session.heartbeats.want_answer()
@@ -350,13 +357,11 @@ class Endpoint:
         if session is not None and now >= session.expires_at:
             self._watch_silence(now)  # this process has stood still; datagrams that waited may be of any age
             session = self._session
-        opened = None if session is None else session.authenticate(data)
-        if session is None or opened is None:
+        outcome = None if session is None else session.receive(data, now)
+        if session is None or outcome is DropReason.BAD_TAG:
             self._on_foreign(data, address, now)
-            return
-        outcome = session.accept(opened, now)
-        self.statistics.received += outcome is not DropReason.REPLAYED
-        self._on_authentic(session, outcome, address, now)
+        else:
+            self._on_authentic(session, outcome, address, now)
 
     def _on_handshake(self, data: bytes, address: Address, now: float) -> None:
         if self.state in (State.IDLE, State.CLOSED) or (data[0] == Kind.WELCOME) is not self._calls:
@@ -377,10 +382,9 @@ class Endpoint:
         welcome, refusal, stopper = reply
         if stopper:
             self._stopper = welcome, address
-            self.statistics.received += 1
             self._tell(events.StopAsked(stopper))
-            return
-        self._post(welcome, address)
+        else:
+            self._post(welcome, address)
         if refusal is None:
             self.statistics.received += 1
             return
@@ -409,11 +413,9 @@ class Endpoint:
 
     def _on_foreign(self, data: bytes, address: Address, now: float) -> None:
         """Take a datagram that is not of the present session: the first of a pending one makes that the present one."""
-        for pending in self._listener.pending:
-            if (opened := pending.session.authenticate(data)) is not None:
-                break
-        else:
-            if self._former is not None and self._former.authenticate(data) is not None:
+        pending = next((each for each in self._listener.pending if each.session.is_authentic(data)), None)
+        if pending is None:
+            if self._former is not None and self._former.is_authentic(data):
                 self._drop(DropReason.WRONG_SESSION)
             else:
                 self._drop(DropReason.NO_SESSION if self._session is None else DropReason.BAD_TAG)
@@ -422,8 +424,7 @@ class Endpoint:
         if now - session.liveness.heard_at > self._end.silence + self._end.longest_round_trip:
             self._drop(DropReason.STALE)
             return
-        outcome = session.accept(opened, now)
-        self.statistics.received += outcome is not DropReason.REPLAYED
+        outcome = session.receive(data, now)
         if not session.is_fresh or now >= session.liveness.silent_at:
             self._drop(outcome if isinstance(outcome, DropReason) else DropReason.STALE)
             return
@@ -435,8 +436,11 @@ class Endpoint:
         self._establish(session, pending.address)
         self._on_authentic(session, outcome, address, now)
 
-    def _on_authentic(self, session: Session, outcome: Outcome, address: Address, now: float) -> None:
-        self._dialer.confirm()
+    def _on_authentic(  # noqa: C901 - each kind of outcome
+        self, session: Session, outcome: Outcome, address: Address, now: float
+    ) -> None:
+        if not self._dialer.has_served:
+            self._dialer.confirm()
         session.measure()
         check = self._address
         if check is not None:
@@ -453,26 +457,25 @@ class Endpoint:
             self._dialer.stop()
             self._tell_encoding()
             self._tell(events.PeerReturned())
+        if self.on_heard is not None and outcome is not DropReason.REPLAYED:
+            token = outcome.token if isinstance(outcome, events.PathProbe) and outcome.is_answer else b""
+            self.on_heard(session.sequence, now, token)
         if isinstance(outcome, DropReason):
             self._drop(outcome)
         elif isinstance(outcome, events.UpdateReceived):
             self.statistics.updates_received[outcome.stream] += 1
             if self.on_update is None or self.events or not self.on_update(outcome):
                 self._tell(outcome)
+        elif isinstance(outcome, events.PathProbe) and not outcome.is_answer:
+            self._post(session.send(now, wire.PATH, outcome.token, mark=True), address)
         elif outcome is not None:
-            self._on_message(session, outcome, address, now)
+            self._on_message(outcome, now)
 
     def _on_message(
-        self,
-        session: Session,
-        outcome: events.PathProbe | events.PeerClosed | events.ChangeProposed | events.ChangeAnswered,
-        address: Address,
-        now: float,
+        self, outcome: events.PathProbe | events.PeerClosed | events.ChangeProposed | events.ChangeAnswered, now: float
     ) -> None:
         if isinstance(outcome, events.PathProbe):
-            if not outcome.is_answer:
-                self._post(session.send(now, wire.PATH, outcome.token, mark=True), address)
-            elif self._address is not None:
+            if self._address is not None:
                 self._address.on_answer(outcome.token, now)
                 self.peer = self._address.address
         elif isinstance(outcome, events.PeerClosed):

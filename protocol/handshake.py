@@ -242,7 +242,7 @@ class Dialer:
         self._too_long = inf
         self._too_long_since = 0.0
         self._too_long_answers = 0
-        self._has_served = False
+        self.has_served = False
         self.expects = end.expects
         self._takes_over = takes_over
         self._asks = asks.value
@@ -263,7 +263,7 @@ class Dialer:
     def confirm(self) -> None:
         """Note that the slave serves this master: it has sent a datagram under the keys of a session."""
         self._takes_over = False
-        self._has_served = True
+        self.has_served = True
         self._too_long_answers = 0
 
     def hello(self, now: float) -> bytes:
@@ -332,7 +332,7 @@ class Dialer:
         hello_at = end.epoch + peer_clock - outward_delay
         round_trip = now - hello_at
         if in_ms(round_trip) > in_ms(longest):
-            if not self._has_served:  # the next HELLOs may tell the slave
+            if not self.has_served:  # the next HELLOs may tell the slave
                 self._too_long_since = self._too_long_since if self._too_long_answers else now
                 self._too_long_answers += 1
                 self._too_long = min(self._too_long, round_trip)

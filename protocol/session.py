@@ -31,8 +31,6 @@ _TICK_MASK: Final = (1 << wire.TICK_BITS) - 1
 
 Outcome = UpdateReceived | PeerClosed | ChangeProposed | ChangeAnswered | PathProbe | DropReason | None
 """What an authentic datagram says, or the reason to drop it; None if only the session needs it."""
-Opened = tuple[int, int, bytes]
-"""An authentic datagram: full sequence number, its first byte in clear, and what it says (`DirectionLayout.read`)."""
 
 
 class Session:
@@ -107,21 +105,28 @@ class Session:
 
     # --- what the peer sends
 
-    def authenticate(self, data: bytes) -> Opened | None:
-        """Open a datagram of the right length; None if it is not of this session. Changes nothing."""
+    def is_authentic(self, data: bytes) -> bool:
+        """Whether a datagram of the right length is of this session. Changes nothing."""
+        return self._open(data)[1] is not None
+
+    def _open(self, data: bytes) -> tuple[int, bytes | None]:
+        """Number of a datagram, and what it says (`DirectionLayout.read`); None if it is not of this session."""
         newest = self._replay.newest
         sequence = expand_counter(wire.sequence_of(data), wire.SEQUENCE_BITS, newest + 1)
-        content = self._protection.open(sequence, data, newest)
-        return None if content is None else (sequence, data[0], content)
+        return sequence, self._protection.open(sequence, data, newest)
 
-    def accept(self, opened: Opened, now: float) -> Outcome:  # noqa: C901, PLR0911, PLR0912 - each reason to drop
-        sequence, first, said = opened
+    def receive(self, data: bytes, now: float) -> Outcome:  # noqa: C901, PLR0911, PLR0912 - each reason to drop
+        """Take a datagram of the right length; BAD_TAG, and nothing has changed, if it is not of this session."""
+        sequence, said = self._open(data)
+        if said is None:
+            return DropReason.BAD_TAG
         newest = self._replay.newest
         self.sequence, self.is_fresh, self.is_newest = sequence, False, sequence > newest
         if not self._replay.accept(sequence):
             return DropReason.REPLAYED
+        self._statistics.received += 1
         if self.is_newest:
-            self._protection.accept(first)
+            self._protection.accept(data[0])
         # Numbers up to one that was accepted at least one silence limit ago are rejected: they left before that. Time
         # stamps and echoes wrap, so a datagram that was held back for minutes may look new; its number does not.
         if now - self._marked_at >= self._silence:
@@ -139,8 +144,12 @@ class Session:
         if sequence <= self._floor:
             return DropReason.STALE
         clock.record(departure, now)
-        if not self.liveness.is_agreed and not self._open(content.round_trip_ms, now):
-            return DropReason.UNTIMED
+        if not self.liveness.is_agreed:  # a responder learns the round trip, if the user allows it
+            round_trip_ms = content.round_trip_ms
+            if round_trip_ms is None or round_trip_ms > in_ms(self.round_trip.longest):
+                return DropReason.UNTIMED
+            self.liveness.agree(round_trip_ms * 1e-3, now)
+            self._pace()
         for stream, ack in zip(self._streams, content.acks, strict=True):
             if not stream.acknowledge(sequence, ack, is_newest=self.is_newest):
                 arrived = clock.arrival_bound(stream.sent_at)
@@ -157,14 +166,6 @@ class Session:
             bits = wire.UPDATE_CREDIT_BITS if content.update is not None else wire.HEARTBEAT_CREDIT_BITS
             self.credit.learn(sequence, content.credit, bits)
         return outcome
-
-    def _open(self, round_trip_ms: int | None, now: float) -> bool:
-        """Open the session of a responder with the round trip that a datagram tells, if the user allows it."""
-        if round_trip_ms is None or round_trip_ms > in_ms(self.round_trip.longest):
-            return False
-        self.liveness.agree(round_trip_ms * 1e-3, now)
-        self._pace()
-        return True
 
     def _learn(self, report: Report, now: float) -> bool:
         """Take the peer's measurements; False if they cannot be true."""
@@ -400,8 +401,9 @@ class Session:
 
     # --- time
 
-    def next_timer(self, *, is_engaged: bool, is_encoding: bool) -> float:
+    def next_timer(self, *, is_encoding: bool) -> float:
         """Time of the next datagram [s]."""
+        is_engaged = self.silent_since == inf
         due = self.heartbeats.due(is_engaged=is_engaged)
         if not is_engaged:
             return due
@@ -412,8 +414,9 @@ class Session:
                 due = min(due, stream.due_at(*self._patience()))
         return min(due, self.negotiation.due, self.round_trip.due, self.round_trip.switch_at)
 
-    def handle_timer(self, now: float, *, is_engaged: bool, is_encoding: bool) -> bytes | None:
+    def handle_timer(self, now: float, *, is_encoding: bool) -> bytes | None:
         """The next datagram that is due, if any; a silent peer is sent heartbeats only."""
+        is_engaged = self.silent_since == inf
         if self.round_trip.advance(now):
             self._pace()
         if is_engaged:

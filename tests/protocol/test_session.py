@@ -38,9 +38,9 @@ def pair(security: Security, **changes: Any) -> tuple[Session, Session, Statisti
 
 
 def deliver(receiver: Session, data: bytes, now: float) -> Outcome:
-    opened = receiver.authenticate(data)
-    assert opened is not None
-    return receiver.accept(opened, now)
+    outcome = receiver.receive(data, now)
+    assert outcome is not DropReason.BAD_TAG
+    return outcome
 
 
 def exchange(sender: Session, receiver: Session, now: float) -> None:
@@ -56,7 +56,7 @@ def test_a_session_survives_the_wrap_of_its_numbers(security: Security) -> None:
         outcome = deliver(receiver, sender.send_update(now, sample_update(step)), now)
         assert isinstance(outcome, UpdateReceived) and outcome.update.tick == step
         assert deliver(sender, receiver.send_heartbeat(now), now) is None
-        assert sender.next_timer(is_engaged=True, is_encoding=True) > now
+        assert sender.next_timer(is_encoding=True) > now
     assert counted.lost == counted.repeats == 0
 
 
@@ -71,7 +71,7 @@ def test_an_old_acknowledgement_is_not_mistaken_for_a_new_one() -> None:
     for step in range(100):
         now = 1.02 + step * 0.05
         deliver(sender, receiver.send_heartbeat(now), now)
-        while sender.handle_timer(now, is_engaged=True, is_encoding=True) is not None:
+        while sender.handle_timer(now, is_encoding=True) is not None:
             pass
     assert counted.repeats > 5
 
@@ -145,10 +145,10 @@ def test_on_a_lossy_link_a_heartbeat_that_is_due_is_the_missing_update_again(los
             sender._allowance.pay(0.01)
     now = 0.01 + SHORTEST_PACE
     deliver(sender, question, now)
-    answer = sender.handle_timer(now, is_engaged=True, is_encoding=True)
+    answer = sender.handle_timer(now, is_encoding=True)
     assert answer is not None
     assert isinstance(deliver(receiver, answer, now), UpdateReceived) is (allowed and loss > RESIDUAL)
-    assert sender.handle_timer(now, is_engaged=True, is_encoding=True) is None
+    assert sender.handle_timer(now, is_encoding=True) is None
 
 
 def test_a_report_that_is_overtaken_changes_nothing() -> None:

@@ -11,13 +11,12 @@ from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, Side, local_end
 from tests.session.systems import CONFIGS
 from weberlink.config import MASTER as LEADS, load
 from weberlink.config.loading import Part
-from weberlink.protocol import UpdateReceived
+from weberlink.protocol import Endpoint, UpdateReceived
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.paths import LinkPath
-from weberlink.protocol.probing import Heard, ProbingEndpoint
 from weberlink.protocol.psk import PresharedKey
 from weberlink_doctor.link.examination import Way, WayOut, figures, judge, lost_answers, lost_questions
-from weberlink_doctor.link.trial import PERIOD_S, LinkTrial, Measurement, received
+from weberlink_doctor.link.trial import PERIOD_S, Heard, LinkTrial, Measurement, received
 from weberlink_doctor.report import DoctorReport, Grade, problem
 
 LOOPBACK = CONFIGS / "loopback.yaml"
@@ -52,7 +51,7 @@ class MeasuredLink:
             every=5,
         )
         own = local_end(security=PresharedKey(KEY), entropy=Random("doctor").randbytes, silence=silence)
-        endpoint = ProbingEndpoint(own, peer=SLAVE)
+        endpoint = Endpoint(own, peer=SLAVE)
         self.pair.master = _Master(endpoint, MASTER)
         self.pair.slave.endpoint.connect(self.pair.slave.local(0.0))
         self.measurement = Measurement(endpoint, 0.0, seconds)

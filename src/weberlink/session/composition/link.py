@@ -190,7 +190,7 @@ def live_context(
     )
 
 
-def build_endpoint(system: System, side: str, context: Context, kind: type[Endpoint] = Endpoint) -> Endpoint:
+def build_endpoint(system: System, side: str, context: Context) -> Endpoint:
     forward, backward = streams(system)
     outgoing, incoming = (forward, backward) if side == MASTER else (backward, forward)
     own, other = system.link.names.master, system.link.names.slave
@@ -211,7 +211,7 @@ def build_endpoint(system: System, side: str, context: Context, kind: type[Endpo
         name=own or context.name,
         expects=other or context.expects,
     )
-    return kind(end, peer=context.peer, take_over=context.take_over, stamp=context.stamp, asks=context.asks)
+    return Endpoint(end, peer=context.peer, take_over=context.take_over, stamp=context.stamp, asks=context.asks)
 
 
 @with_file_name

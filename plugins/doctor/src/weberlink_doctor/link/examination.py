@@ -18,11 +18,10 @@ from weberlink.protocol.aio.sockets import numeric
 from weberlink.protocol.liveness import HeartbeatSchedule
 from weberlink.protocol.local_end import LONGEST_SILENCE
 from weberlink.protocol.negotiation import LONGEST, in_ms, rounded_up
-from weberlink.protocol.probing import Heard
 from weberlink.protocol.timing import LONGEST_RTT
 from weberlink.session.advice import AHEAD, DryRun, added_delays, uncontrolled_delay
 from weberlink_doctor.host.trial import nearest_rank
-from weberlink_doctor.link.trial import LinkTrial, build_probe, run_link_trial
+from weberlink_doctor.link.trial import Heard, LinkTrial, build_probe, run_link_trial
 from weberlink_doctor.report import DoctorReport, Finding, Needs, advice, ok, problem
 
 SILENCE_STEP_MS = 10

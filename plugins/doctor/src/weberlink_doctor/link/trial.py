@@ -1,5 +1,9 @@
 """Measures in a child process the link to the slave, in a session that moves nothing.
 
+Every end answers a question at once, whatever else it does. So the measurement needs no other program at the slave, and
+its datagrams are as long and as well protected as those of the session. Each answer tells the delay of both directions,
+and the numbers of the slave's datagrams tell whether a question or its answer was lost.
+
 The child is a master without a device. It says that its encoder does not run, so the slave's robot stays at rest.
 Run as a program, this file is that child and writes a JSON result to standard output.
 """
@@ -11,15 +15,15 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import Any, NamedTuple
 
 import uvloop
 
 from weberlink.config import MASTER, Configuration, ConfigurationError, load
 from weberlink.config.finders import PathFinder, finder_of, finding
-from weberlink.protocol import PeerClosed, PeerSilent, Refused, State
+from weberlink.protocol import Endpoint, PeerClosed, PeerSilent, Refused, State
 from weberlink.protocol.aio.udp import TIMER_STEP_S, UdpShell
-from weberlink.protocol.probing import Heard, ProbingEndpoint
+from weberlink.protocol.wire import TOKEN_BYTES
 from weberlink.realtime.process import prepare
 from weberlink.session.composition.link import build_endpoint, live_context
 from weberlink.session.daemon import emulated_link
@@ -33,6 +37,18 @@ ANSWER_S = 5.0
 """Longest time until the slave answers a call."""
 PATH_S = 40.0
 """Longest time until a path is found."""
+
+
+class Heard(NamedTuple):
+    """An authentic datagram of the slave: number of the session, from 0; its own number; arrival [s]; the question that
+    it answers, None for any other datagram; delay from the slave to here by the mapped clocks [s], None while
+    unknown."""
+
+    session: int
+    sequence: int
+    at: float
+    question: int | None
+    delay: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +67,7 @@ class LinkTrial:
 class Measurement:
     """What a master without a device does: call, wait, ask for so many seconds, and wait for the last answers."""
 
-    def __init__(self, endpoint: ProbingEndpoint, now: float, seconds: float, patience: float = ANSWER_S) -> None:
+    def __init__(self, endpoint: Endpoint, now: float, seconds: float, patience: float = ANSWER_S) -> None:
         self._endpoint = endpoint
         self._seconds = seconds
         self._give_up_at = now + patience
@@ -60,10 +76,19 @@ class Measurement:
         self._due = now
         self._jitters: list[float] = []
         self._silences = 0
+        self._asked: list[float] = []
+        self._heard: list[Heard] = []
         self.failure: str | None = None
         self.is_done = False
         endpoint.report_encoding(now, is_encoding=False)
-        endpoint.begin(now)
+        endpoint.on_heard = self._on_heard
+        endpoint.connect(now)
+
+    def _on_heard(self, sequence: int, now: float, token: bytes) -> None:
+        number = int.from_bytes(token, "big") if token else len(self._asked)
+        question = number if number < len(self._asked) else None
+        endpoint = self._endpoint
+        self._heard.append(Heard(endpoint.sessions - 1, sequence, now, question, endpoint.clock.one_way))
 
     def service(self, now: float) -> float:
         """Do what is due; returns when to be called again [s]."""
@@ -85,12 +110,16 @@ class Measurement:
         if now > last_at + max(0.1, 2.0 * ((clock.rtt or 0.0) + clock.jitter)):  # the last answers have come
             self.finish(now)
         elif self._due <= min(now, last_at):
-            endpoint.ask(now)
-            if clock.rtt is not None:
-                self._jitters.append(clock.jitter)
+            self._ask(now)
             # What this process was too late for is left out: questions in a heap would measure its own stall.
             self._due = max(self._due + PERIOD_S, now)
         return max(self._due, now + TIMER_STEP_S)
+
+    def _ask(self, now: float) -> None:
+        if self._endpoint.ask(now, len(self._asked).to_bytes(TOKEN_BYTES, "big")):
+            self._asked.append(now)
+        if self._endpoint.clock.rtt is not None:
+            self._jitters.append(self._endpoint.clock.jitter)
 
     def _wait_for_session(self, now: float) -> None:
         if self._endpoint.state is State.ENGAGED and self._endpoint.clock.peer_time(now) is not None:
@@ -107,8 +136,8 @@ class Measurement:
             self._endpoint.close(now, "measured")
 
     def result(self, paths: Sequence[Any] = (), priority: str = "") -> LinkTrial:
-        endpoint, used = self._endpoint, [path._asdict() for path in paths]
-        return LinkTrial(endpoint.asked, endpoint.heard, self._jitters, self._silences, used, priority, self.failure)
+        used = [path._asdict() for path in paths]
+        return LinkTrial(self._asked, self._heard, self._jitters, self._silences, used, priority, self.failure)
 
 
 def run_link_trial(file: Path, overrides: Sequence[str], seconds: float) -> LinkTrial:
@@ -122,12 +151,10 @@ def received(heard: Sequence[Sequence[Any]] = (), **fields: Any) -> LinkTrial:
     return LinkTrial(heard=[Heard(*each) for each in heard], **fields)
 
 
-def build_probe(configuration: Configuration, epoch: float, finder: PathFinder | None) -> ProbingEndpoint:
+def build_probe(configuration: Configuration, epoch: float, finder: PathFinder | None) -> Endpoint:
     """The endpoint of a master that measures. Raises ConfigurationError: no key can be read, or no such peer."""
     context = live_context(configuration, MASTER, finder, epoch)
-    endpoint = build_endpoint(configuration.system, MASTER, context, ProbingEndpoint)
-    assert isinstance(endpoint, ProbingEndpoint)
-    return endpoint
+    return build_endpoint(configuration.system, MASTER, context)
 
 
 def trial(file: str, overrides: Sequence[str], seconds: float) -> LinkTrial:
