@@ -196,7 +196,8 @@ class Endpoint:
         session = self._session
         if session is not None and session.credit.granted != count:
             session.credit.grant(count)
-            if session.heartbeats.want_credit():
+            if not session.heartbeats.is_credit_wanted:
+                session.heartbeats.is_credit_wanted = True
                 self._due = None
 
     def request_full_state(self) -> None:
@@ -333,7 +334,7 @@ class Endpoint:
     def _tell_encoding(self) -> None:
         session = self._session
         if session is not None and self.state is _ENGAGED and session.said_encoding is not self._is_encoding:
-            session.heartbeats.want_answer()
+            session.heartbeats.is_answer_wanted = True
             self._due = None
 
     # --- the network

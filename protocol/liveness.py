@@ -229,6 +229,7 @@ class Liveness:
 class HeartbeatSchedule:
     """Times of the heartbeats of one direction, and whether one asks for an answer: `max_echo_age` after an arrival
     that was echoed, if there is a newer one, `max_gap` after our last datagram, `credit_interval` for new credit [s].
+    Any datagram tells what is wanted: new credit (`is_credit_wanted`), or that this end is there (`is_answer_wanted`).
     """
 
     def __init__(self, now: float, *, silence: float, tick_period: float) -> None:
@@ -236,15 +237,13 @@ class HeartbeatSchedule:
         self._fade = FADE_SHARE * silence
         self._horizon = HORIZON_SHARE * silence
         self._limits = (self._fade, CHANCE_FADES_PER_S, 0), (silence, FALSE_ALARMS_PER_S, LEAST_QUESTIONS)
-        self._silence = silence
-        self._tick_period = tick_period
+        self._silence, self._tick_period = silence, tick_period
         self._introductions = INTRODUCTIONS
-        self._answer_wanted = self._credit_wanted = self._must_ask = False
+        self.is_answer_wanted = self.is_credit_wanted = self._must_ask = False
         self._confirmed_at = self._heard_at = self._echoed_at = now
         self._round_trip = 0.0
         self._asked_at = -inf
         self._sent_at = self._heartbeat_at = self._reported_at = now - REPORT_INTERVAL
-        self._due: float | None = None
         self.adapt(0.0, 0.0, inf, 0.0, 0.0)
 
     def adapt(self, outgoing: float, incoming: float, rtt: float, jitter: float, round_trip: float) -> None:
@@ -266,7 +265,6 @@ class HeartbeatSchedule:
         self._ask_after = self.max_echo_age + overhead
         self._ask_after_quiet = self._longest_gap(incoming, unanswered, shortest, path, jitter) + jitter + late
         self._answered_in = rtt + jitter + 2.0 * self._tick_period
-        self._due = None
 
     def _longest_pause(self, room: float, losses: int, questions: int, path: float) -> float:
         """Longest pause between two datagrams with which a limit that leaves this room for pauses holds, although so
@@ -287,16 +285,12 @@ class HeartbeatSchedule:
 
     def heard(self, now: float, confirmed_at: float) -> None:
         """A fresh datagram of the peer came, and the peer is known to have heard what left at `confirmed_at` [s]."""
-        self._heard_at = now
-        self._confirmed_at = confirmed_at
-        self._due = None
+        self._heard_at, self._confirmed_at = now, confirmed_at
 
     def sent(self, now: float, heard_at: float) -> None:
         """A datagram of any kind went out, with the present credit and the echo of one that came at `heard_at`."""
-        self._sent_at = now
-        self._echoed_at = heard_at
-        self._answer_wanted = self._credit_wanted = False
-        self._due = None
+        self._sent_at, self._echoed_at = now, heard_at
+        self.is_answer_wanted = self.is_credit_wanted = False
 
     def sent_heartbeat(self, now: float, *, has_reported: bool, is_confirmed: bool) -> None:
         """The datagram was a heartbeat; `is_confirmed` if the peer was heard under these keys."""
@@ -307,25 +301,10 @@ class HeartbeatSchedule:
         if has_reported:
             self._reported_at = now
         self._introductions -= is_confirmed and self._introductions > 0
-        self._due = None
-
-    def want_answer(self) -> None:
-        """The peer is to hear something as soon as may be; any datagram will do."""
-        self._answer_wanted = True
-        self._due = None
 
     def ask(self) -> None:
         """Ask the peer at once for an answer, whatever was heard."""
-        self._must_ask = True
-        self.want_answer()
-
-    def want_credit(self) -> bool:
-        """The peer is to hear of more credit; returns whether that is new."""
-        is_new = not self._credit_wanted
-        if is_new:
-            self._credit_wanted = True
-            self._due = None
-        return is_new
+        self._must_ask = self.is_answer_wanted = True
 
     def asks(self, now: float) -> bool:
         """Whether a heartbeat sent now asks for an answer: a datagram is missing, and an answer can be in time."""
@@ -340,19 +319,14 @@ class HeartbeatSchedule:
         """Time of the next heartbeat if nothing else is sent [s]."""
         if not is_engaged:
             return min(self._reported_at + REPORT_INTERVAL, self._sent_at + self.credit_interval)
-        if self._due is not None:  # read several times a tick, changed by a datagram only
-            return self._due
-        due = self._sent_at
-        if not self._answer_wanted:
-            due = min(self._reported_at + REPORT_INTERVAL, self._sent_at + self.max_gap, self._ask_due())
-            if self._heard_at > self._echoed_at:
-                due = min(due, self._echoed_at + self.max_echo_age)
-            if self._credit_wanted:
-                due = min(due, self._sent_at + self.credit_interval)
-            if self._introductions:
-                due = min(due, self._heartbeat_at + INTRODUCTION_INTERVAL)
-        self._due = due
-        return due
+        if self.is_answer_wanted:
+            return self._sent_at
+        due = min(self._reported_at + REPORT_INTERVAL, self._sent_at + self.max_gap, self._ask_due())
+        if self._heard_at > self._echoed_at:
+            due = min(due, self._echoed_at + self.max_echo_age)
+        if self.is_credit_wanted:
+            due = min(due, self._sent_at + self.credit_interval)
+        return min(due, self._heartbeat_at + INTRODUCTION_INTERVAL) if self._introductions else due
 
     def _ask_due(self) -> float:
         """When a datagram is missing that was due by either limit, if an answer can come before that limit."""

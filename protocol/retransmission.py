@@ -162,9 +162,8 @@ class OutgoingStream:
         self._urgent_at = inf
         self._newest = 0
 
-    def begin(self, update: Update, sequence: int, now: float, copies: int = 0) -> None:
-        """A new update was sent in the datagram of this number; `copies` early repeats follow, if allowed."""
-        self.update = update
+    def begin(self, sequence: int, now: float, copies: int = 0) -> None:
+        """A new `update` was sent in the datagram of this number; `copies` early repeats follow, if allowed."""
         self._count, self._newest, self._begun = 0, sequence, sequence
         self._begun_at = self.sent_at = now
         if self._unheld and now - self._unheld[-1][0] < UNHELD_SHARE * self._silence:

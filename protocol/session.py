@@ -208,7 +208,7 @@ class Session:
             runs = content.selector & wire.ENCODES != 0
             liveness.hear_encoder(self.sequence, now, runs=runs, streams=self._current(content.tick))
             if content.mark:
-                self.heartbeats.want_answer()
+                self.heartbeats.is_answer_wanted = True
             return None
         if kind == wire.PATH:
             return PathProbe(content.data, content.mark)
@@ -283,8 +283,9 @@ class Session:
             raise ValueError(f"tick must not be negative, not {update.tick}")
         own, statistics = self._streams[stream], self._statistics
         own.layout.check(update)
+        own.update = update
         sequence, datagram = self._seal_update(own, update, now)
-        own.begin(update, sequence, now, copies_needed(statistics.outgoing_loss, statistics.outgoing_burst))
+        own.begin(sequence, now, copies_needed(statistics.outgoing_loss, statistics.outgoing_burst))
         self._watch_streams()
         self.said_encoding = True
         statistics.updates_sent[stream] += 1
@@ -294,16 +295,14 @@ class Session:
         self._next_sequence = stream.unambiguous(self._next_sequence)
         envelope, sequence = self._envelope(now)
         lag = round(self._departed / self._tick_period) - update.tick
-        ticks = 0
-        if len(self._streams) > 1:
-            ticks = self._newest_ticks(stream) + update.tick & _TICK_MASK
+        ticks = self._newest_ticks() if len(self._streams) > 1 else 0
         self.heartbeats.sent(now, self.liveness.heard_at)
         clear = stream.layout.pack(envelope, lag, update, self.credit.granted, ticks)
         return sequence, self._protection.seal(sequence, clear, now)
 
-    def _newest_ticks(self, besides: OutgoingStream | None = None) -> int:
-        """Sum of the ticks of our newest updates, of all streams but one."""
-        return sum(stream.update.tick for stream in self._streams if stream.update and stream is not besides)
+    def _newest_ticks(self) -> int:
+        """Sum of the ticks of our newest updates of all streams, truncated."""
+        return sum(stream.update.tick for stream in self._streams if stream.update is not None) & _TICK_MASK
 
     def prove(self) -> None:
         """Nothing counts that either end held before an interruption."""
@@ -340,7 +339,7 @@ class Session:
         self.said_encoding = is_encoding
         clear = wire.pack_heartbeat(
             envelope,
-            self._newest_ticks() & _TICK_MASK,
+            self._newest_ticks(),
             report,
             self.credit.granted if self._end.carries_credit else None,
             round_trip_ms=None if self.is_confirmed or not self._end.calls else in_ms(self.liveness.round_trip),
@@ -372,9 +371,8 @@ class Session:
     ) -> bytes:
         """The datagram of a farewell, of a change, or of a question or an answer (`mark`) about an address."""
         envelope, sequence = self._envelope(now)
-        return self._protection.seal(
-            sequence, wire.pack(envelope, kind, data, mark=mark, selector=selector, tick=tick), now
-        )
+        clear = wire.pack(envelope, kind, data, mark=mark, selector=selector, tick=tick)
+        return self._protection.seal(sequence, clear, now)
 
     def _send_change(self, now: float) -> bytes | None:
         """The message of a negotiation that is due."""

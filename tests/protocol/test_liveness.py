@@ -162,12 +162,12 @@ def test_a_heartbeat_is_due_after_a_gap_or_for_an_old_echo_or_credit_or_an_answe
     schedule.heard(0.519, 0.51)
     schedule.sent(0.52, 0.519)
     assert (idle := schedule.due(is_engaged=True)) == 0.52 + schedule.max_gap
-    assert schedule.want_credit() and not schedule.want_credit()
+    schedule.is_credit_wanted = True
     assert schedule.due(is_engaged=True) == 0.52 + schedule.credit_interval < idle
     schedule.sent(0.52, 0.5)
     schedule.heard(0.54, 0.52)
     assert schedule.due(is_engaged=True) == 0.5 + schedule.max_echo_age < idle
-    schedule.want_answer()
+    schedule.is_answer_wanted = True
     assert schedule.due(is_engaged=True) <= 0.54
     for step in range(54, 100):  # any datagram postpones it, except for a report
         schedule.heard(0.01 * step, 0.01 * step)

@@ -34,7 +34,9 @@ SILENCE = 0.1
 
 
 def stream(allowance: Allowance | None = None) -> OutgoingStream:
-    return OutgoingStream(LAYOUT, allowance or Allowance(), SILENCE)
+    made = OutgoingStream(LAYOUT, allowance or Allowance(), SILENCE)
+    made.update = UPDATE
+    return made
 
 
 def due(stream: OutgoingStream, rtt: float, fallback: float) -> float:
@@ -49,8 +51,8 @@ def acknowledge(stream: OutgoingStream, ack: int) -> bool:
 def test_a_repeat_is_due_until_the_update_or_a_repeat_of_it_is_acknowledged() -> None:
     sent = stream()
     assert due(sent, 0.01, 0.1) == inf
-    sent.begin(UPDATE, 6, 0.9)
-    sent.begin(UPDATE, 7 + 2**16, 1.0)
+    sent.begin(6, 0.9)
+    sent.begin(7 + 2**16, 1.0)
     assert due(sent, 0.01, 0.1) == 1.1
     sent.is_missed = True  # evidence of a loss
     assert (due(sent, 0.01, 0.1), due(sent, 0.0, 0.1)) == (1.01, 1.0 + SHORTEST_PACE)
@@ -58,7 +60,7 @@ def test_a_repeat_is_due_until_the_update_or_a_repeat_of_it_is_acknowledged() ->
     assert not acknowledge(sent, 6) and sent.is_pending
     assert acknowledge(sent, 7)
     assert due(sent, 0.01, 0.1) == inf
-    sent.begin(UPDATE, 20, 2.0, copies=1)  # early, without evidence
+    sent.begin(20, 2.0, copies=1)  # early, without evidence
     assert due(sent, 0.3, 9.0) == 2.0 + SHORTEST_PACE
     sent.repeated(21, 2.005)
     assert due(sent, 0.3, 9.0) > 9.0
@@ -66,7 +68,7 @@ def test_a_repeat_is_due_until_the_update_or_a_repeat_of_it_is_acknowledged() ->
 
 def test_an_update_is_lost_slower_with_each_repeat_and_forgotten_only_by_the_newest_datagram() -> None:
     sent = stream()
-    sent.begin(UPDATE, 5, 0.0)
+    sent.begin(5, 0.0)
     assert not sent.is_lost(0.1, 0.1)
     assert sent.acknowledge(3, None, is_newest=False), "an old datagram without one says nothing"
     assert not sent.acknowledge(4, None, is_newest=True)
@@ -81,7 +83,7 @@ def test_an_update_is_lost_slower_with_each_repeat_and_forgotten_only_by_the_new
     assert not sent.is_forgotten
     sent.acknowledge(11, 0, is_newest=True)
     assert sent.is_lost(0.2, 0.1) and not sent.is_lost(0.3, 0.1), "once"
-    sent.begin(UPDATE, 12, 0.5)
+    sent.begin(12, 0.5)
     assert sent.is_lost(0.61, 0.1) and not sent.is_pending, "not arrived within the limit"
 
 
@@ -89,7 +91,7 @@ def test_what_the_peer_lacks_is_as_old_as_the_first_update_after_the_one_that_it
     sent = stream()
     first = 2**16 - 5
     for index in range(10):
-        sent.begin(UPDATE, first + 2 * index, 0.02 * index)
+        sent.begin(first + 2 * index, 0.02 * index)
     sent.repeated(first + 19, 0.19)
     assert (sent.unheld_since, sent.is_held) == (0.0, False)
     sent.acknowledge(1, first + 7 & 0xFFFF, is_newest=True)  # what the fourth one left in is not known: a repeat of it
@@ -99,10 +101,10 @@ def test_what_the_peer_lacks_is_as_old_as_the_first_update_after_the_one_that_it
     assert sent.unheld_since == pytest.approx(0.08)
     sent.acknowledge(4, first + 19 & 0xFFFF, is_newest=True)
     assert sent.unheld_since == inf and not sent.is_pending
-    sent.begin(UPDATE, first + 2**16, 0.3)
+    sent.begin(first + 2**16, 0.3)
     sent.acknowledge(5, None, is_newest=True)
     assert sent.unheld_since == 0.3, "one that was acknowledged 2^16 numbers ago says nothing"
-    sent.begin(UPDATE, first + 2**16 + 1, 0.302)
+    sent.begin(first + 2**16 + 1, 0.302)
     sent.acknowledge(6, first & 0xFFFF, is_newest=True)
     assert sent.unheld_since == 0.3, "what left within 6 ms counts as old as its first"
     sent.forget()
@@ -112,12 +114,12 @@ def test_what_the_peer_lacks_is_as_old_as_the_first_update_after_the_one_that_it
 def test_an_update_is_urgent_when_its_time_runs_out() -> None:
     """It must be acknowledged within 0.1 s and the round trip; then nothing follows, and nothing is urgent."""
     sent = stream()
-    sent.begin(UPDATE, 1, 1.0)
+    sent.begin(1, 1.0)
     assert sent.due_at(0.05, 9.0, 0.06) == pytest.approx(1.125)
     assert not sent.repeated(2, 1.124)
     assert sent.due_at(0.05, 9.0, 0.06) == pytest.approx(1.128)
     assert sent.repeated(3, 1.158) and sent.due_at(0.05, 9.0, 0.06) > 9.0
-    sent.begin(UPDATE, 4, 1.16)
+    sent.begin(4, 1.16)
     assert sent.due_at(0.05, 9.0, 0.06) > 9.0, "there is no time left for one"
     sent.acknowledge(1, 3, is_newest=True)
     assert sent.due_at(0.05, 9.0, 0.06) == pytest.approx(1.285)
@@ -139,7 +141,7 @@ def test_repeats_keep_to_their_bound_over_any_pattern(
         now += wait
         if what == "update":
             number, begun_at, repeats = number + 1, now, 0
-            sent.begin(UPDATE, number, now, copies)
+            sent.begin(number, now, copies)
         elif what == "acknowledged":
             acknowledge(sent, number)
         elif what == "missed":
@@ -170,7 +172,7 @@ def test_early_repeats_are_bounded_by_their_allowance(
             assert 0 <= allowance.left(now) <= allowance.rate
         if what == "update":
             number += 1
-            streams[place % 2].begin(UPDATE, number, now, copies)
+            streams[place % 2].begin(number, now, copies)
         for each in streams:
             while due(each, 0.0, inf) <= now:  # without evidence, and without end of patience
                 number, repeats = number + 1, repeats + 1
