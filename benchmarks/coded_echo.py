@@ -26,7 +26,7 @@ from weberlink.protocol.events import Event, PeerClosed, UpdateReceived
 from weberlink.protocol.states import State
 from weberlink.realtime.garbage import freeze_garbage
 from weberlink.realtime.ticker import Ticker
-from weberlink.session.composition.channels import channels
+from weberlink.session.composition.channels import streams
 from weberlink.session.composition.link import Context, build_endpoint, build_security
 from weberlink_studies.evaluate.traces import SHIPPED
 
@@ -47,7 +47,7 @@ class EchoEnd:
 
     def __init__(self, configuration: Configuration, role: Role, port: int, epoch: float, *, every: bool) -> None:
         system = configuration.system
-        forward, backward = channels(system)
+        (forward,), (backward,) = streams(system)
         self._asks = role is Role.INITIATOR
         outgoing, incoming = (forward, backward) if self._asks else (backward, forward)
         self.encoder, self.decoder = Encoder(outgoing), Decoder(incoming)

@@ -23,7 +23,7 @@ from weberlink.config import MASTER, SLAVE, Configuration, load
 from weberlink.protocol.events import UpdateReceived
 from weberlink.protocol.states import State
 from weberlink.realtime.garbage import freeze_garbage
-from weberlink.session.composition.channels import channels
+from weberlink.session.composition.channels import streams
 from weberlink.session.composition.link import Context, build_endpoint, build_security
 
 UPDATES, QUICK_UPDATES = 2000, 200
@@ -68,7 +68,7 @@ class EndpointPair:
 
     def __init__(self, configuration: Configuration) -> None:
         system, now = configuration.system, monotonic()
-        forward, _ = channels(system)
+        (forward,), _ = streams(system)
         context = Context(build_security(configuration), os.urandom, now)
         self.encoder, self.decoder = Encoder(forward), Decoder(forward)
         self.sender = build_endpoint(system, MASTER, context._replace(peer=HERE))

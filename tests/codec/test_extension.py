@@ -32,7 +32,7 @@ SCRIPT = """
 import json, sys
 from pathlib import Path
 from weberlink import ConfigurationError, load, simulate
-from weberlink.session.composition.channels import channels
+from weberlink.session.composition.channels import streams
 
 def run(overrides):
     try:
@@ -40,7 +40,7 @@ def run(overrides):
     except ConfigurationError as error:
         return str(error)
     figures, _ = simulate(configuration, 1.0)
-    channel = channels(configuration.system)[1]
+    channel = streams(configuration.system)[1][0]
     return [figures.outcome, figures.felt.packets, channel.bank, repr(channel.deadband)]
 
 print(json.dumps([run(overrides) for overrides in json.loads(sys.argv[1])]))

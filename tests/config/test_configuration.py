@@ -17,7 +17,7 @@ from weberlink.config import MASTER, SLAVE, ConfigurationError, load
 from weberlink.config.model import System
 from weberlink.master.devices.operator import OperatorDevice
 from weberlink.session.advice import dry_run
-from weberlink.session.composition.channels import channels
+from weberlink.session.composition.channels import streams
 from weberlink.session.simulation import build_simulation
 
 MINIMAL = "link: {listen: 127.0.0.1:0, slave: 127.0.0.1:0, security: none}\n"
@@ -186,7 +186,7 @@ def test_a_shipped_file_comes_back_from_its_own_document(file: str) -> None:
 
 def test_a_file_says_the_reference_of_the_deadband() -> None:
     loaded = load(CONFIGS / "loopback.yaml", ["codec.force={reference: sent, weber: 0.2}"])
-    made = channels(loaded.system)[1].deadband
+    made = streams(loaded.system)[1][0].deadband
     assert isinstance(made, ForceDeadband)
     assert (made.weber, made.floor, made.reference) == (0.2, 0.02, "sent")
 

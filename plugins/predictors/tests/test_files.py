@@ -8,7 +8,7 @@ import pytest
 from tests.session.systems import CONFIGS, configuration
 from weberlink.codec.deadband import Deadband
 from weberlink.config import ConfigurationError, load
-from weberlink.session.composition.channels import channels
+from weberlink.session.composition.channels import streams
 from weberlink_predictors.adaptive import BANKS
 from weberlink_predictors.cone import ConeDeadband
 from weberlink_predictors.level_crossing import LevelCrossingDeadband
@@ -28,7 +28,7 @@ DEADBANDS: dict[str, Deadband] = {
 @pytest.mark.parametrize("force", DEADBANDS)
 def test_a_file_says_the_shape_of_the_deadband(force: str) -> None:
     loaded = configuration(f"codec.force={force}", "rate_hz=500")
-    made, expected = channels(loaded.system)[1].deadband, DEADBANDS[force]
+    made, expected = streams(loaded.system)[1][0].deadband, DEADBANDS[force]
     assert type(made) is type(expected)
     for name in dir(expected):
         value = getattr(expected, name)

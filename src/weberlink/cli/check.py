@@ -175,8 +175,7 @@ def _streams(system: System) -> Iterator[Stream]:
         thresholds = f"k = {torque.weber:g}, floor {torque.floor_nm:g} N m, reference {torque.reference}"
         yield Stream("rotation", "torque ", torque, thresholds, backward[1])
         yield Stream("", "orientation ", turn, f"bound {turn.bound_rad:g} rad", forward[1])
-    arms = [(name, getattr(codec, name)) for name in ("joints", "gripper") if getattr(codec, name) is not None]
-    for (title, arm), angles, torques in zip(arms, forward, backward, strict=False):
+    for (title, arm, _), angles, torques in zip(codec.arm, forward, backward, strict=False):
         yield Stream(title, "angles ", arm.angle, f"bound {_each(arm.angle.bound_rad)} rad", angles)
         thresholds = f"k = {arm.torque.weber:g}, floor {_each(arm.torque.floor_nm)} N m"
         yield Stream("", "torques ", arm.torque, thresholds, torques)

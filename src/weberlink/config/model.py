@@ -352,6 +352,14 @@ class CodecSettings(Settings):
     gripper: GripperCodecSettings | None = None
     """The gripper of the arms, `{}` for its defaults; leave out for none."""
 
+    @property
+    def arm(self) -> list[tuple[str, JointCodecSettings | GripperCodecSettings, int]]:
+        """The parts of an arm: key, settings and number of axes; nothing for a hand."""
+        if self.joints is None:
+            return []
+        joints = ("joints", self.joints, len(self.joints.names))
+        return [joints] if self.gripper is None else [joints, ("gripper", self.gripper, 1)]
+
     def contradictions(self) -> Iterator[str]:
         if self.gripper is not None and self.joints is None:
             yield "gripper: belongs to an arm; give its joints too, with joints: {names: [...]}"

@@ -281,23 +281,17 @@ def _angles(parts: DryRun) -> Iterator[str]:
     spec = parts.follower
     if spec is None:
         return
-    joints, gripper = parts.system.codec.joints, parts.system.codec.gripper
-    assert joints is not None
-    count = len(joints.names)
-    coded = [("joints", joints.angle, joints.torque, spec.stiffness_nm_rad[:count])]
-    if gripper is not None:
-        coded.append(("gripper", gripper.angle, gripper.torque, spec.stiffness_nm_rad[count:]))
-    for part, angle, torque, own in coded:
-        stated, bounds = angle.coupling_nm_rad, per_axis(angle.bound_rad, len(own))
-        jump = max(map(truediv, map(mul, own, bounds), per_axis(torque.floor_nm, len(own))))
+    for part, group, count in parts.system.codec.arm:
+        own = spec.stiffness_nm_rad[:count] if part == "joints" else spec.stiffness_nm_rad[-count:]
+        stated, bounds = group.angle.coupling_nm_rad, per_axis(group.angle.bound_rad, count)
+        jump = max(map(truediv, map(mul, own, bounds), per_axis(group.torque.floor_nm, count)))
         field = f"codec.{part}.angle.coupling_nm_rad"
         if stated is None and jump > 1.0 and max(own) < inf:
             yield (
                 f"{field}: not given, so an unsent error of an angle may change the torque by {jump:.2g} deadbands; "
                 f"give that of {spec.name}, {max(own):.3g}"
             )
-        elif stated is not None and max(per_axis(stated, len(own))) < 0.5 * max(own) < inf:
-            most = max(per_axis(stated, len(own)))
+        elif stated is not None and (most := max(per_axis(stated, count))) < 0.5 * max(own) < inf:
             yield f"{field} {most:g}: {spec.name} is stiffer, {max(own):.3g} N m/rad; give that"
 
 

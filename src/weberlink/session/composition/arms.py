@@ -1,18 +1,17 @@
 """Builds both ends of a session of arms, from a configuration."""
 
-from collections.abc import Callable
+from functools import partial
 
 from weberlink.arms.contract import Arm, ArmFault, ArmSpec
 from weberlink.arms.sensor import PressedAxes, sensors_of
 from weberlink.codec import Decoder
-from weberlink.codec.sample import INT16_MAX
 from weberlink.config import Configuration, ConfigurationError, System
-from weberlink.config.joints import AngleCodecSettings, FollowerLimits, JointCodecSettings, LeaderLimits, per_axis
+from weberlink.config.joints import FollowerLimits, JointCodecSettings, LeaderLimits, per_axis
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
 from weberlink.geometry.joints import Joints
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.session.channels import IncomingChannel
-from weberlink.session.composition.channels import account, longest_round_trip, signal_delay, streams
+from weberlink.session.composition.channels import account, check_span, longest_round_trip, signal_delay, streams
 from weberlink.session.composition.link import Parts, build_driver, build_tuning, with_file_name
 
 SLEW_S = 0.05  # time in which the torque of a leader may rise to its largest, where the file does not say otherwise [s]
@@ -26,14 +25,13 @@ def build_leading(configuration: Configuration, endpoint: Endpoint) -> Parts:
     from weberlink.session.composition.master import operator_port  # noqa: PLC0415 - likewise
 
     system, leader = configuration.system, build_leader(configuration)
-    joints, gripper = _joints(system), system.codec.gripper
     most, slew = torque_limits(system, leader.spec)
     sent, received = streams(system)
     sensors, incoming = sensors_of(leader.spec, "angles", sent), [IncomingChannel(Decoder(each)) for each in received]
     tuning = build_tuning(system, incoming[0].decoder)
     # Less torque than the deadband states no contact: it may be left over.
-    floors = per_axis(joints.torque.floor_nm, len(joints.names))
-    floors += () if gripper is None else (float(gripper.torque.floor_nm),)
+    parts = [(group.torque.floor_nm, count) for _, group, count in system.codec.arm]
+    floors = tuple(floor for setting, count in parts for floor in per_axis(setting, count))
     least, delay = tuple(max(LEAST_CONTACT * LEVER, floor) for floor in floors), signal_delay(system)
     bounds = []
     for sensor in sensors:
@@ -42,20 +40,17 @@ def build_leading(configuration: Configuration, endpoint: Endpoint) -> Parts:
         ramp = system.master.limits.ramp_ms * 1e-3
         bounds.append(Bound(sensor.part(most), sensor.part(slew), ramp, width=1, contact=contact))
 
-    def torque_bound(axis: int, torque: float) -> float:
-        return max(tuning.settings.weber * torque, floors[axis])
+    def torque_bound(weber: float | None, floors: Joints, axis: int, torque: float) -> float:
+        weber = tuning.settings.weber if weber is None else weber  # a session may change that of the joints
+        return max(weber * torque, floors[axis])
 
     control = build_axes(system.control.scheme, LEVER, account(system.control, system.master.mapping))
     display = Display(control, sensors, leader.command if any(most) else None)
-    groups: list[tuple[AngleCodecSettings, Callable[[int, float], float]]] = [(joints.angle, torque_bound)]
-    if gripper is not None:
-        weber = gripper.torque.weber
-        groups.append((gripper.angle, lambda _, torque: max(weber * torque, floors[-1])))
-    for sensor, (angle, bound) in zip(sensors, groups, strict=True):
-        if angle.coupling_nm_rad is not None:
-            count = len(sensor.value)
-            coupling = per_axis(angle.coupling_nm_rad, count)
-            sensor.pressed = PressedAxes(per_axis(angle.bound_rad, count), coupling, bound)
+    for sensor, (name, group, count) in zip(sensors, system.codec.arm, strict=True):
+        if group.angle.coupling_nm_rad is not None:
+            bounds_rad, coupling = group.angle.bound_rad, group.angle.coupling_nm_rad
+            bound = partial(torque_bound, None if name == "joints" else group.torque.weber, sensor.part(floors))
+            sensor.pressed = PressedAxes(per_axis(bounds_rad, count), per_axis(coupling, count), bound)
             sensor.felt = display
     port = operator_port(system, leader, [display], bounds, endpoint, ArmFault)
     port.angle_range = leader.spec.lower, leader.spec.upper
@@ -124,12 +119,10 @@ def build_follower(configuration: Configuration) -> Arm:
     follower: Arm = build_driver("slave.robot", part.driver, part.options, system.tick_period, contract=Arm)
     _check("slave.robot", follower.spec, system)
     angle_limits(system, follower.spec)
-    largest, limit = max(follower.spec.torque_nm), streams(system)[1][0].value_quantizer.limit
-    if largest > limit:
-        raise ConfigurationError(
-            f"codec.joints.torque.step_nm: spans {limit:g} N m but slave.robot measures up to {largest:g} N m; use a "
-            f"step of at least {largest / INT16_MAX:.2g}"
-        )
+    torques = streams(system)[1][0]
+    check_span(
+        "codec.joints.torque.step_nm", torques, "slave.robot measures up to", max(follower.spec.torque_nm), "N m"
+    )
     return follower
 
 
@@ -175,7 +168,7 @@ def _joints(system: System) -> JointCodecSettings:
 
 
 def _check(where: str, spec: ArmSpec, system: System) -> None:
-    """An arm must have the axes of the file; a wire that cannot say an angle would move the other arm elsewhere."""
+    """An arm must have the axes of the file, and the wire must span its angles."""
     names, has_gripper = _joints(system).names, system.codec.gripper is not None
     if spec.joints != names:
         raise ConfigurationError(
@@ -187,10 +180,5 @@ def _check(where: str, spec: ArmSpec, system: System) -> None:
             f"codec.gripper: {where} {spec.name} has {'a' if spec.gripper else 'no'} gripper; "
             + ("add gripper: {} under codec" if spec.gripper else "leave it out")
         )
-    limit = streams(system)[0][0].value_quantizer.limit
     reach = max(map(abs, (*spec.lower, *spec.upper)))
-    if reach > limit:
-        raise ConfigurationError(
-            f"codec.joints.angle.step_rad: spans {limit:g} rad but {where} reaches {reach:g} rad; use a step of at "
-            f"least {reach / INT16_MAX:.2g}"
-        )
+    check_span("codec.joints.angle.step_rad", streams(system)[0][0], f"{where} reaches", reach, "rad")

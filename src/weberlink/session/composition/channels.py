@@ -9,9 +9,10 @@ from weberlink.codec.channel import Smoothing, joint_channel
 from weberlink.codec.deadband import Deadband, DeadbandSetup, ForceDeadband, Measures
 from weberlink.codec.predictors import FitLimits
 from weberlink.codec.rate import UpdateRate
-from weberlink.config import System
+from weberlink.codec.sample import INT16_MAX
+from weberlink.config import ConfigurationError, System
 from weberlink.config.joints import AngleCodecSettings, JointTorqueCodecSettings, per_axis
-from weberlink.config.model import ControlSettings, ForceCodecSettings, MappingSettings
+from weberlink.config.model import ControlSettings, ForceCodecSettings, MappingSettings, MotionCodecSettings
 from weberlink.config.settings import PredictedSettings
 from weberlink.control.contract import LEAST_CONTACT, AccountParameters
 from weberlink.control.table import SCHEMES
@@ -34,39 +35,6 @@ def measures_in(dump: Mapping[str, Any]) -> Measures | None:
     if force.deadband.deadband.is_ball:
         return None
     return lambda weber: force_deadband(force, tick_period, weber).error
-
-
-def channels(system: System) -> tuple[Channel, Channel]:
-    """The forward (position) and the backward (force) channel."""
-    force, position = system.codec.force, system.codec.position
-    forward = position_channel(
-        predictor=position.predictor,
-        bank=position.bank,
-        weber=position.weber,
-        bound=position.bound_m,
-        axes=system.axes,
-        position_step=position.step_m,
-    )
-    backward = force_channel(
-        predictor=force.predictor,
-        bank=force.bank,
-        deadband=force_deadband(force, system.tick_period, force.weber),
-        axes=system.axes,
-        force_step=force.step_n,
-        position_step=position.step_m,
-    )
-    smoothing = _ticks(force.smooth_ms, system)
-    return (
-        replace(forward, **_pace(position, system), lookahead=_ticks(position.lookahead_ms, system)),
-        replace(
-            backward,
-            **_pace(force, system),
-            fit_limits=FitLimits(force.trust.stiffness_n_m, force.trust.radius_m),
-            smoothing=Smoothing(smoothing) if smoothing else None,
-            every_position=SCHEMES[system.control.scheme].reads_position,
-            lookahead=_ticks(force.lookahead_ms, system),
-        ),
-    )
 
 
 def _pace(
@@ -120,40 +88,53 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
     Those of a hand are the translation and, where the file asks for it, the rotation: an orientation is coded as a
     position and a torque as a force, in radians and newton metres. Those of an arm are its joints and, where it has
     one, its gripper."""
-    if system.codec.joints is not None:
-        groups = [(system.codec.joints.angle, system.codec.joints.torque, len(system.codec.joints.names))]
-        if system.codec.gripper is not None:
-            groups.append((system.codec.gripper.angle, system.codec.gripper.torque, 1))
+    codec = system.codec
+    if codec.joints is not None:
         angles = (
             joint_channel(
-                **_pace(angle, system),
-                predictor=angle.predictor,
-                bounds=per_axis(angle.bound_rad, count),
-                step=angle.step_rad,
+                **_pace(group.angle, system),
+                predictor=group.angle.predictor,
+                bounds=per_axis(group.angle.bound_rad, count),
+                step=group.angle.step_rad,
             )
-            for angle, _, count in groups
+            for _, group, count in codec.arm
         )
-        return tuple(angles), tuple(_torques(torque, count, system) for _, torque, count in groups)
-    forward, backward = channels(system)
-    if system.codec.rotation is None:
+        return tuple(angles), tuple(_torques(group.torque, count, system) for _, group, count in codec.arm)
+    force, position = codec.force, codec.position
+    smoothing = _ticks(force.smooth_ms, system)
+    forward = _motion(position, system, bound=position.bound_m, axes=system.axes, position_step=position.step_m)
+    backward = _effort(
+        force,
+        system,
+        deadband=force_deadband(force, system.tick_period, force.weber),
+        axes=system.axes,
+        force_step=force.step_n,
+        position_step=position.step_m,
+    )
+    forward = replace(forward, lookahead=_ticks(position.lookahead_ms, system))
+    backward = replace(
+        backward,
+        fit_limits=FitLimits(force.trust.stiffness_n_m, force.trust.radius_m),
+        smoothing=Smoothing(smoothing) if smoothing else None,
+        every_position=SCHEMES[system.control.scheme].reads_position,
+        lookahead=_ticks(force.lookahead_ms, system),
+    )
+    if codec.rotation is None:
         return (forward,), (backward,)
-    torque, orientation = system.codec.rotation.torque, system.codec.rotation.orientation
-    turning = position_channel(
-        predictor=orientation.predictor,
-        bank=orientation.bank,
-        weber=orientation.weber,
-        bound=orientation.bound_rad,
-        position_step=orientation.step_rad,
-    )
-    twisting = force_channel(
-        predictor=torque.predictor,
-        bank=torque.bank,
-        deadband=ForceDeadband(torque.weber, torque.floor_nm, torque.reference),
-        force_step=torque.step_nm,
-        position_step=orientation.step_rad,
-    )
-    turning = replace(turning, **_pace(orientation, system))
-    return (forward, turning), (backward, replace(twisting, **_pace(torque, system)))
+    torque, orientation = codec.rotation.torque, codec.rotation.orientation
+    deadband, step = ForceDeadband(torque.weber, torque.floor_nm, torque.reference), orientation.step_rad
+    turning = _motion(orientation, system, bound=orientation.bound_rad, position_step=step)
+    twisting = _effort(torque, system, deadband=deadband, force_step=torque.step_nm, position_step=step)
+    return (forward, turning), (backward, twisting)
+
+
+def _motion(settings: MotionCodecSettings, system: System, **more: Any) -> Channel:
+    made = position_channel(predictor=settings.predictor, bank=settings.bank, weber=settings.weber, **more)
+    return replace(made, **_pace(settings, system))
+
+
+def _effort(settings: PredictedSettings, system: System, **more: Any) -> Channel:
+    return replace(force_channel(predictor=settings.predictor, bank=settings.bank, **more), **_pace(settings, system))
 
 
 def _torques(settings: JointTorqueCodecSettings, count: int, system: System, weber: float | None = None) -> Channel:
@@ -165,6 +146,16 @@ def _torques(settings: JointTorqueCodecSettings, count: int, system: System, web
         step=settings.step_nm,
         rest=(0.0,) * count,
     )
+
+
+def check_span(field: str, channel: Channel, says: str, most: float, unit: str) -> None:
+    """A wire that cannot say a value of a part would move the other end elsewhere: raises ConfigurationError for the
+    field of its step."""
+    limit = channel.value_quantizer.limit
+    if most > limit:
+        raise ConfigurationError(
+            f"{field}: spans {limit:g} {unit} but {says} {most:g} {unit}; use a step of at least {most / INT16_MAX:.2g}"
+        )
 
 
 def felt_deadbands(system: System, weber: float) -> list[Deadband]:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from weberlink.codec import Decoder, Encoder
 from weberlink.codec.outgoing import OutgoingChannel
-from weberlink.codec.sample import INT16_MAX
 from weberlink.config import Configuration, ConfigurationError, System
 from weberlink.control.contract import FREE_FORCE
 from weberlink.control.sent import SentCommands
@@ -19,6 +18,7 @@ from weberlink.protocol.liveness import FADE_SHARE
 from weberlink.session.channels import IncomingChannel
 from weberlink.session.composition.channels import (
     account,
+    check_span,
     least_contact,
     longest_round_trip,
     playout_ticks,
@@ -164,15 +164,9 @@ def check_button(system: System, spec: "DeviceSpec | ArmSpec") -> None:
 
 
 def _check_range(spec: DeviceSpec, system: System) -> None:
-    """A wire that cannot say a position of the device would move the robot elsewhere."""
     check_axes("master.device", spec.axes, system)
-    limit = streams(system)[0][0].value_quantizer.limit
     reach = max(abs(corner["xyz".index(axis)]) for corner in spec.workspace_m for axis in system.axes)
-    if reach > limit:
-        raise ConfigurationError(
-            f"codec.position.step_m: spans {limit:g} m but master.device reaches {reach:g} m; "
-            f"use a step of at least {reach / INT16_MAX:.2g}"
-        )
+    check_span("codec.position.step_m", streams(system)[0][0], "master.device reaches", reach, "m")
     bound = system.codec.position.bound_m
     if bound >= reach:
         raise ConfigurationError(

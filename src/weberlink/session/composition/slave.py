@@ -4,13 +4,12 @@ from typing import Any
 
 from weberlink.codec import Decoder, Encoder
 from weberlink.codec.outgoing import OutgoingChannel
-from weberlink.codec.sample import INT16_MAX
-from weberlink.config import Configuration, ConfigurationError, System
+from weberlink.config import Configuration, ConfigurationError
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.table import build_slave_control
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.session.channels import IncomingChannel
-from weberlink.session.composition.channels import least_contact, streams
+from weberlink.session.composition.channels import check_span, least_contact, streams
 from weberlink.session.composition.coupling import STATED, coupling, press_limit
 from weberlink.session.composition.link import (
     Parts,
@@ -95,31 +94,18 @@ def build_robot(configuration: Configuration) -> Robot:
     scene = build_scene(configuration)
     robot: Robot = build_driver("slave.robot", part.driver, options, scene, system.tick_period, contract=Robot)
     check_axes("slave.robot", robot.spec.axes, system)
-    force = streams(system)[1][0].value_quantizer.limit
-    if robot.spec.force_n > force:
-        raise ConfigurationError(
-            f"codec.force.step_n: spans {force:g} N but slave.robot reports up to {robot.spec.force_n:g} N; "
-            f"use a step of at least {robot.spec.force_n / INT16_MAX:.2g}"
-        )
+    force, *torque = streams(system)[1]
+    check_span("codec.force.step_n", force, "slave.robot reports up to", robot.spec.force_n, "N")
     press_limit(system, robot)
-    if system.codec.rotation is not None:
-        _check_rotation(system, robot)
+    for channel in torque:
+        if not (isinstance(robot, OrientedRobot) and robot.spec.torque_n_m > 0.0):
+            raise ConfigurationError(
+                f"codec.rotation: slave.robot driver {system.slave.robot.driver}, as it is set here, takes no "
+                "orientation; use one that does, or leave codec.rotation out"
+            )
+        most = robot.spec.torque_n_m
+        check_span("codec.rotation.torque.step_nm", channel, "slave.robot reports up to", most, "N m")
     return robot
-
-
-def _check_rotation(system: System, robot: Robot) -> None:
-    torque = robot.spec.torque_n_m
-    if not (isinstance(robot, OrientedRobot) and torque > 0.0):
-        raise ConfigurationError(
-            f"codec.rotation: slave.robot driver {system.slave.robot.driver}, as it is set here, takes no orientation; "
-            "use one that does, or leave codec.rotation out"
-        )
-    limit = streams(system)[1][1].value_quantizer.limit
-    if torque > limit:
-        raise ConfigurationError(
-            f"codec.rotation.torque.step_nm: spans {limit:g} N m but slave.robot reports up to {torque:g} N m; "
-            f"use a step of at least {torque / INT16_MAX:.2g}"
-        )
 
 
 @with_file_name
