@@ -5,15 +5,15 @@ force last that the robot's end states no contact for.
 """
 
 from collections.abc import Sequence
-from math import copysign, hypot, inf, isfinite
+from math import copysign, dist, hypot, inf, isfinite
 from typing import Any
 
 from weberlink.codec.decoder import Decoder
 from weberlink.codec.sample import Sample
 from weberlink.control.contract import UNREACHED_S
-from weberlink.control.gate import Approach
 from weberlink.control.sent import SentCommands
 from weberlink.geometry.joints import Joints
+from weberlink.geometry.vector import toward
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.retransmission import copies_needed
 
@@ -231,6 +231,9 @@ class HandContact(ContactWatch):
 class Bound:
     """The bounds of a channel: of a force or a torque on a hand, or of the torques of some axes of an arm.
 
+    What is wanted is approached, part by part: no part changes faster than `slew`, and until all are there it grows in
+    `ramp` at most, but may fall at once.
+
     Args:
         most: largest length of each part [N], or [N m]; 0 for one that displays nothing.
         slew: fastest change of each part [N/s], or [N m/s], > 0; may be infinite.
@@ -240,6 +243,10 @@ class Bound:
 
     Attributes:
         asked: largest length of what is wanted, within its limit, before fade and slew limit.
+        clipped: whether a limit of size has shortened it.
+        held: what left last.
+        arrived: whether the approach is over.
+        held_back: whether the slew limit held back what is not in the approach.
     """
 
     def __init__(
@@ -249,17 +256,18 @@ class Bound:
             raise ValueError(f"{len(most)} limits but {len(slew)} slew limits")
         if not all(limit >= 0.0 for limit in most):
             raise ValueError(f"limits must not be negative: {most}")
+        if not (ramp > 0.0 and all(rate > 0.0 for rate in slew)):
+            raise ValueError(f"slew and ramp must be positive, not {slew} and {ramp}")
         self.most, self.slew, self.width, self.contact = most, slew, width, contact
         self._nothing: Joints = (0.0,) * (width * len(most))
-        growth = [max(limit, 1e-300) * ROUNDING / ramp for limit in most]
-        self.approach = Approach(self._nothing, width, slew, growth, grows=True)
+        self._growth = [max(limit, 1e-300) * ROUNDING / ramp for limit in most]
+        self.held = self._nothing
         self.asked = 0.0
-        self.clipped = False
+        self.clipped = self.arrived = self.held_back = False
 
     def reset(self) -> None:
-        """Nothing leaves, and what comes next is approached."""
-        self.approach.held = self._nothing
-        self.approach.arrived = False
+        """Nothing has left last; a gate that opens approaches what comes next."""
+        self.held = self._nothing
         if self.contact is not None:
             self.contact.reset()
 
@@ -293,6 +301,33 @@ class Bound:
         width = self.width
         largest = max([hypot(*values[first : first + width]) for first in range(0, len(values), width)])
         return values if largest <= most else tuple([value * (most / largest) for value in values])
+
+    def advance(self, goal: Joints, step: float, faded: Joints | None = None) -> Joints:
+        """Go on towards a goal, as far as the time `step` [s] allows.
+
+        `faded` is what a fade leaves of what left last; its way counts, so that both take no more than the slew limit
+        allows, or than the fade alone.
+        """
+        last, arrived, width, first = self.held, self.arrived, self.width, 0
+        held = last if faded is None else faded
+        self.held_back = False
+        if goal == held:
+            self.held, self.arrived = held, True
+            return held
+        moved: Joints = ()
+        for slew, growth in zip(self.slew, self._growth):  # noqa: B905 - strict costs as much as the loop
+            here, there, way = held[first : first + width], goal[first : first + width], slew * step
+            if faded is not None:
+                way = max(0.0, way - dist(last[first : first + width], here))
+            if not arrived:
+                there = toward(self._nothing[:width], there, hypot(*here) + growth * step)
+            part = toward(here, there, way)
+            self.held_back = self.held_back or part != there
+            moved += part
+            first += width
+        self.held = moved
+        self.arrived = arrived or moved == goal
+        return moved
 
 
 class OutputGate:
@@ -339,9 +374,8 @@ class OutputGate:
 
     def passed(self, index: int, wanted: Joints, decoded: Joints, step: float) -> Joints:
         """What leaves of a channel in this tick; of what is wanted, what is not finite counts as nothing."""
-        bound, gain, kept, most = self.bounds[index], self.gain, self._kept, inf
-        goal = bound.limited(wanted)
-        approach, contact = bound.approach, bound.contact
+        bound, gain, most = self.bounds[index], self.gain, inf
+        goal, contact = bound.limited(wanted), bound.contact
         # A closed gate asks for no contact.
         if (
             self._was_open
@@ -349,17 +383,20 @@ class OutputGate:
             and not (contact.limiter.quiet and bound.asked <= contact.limiter.free)
         ):
             most = contact.bound(bound.asked, decoded, step)
-        # Fade and contact take away at once, of what is wanted and of what left last; the slew limit is for the rest.
-        faded: Joints | None = None
-        if kept != 1.0 or most < inf:
-            faded = tuple([value * kept for value in approach.held])
-        if gain != 1.0 or most < inf:
-            goal, approach.arrived = tuple([value * gain for value in goal]), False
-        if most < inf and faded is not None:
-            goal, faded = bound.within(goal, most), bound.within(faded, most)
-        output = approach.advance(goal, step, faded)
-        if gain != 1.0 or most < inf:
-            approach.arrived = False
-        self.held_back = self.held_back or approach.held_back
+        if gain == 1.0 and most == inf:
+            output = bound.advance(goal, step)
+        else:
+            # Fade and contact take away at once, of what is wanted and of what left last; the slew limit is for the
+            # rest. What comes back is approached.
+            bound.arrived, kept = False, self._kept
+            goal = tuple([value * gain for value in goal])
+            faded: Joints | None = None
+            if kept != 1.0 or most < inf:
+                faded = tuple([value * kept for value in bound.held])
+            if most < inf and faded is not None:
+                goal, faded = bound.within(goal, most), bound.within(faded, most)
+            output = bound.advance(goal, step, faded)
+            bound.arrived = False
+        self.held_back = self.held_back or bound.held_back
         self.clipped = self.clipped or bound.clipped
         return output

@@ -8,9 +8,8 @@ from math import hypot, inf
 from typing import Any
 
 from weberlink.compiled import mypyc_attr
-from weberlink.control.gate import Approach, toward
 from weberlink.geometry.joints import PART, Joints
-from weberlink.geometry.vector import Vector
+from weberlink.geometry.vector import Vector, toward
 
 Workspace = tuple[Vector, Vector]
 
@@ -23,14 +22,63 @@ LEAST_STEP = 1e-3  # Share of the largest press that a command may go in within 
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
+class Approach:
+    """Follows a place in bounded steps, part by part; until it has arrived, in smaller ones.
+
+    A part is some axes that have one length: the three of a position, or a single axis of an arm.
+
+    Args:
+        start: what left last.
+        width: how many axes each part has.
+        speed: of each part while it follows [m/s, or rad/s], > 0; may be infinite.
+        approach_speed: the same until it has arrived.
+        step_toward: the point on the way to the second value that is so far from the first.
+
+    Attributes:
+        held: what left last.
+        arrived: whether the approach is over.
+    """
+
+    def __init__(
+        self,
+        start: Joints,
+        width: int,
+        speed: float,
+        approach_speed: float,
+        step_toward: Callable[[Any, Any, float], Any] = toward,
+    ) -> None:
+        if len(start) % width:
+            raise ValueError(f"{len(start)} axes are no parts of {width}")
+        if not (speed > 0.0 and approach_speed > 0.0):
+            raise ValueError(f"speeds must be positive, not {speed!r} and {approach_speed!r}")
+        self.spans = [(first, first + width) for first in range(0, len(start), width)]
+        self.speed, self.approach_speed, self._step_toward = speed, approach_speed, step_toward
+        self.held = start
+        self.arrived = False
+
+    def advance(self, goal: Joints, step: float) -> Joints:
+        """Go on towards a goal, as far as the time `step` [s] allows."""
+        held = self.held
+        if goal == held:
+            self.arrived = True
+            return held
+        way = (self.speed if self.arrived else self.approach_speed) * step
+        moved: Joints = ()
+        for first, last in self.spans:
+            moved += self._step_toward(held[first:last], goal[first:last], way)
+        self.held = moved
+        self.arrived = self.arrived or moved == goal
+        return moved
+
+
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Follower(Approach):
     """Follows commands without a jump, and says how much of what is felt there may be shown.
 
     After an engagement it approaches the command at a limited speed, and follows it without delay once it is there.
     Until then the measured force does not belong to what the operator does, so none of it is shown, but that of a
     contact (`touches`): nobody may press on unfelt. So its `share` fades in there or in a contact, in `ramp` [s]. When
-    it is released it holds, and the force fades out. Speeds are those of a part [m/s, or rad/s], > 0. `clipped`: the
-    last command was bounded while following.
+    it is released it holds, and the force fades out. `clipped`: the last command was bounded while following.
     """
 
     def __init__(
@@ -43,8 +91,7 @@ class Follower(Approach):
         ramp: float,
         step_toward: Callable[[Any, Any, float], Any] = toward,
     ) -> None:
-        count = len(start) // width
-        super().__init__(start, width, (speed,) * count, (approach_speed,) * count, step_toward=step_toward)
+        super().__init__(start, width, speed, approach_speed, step_toward)
         self._ramp = ramp
         self.share = 0.0
         self.clipped = self.touches = False
@@ -264,7 +311,6 @@ class Guard(Follower):
         if not all(low <= high for low, high in zip(lower, upper, strict=True)):
             raise ValueError(f"no range from {lower} to {upper}")
         self.lower, self.upper, self._presses = lower, upper, presses
-        self._spans = [(first, last) for first, last, _, _ in self.parts]
         # A reading that saturates at the limit is not above it.
         self._trips = [force * (1.0 + 1e-9) for force in trips]
         self._retract, self._trip_retract = retract, trip_retract
@@ -287,7 +333,7 @@ class Guard(Follower):
     def near(self, where: Joints) -> Joints:
         """The last command, each part moved towards the robot until it presses with no more than its limit."""
         moved: Joints = ()
-        for (first, last), press in zip(self._spans, self._presses, strict=True):
+        for (first, last), press in zip(self.spans, self._presses, strict=True):
             moved += toward(where[first:last], self.held[first:last], press.reach)
         return moved
 
@@ -295,7 +341,7 @@ class Guard(Follower):
         """Whether a force of the environment is above its limit."""
         if len(self._trips) == 1:
             return hypot(*force) > self._trips[0]
-        for (first, last), most in zip(self._spans, self._trips):  # noqa: B905, SIM110 - strict and any() cost as much as the loop
+        for (first, last), most in zip(self.spans, self._trips):  # noqa: B905, SIM110 - strict and any() cost as much as the loop
             if hypot(*force[first:last]) > most:
                 return True
         return False
@@ -314,13 +360,13 @@ class Guard(Follower):
         """Nobody leads any more: hold, or back off a contact if that was asked for. Arguments as of `trip`."""
         self.release()
         if self._retract > 0.0 and any(force):
-            self._back_off(force, where, self._retract, [0.0] * len(self._spans))
+            self._back_off(force, where, self._retract, [0.0] * len(self.spans))
 
     def _back_off(self, force: Joints, where: Joints, way: float, least: Sequence[float]) -> Joints:
         """Have each part whose force is above this go back along it; returns these directions, nothing for others."""
         goal: Joints = ()
         outward: Joints = ()
-        for (first, last), limit in zip(self._spans, least, strict=True):
+        for (first, last), limit in zip(self.spans, least, strict=True):
             here, held, length = where[first:last], self.held[first:last], hypot(*force[first:last])
             out: Joints = (0.0,) * (last - first)
             if length > limit:
@@ -355,7 +401,7 @@ class Guard(Follower):
         bounded: Joints = ()
         held = self.held
         self.touches = False
-        for (first, last), press in zip(self._spans, self._presses):  # noqa: B905 - strict costs as much as the loop
+        for (first, last), press in zip(self.spans, self._presses):  # noqa: B905 - strict costs as much as the loop
             bounded += press.bounded(
                 commanded[first:last], held[first:last], where[first:last], force[first:last], step
             )
@@ -364,7 +410,7 @@ class Guard(Follower):
         goal = self._inside(bounded)
         if self._way_out is not None:
             place, outward = self._way_out
-            for first, last in self._spans:
+            for first, last in self.spans:
                 if self._pause > 0.0 or _along(place[first:last], goal[first:last], outward[first:last]) < 0.0:
                     return self._wait(step)
             self._way_out = None

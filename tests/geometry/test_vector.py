@@ -1,12 +1,12 @@
 """Lengths: right for every number there is, and the same on every host that keeps IEEE 754."""
 
-from math import hypot, inf, isnan, nan, sqrt
+from math import dist, hypot, inf, isnan, nan, sqrt
 
 import pytest
 from hypothesis import given, strategies as st
 
 from tests.examples import examples
-from weberlink.geometry.vector import ZERO, Vector, distance, norm, unit
+from weberlink.geometry.vector import ZERO, Vector, distance, norm, toward, unit
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 close = st.floats(-1e-150, 1e-150)
@@ -32,3 +32,13 @@ def test_what_is_not_finite_has_no_finite_length(axis: int) -> None:
     assert norm(tuple(inf if each == axis else 1.0 for each in range(3))) == inf  # type: ignore[arg-type]
     assert isnan(norm(tuple(nan if each == axis else 1e300 for each in range(3))))  # type: ignore[arg-type]
     assert distance((inf, 0.0, 0.0), ZERO) == inf
+
+
+@given(st.lists(st.floats(-20.0, 20.0), min_size=1, max_size=4), st.data(), st.floats(0.0, 5.0))
+def test_a_step_goes_straight_to_the_goal_and_no_further(goal: list[float], data: st.DataObject, way: float) -> None:
+    start = data.draw(st.tuples(*[st.floats(-20.0, 20.0)] * len(goal)))
+    moved, apart = toward(start, tuple(goal), way), dist(start, goal)
+    assert dist(start, moved) == pytest.approx(min(way, apart))
+    assert dist(moved, goal) == pytest.approx(max(0.0, apart - way), abs=1e-9)
+    assert moved == tuple(goal) or apart > way
+    assert toward(start, tuple(goal), nan) == tuple(goal)

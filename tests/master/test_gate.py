@@ -59,7 +59,7 @@ PUSH, PULL = (1.0, -1.0, 1.0, 1.0), (-1.0, 1.0, -1.0, 1.0)
 @example("force", [Part("engaged", PUSH, 49), Part("engaged", PULL, 30)])  # another one as the gate has opened
 def test_what_leaves_obeys_every_limit_in_every_state(kind: str, course: list[Part]) -> None:
     gate, (most, slew, width) = made(kind), KINDS[kind]
-    last, gain, silent, idle, follows = gate.bounds[0].approach.held, 0.0, 0.0, 1.0, False
+    last, gain, silent, idle, follows = gate.bounds[0].held, 0.0, 0.0, 1.0, False
     for state, wanted, count in course:
         values = tuple(value * most[0] for value in wanted[: width * len(most)])
         for _ in range(count):
@@ -137,6 +137,16 @@ def test_the_fade_begins_late_in_the_silence_and_ramps_tell_of_a_session_alone()
         faded(0.0)
     assert faded(0.09, step=0.02)[0] == pytest.approx(0.5), "despite missed ticks"
     assert faded(0.1, engaged=False, step=0.02)[0] == 0.0
+
+
+def test_a_force_falls_at_its_rate_and_grows_in_the_approach() -> None:
+    bound = Bound((100.0,), (1000.0,), 1.0, width=1)
+    assert [bound.advance((5.0,), TICK)[0] for _ in range(3)] == pytest.approx([0.1, 0.2, 0.3])
+    assert [bound.advance((-5.0,), TICK)[0] for _ in range(2)] == pytest.approx([-0.4, -0.5])
+    assert not bound.held_back, "the approach is no slew limit"
+    assert [bound.advance((0.05,), TICK)[0] for _ in range(2)] == pytest.approx([0.05, 0.05])
+    assert bound.advance((5.0,), TICK)[0] == pytest.approx(1.05), "it follows"
+    assert bound.held_back
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from weberlink.slave.guard import (
     REBOUND,
     SPRING,
     TRIP_PAUSE,
+    Approach,
     Guard,
     PressLimit,
     PressStep,
@@ -396,3 +397,11 @@ def test_a_range_that_is_none_is_refused(lower: Joints, upper: Joints) -> None:
         guard("arm", lower=lower, upper=upper)
     with pytest.raises(ValueError, match="2 press limits, but 1 of a trip"):
         guard("hand", presses=[tip(), tip()])
+
+
+@pytest.mark.parametrize("speeds", [(0.0, 1.0), (1.0, -1.0), (nan, 1.0), (1.0, nan)])
+def test_a_speed_that_is_none_is_refused(speeds: tuple[float, float]) -> None:
+    with pytest.raises(ValueError, match="positive"):
+        Approach((0.0,), 1, *speeds)
+    with pytest.raises(ValueError, match="2 axes are no parts of 3"):
+        Approach((0.0, 0.0), 3, 1.0, 1.0)

@@ -16,6 +16,7 @@ from tests.session.hostile import Content, Duel
 from tests.session.systems import ARMS, HAS_ARMS, configuration
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.rotation import angle_between
+from weberlink.slave.guard import Follower
 
 KINDS: dict[str, tuple[Any, ...]] = {
     "hand": ("loopback.yaml",),
@@ -108,21 +109,19 @@ class Watch:
         before, values = self._last[0], newest[0]
         out = max(max(low - x, x - high) for x, low, high in zip(values, guard.lower, guard.upper, strict=True))
         self._note("outside of where it may be [m, rad]", 0.0, max(0.0, out))
-        moves = [(dist(before[first:last], values[first:last]), rate, slow) for first, last, rate, slow in guard.parts]
-        self._look_at_motion("robot" if len(moves) == 1 else "an axis", moves, guard.arrived, step)
+        moved = max(dist(before[first:last], values[first:last]) for first, last in guard.spans)
+        self._look_at_motion("robot" if len(guard.spans) == 1 else "an axis", moved, guard, step)
         if now > liveness.silent_at and not guard.tripped:
-            self._note("motion after the silence limit [m, rad]", 0.0, max(move for move, _, _ in moves))
+            self._note("motion after the silence limit [m, rad]", 0.0, moved)
         if len(newest) > 1:
-            tool: Any = self._port.tool
-            ((_, _, rate, slow),) = tool.parts
             turned: Any = self._last[1], newest[1]
-            self._look_at_motion("tool", [(angle_between(*turned), rate, slow)], tool.arrived, step)
+            self._look_at_motion("tool", angle_between(*turned), self._port.tool, step)
 
-    def _look_at_motion(self, name: str, moves: list[tuple[float, float, float]], arrived: bool, step: float) -> None:
-        for moved, rate, slow in moves if step > 0.0 else ():
-            self._note(f"{name}: speed [per s]", rate, moved / step)
-            if not arrived:
-                self._note(f"{name}: speed of an approach [per s]", slow, moved / step)
+    def _look_at_motion(self, name: str, moved: float, follower: Follower, step: float) -> None:
+        if step > 0.0:
+            self._note(f"{name}: speed [per s]", follower.speed, moved / step)
+            if not follower.arrived:
+                self._note(f"{name}: speed of an approach [per s]", follower.approach_speed, moved / step)
 
 
 def beyond_a_fade(before: Joints, after: Joints) -> float:

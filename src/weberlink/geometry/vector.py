@@ -4,10 +4,10 @@ On three numbers, plain Python is faster than numpy. A system with fewer than th
 exactly 0.
 
 Lengths are computed by sums, products and a square root, which IEEE 754 rounds in one way only, so two hosts agree to
-the last bit. That of `math.hypot` depends on the library of the host.
+the last bit. Those of `math.hypot` and `math.dist` depend on the library of the host.
 """
 
-from math import inf, sqrt
+from math import dist, inf, sqrt
 
 Vector = tuple[float, float, float]
 
@@ -41,6 +41,15 @@ def interpolate(start: Vector, goal: Vector, share: float) -> Vector:
         start[1] + share * (goal[1] - start[1]),
         start[2] + share * (goal[2] - start[2]),
     )
+
+
+def toward(start: tuple[float, ...], goal: tuple[float, ...], way: float) -> tuple[float, ...]:
+    """The goal, or the point on the way to it that is `way` from the start; with any number of axes."""
+    length = dist(start, goal)
+    if not length > way:  # a way without end is NaN where no time has passed
+        return goal
+    share = way / length
+    return tuple([a + share * (b - a) for a, b in zip(start, goal, strict=True)])
 
 
 def norm(a: Vector) -> float:

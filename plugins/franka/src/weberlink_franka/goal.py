@@ -2,10 +2,10 @@
 
 from typing import Any, Final
 
-from weberlink.control.gate import Approach
 from weberlink.geometry import rotation
 from weberlink.geometry.rotation import Quaternion, product
 from weberlink.geometry.vector import Vector
+from weberlink.slave.guard import Approach
 from weberlink_franka.messages import ArmCommand
 from weberlink_franka.options import FrankaOptions
 
@@ -44,8 +44,8 @@ class Goal:
     def _place_at(self, tip: Vector, turned: Quaternion) -> None:
         options = self._options
         self.position, self.turned = tip, turned
-        self._place = Approach(tip, 3, [options.speed_m_s], [options.approach_m_s])
-        self._turn = Approach(turned, 4, [TURN_RAD_S], [options.approach_rad_s], step_toward=rotation.toward)
+        self._place = Approach(tip, 3, options.speed_m_s, options.approach_m_s)
+        self._turn = Approach(turned, 4, TURN_RAD_S, options.approach_rad_s, rotation.toward)
 
     def take(self, command: ArmCommand) -> None:
         """Follow this command from now on, while it is fresh."""
