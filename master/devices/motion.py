@@ -1,4 +1,4 @@
-"""Minimum-jerk motion along timed legs, as a hand goes from one point to the next."""
+"""Motion along timed legs, of minimum jerk as a hand goes from one point to the next, or as recorded."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -22,9 +22,9 @@ class StraightLeg:
     end: Vector
     duration: float
 
-    def at(self, share: float) -> Vector:
-        """Position [m] after this share of the duration [s], 0 to 1; at rest at both ends."""
-        return interpolate(self.start, self.end, minimum_jerk(share))
+    def at(self, time: float) -> Vector:
+        """Position [m] at a time [s] from its start, 0 to its duration; at rest at both ends."""
+        return interpolate(self.start, self.end, minimum_jerk(time / self.duration))
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,15 +38,28 @@ class CircularLeg:
 
     @property
     def end(self) -> Vector:
-        return self.at(1.0)
+        return self.at(self.duration)
 
-    def at(self, share: float) -> Vector:
-        angle = 2.0 * pi * self.turns * minimum_jerk(share)
+    def at(self, time: float) -> Vector:
+        angle = 2.0 * pi * self.turns * minimum_jerk(time / self.duration)
         x, y, z = self.center
         return (x + self.radius * cos(angle), y + self.radius * sin(angle), z)
 
 
-Leg = StraightLeg | CircularLeg
+class RecordedLeg:
+    """Linear between positions [m] at times from 0 on [s], strictly rising."""
+
+    def __init__(self, times: Sequence[float], positions: Sequence[Vector]) -> None:
+        self._times, self._positions = times, positions
+        self.start, self.end, self.duration = positions[0], positions[-1], times[-1]
+
+    def at(self, time: float) -> Vector:
+        index = min(bisect_right(self._times, time), len(self._times) - 1)
+        begin, end = self._times[index - 1], self._times[index]
+        return interpolate(self._positions[index - 1], self._positions[index], (time - begin) / (end - begin))
+
+
+Leg = StraightLeg | CircularLeg | RecordedLeg
 
 
 class LegSequence:
@@ -63,11 +76,11 @@ class LegSequence:
     def at(self, time: float) -> tuple[Vector, bool]:
         """Position [m] at `time` [s] from the start, and whether the motion is over."""
         if not self._repeat and time >= self.duration:
-            return self._legs[-1].at(1.0), True
+            return self._legs[-1].at(self._legs[-1].duration), True
         time = time % self.duration if self._repeat else max(time, 0.0)
         leg, ends_at = self._legs[-1], self.duration
         if time < ends_at:  # else by a rounding of what is left
             index = bisect_right(self._ends, time)
             leg, ends_at = self._legs[index], self._ends[index]
-        share = (time - (ends_at - leg.duration)) / leg.duration
-        return leg.at(0.0 if share < 0.0 else share if share < 1.0 else 1.0), False
+        time -= ends_at - leg.duration
+        return leg.at(0.0 if time < 0.0 else time if time < leg.duration else leg.duration), False

@@ -37,9 +37,11 @@ class ScriptStep(Options):
     def legs(self, start: Vector) -> list[Leg]:
         raise NotImplementedError
 
-    def turned(self, start: Vector) -> Vector:
-        """Rotation vector at the end [rad], given the one at the beginning."""
-        return start
+    @property
+    def turn(self) -> Vector | None:
+        """Rotation vector at the end [rad]; None for that of the beginning."""
+        turn_deg: Vector | None = getattr(self, "turn_deg", None)
+        return None if turn_deg is None else scale(turn_deg, radians(1.0))
 
 
 class ReachStep(ScriptStep):
@@ -49,9 +51,6 @@ class ReachStep(ScriptStep):
     to_m: Vector
     turn_deg: Turn | None = None
     duration_s: Duration = 1.0
-
-    def turned(self, start: Vector) -> Vector:
-        return start if self.turn_deg is None else scale(self.turn_deg, radians(1.0))
 
     def legs(self, start: Vector) -> list[Leg]:
         return [StraightLeg(start, self.to_m, self.duration_s)]
@@ -147,9 +146,6 @@ class TurnStep(ScriptStep):
     def legs(self, start: Vector) -> list[Leg]:
         return [StraightLeg(start, start, self.duration_s)]
 
-    def turned(self, start: Vector) -> Vector:  # noqa: ARG002
-        return scale(self.turn_deg, radians(1.0))
-
 
 Script = Annotated[
     ReachStep | SlideStep | CircleStep | TapStep | PressStep | RestStep | TurnStep, Field(discriminator="motion")
@@ -178,10 +174,10 @@ class OperatorOptions(HandDeviceOptions):
         for number, step in enumerate(self.script):
             legs = step.legs(position)
             for leg in legs:
-                if any(max(map(abs, leg.at(i / 16.0))) > self.workspace_m for i in range(17)):
+                if any(max(map(abs, leg.at(leg.duration * i / 16.0))) > self.workspace_m for i in range(17)):
                     raise ValueError(f"script.{number}: expected motion within the workspace of +-{self.workspace_m} m")
             position = legs[-1].end
-            if self.wrist is None and isinstance(step, ReachStep | TurnStep) and step.turn_deg is not None:
+            if self.wrist is None and step.turn is not None:
                 raise ValueError(f"script.{number}.turn_deg: only a hand with a wrist turns; add `wrist: {{}}`")
         return self
 
@@ -208,8 +204,9 @@ def motion_of(script: Sequence[Script], home: Vector, repeat: bool) -> tuple[Leg
     for step in script:
         legs = step.legs(position)
         moves += legs
-        turns.append(StraightLeg(turn, step.turned(turn), sum(leg.duration for leg in legs)))
-        position, turn = legs[-1].end, step.turned(turn)
+        after = turn if step.turn is None else step.turn
+        turns.append(StraightLeg(turn, after, sum(leg.duration for leg in legs)))
+        position, turn = legs[-1].end, after
     if repeat and (distance(position, home) > 0.0 or turn != ZERO):
         moves.append(StraightLeg(position, home, WAY_BACK_S))
         turns.append(StraightLeg(turn, ZERO, WAY_BACK_S))

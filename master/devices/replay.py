@@ -6,10 +6,10 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
-from weberlink.geometry.vector import Vector, interpolate
+from weberlink.geometry.vector import Vector
 from weberlink.master.devices.hand_device import HandDevice
 from weberlink.master.devices.hand_options import HandDeviceOptions
-from weberlink.master.devices.motion import StraightLeg
+from weberlink.master.devices.motion import LegSequence, RecordedLeg, StraightLeg
 from weberlink.master.trace import Trace, read_motion
 
 
@@ -46,15 +46,20 @@ class ReplayDevice(HandDevice):
 
     def __init__(self, options: ReplayOptions, tick_period: float) -> None:
         """Raises TraceError (a ValueError) if the file is not a trace."""
-        samples = placed(read_motion(options.trace), options)
-        super().__init__("replay", options, TraceFollower(samples, options).at, tick_period)
+        leg = placed(read_motion(options.trace), options)
+        approach = StraightLeg(options.home_m, leg.start, options.approach_s)
+        back = [StraightLeg(leg.end, leg.start, options.approach_s)] if options.repeat else []
+        rounds = LegSequence([leg, *back], options.repeat)
+
+        def intention(time: float) -> tuple[Vector, bool]:
+            time -= approach.duration
+            return rounds.at(time) if time >= 0.0 else (approach.at(approach.duration + time), False)
+
+        super().__init__("replay", options, intention, tick_period)
 
 
-Samples = tuple[list[float], list[Vector]]
-
-
-def placed(trace: Trace, options: ReplayOptions) -> Samples:
-    """Times from 0 [s] and positions [m] of the trace, in the frame and at the place that the options ask for."""
+def placed(trace: Trace, options: ReplayOptions) -> RecordedLeg:
+    """The trace in the frame and at the place that the options ask for."""
     order = ["xyz".index(letter) for letter in options.axes[1::2]]
     signs = [1.0 if sign == "+" else -1.0 for sign in options.axes[::2]]
     position = trace.position_m[:, order] * signs
@@ -68,42 +73,4 @@ def placed(trace: Trace, options: ReplayOptions) -> Samples:
             "expected a smaller scale, another center_m, or a larger workspace_m"
         )
     times: list[float] = (trace.time_s - trace.time_s[0]).tolist()
-    return times, [(x, y, z) for x, y, z in moved.tolist()]
-
-
-class TraceFollower:
-    """The trace as an intention: a smooth approach from home, then linear between samples.
-
-    Asked with times that never go back, so it remembers which sample it has reached.
-    """
-
-    def __init__(self, samples: Samples, options: ReplayOptions) -> None:
-        self._times, self._positions = samples
-        self._approach = StraightLeg(options.home_m, self._positions[0], options.approach_s)
-        self._return = StraightLeg(self._positions[-1], self._positions[0], options.approach_s)
-        self._repeat = options.repeat
-        self._round = 0.0
-        self._index = 0
-
-    def at(self, time: float) -> tuple[Vector, bool]:
-        """Position [m] at `time` [s] from the start, and whether the trace is over."""
-        time -= self._approach.duration
-        if time < 0.0:
-            self._round, self._index = 0.0, 0
-            return self._approach.at(1.0 + time / self._approach.duration), False
-        length = self._times[-1]
-        if self._repeat:
-            while time - self._round >= length + self._return.duration:
-                self._round += length + self._return.duration
-                self._index = 0
-        time -= self._round
-        if time >= length:
-            if self._repeat:
-                return self._return.at((time - length) / self._return.duration), False
-            return self._positions[-1], True
-        times, index = self._times, self._index
-        while times[index + 1] <= time:
-            index += 1
-        self._index = index
-        share = (time - times[index]) / (times[index + 1] - times[index])
-        return interpolate(self._positions[index], self._positions[index + 1], share), False
+    return RecordedLeg(times, [(x, y, z) for x, y, z in moved.tolist()])
