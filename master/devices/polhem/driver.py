@@ -13,8 +13,7 @@ from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.devices.force_device import force_spec, limited_force
 from weberlink.master.devices.polhem.homing import PositionValidator
 from weberlink.master.devices.polhem.lock_step import LockStep
-from weberlink.master.devices.polhem.options import PolhemOptions
-from weberlink.master.devices.polhem.parameters import MechanismParameters
+from weberlink.master.devices.polhem.parameters import MechanismParameters, PolhemOptions
 from weberlink.master.devices.polhem.protocol import NO_CURRENT, Counts, Message, Sensors
 from weberlink.master.devices.threaded_device import ThreadedDevice, fingerprint
 from weberlink.registry import Tier

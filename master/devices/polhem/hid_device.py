@@ -10,7 +10,7 @@ from weberlink.hardware.guardian import Guardian
 from weberlink.hardware.hid_port import HidPort
 from weberlink.master.devices.polhem.driver import OPENING_S, PolhemDevice, PolhemExchange
 from weberlink.master.devices.polhem.lock_step import REPLY_S, SILENT
-from weberlink.master.devices.polhem.options import PolhemHidOptions
+from weberlink.master.devices.polhem.parameters import PolhemHidOptions
 from weberlink.master.devices.polhem.protocol import (
     HID_WATCHDOG_S,
     LONG,

@@ -9,7 +9,7 @@ from weberlink.hardware.discovery import PluggedDevice, UsbId, serial_ports
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.master.devices.polhem.driver import PolhemDevice, PolhemExchange
-from weberlink.master.devices.polhem.options import PolhemSerialOptions
+from weberlink.master.devices.polhem.parameters import PolhemSerialOptions
 from weberlink.master.devices.polhem.protocol import (
     GIMBAL_ERRORS,
     MODELS,

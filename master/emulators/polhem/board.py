@@ -9,8 +9,7 @@ from pydantic import Field, model_validator
 
 from weberlink.geometry.vector import ZERO, Vector, subtract
 from weberlink.hardware.emulator import Emulator
-from weberlink.master.devices.polhem.options import BOARDS, SetName, Signs
-from weberlink.master.devices.polhem.parameters import PARAMETERS, Board
+from weberlink.master.devices.polhem.parameters import BOARDS, PARAMETERS, Board, Directions, SetName
 from weberlink.master.devices.polhem.protocol import Counts
 from weberlink.master.emulators.handle import Handle, HandleOptions
 from weberlink.options import Options
@@ -40,8 +39,10 @@ class BoardOptions(Options):
 
     handle: HandleOptions = Field(default=HandleOptions(), description="who holds it, and what that person does")
     parameters: SetName | None = Field(default=None, description="set of its mechanism")
-    encoder_signs: Signs = Field(default=(1, 1, 1), description="-1 for an encoder that counts the wrong way round")
-    motor_signs: Signs = Field(default=(1, 1, 1), description="-1 for a motor wired the wrong way round")
+    encoder_signs: Directions = Field(
+        default=(1, 1, 1), description="-1 for an encoder that counts the wrong way round"
+    )
+    motor_signs: Directions = Field(default=(1, 1, 1), description="-1 for a motor wired the wrong way round")
     weight: bool = Field(default=False, description="the links have their published weight, which pulls at the hand")
     homed: bool = Field(
         default=True, description="was in its home pose at power-up; else counters begin where the handle is"

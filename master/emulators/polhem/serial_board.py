@@ -11,8 +11,7 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from weberlink.master.devices.polhem.options import Model
-from weberlink.master.devices.polhem.parameters import MODEL_SETS, Board
+from weberlink.master.devices.polhem.parameters import MODEL_SETS, Board, Model
 from weberlink.master.devices.polhem.protocol import (
     CURRENT_LIMIT_MA,
     NUMBERS,

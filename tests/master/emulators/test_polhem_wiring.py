@@ -16,8 +16,13 @@ import pytest
 
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.master.devices.polhem.mechanism import Counts, Signs, Triple, Wiring
-from weberlink.master.devices.polhem.options import PolhemHidOptions, PolhemSerialOptions
-from weberlink.master.devices.polhem.parameters import PARAMETERS, Board, MechanismParameters
+from weberlink.master.devices.polhem.parameters import (
+    PARAMETERS,
+    Board,
+    MechanismParameters,
+    PolhemHidOptions,
+    PolhemSerialOptions,
+)
 from weberlink.master.devices.polhem.protocol import LONG, SHORT, decode_sensors, encode_command
 from weberlink.master.emulators.polhem.hid_board import PolhemHidEmulator, PolhemHidEmulatorOptions
 from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions

@@ -8,7 +8,7 @@ from weberlink.hardware.emulator import Emulator
 from weberlink.hardware.guardian import Guardian
 from weberlink.master.devices.polhem.driver import PolhemDevice
 from weberlink.master.devices.polhem.hid_device import PolhemHidDevice
-from weberlink.master.devices.polhem.options import PolhemHidOptions
+from weberlink.master.devices.polhem.parameters import PolhemHidOptions
 from weberlink.master.devices.polhem.protocol import (
     LONG,
     Currents,

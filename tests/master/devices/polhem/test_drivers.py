@@ -14,8 +14,7 @@ import pytest
 from tests.master.devices.polhem.boards import ScriptedHidBoard, Teensy, hid_device
 from tests.wait import until
 from weberlink.geometry.vector import ZERO, norm
-from weberlink.master.devices.polhem.options import PolhemHidOptions, PolhemSerialOptions
-from weberlink.master.devices.polhem.parameters import PARAMETERS
+from weberlink.master.devices.polhem.parameters import PARAMETERS, PolhemHidOptions, PolhemSerialOptions
 from weberlink.master.devices.polhem.protocol import LONG, SHORT, SetCounters
 from weberlink.master.devices.polhem.serial_device import BracketExchange, PolhemSerialDevice
 from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions

@@ -9,8 +9,7 @@ import pytest
 from weberlink.geometry.vector import Vector, distance
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.polhem.homing import PositionValidator
-from weberlink.master.devices.polhem.options import PolhemSerialOptions
-from weberlink.master.devices.polhem.parameters import PARAMETERS
+from weberlink.master.devices.polhem.parameters import PARAMETERS, PolhemSerialOptions
 from weberlink.master.devices.polhem.protocol import Counts, Sensors
 from weberlink.master.devices.polhem.serial_device import BracketExchange, zeroed
 from weberlink.testing.stepping import VirtualTime

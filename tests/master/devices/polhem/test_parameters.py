@@ -9,8 +9,7 @@ import yaml
 
 from weberlink.master.devices import DEVICES
 from weberlink.master.devices.polhem.mechanism import Wiring
-from weberlink.master.devices.polhem.options import PolhemHidOptions
-from weberlink.master.devices.polhem.parameters import PARAMETERS, MechanismParameters
+from weberlink.master.devices.polhem.parameters import PARAMETERS, MechanismParameters, PolhemHidOptions
 
 every_set = pytest.mark.parametrize("parameters", PARAMETERS.values(), ids=PARAMETERS)
 
