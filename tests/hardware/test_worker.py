@@ -12,7 +12,6 @@ from typing import Any
 
 import pytest
 
-from tests.hardware.helpers import descriptors
 from tests.program import ROOT
 from tests.wait import PATIENCE, until
 from weberlink.hardware.fault import BadReply, HardwareFault
@@ -101,7 +100,7 @@ class Rig:
 @pytest.fixture
 def make() -> Iterator[Callable[..., Rig]]:
     """Makes rigs; what their workers leave behind is looked for."""
-    files, threads, made = descriptors(), threading.active_count(), list[Rig]()
+    threads, made = threading.active_count(), list[Rig]()
 
     def of(**options: Any) -> Rig:
         made.append(Rig(**options))
@@ -112,7 +111,6 @@ def make() -> Iterator[Callable[..., Rig]]:
         rig.let_go()
         rig.worker.stop()
         assert len(rig.threads) <= 1 + rig.calls.count("open"), "one thread a session, and who closes at a failure"
-    assert descriptors() <= files  # some of another test may have been collected meanwhile
     assert threading.active_count() == threads
 
 
@@ -314,14 +312,7 @@ def test_hanging_exchange_is_closed_when_it_returns(rig: Rig) -> None:
         rig.worker.start()
     rig.let_go()
     until(lambda: rig.calls == ["open", REST, "close"], "the close")
-
-    held = len(descriptors())
-
-    def is_released() -> bool:
-        rig.worker.stop()
-        return len(descriptors()) < held
-
-    until(is_released, "the thread to end")
+    until(lambda: not rig.worker._thread.is_alive(), "the thread to end")
     rig.worker.start()
     until(lambda: rig.worker.newest[0] > 101, "samples again")
 

@@ -1,12 +1,11 @@
 """The thread that runs a blocking device: a tick only swaps a command for the newest sample. And a driver on it."""
 
 import atexit
-import os
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass
 from math import inf
-from select import select
+from queue import Empty, SimpleQueue
 from threading import Event, Thread, current_thread
 from time import monotonic
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
@@ -76,10 +75,9 @@ class Worker(Generic[Command, Sample]):
         self._gaps_met = 0
         self._called_at = inf
         self._newest: tuple[Sample, float] | None = None
-        self._wake = -1
+        self._wake = SimpleQueue[None]()
         self._stopping = Event()
-        self._thread: Thread | None = None
-        self._left: tuple[Thread, int] | None = None
+        self._thread: Thread | None = None  # the last one
         self.fault: str | None = None  # why there are no more samples; None while they come
         self._error: Exception | None = None  # an error of the exchange's own code, which ended the thread
         self.trouble: str | None = None  # the error of the last exchange; None if there was none
@@ -104,20 +102,16 @@ class Worker(Generic[Command, Sample]):
         """Connect, and begin to exchange; raises HardwareFault if the device cannot be used, or still hangs since the
         last time; nothing is left running."""
         self.stop()
-        if self._hangs():
+        if self._thread is not None and self._thread.is_alive():
             raise HardwareFault("it has not reacted since the last session; unplug it and plug it in again")
-        wake = -1
         try:
             self._begin()
-            wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
-            thread = Thread(target=self._run, args=(wake,), name="weberlink-device", daemon=True)
-            thread.start()
+            self._thread = Thread(target=self._run, name="weberlink-device", daemon=True)
+            self._thread.start()
         except BaseException:
-            if wake >= 0:
-                os.close(wake)
+            self._thread = None
             self.exchange.close()
             raise
-        self._thread, self._wake = thread, wake
         atexit.register(self.stop)
 
     def _begin(self) -> None:
@@ -126,6 +120,7 @@ class Worker(Generic[Command, Sample]):
         self._share = 0.0
         self._command, self._called_at = (self.rest, -inf, self._gaps_met), inf
         self._newest = (self.exchange.open(), self.clock())
+        self._wake = SimpleQueue()
         self._stopping.clear()
 
     def command(self, command: Command, now: float) -> None:
@@ -133,41 +128,27 @@ class Worker(Generic[Command, Sample]):
         called_at, gaps = self.clock(), self._command[2]
         self._command = (command, now, gaps + (called_at - self._called_at > self.stale))
         self._called_at = called_at
-        if self.on_command and (wake := self._wake) >= 0:
-            os.eventfd_write(wake, 1)
+        if self.on_command and self._wake.empty():
+            self._wake.put(None)
 
     def stop(self) -> None:
         """End the exchange and leave the device safe; may be called again, also from within the exchange."""
-        thread, self._thread = self._thread, None
-        if thread is None:
-            self._hangs()
+        thread = self._thread
+        if thread is None or self._stopping.is_set():
             return
-        wake, self._wake = self._wake, -1
-        self._left = (thread, wake)
         self._stopping.set()
-        os.eventfd_write(wake, 1)
+        self._wake.put(None)
         atexit.unregister(self.stop)
         if thread is not current_thread():
             thread.join(JOIN_S)
-        if self._hangs():
+        if thread.is_alive():
             atexit.register(thread.join, JOIN_S)
 
-    def _hangs(self) -> bool:
-        """Whether the last thread still runs; its resources are released once it has ended."""
-        if self._left is None:
-            return False
-        thread, wake = self._left
-        if thread.is_alive():
-            return True
-        self._left = None
-        os.close(wake)
-        return False
-
-    def _run(self, wake: int) -> None:
+    def _run(self) -> None:
         try:
             due = self.clock()
-            while not self._stopping.is_set():
-                due = self._pause(wake, due)
+            while True:
+                due = self._pause(due)
                 if self._stopping.is_set():
                     break
                 self._once()
@@ -182,16 +163,10 @@ class Worker(Generic[Command, Sample]):
             except Exception as error:
                 self.fault = self.fault or f"internal error: {error!r}"
 
-    def _pause(self, wake: int, due: float) -> float:
-        """Wait for a command or until `due`; returns when the next exchange is due."""
-        if self.on_command:
-            select((wake,), (), (), self.period)
-            with suppress(BlockingIOError):
-                os.eventfd_read(wake)
-            return due
-        wait = due - self.clock()
-        if wait > 0.0:
-            self._stopping.wait(wait)
+    def _pause(self, due: float) -> float:
+        """Wait for a command, or until `due`, or for `stop`; returns when the next exchange is due."""
+        with suppress(Empty):
+            self._wake.get(timeout=self.period if self.on_command else max(0.0, due - self.clock()))
         now, following = self.clock(), due + self.period
         return following if now < following else now + self.period  # missed exchanges are skipped
 

@@ -74,7 +74,7 @@ class ServedDevice(ABC):
 
     def __init__(self, begin: Callable[[], object]) -> None:
         self._begin = begin
-        self._plugged = False
+        self.plugged = False
         self._stopping = Event()
         self._thread: Thread | None = None
 
@@ -86,32 +86,28 @@ class ServedDevice(ABC):
         self.unplug()
 
     @property
-    def plugged(self) -> bool:
-        return self._plugged
-
-    @property
     def serving(self) -> bool:
         """Whether the emulator still answers; False too after an exception in it."""
         return self._thread is not None and self._thread.is_alive()
 
     def plug(self) -> None:
         """Connect the device; raises OSError if its address is taken, or not permitted."""
-        assert not self._plugged
+        assert not self.plugged
         self._connect()
-        self._plugged = True
+        self.plugged = True
         self._stopping.clear()
         self._thread = Thread(target=self._run, daemon=True)
         self._thread.start()
 
     def unplug(self) -> None:
         """Disconnect it; whoever has it open gets an error. May be called again."""
-        if not self._plugged:
+        if not self.plugged:
             return
         self._stopping.set()
         assert self._thread is not None
         self._thread.join()
         self._disconnect()
-        self._plugged = False
+        self.plugged = False
 
     def _run(self) -> None:
         self._begin()

@@ -2,9 +2,9 @@
 
 from typing import Any
 
+import pytest
 from hypothesis import given, strategies as st
 
-from tests.master.devices.polhem.boards import decode_currents
 from weberlink.master.devices.polhem.protocol import (
     LONG,
     LONGEST,
@@ -20,6 +20,7 @@ from weberlink.master.devices.polhem.protocol import (
     encode_status,
 )
 from weberlink.testing.messages import Message, MessageContract
+from weberlink.testing.wires import emulated
 
 
 def integers(bits: int) -> st.SearchStrategy[int]:
@@ -54,14 +55,6 @@ short_sensors = st.builds(
 )
 
 MESSAGES = {
-    "polhem currents": Message(
-        three(st.integers(-6000, 6000)),
-        encode_currents,
-        lambda data: decode_currents(data.rstrip(b"\0")),
-        refused=(b"[1,2]\n", b"[1,2,3,4]\n", b"1,2,3]\n", b"[1,2,x]\n", b"[1,2,3]\n[1,2,3]\n"),
-        unsendable=((6001, 0, 0), (0, -6001, 0)),
-        padded=False,
-    ),
     "polhem status": Message(
         statuses, encode_status, status, refused=(b"[1,2,x,4,5,6,7,0]\n", b"[1,2,3]\n"), padded=False
     ),
@@ -83,7 +76,21 @@ class TestMessages(MessageContract):
     MESSAGES = MESSAGES
 
 
-# --- a stream of messages: the status of the Polhem's serial board
+# --- the Polhem's serial board: its commands, and its answers in a stream
+
+
+@given(three(st.integers(-6000, 6000)))
+def test_currents_flow_as_commanded(currents: Any) -> None:
+    board = emulated("polhem_serial")
+    board.receive(encode_currents(currents), 1.0)
+    board.advance(1.05)
+    assert (board.currents_ma, board.errors) == (currents, 0)
+
+
+@pytest.mark.parametrize("currents", [(6001, 0, 0), (0, -6001, 0)])
+def test_currents_that_the_board_would_take_for_zero_are_not_sent(currents: Any) -> None:
+    with pytest.raises(ValueError, match="within"):
+        encode_currents(currents)
 
 
 @given(st.lists(statuses, max_size=4), st.data())

@@ -1,17 +1,13 @@
-"""Scripted boards, just enough to see what a driver does: one behind a pty, one in place of a HID port."""
+"""Scripted boards, just enough to see what a driver does: one for a serial port, one for reports."""
 
-import re
-from time import monotonic, sleep
 from typing import Any
 
 from weberlink.hardware.emulator import Emulator
-from weberlink.hardware.guardian import Guardian
 from weberlink.master.devices.polhem.driver import PolhemDevice
 from weberlink.master.devices.polhem.hid_device import PolhemHidDevice
 from weberlink.master.devices.polhem.parameters import PolhemHidOptions
 from weberlink.master.devices.polhem.protocol import (
     LONG,
-    Currents,
     Sensors,
     SetCounters,
     decode_command,
@@ -19,17 +15,7 @@ from weberlink.master.devices.polhem.protocol import (
     encode_status,
 )
 from weberlink.testing.time import TICK
-
-_COMMAND = re.compile(rb"\[(-?\d{1,10}),(-?\d{1,10}),(-?\d{1,10})\][\n\r\0]*")
-
-
-def decode_currents(message: bytes) -> Currents:
-    """The currents that one whole message commands [mA], within the limit or not; raises ValueError if it is none."""
-    match = _COMMAND.fullmatch(message)
-    if match is None:
-        raise ValueError(f"expected [mA,mA,mA], got {message!r}")
-    a, b, c = (int(part) for part in match.groups())
-    return (a, b, c)
+from weberlink.testing.wires import HidWire
 
 
 class Teensy(Emulator):
@@ -44,47 +30,34 @@ class Teensy(Emulator):
     def receive(self, data: bytes, now: float) -> None:
         *messages, self._rest = (self._rest + data.replace(b"\0", b"")).split(b"\n")
         for message in messages:
-            self.currents.append(decode_currents(message))
+            a, b, c = map(int, message.strip(b"[]").split(b","))
+            self.currents.append((a, b, c))
             self.leaving.append(encode_status(Sensors(self.counts, model=self.model, error=self.error)))
 
 
-class ScriptedHidBoard:
-    """In place of a `HidPort`: in lock-step, and with a report that may wait from the start."""
+class ScriptedHidBoard(Emulator):
+    """In lock-step, and with a report that may wait from the start."""
 
     def __init__(self, counts: tuple[int, ...], size: int = LONG, stale: tuple[int, ...] | None = None) -> None:
+        super().__init__()
         self.counts, self.size = counts, size
         self.button = self.calibrate = False
         self.sets_counters = True
         self.commands: list[tuple[int, int, int] | SetCounters] = []
-        self.closed = 0
-        self._waiting = [] if stale is None else [encode_sensors(Sensors(stale))]
+        self.leaving = [] if stale is None else [encode_sensors(Sensors(stale))]
 
-    def __call__(self, path: str) -> "ScriptedHidBoard":
-        return self
-
-    def write(self, report: bytes) -> None:
-        command = decode_command(report)
+    def receive(self, data: bytes, now: float) -> None:
+        command = decode_command(data)
         self.commands.append(command)
         if isinstance(command, SetCounters) and self.sets_counters:
             self.counts, self.calibrate = command.counts, False
         sensors = Sensors(self.counts, self.button, self.calibrate)
-        self._waiting.append(encode_sensors(sensors).ljust(self.size, b"\0"))
-
-    def read_all(self, until: float) -> list[bytes]:
-        if not self._waiting:
-            sleep(max(0.0, until - monotonic()))
-        reports, self._waiting = self._waiting, []
-        return reports
-
-    def guard(self, guardian: Guardian) -> None: ...
-
-    def close(self) -> None:
-        self.closed += 1
+        self.leaving.append(encode_sensors(sensors).ljust(self.size, b"\0"))
 
 
-def hid_device(board: Any, *, checked: bool = True, **settings: Any) -> PolhemDevice:
-    """A `polhem_hid` on a board in place of its port."""
+def hid_device(wire: HidWire, *, checked: bool = True, **settings: Any) -> PolhemDevice:
+    """A `polhem_hid` with a board in place of its port."""
     options = PolhemHidOptions(port="/dev/hidraw9", **settings)
     signs = PolhemHidDevice.fingerprint(options)
     options = options.model_copy(update={"signs_checked": signs if checked else None})
-    return PolhemHidDevice(options, TICK, board)
+    return PolhemHidDevice(options, TICK, wire)

@@ -22,6 +22,7 @@ from weberlink.testing.devices import drive, fault_of, refusal
 from weberlink.testing.serving import PtyDevice
 from weberlink.testing.stepping import VirtualPort, VirtualTime
 from weberlink.testing.time import TICK
+from weberlink.testing.wires import HidWire
 
 MIDDLE = (*PARAMETERS["woodenhaptics_2015"].mechanism.counts_at(ZERO), 0, 0, 0)
 HID_WOODY = PolhemHidOptions(parameters="woodenhaptics_2015").wired().mechanism
@@ -179,7 +180,7 @@ def test_weight_is_carried_only_while_loop_commands(serial: Make, tmp_path: Path
 @pytest.fixture
 def hid(until_end: Make) -> Make:
     """Makes a device on a board; with force, whatever the signs."""
-    return lambda board, **settings: until_end(hid_device(board, **settings))
+    return lambda board, **settings: until_end(hid_device(HidWire(board), **settings))
 
 
 def test_force_and_button_and_no_report_that_has_waited(hid: Make) -> None:
@@ -192,7 +193,7 @@ def test_force_and_button_and_no_report_that_has_waited(hid: Make) -> None:
     board.button = True
     drive(device, lambda: device.latest(monotonic()).buttons == 1)
     device.close()
-    assert (board.commands[-1], board.closed) == ((0, 0, 0), 1)
+    assert board.commands[-1] == (0, 0, 0)
 
 
 @pytest.mark.parametrize(("said", "sent"), [(LONG, SHORT), (SHORT, LONG)])
@@ -219,8 +220,8 @@ def test_homing_at_open_sets_the_counters_which_may_hold_the_home_counts(hid: Ma
 class PressedHid(ScriptedHidBoard):
     """Its button is pressed after ten messages."""
 
-    def write(self, report: bytes) -> None:
-        super().write(report)
+    def receive(self, data: bytes, now: float) -> None:
+        super().receive(data, now)
         self.calibrate = self.calibrate or len(self.commands) == 10
 
 
