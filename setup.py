@@ -47,7 +47,6 @@ Not there: modules that define pydantic models (mypyc drops their annotations), 
 `session/tick_loop.py`: compiled, its `await` in a `finally` clause raised an earlier exception again.
 """
 PYTHON = {
-    "control/contract.py": "a protocol, from which compiled code would ask its classes to inherit",
     "control/table.py": "a type made of the table",
     "protocol/keys.py": "runs once",
     "protocol/paths.py": "words for people",

@@ -10,8 +10,7 @@ from typing import Any
 
 from weberlink.codec.decoder import Decoder
 from weberlink.codec.sample import Sample
-from weberlink.control.contract import UNREACHED_S
-from weberlink.control.sent import SentCommands
+from weberlink.control.contract import UNREACHED_S, SentCommands
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import toward
 from weberlink.protocol.endpoint import Endpoint

@@ -6,8 +6,7 @@ from typing import Any, ClassVar
 
 from weberlink.codec import Encoder
 from weberlink.codec.outgoing import OutgoingChannel
-from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
-from weberlink.control.ends import AxesMaster, MasterControl
+from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, AxesMaster, MasterControl
 from weberlink.control.port import Port
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO, Vector

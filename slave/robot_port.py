@@ -9,8 +9,7 @@ from typing import Any
 from weberlink.codec import Decoder, Encoder
 from weberlink.codec.outgoing import OutgoingChannel
 from weberlink.codec.predictors.contract import Hold
-from weberlink.control.contract import UNREACHED_S
-from weberlink.control.ends import Control, SlaveControl
+from weberlink.control.contract import UNREACHED_S, Control, SlaveControl
 from weberlink.control.port import Port
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO, Vector, norm

@@ -11,8 +11,14 @@ from math import ceil, pi, sin
 from random import Random
 from typing import Generic, TypeVar
 
-from weberlink.control.contract import CREDIT_STEP, AccountParameters, SchemeParameters, WallModel
-from weberlink.control.ends import MasterControl, SlaveControl
+from weberlink.control.contract import (
+    CREDIT_STEP,
+    AccountParameters,
+    MasterControl,
+    SchemeParameters,
+    SlaveControl,
+    Surface,
+)
 from weberlink.geometry.vector import Vector
 
 TICK = 1e-3
@@ -121,7 +127,7 @@ def operate(
     hand: Hand,
     seconds: float,
     intention: Callable[[float], float] = press_and_tap,
-    model: Callable[[float, float], WallModel | None] = lambda force, at: None,
+    model: Callable[[float, float], Surface] = lambda force, at: None,
 ) -> Course:
     """Run both ends of a scheme from rest at the intended position of time 0.
 

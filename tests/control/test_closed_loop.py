@@ -9,7 +9,7 @@ from random import Random
 import pytest
 
 from tests.control.teleoperation import ACCOUNT, SETTINGS, Course, Hand, Link, Wall, operate
-from weberlink.control.contract import LEAST_CONTACT, WallModel
+from weberlink.control.contract import LEAST_CONTACT, Surface
 from weberlink.control.table import build_master_control, build_slave_control
 
 HANDS = {
@@ -47,7 +47,7 @@ def test_it_is_kept_over_links_walls_and_models_that_chance_makes(seed: int) -> 
     link = Link(random.uniform(0.0, 0.35), random.uniform(0.0, 0.1), random.uniform(0.0, 0.6), seed)
     hand = Hand(10.0 ** random.uniform(-2.0, 0.0), random.uniform(100.0, 1000.0), random.uniform(0.5, 8.0))
 
-    def model(force: float, at: float) -> WallModel | None:
+    def model(force: float, at: float) -> Surface:
         wrong = Wall(stiffness * random.uniform(0.5, 2.0), at + force / stiffness + random.uniform(-0.002, 0.002))
         return wrong if force and random.random() < 0.8 else None
 

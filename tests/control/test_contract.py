@@ -10,8 +10,7 @@ from tests.control.teleoperation import SETTINGS, TICK, Wall
 from tests.examples import examples
 from weberlink.codec.predictors.geometry_based import Sphere
 from weberlink.codec.sample import UNKNOWN
-from weberlink.control.contract import CREDIT_STEP
-from weberlink.control.ends import MasterControl, SlaveControl
+from weberlink.control.contract import CREDIT_STEP, MasterControl, SlaveControl
 from weberlink.control.table import SCHEMES, build_master_control, build_slave_control
 from weberlink.geometry.vector import ZERO, Vector, scale
 

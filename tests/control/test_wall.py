@@ -22,8 +22,7 @@ from weberlink.control.bounded import (
     BoundedSlave,
     FeltContact,
 )
-from weberlink.control.contract import LEAST_CONTACT
-from weberlink.control.sent import SentCommands
+from weberlink.control.contract import LEAST_CONTACT, SentCommands
 from weberlink.geometry.vector import ZERO, Vector, distance, dot, interpolate, norm, subtract, unit
 
 STIFFNESS = 500.0

@@ -9,8 +9,7 @@ import pytest
 from tests.arms.ends import TICK, link
 from tests.compiled import replaces_methods
 from weberlink.codec import Decoder, Encoder, force_channel
-from weberlink.control.contract import UNREACHED_S
-from weberlink.control.sent import SentCommands
+from weberlink.control.contract import UNREACHED_S, SentCommands
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.master.gate import GRACE, LOOK_S, PATIENCE, ContactLimiter, HandContact
 

@@ -8,8 +8,7 @@ from hypothesis import given, strategies as st
 
 from tests.control.teleoperation import Wall
 from weberlink.codec import Encoder, position_channel
-from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, AccountParameters, SchemeParameters
-from weberlink.control.ends import MasterControl
+from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, AccountParameters, MasterControl, SchemeParameters
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.operator_port import HandPosition

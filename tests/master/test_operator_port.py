@@ -11,9 +11,7 @@ from tests.compiled import replaces_methods
 from tests.master.handle import Handle
 from weberlink.arms.contract import ArmFault
 from weberlink.codec import Decoder, Encoder, force_channel, position_channel
-from weberlink.control.contract import FREE_FORCE, AccountParameters, SchemeParameters
-from weberlink.control.ends import MasterControl
-from weberlink.control.sent import SentCommands
+from weberlink.control.contract import FREE_FORCE, AccountParameters, MasterControl, SchemeParameters, SentCommands
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO, Vector, norm, scale
 from weberlink.master.devices.contract import DeviceReading

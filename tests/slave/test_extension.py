@@ -8,7 +8,7 @@ from tests.session.systems import CONFIGS
 TOY = """
 from typing import Literal
 
-from weberlink.control.ends import MasterControl
+from weberlink.control.contract import MasterControl
 from weberlink.control.table import Scheme
 from weberlink.slave.integrators import IntegrationScheme, MassState
 from weberlink.slave.integrators.problem import contact_force
@@ -60,8 +60,8 @@ class Loose:
     def __init__(self, settings): ...
 
 
-LOOSE = Scheme("toy:Loose", "weberlink.control.ends:SlaveControl", carries_credit=False, does="nothing")
-HALF = Scheme("toy:HalfMaster", "weberlink.control.ends:SlaveControl", carries_credit=False, does="half force")
+LOOSE = Scheme("toy:Loose", "weberlink.control.contract:SlaveControl", carries_credit=False, does="nothing")
+HALF = Scheme("toy:HalfMaster", "weberlink.control.contract:SlaveControl", carries_credit=False, does="half force")
 """
 ENTRY_POINTS = """
 [weberlink.integrators]

@@ -16,8 +16,7 @@ from tests.slave.scenes.solids import wall
 from weberlink.arms.contract import ArmFault
 from weberlink.codec import Encoder, force_channel
 from weberlink.codec.outgoing import OutgoingChannel
-from weberlink.control.contract import LEAST_CONTACT
-from weberlink.control.ends import SlaveControl
+from weberlink.control.contract import LEAST_CONTACT, SlaveControl
 from weberlink.control.port import Port
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, quaternion

@@ -8,8 +8,7 @@ contact is fitted to torques.
 from math import hypot
 
 from weberlink.control.account import Account
-from weberlink.control.contract import AccountParameters
-from weberlink.control.ends import AxesMaster
+from weberlink.control.contract import AccountParameters, AxesMaster
 from weberlink.geometry.joints import Joints
 
 LEVER = 0.2

@@ -9,9 +9,15 @@ gave beyond what it took. See docs/control.md.
 from math import hypot, inf, sqrt
 
 from weberlink.control.account import Account
-from weberlink.control.contract import CREDIT_STEP, LEAST_CONTACT, SchemeParameters, WallModel
-from weberlink.control.ends import MasterControl, SlaveControl
-from weberlink.control.sent import SentCommands
+from weberlink.control.contract import (
+    CREDIT_STEP,
+    LEAST_CONTACT,
+    MasterControl,
+    SchemeParameters,
+    SentCommands,
+    SlaveControl,
+    Surface,
+)
 from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, interpolate, norm, scale, subtract
 
 TURN = 0.1
@@ -69,8 +75,8 @@ class FeltContact:
     def forget(self) -> None:
         """Forget where the contact was."""
         self._sample: tuple[Vector, Vector] | None = None
-        self._surface: WallModel | None = None
-        self._model: WallModel | None = None
+        self._surface: Surface = None
+        self._model: Surface = None
         self.normal: Vector | None = None
         self._offset = self._found = self._measured = 0.0
         self._place: float | None = None
@@ -82,7 +88,7 @@ class FeltContact:
         """
         return 0.0 if self.normal is None else max(0.0, self._measured - dot(self.normal, position))
 
-    def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
+    def learn(self, surface: Surface, force: Vector, position: Vector) -> None:
         """Take in an update, as `MasterControl.learn`."""
         size = norm(force)
         last, self._sample = self._sample, None if size < LEAST_CONTACT else (force, position)
@@ -232,7 +238,7 @@ class BoundedMaster(MasterControl):
     def refute(self) -> None:
         self._contact.normal = None
 
-    def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
+    def learn(self, surface: Surface, force: Vector, position: Vector) -> None:
         self._contact.learn(surface, force, position)
 
     def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, rtt: float | None) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from weberlink.compiled import mypyc_attr
-from weberlink.control.ends import Control
+from weberlink.control.contract import Control
 from weberlink.geometry.joints import Joints
 
 

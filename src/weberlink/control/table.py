@@ -6,15 +6,14 @@ group `weberlink.control_schemes` that names a `Scheme`.
 
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from weberlink.control.contract import SchemeParameters
-from weberlink.control.ends import MasterControl, SlaveControl
+from weberlink.control.contract import MasterControl, SchemeParameters, SlaveControl
 from weberlink.registry import Registry, import_part
 
 
 class Scheme(NamedTuple):
     """A control scheme; its classes are imported on use."""
 
-    master: str  # "module:Class" of the operator's end, a `weberlink.control.ends.MasterControl`
+    master: str  # "module:Class" of the operator's end, a `weberlink.control.contract.MasterControl`
     slave: str  # likewise of the teleoperator's end, a `SlaveControl`
     carries_credit: bool  # whether datagrams carry energy credit
     does: str  # in one line
@@ -23,8 +22,8 @@ class Scheme(NamedTuple):
 
 BUILT_IN = {
     "none": Scheme(
-        "weberlink.control.ends:MasterControl",
-        "weberlink.control.ends:SlaveControl",
+        "weberlink.control.contract:MasterControl",
+        "weberlink.control.contract:SlaveControl",
         carries_credit=False,
         does="what is decoded is displayed and followed",
         reads_position=False,

@@ -5,7 +5,7 @@ from math import nan
 
 from weberlink.codec import Decoder
 from weberlink.codec.outgoing import OutgoingChannel
-from weberlink.control.ends import MasterControl
+from weberlink.control.contract import MasterControl
 from weberlink.control.port import Port
 from weberlink.geometry.joints import Joints
 from weberlink.protocol.events import Statistics

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 from weberlink.codec import Decoder, Encoder
 from weberlink.codec.outgoing import OutgoingChannel
 from weberlink.config import Configuration, ConfigurationError, System
-from weberlink.control.contract import FREE_FORCE
-from weberlink.control.sent import SentCommands
+from weberlink.control.contract import FREE_FORCE, SentCommands
 from weberlink.control.table import build_master_control
 from weberlink.master.devices.contract import Device, DeviceFault, DeviceSpec, TorqueDevice
 from weberlink.master.gate import Bound, ContactLimiter, HandContact, OutputGate

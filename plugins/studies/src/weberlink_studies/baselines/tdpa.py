@@ -18,8 +18,7 @@ work of one tick and for what the largest damper cannot dissipate. Sources:
   as W allows, the robot returns to where the operator leads it. Without it, every hold is a lasting offset.
 """
 
-from weberlink.control.contract import CREDIT_STEP, SchemeParameters
-from weberlink.control.ends import MasterControl, SlaveControl
+from weberlink.control.contract import CREDIT_STEP, MasterControl, SchemeParameters, SlaveControl
 from weberlink.geometry.vector import ZERO, Vector, dot, subtract
 
 MOST_DAMPING = 50.0  # largest alpha [N s/m]: a sampled damper reverses the velocity of a mass m from m / T on
