@@ -15,8 +15,8 @@ SBOM := $(VENV)/sbom
 PAGE := plugins/page/src/weberlink_page/page
 PAGE_TOOLS := build/page
 
-GUESTS := anywhere arms devices doctor foxglove franka mujoco page pointer predictors recording ros2 studies video
-DEMO := doctor page pointer recording
+GUESTS := anywhere arms devices doctor figures foxglove franka mujoco page pointer predictors recording ros2 studies video
+DEMO := doctor figures page pointer recording
 
 MINUTES ?= 60
 TIMES ?= 10

@@ -25,7 +25,8 @@ from weberlink.codec.predictors import PREDICTORS
 from weberlink.config import load
 from weberlink.installation import config_folders
 from weberlink.protocol.emulation import EmulatedLink
-from weberlink.session.simulation import simulate
+from weberlink.session.simulation import TraceRecorder
+from weberlink_figures.reporting import simulated
 
 FILES = {path.name: path for folder in config_folders() for path in folder.glob("*.yaml")}
 STORED = Path(__file__).with_suffix(".json")
@@ -90,7 +91,8 @@ def digest(case: tuple[str, str, tuple[str, ...]]) -> dict[str, Any]:
 
     EmulatedLink.send = observed  # type: ignore[method-assign,assignment]
     try:
-        figures, recorder = simulate(load(FILES[file], overrides), DURATION)
+        recorder = TraceRecorder()
+        figures = simulated(load(FILES[file], overrides), DURATION, recorder.add)
     finally:
         EmulatedLink.send = send  # type: ignore[method-assign]
     report = json.dumps(replace(figures, run_time_s=None).to_json(), sort_keys=True, default=str)

@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.percentiles import Series, summary
 from weberlink.codec import Channel, force_channel
 from weberlink.codec.replay import code
-from weberlink.figures.environment import environment, footer
+from weberlink.environment import environment, footer
 from weberlink.geometry.vector import Vector
 from weberlink.master.trace import read_trace
 from weberlink_studies.evaluate.replay import signal_of

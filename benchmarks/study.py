@@ -29,7 +29,7 @@ from benchmarks.start_up import StartUp
 from benchmarks.update_cost import UpdateCost
 from weberlink.config import ConfigurationError
 from weberlink.config.errors import require_package
-from weberlink.figures.environment import environment, footer
+from weberlink.environment import environment, footer
 from weberlink.protocol.keys import generate
 from weberlink.session.interruption import Interruption
 from weberlink_doctor.report import Needs

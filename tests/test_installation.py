@@ -45,8 +45,8 @@ LINES = [  # in a clone also the guests that a guest needs
     ("predictors", ["./plugins/predictors"], [f"{ROOT}/plugins/predictors"], "weberlink-predictors"),
     (
         "studies[dask]",
-        ["./plugins/predictors", "./plugins/studies[dask]"],
-        [f"{ROOT}/plugins/predictors", f"{ROOT}/plugins/studies[dask]"],
+        ["./plugins/figures", "./plugins/predictors", "./plugins/studies[dask]"],
+        [f"{ROOT}/plugins/{name}" for name in ("figures", "predictors", "studies[dask]")],
         "weberlink-studies[dask]",
     ),
 ]

@@ -46,4 +46,4 @@ def test_the_scene_of_the_page_is_complete_and_is_touched(tmp_path: Path) -> Non
     checked, ran = run("check", path), run("simulate", path, "--duration", 3)
     assert (checked.status, ran.status) == (0, 0), (checked, ran)
     assert "warning" not in checked.output + checked.errors
-    assert ran.output.startswith("good")
+    assert ran.output.startswith(("good", "ended"))  # as the guest, or the kernel alone reports

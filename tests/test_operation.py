@@ -18,7 +18,6 @@ from tests.program import COMMANDS, Program, document
 from tests.test_repository import GENERATED
 from weberlink.cli import app
 from weberlink.cli.arguments import CommandGroup
-from weberlink.figures import wording
 from weberlink.hardware.guardian import SOCKET
 from weberlink.installation import guests
 from weberlink.order import MISCONFIGURED
@@ -163,11 +162,9 @@ def test_commands_and_options_of_all_pages_are_there() -> None:
         assert options is None or set(re.findall(r"(?<!\S)--[a-z-]+", line)) <= options, line
 
 
-def test_every_event_of_the_log_and_every_fault_has_its_line() -> None:
+def test_every_state_and_every_fault_has_its_line() -> None:
     rows = "\n".join(line for line in PAGE.splitlines() if line.startswith("|"))
     for state in State:
         assert f"`{state.name.lower()}`" in rows
     for fault in list(Fault)[1:]:
         assert re.search(rf"^\| `{fault.name.lower()}` \|", rows, re.M), fault
-    for event in wording.EVENTS:
-        assert f"`{event}`" in rows, event

@@ -89,7 +89,8 @@ def test_the_kernel_names_no_guest() -> None:
     added = json.loads(GUESTS.read_text(encoding="utf-8"))
     for group in ("weberlink.commands", "weberlink.device_commands"):
         del added[group]  # common words, such as peer
-    names = {name for entries in added.values() for name in entries} - {"path", "surface"}  # keys of records too
+    common = {"path", "recording", "surface"}  # keys of records and of facts too
+    names = {name for entries in added.values() for name in entries} - common
     folders = {path.parents[2].name for path in ROOT.glob("plugins/*/src/../pyproject.toml")}
     assert f"\nGUESTS := {' '.join(sorted(folders))}\n" in MAKEFILE
     forbidden = re.compile(

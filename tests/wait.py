@@ -1,8 +1,10 @@
 """Waiting for what must come, in tests that run in real time."""
 
 import asyncio
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterator
+from contextlib import contextmanager
 from functools import wraps
+from threading import Thread
 from time import monotonic
 from typing import Any, TypeVar
 
@@ -10,7 +12,7 @@ import pytest
 
 from weberlink.testing.time import PATIENCE, PAUSE, until
 
-__all__ = ["PATIENCE", "PAUSE", "in_loop", "soon", "until"]
+__all__ = ["PATIENCE", "PAUSE", "in_loop", "loop_in_a_thread", "soon", "until"]
 
 T = TypeVar("T")
 
@@ -40,3 +42,17 @@ async def soon(condition: Callable[[], T], what: str, *, patience: float = PATIE
             pytest.fail(f"waited {patience:g} s for {what}")
         await asyncio.sleep(pause)
     return value
+
+
+@contextmanager
+def loop_in_a_thread() -> Iterator[asyncio.AbstractEventLoop]:
+    """As that of a daemon, beside the test; at the end what it serves is closed in this thread."""
+    loop = asyncio.new_event_loop()
+    thread = Thread(target=loop.run_forever)
+    thread.start()
+    try:
+        yield loop
+    finally:
+        loop.call_soon_threadsafe(loop.stop)
+        thread.join()
+        loop.close()

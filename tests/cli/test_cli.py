@@ -13,7 +13,7 @@ from tests.program import COMMANDS, Ended, document, weberlink
 from tests.session.systems import CONFIGS
 from weberlink.config import load
 from weberlink.master.trace import read_trace
-from weberlink.session.simulation import simulate
+from weberlink.session.simulation import TraceRecorder, simulate
 
 FILES = sorted(path.name for path in CONFIGS.glob("*.yaml"))
 HARDWARE = ("phantom.yaml",)  # those whose drivers need hardware or its emulator
@@ -115,7 +115,9 @@ def test_simulate_completes_every_shipped_file(name: str, key: str) -> None:
 def test_a_trace_is_the_signal_to_the_last_digit(tmp_path: Path) -> None:
     path = tmp_path / "trace.csv"
     assert run("simulate configs/scene-sphere.yaml --duration 1 --trace", path).status == 0
-    read, made = read_trace(path), simulate(load(CONFIGS / "scene-sphere.yaml"), 1.0)[1].trace
+    recorder = TraceRecorder()
+    simulate(load(CONFIGS / "scene-sphere.yaml"), 1.0, [recorder.add])
+    read, made = read_trace(path), recorder.trace
     for name in ("time_s", "position_m", "force_n"):
         assert getattr(read, name).tolist() == getattr(made, name).tolist()
     assert np.abs(made.force_n).max() > 0.1

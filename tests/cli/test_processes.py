@@ -47,14 +47,14 @@ tell()
 """Ends with the modules that are there when a command is done, or orders its first daemon, which waits since before."""
 SLOW = {"numpy", "scipy", "matplotlib", "uvloop", "asyncio", "rich", "aiohttp", "mcap"}
 PROGRAMS = tuple(f"weberlink.cli.{name}" for name in ("check", "device", "rules", "shipped"))
-LATE = {f"weberlink.{name}" for name in ("telemetry.reader", "figures.session", "figures.report", "session.daemon")}
+LATE = {f"weberlink.{name}" for name in ("telemetry.reader", "session.summary", "session.daemon")}
 
 
 @pytest.mark.parametrize(
     ("command", "there", "absent"),
     [
         ("--help", "weberlink.cli", {"pydantic", "yaml", "weberlink.config", "weberlink.protocol"}),
-        ("loopback", "weberlink.session.launcher", LATE | {"weberlink.session.recorder", "weberlink.figures.journal"}),
+        ("loopback", "weberlink.session.launcher", LATE | {"weberlink.session.recorder"}),
     ],
 )
 def test_a_command_imports_what_it_needs_when_it_needs_it(command: str, there: str, absent: set[str]) -> None:

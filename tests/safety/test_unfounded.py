@@ -1,13 +1,10 @@
 """No force without a contact, in whole sessions: what was reported, robots that are held back, and random ones."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
 from tests.session.systems import configuration
 from trials.safety.unfounded import Cell, Finding, found
-from weberlink.figures.session import score_of
 from weberlink.session.simulation import build_simulation
 from weberlink.telemetry.fault import Fault
 
@@ -15,13 +12,12 @@ DELAY_S = 0.05
 LINK = ("link.emulate={delay_ms: 50, seed: 0}",)
 
 
-def session(*overrides: str, file: str = "loopback.yaml", seconds: float = 4.0) -> tuple[Finding, dict[str, Any]]:
-    """What a session showed, and its report."""
+def session(*overrides: str, file: str = "loopback.yaml", seconds: float = 4.0) -> Finding:
+    """What a session showed."""
     loaded = configuration(*LINK, *overrides, file=file)
-    period, score = loaded.system.tick_period, score_of(loaded.system)
+    period = loaded.system.tick_period
     master, slave = build_simulation(loaded).advance(round(seconds / period))
-    score.add(master, slave)
-    return found(Cell(0, overrides, (DELAY_S, DELAY_S)), master, slave, period), score.figures().to_json()
+    return found(Cell(0, overrides, (DELAY_S, DELAY_S)), master, slave, period)
 
 
 PRESS = "master.device.script=[{motion: press, at_m: [-0.01, 0, 0], depth_m: 0.03, hold_s: 3, duration_s: 0.4}]"
@@ -35,7 +31,7 @@ def test_a_robot_that_has_backed_off_leaves_the_hand(predictor: str, scheme: str
 def check_that_the_hand_is_left(predictor: str, scheme: str) -> None:
     """It touches nothing and its model states nothing there, while the hand presses on the same model."""
     asked = (f"codec.force.predictor={predictor}", f"control.scheme={scheme}")
-    finding, _ = session(PRESS, "slave.limits.trip_n=4", *asked, seconds=2.0)
+    finding = session(PRESS, "slave.limits.trip_n=4", *asked, seconds=2.0)
     assert 0.0 < finding.contact < 0.2
     assert (finding.ticks, finding.faults) == (0, 0)
 

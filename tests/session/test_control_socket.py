@@ -13,8 +13,7 @@ import pytest
 
 from tests.session.systems import configuration
 from tests.strangers import as_stranger, ask_socket, needs_root, squat_fifo, squat_file, squat_large
-from tests.wait import PATIENCE
-from tests.watching.sources import loop_in_a_thread
+from tests.wait import PATIENCE, loop_in_a_thread
 from weberlink.config import MASTER, SLAVE
 from weberlink.config.model import DirectionFaults
 from weberlink.protocol.emulation import EmulatedLink

@@ -47,8 +47,11 @@ for arguments in json.loads(sys.argv[1]):
 """
 """Builds each case in a process of its own, forked from one that has imported what every daemon imports."""
 OBSERVERS = {
-    *(f"weberlink.{name}" for name in ("cli", "figures", "watching", "session.launcher")),
-    *(f"weberlink_{name}" for name in ("anywhere", "arms", "foxglove", "franka", "predictors", "ros2", "studies")),
+    *(f"weberlink.{name}" for name in ("cli", "session.launcher", "session.report", "session.summary")),
+    *(
+        f"weberlink_{name}"
+        for name in ("anywhere", "arms", "figures", "foxglove", "franka", "predictors", "ros2", "studies")
+    ),
     *("matplotlib", "scipy"),
     *("aioice", "twisted", "wormhole", "foxglove", "pylibfranka", "rosbags", "websockets", "zenoh"),
 }

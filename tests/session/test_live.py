@@ -1,9 +1,8 @@
 """`weberlink loopback` as its user runs it: processes, signals, sockets, a terminal, and what is left behind (nothing).
 
-One session is logged, changed, and stopped; many laws look at what it left. The others end as no orderly one does.
+One session is changed and stopped; many laws look at what it left. The others end as no orderly one does.
 """
 
-import json
 import os
 import signal
 from dataclasses import dataclass, field
@@ -36,12 +35,6 @@ SETTINGS = (
 )  # fmt: skip
 """A key of its own, a delay that the advice tells of, a contact that lasts, and a force that fades for longer than a
 stop usually takes."""
-NUMBERS = (
-    *("duration_s", "ticks.master.count", "ticks.slave.missed", "ticks.master.lateness_us.p99_9", "force.reduction"),
-    *("force.packets_per_s", "force.bytes_per_s", "position.error_rms", "position.violation_fraction"),
-    *("link.rtt_us.p50", "link.one_way_us.p99", "link.sent", "link.dropped", "energy.generated_j"),
-)
-"""Figures of a live run that other tools rely on, one of each sort; beside them, `faults` and `outcome`."""
 
 
 def sets(*overrides: str) -> list[str]:
@@ -74,10 +67,6 @@ class Session:
     def report(self) -> dict[str, Any]:
         return document((self.folder / "report.json").read_text(encoding="utf-8"))
 
-    @property
-    def lines(self) -> list[dict[str, Any]]:
-        return [json.loads(line) for line in (self.folder / "log").read_text(encoding="utf-8").splitlines()]
-
 
 def look_at_the_key(program: Program, seen: dict[str, Any]) -> None:
     key = default_path("any").parent / f"weberlink-{program.pid}.key"
@@ -97,8 +86,7 @@ def look_at_the_key(program: Program, seen: dict[str, Any]) -> None:
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
     seen = Session(tmp_path_factory.mktemp("session"))
-    report, log = (seen.folder / name for name in ("report.json", "log"))
-    with Program("loopback", "--json", report, "--log", log, *sets(*SETTINGS)) as program:
+    with Program("loopback", "--json", seen.folder / "report.json", *sets(*SETTINGS)) as program:
         look_at_the_key(program, seen.key)
         ends = {side: program.engaged(side) for side in ("master", "slave")}
         master, slave = ends.values()
@@ -131,42 +119,9 @@ def test_session_ends_in_order_with_its_advice_on_standard_error(session: Sessio
     assert errors.splitlines() == [f"weberlink: note: {line}" for line in advise(dry_run(configuration(*SETTINGS)))]
     assert errors
     assert "the visitor left" in output
-    assert all(len(line) <= WIDTH for line in output.splitlines())
-
-
-def test_every_documented_figure_is_there_and_a_number(session: Session) -> None:
-    for path in NUMBERS:
-        value: Any = session.report
-        for key in path.split("."):
-            value = value[key]
-        assert isinstance(value, int | float), path
-    assert faults_of(session.report) == {"master": {}, "slave": {}}
     assert session.report["outcome"] == "the visitor left"
-
-
-def test_figures_agree_with_each_other_and_with_the_records(session: Session) -> None:
-    report, master, slave = session.report, session.records["master"], session.records["slave"]
-    ticks, force = report["ticks"], report["force"]
-    assert ticks["master"]["count"] == len(master)
-    assert ticks["master"]["count"] + ticks["master"]["missed"] == master["tick"][-1] - master["tick"][0] + 1
-    assert force["packets"] > 0
-    assert force["packets_per_s"] == pytest.approx(force["packets"] / report["duration_s"])
-    assert force["coding"]["violation_fraction"] <= ticks["slave"]["missed"] / ticks["slave"]["count"]
-    assert report["link"]["received"] + report["link"]["dropped"] <= report["link"]["sent"]
-    assert report["link"]["rtt_us"]["p50"] >= 2e3 * DELAY_MS
-    assert "bad_tag" not in report["drops"]["master"] | report["drops"]["slave"]
-    assert 1e3 * DELAY_MS <= report["ways"]["to_slave"]["one_way_us"]["p50"] < 1e6
-    assert report["ways"]["to_master"]["loss"] == 0.0
-    assert report["lookahead_ms"] == {"position": 0.0, "force": 10.0}
-    assert slave["updates_received"][-1] > 0
-
-
-def test_log_says_what_the_report_says(session: Session) -> None:
-    report, ended = session.report, session.lines[-1]
-    for event in ("started", "summary"):
-        assert {line["side"] for line in session.lines if line["event"] == event} == {"master", "slave"}
-    assert (ended["event"], ended["outcome"]) == ("ended", report["outcome"])
-    assert ended["force"]["packets_per_s"] == report["force"]["packets_per_s"]
+    assert faults_of(session.report) == {"master": {}, "slave": {}}
+    assert all(len(line) <= WIDTH for line in output.splitlines())
 
 
 def test_key_of_the_session_is_nobody_elses(session: Session) -> None:
@@ -211,7 +166,7 @@ def test_on_a_terminal_a_status_line_goes_before_the_report_and_both_fit() -> No
     status, lines = on_terminal("loopback", "--duration", 3, *PATIENT)
     assert status == 0 and max(map(len, lines)) <= WIDTH
     report = next(index for index, line in enumerate(lines) if line.startswith("weberlink loopback"))
-    assert any("engaged" in line and "force" in line and "rtt" in line for line in lines[:report])
+    assert any("engaged" in line and "rtt" in line for line in lines[:report])
     assert not any("engaged" in line for line in lines[report:])
 
 

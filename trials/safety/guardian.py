@@ -25,7 +25,7 @@ from tests.confined import NAMESPACE, ControlGroup, control_group
 from tests.hardware.test_guardian import TAKE_OFF, Service, serving
 from tests.program import ROOT
 from trials.rig import within
-from weberlink.figures.environment import environment, footer
+from weberlink.environment import environment, footer
 from weberlink.geometry.vector import norm
 from weberlink.master.devices import DEVICES
 from weberlink.realtime.process import prepare

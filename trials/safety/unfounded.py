@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from tests.session.systems import configuration
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
-from weberlink.figures.session import Records
 from weberlink.session.simulation import build_simulation
 from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.reader import Records
 
 SECONDS = 4.0  # length of a session [s]
 # What each session draws from, also of the guest `predictors`: models of a surface have the most to go wrong.

@@ -9,7 +9,9 @@ import pytest
 from plugins.anywhere.tests import FILE
 from weberlink.config import ConfigurationError, load
 from weberlink.protocol.keys import KeyFileError
+from weberlink.session.ending import ConnectionTimes
 from weberlink.session.simulation import simulate
+from weberlink.telemetry.reader import Records
 from weberlink_anywhere.credentials import credentials, read_credentials, read_secret
 from weberlink_anywhere.doctor import judge, mailbox
 from weberlink_anywhere.nat import ANY, Behaviour, Nat
@@ -21,9 +23,17 @@ HERE = ("link.finder=null", "link.listen=127.0.0.1:47000", "link.security=none")
 
 
 def test_it_is_connected_from_start_to_end() -> None:
-    figures, _ = simulate(load(FILE, (*HERE, "link.emulate={delay_ms: 100, jitter_ms: 5, loss: 0.02, seed: 1}")), 3.0)
-    assert (figures.outcome, figures.faults) == ("completed", {"master": {}, "slave": {}})
-    assert all(each is not None and each.interruptions == 0 for each in figures.connection.values())
+    times = {side: ConnectionTimes() for side in ("master", "slave")}
+
+    def watch(*records: Records) -> None:
+        for side, new in zip(times.values(), records, strict=True):
+            side.add(new)
+
+    emulate = "link.emulate={delay_ms: 100, jitter_ms: 5, loss: 0.02, seed: 1}"
+    facts = simulate(load(FILE, (*HERE, emulate)), 3.0, [watch])
+    assert (facts["outcome"], facts["faults"]) == ("completed", {"master": {}, "slave": {}})
+    found = [each.figures() for each in times.values()]
+    assert all(each is not None and each.interruptions == 0 for each in found)
 
 
 @pytest.mark.parametrize(

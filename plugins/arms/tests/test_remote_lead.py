@@ -18,10 +18,10 @@ from hypothesis import strategies as st
 from plugins.arms.tests.arm_rings import REMOTE, SYSTEM, ArmRings, arm_rings
 from weberlink.telemetry.runtime_directory import ForeignFileError
 from weberlink.testing.messages import Message, MessageContract
-from weberlink.watching.rings import NoSessionError
 from weberlink_arms.live_ends import find_end
 from weberlink_arms.remote_lead import AxisUnits, LeaderSender, NotRemoteError, RemoteLead, TargetInUseError
 from weberlink_arms.remote_leader import LeaderTarget, pack_angles, unpack_angles
+from weberlink_figures.watching.rings import NoSessionError
 from weberlink_pointer.target_link import LEADER, TargetSocket, link_path
 
 HERE = (0.1, -0.2, 0.3)

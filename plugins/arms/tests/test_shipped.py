@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from weberlink.config import load
-from weberlink.figures.verdict import verdict
 from weberlink.protocol.keys import generate
 from weberlink.session.advice import measured_tick_s
-from weberlink.session.simulation import simulate
+from weberlink_figures.reporting import simulated
+from weberlink_figures.verdict import verdict
 
 pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 
@@ -17,7 +17,7 @@ CHANNELS = ("joint_torque", "joint_angle", "gripper_torque", "gripper_angle")
 
 
 def test_shipped_pair_presses_table_and_operator_feels_it() -> None:
-    summary = simulate(load(CONFIGS / "arms.yaml"), 2.2)[0].to_json()
+    summary = simulated(load(CONFIGS / "arms.yaml"), 2.2).to_json()
     assert (summary["outcome"], summary["verdict"]["word"]) == ("completed", "good")
     assert min(summary[name]["reduction"] for name in CHANNELS) > 0.9
     torque = summary["joint_torque"]
@@ -29,7 +29,7 @@ def test_shipped_pair_presses_table_and_operator_feels_it() -> None:
 
 def test_the_shipped_pair_is_connected_from_start_to_end_at_a_distance() -> None:
     emulate = "link.emulate={delay_ms: 75, jitter_ms: 5, loss: 0.02, seed: 1}"
-    figures, _ = simulate(load(CONFIGS / "arms.yaml", ("link.security=none", emulate)), 3.0)
+    figures = simulated(load(CONFIGS / "arms.yaml", ("link.security=none", emulate)), 3.0)
     assert (figures.outcome, figures.faults) == ("completed", {"master": {}, "slave": {}})
     for side in figures.connection.values():
         assert side is not None and (side.interruptions, side.unconnected_s, side.ended) == (0, 0.0, "connected")

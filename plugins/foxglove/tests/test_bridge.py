@@ -12,10 +12,10 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
+from plugins.figures.tests.sources import daemons, description, records, write
 from plugins.ros2.tests.rigs import ring
 from tests.program import weberlink
 from tests.wait import until
-from tests.watching.sources import daemons, description, records, write
 from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_TEXT
 from weberlink_foxglove.bridge import FoxgloveBridge
 from weberlink_ros2.follow import FIND_S, SessionFollower

@@ -8,7 +8,7 @@ from typing import Any, Self
 
 from aiohttp import web
 
-from tests.watching.sources import loop_in_a_thread
+from tests.wait import loop_in_a_thread
 from weberlink_page import access
 from weberlink_page.viewer import Viewer
 from weberlink_page.web import Handler, Site

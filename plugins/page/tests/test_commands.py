@@ -12,7 +12,8 @@ from tests.compiled import COMPILED
 from tests.program import weberlink
 from tests.session.systems import configuration
 from tests.test_operation import assert_accepted_and_little_exposed, assert_starts_a_command
-from weberlink.session.simulation import simulate
+from weberlink.session.simulation import TraceRecorder
+from weberlink_figures.reporting import simulated
 from weberlink_page import program
 from weberlink_page.program import end_when_left
 from weberlink_page.scenes import SCENES
@@ -42,8 +43,8 @@ def test_they_import_nothing_of_other_guests() -> None:
     told = "import sys, weberlink.cli, weberlink_page.program; print(*sys.modules)"
     there = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True).stdout.split()
     assert "aiohttp" in there
-    guests = {name for name in there if name.startswith("weberlink_") and "page" not in name} - {COMPILED}
-    assert not guests
+    own = ("weberlink_page", "weberlink_figures")
+    assert not {name for name in there if name.startswith("weberlink_") and not name.startswith(own)} - {COMPILED}
     assert not set(OTHERS) & {*there}
 
 
@@ -54,7 +55,8 @@ def test_the_unit_starts_the_monitor_and_is_little_exposed(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("name", SCENES)
 def test_every_scene_to_try_is_felt(name: str) -> None:
-    figures, trace = simulate(configuration(*SCENES[name].overrides, file=CONFIGS / "try.yaml"), 2.5)
+    trace = TraceRecorder()
+    figures = simulated(configuration(*SCENES[name].overrides, file=CONFIGS / "try.yaml"), 2.5, trace.add)
     assert (figures.outcome, figures.faults) == ("completed", {"master": {}, "slave": {}})
     assert figures.felt.packets > 2
     assert 0.5 < np.linalg.norm(trace.trace.force_n, axis=1).max() < 10.0

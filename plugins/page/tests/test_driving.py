@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from tests.watching.sources import HandSource
+from plugins.figures.tests.sources import HandSource
 from weberlink.geometry.vector import Vector
-from weberlink.watching.session import WatchedSession
+from weberlink_figures.watching.session import WatchedSession
 from weberlink_page import driving
 from weberlink_page.driving import BURST, LEASE_S, MOST_PER_S, Driving
 from weberlink_page.requests import Requests

@@ -19,11 +19,11 @@ from urllib.request import urlopen
 import aiohttp
 import numpy as np
 
+from plugins.figures.tests.sources import daemons
 from plugins.page.tests.monitors import Monitor
 from plugins.page.tests.test_web import served
 from tests.program import child
 from tests.wait import PATIENCE, in_loop, soon
-from tests.watching.sources import daemons
 from weberlink.telemetry.runtime_directory import directory
 from weberlink_page.front import EMERGENCY, MOST_SILENT, PROOF_HEADER
 

@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from tests.watching.sources import HandSource, records, watched
+from plugins.figures.tests.sources import HandSource, records, watched
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
-from weberlink.watching.session import WatchedSession
+from weberlink_figures.watching.session import WatchedSession
 from weberlink_page.metrics import COUNTERS, exposition
 
 

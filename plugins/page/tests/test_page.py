@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from plugins.figures.tests.sources import RATE, HandSource, description, records
 from plugins.page.tests.browser import Browser, browser
 from plugins.page.tests.scripted_server import Message, ScriptedServer
 from plugins.page.tests.test_scripts import MODULES
 from plugins.recording.tests import arm_sessions as arms
 from tests.session.systems import system
-from tests.watching.sources import RATE, HandSource, description, records
 from weberlink_page.rows import samples_message
 from weberlink_page.session import PageSession
 

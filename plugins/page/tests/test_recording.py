@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from plugins.figures.tests.sources import description, records, write
 from plugins.page.tests.test_watch import asked, told
 from tests.wait import until
-from tests.watching.sources import description, records, write
 from weberlink.telemetry.recorders import format_of
 from weberlink.telemetry.ring import RingWriter
-from weberlink.watching.rings import RingSource
+from weberlink_figures.watching.rings import RingSource
 from weberlink_page.recording import RecordingService, file_name
 from weberlink_page.session import PageSession
 from weberlink_page.viewer import Viewer

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
+from plugins.figures.tests.sources import BANK, RATE, HandSource, description, pieces, records
+from plugins.figures.tests.test_verdict import clean
 from plugins.recording.tests import arm_sessions as arms
-from tests.figures.test_verdict import clean
-from tests.watching.sources import BANK, RATE, HandSource, description, pieces, records
-from weberlink.figures.session import Layout
-from weberlink.figures.verdict import verdict
 from weberlink.protocol.paths import LinkPath
 from weberlink.telemetry.fault import Fault
+from weberlink_figures.session import Layout
+from weberlink_figures.verdict import verdict
 from weberlink_page.hello import hello
 from weberlink_page.report import figures_of
 from weberlink_page.rows import CARTESIAN, COLUMNS, SECOND_STREAM, Thinning, samples_message

@@ -7,10 +7,10 @@ from typing import Any, get_args
 import pytest
 from hypothesis import given, strategies as st
 
+from plugins.figures.tests.sources import HandSource, records, write
 from tests.wait import in_loop
-from tests.watching.sources import HandSource, records, write
 from weberlink.telemetry.ring import RingWriter
-from weberlink.watching.rings import find_rings
+from weberlink_figures.watching.rings import find_rings
 from weberlink_page.session import PageSession
 from weberlink_page.viewer import ANSWERS_WAITING, MOST_WAITING, OUTLIVING, Topic, Viewer
 from weberlink_page.watch import SessionWatcher

@@ -15,8 +15,8 @@ import aiohttp
 import pytest
 from aiohttp import web
 
+from plugins.figures.tests.sources import HandSource
 from tests.wait import in_loop, soon
-from tests.watching.sources import HandSource
 from weberlink.session.emergency import NO_SESSION
 from weberlink_page import access
 from weberlink_page.front import MOST_SILENT, PROOF_HEADER, FrontOrder

@@ -5,9 +5,8 @@ import yaml
 
 from tests.session.systems import CONFIGS
 from weberlink.config import load
-from weberlink.figures.session import Records
 from weberlink.protocol.states import State
-from weberlink.telemetry.reader import DTYPE
+from weberlink.telemetry.reader import DTYPE, Records
 from weberlink.telemetry.record import ALL, RECORD
 from weberlink.telemetry.row import Row
 

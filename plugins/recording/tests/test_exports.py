@@ -17,9 +17,9 @@ from plugins.recording.tests import arm_sessions as arms
 from plugins.recording.tests.records import of_arms
 from tests.program import weberlink
 from tests.session.systems import CONFIGS
-from weberlink.figures.session import Layout
 from weberlink.telemetry.record import TURNS
-from weberlink.watching.ros import quaternions
+from weberlink_figures.session import Layout
+from weberlink_figures.watching.ros import quaternions
 from weberlink_recording.lerobot_frames import NoFramesError, frames_of
 from weberlink_recording.reader import read_recording
 from weberlink_recording.ros_export import RATE_HZ

@@ -14,8 +14,8 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk, Metadata
 
 from plugins.recording.tests.records import SIDES, origin
-from weberlink.figures.session import SessionScore
 from weberlink.telemetry.reader import DTYPE
+from weberlink_figures.session import SessionScore
 from weberlink_recording.container import END, FRAME, MESSAGE, _bytes, framed, metadata_of
 from weberlink_recording.marks import Mark
 from weberlink_recording.reader import MOST_CHANNELS, UNPACKED_LEAST, RecordingError, read_recording

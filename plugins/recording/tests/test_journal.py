@@ -7,8 +7,8 @@ import pytest
 
 from plugins.recording.tests.records import noise, origin
 from tests.program import weberlink
-from weberlink.figures.chain import START, Chain
-from weberlink.session.targets import LogFile
+from weberlink_figures.chain import START, Chain
+from weberlink_figures.log_file import LogFile
 from weberlink_recording.reader import read_recording
 from weberlink_recording.verified import verify
 from weberlink_recording.writer import RecordingWriter

@@ -32,10 +32,9 @@ def test_a_recorder_that_does_not_begin_in_time_fails_the_session_and_is_said(
     told: list[str] = []
     overrides, path = PATIENT[1::2], tmp_path / "late.mcap"
     with LiveRun(configuration(*overrides), overrides, SIDES, 0.3, record=path, tell=told.append) as session:
-        figures = session.run()
-    assert figures.recording is not None and figures.verdict is not None
-    assert told == [f"the recording failed: {figures.recording['outcome']}"]
-    assert (figures.outcome, figures.status, figures.verdict.word) == ("completed", 1, "failed")
+        status, report, _ = session.run()
+    assert told == [f"the recording failed: {report['recording']['outcome']}"]
+    assert (report["outcome"], status, report["verdict"]["word"]) == ("completed", 1, "failed")
     assert not path.exists()
 
 

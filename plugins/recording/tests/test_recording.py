@@ -18,6 +18,7 @@ from weberlink.config import load
 from weberlink.session.simulation import simulate
 from weberlink.telemetry.message import ENCAPSULATION, TOPICS
 from weberlink.telemetry.record import COUNTERS
+from weberlink_figures.reporting import FiguresReport
 from weberlink_recording.export import describe
 from weberlink_recording.former import ADDED
 from weberlink_recording.reader import Recording, RecordingError, dtype_of, read_recording
@@ -85,7 +86,9 @@ def test_info_reports_the_figures_of_the_run(simulated: tuple[Path, dict[str, An
 
 def test_so_it_does_with_a_bounded_rate(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-    summary = simulate(configuration(*RATES, file="rotation.yaml"), 2.2, path)[0].to_json()
+    settings = configuration(*RATES, file="rotation.yaml")
+    report = FiguresReport(settings)
+    summary = report.end(simulate(settings, 2.2, [report.add], path)).document
     found = describe([path]).document
     for key in ("force", "position", "torque", "orientation", "energy"):
         assert found[key] == summary[key], key

@@ -9,7 +9,7 @@ from threading import Event, Thread
 from time import time_ns
 from typing import Any
 
-from tests.watching.sources import description
+from plugins.figures.tests.sources import description
 from weberlink.session.description import Description
 from weberlink.telemetry.ring import RingWriter
 from weberlink.testing.time import until

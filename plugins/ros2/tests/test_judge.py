@@ -11,9 +11,9 @@ from threading import Timer
 import numpy as np
 import pytest
 
+from plugins.figures.tests.sources import records as engaged, write
 from plugins.ros2.tests.rigs import endpoint, ring
-from tests.watching.sources import records as engaged, write
-from weberlink.figures.session import Records
+from weberlink.telemetry.reader import Records
 from weberlink.telemetry.record import FORCE
 from weberlink_ros2.bridge import Ros2Bridge
 from weberlink_ros2.follow import SessionFollower

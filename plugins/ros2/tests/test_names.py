@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from weberlink.telemetry.message import ENCAPSULATION
-from weberlink.watching.ros import SCHEMAS
+from weberlink_figures.watching.ros import SCHEMAS
 from weberlink_ros2.messages import decode, encode_body, type_hash, types
 from weberlink_ros2.names import (
     PUBLISHER,

@@ -23,8 +23,8 @@ from weberlink.protocol.keys import Right, generate
 from weberlink.session.control_socket import control_sockets, session_of
 from weberlink.telemetry.pictures import LARGEST, Picture, path_beside, split
 from weberlink.telemetry.ring import default_path
-from weberlink.watching.rings import RingSource
-from weberlink.watching.session import WatchedSession
+from weberlink_figures.watching.rings import RingSource
+from weberlink_figures.watching.session import WatchedSession
 from weberlink_video.pattern import time_in
 
 pytestmark = pytest.mark.realtime

@@ -4,21 +4,20 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
-from weberlink.order import COMPLETED, FAILED, MISCONFIGURED
+from weberlink.order import FAILED, MISCONFIGURED
 from weberlink.registry import fault_of
 from weberlink.session.targets import STANDARD_OUTPUT
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from weberlink.figures.tree import Figures
+    from weberlink.session.report import Ended
 
 PROGRESS_EVERY_S = 10.0  # least time between two lines about the progress of a command without a terminal [s]
 
@@ -109,24 +108,13 @@ def attempt(write: Callable[[], object], where: Path) -> str | None:
 
 
 def finish(
-    figures: "Figures", title: str, json_out: Path | None, problem: str | None = None, *, quiet: bool = False
-) -> None:
-    """Print and write the figures of a session, report `problem`, and exit; `quiet` prints nothing."""
-    from weberlink.figures.environment import environment  # noqa: PLC0415
-
-    found = environment()
-
-    def show(console: "Console") -> None:
-        from weberlink.figures.report import session_report  # noqa: PLC0415 - not for JSON alone
-
-        if not quiet:
-            session_report(figures, title, console, found)
-
-    status = figures.status or COMPLETED
-    write(replace(figures, status=None).to_json() | {"environment": found}, json_out, show)
+    ended: "Ended", title: str, json_out: Path | None, problem: str | None = None, *, quiet: bool = False
+) -> NoReturn:
+    """Print and write the report of a session, tell `problem`, and exit; `quiet` prints nothing."""
+    write(ended.document, json_out, lambda console: None if quiet else ended.show(title, console))
     if problem is not None:
-        fail(problem, status or FAILED)
-    raise typer.Exit(status)
+        fail(problem, ended.status or FAILED)
+    raise typer.Exit(ended.status)
 
 
 @contextmanager

@@ -3,8 +3,7 @@
 import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
-from functools import partial
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -17,8 +16,8 @@ from weberlink.order import MASTER, MISCONFIGURED, NOTE, SIDES, SLAVE
 from weberlink.session.targets import STANDARD_OUTPUT
 
 if TYPE_CHECKING:
-    from weberlink.figures.tree import Figures
     from weberlink.session.advice import DryRun
+    from weberlink.session.report import SessionLog
 
 PeerLabel = Annotated[str | None, typer.Option("--peer", metavar="NAME", help="Meet this known peer only.")]
 
@@ -195,7 +194,8 @@ def simulate(
     """
     from weberlink.config import ConfigurationError, load  # noqa: PLC0415
     from weberlink.session.advice import dry_run  # noqa: PLC0415
-    from weberlink.session.simulation import refuse_live, simulate as run  # noqa: PLC0415
+    from weberlink.session.report import REPORTS, chosen_report  # noqa: PLC0415
+    from weberlink.session.simulation import TraceRecorder, refuse_live, simulate as run  # noqa: PLC0415
 
     configuration = load(file, set_ or ())
     if trace is not None and configuration.system.codec.joints is not None:
@@ -203,13 +203,16 @@ def simulate(
             f"--trace: {file}: an arm has joints, not one position; use --record and weberlink record export"
         )
     refuse_live(configuration)
+    report, recorder = REPORTS[chosen_report()](configuration), TraceRecorder()
     say_advice(dry_run(configuration))
+    observers = [report.add] if trace is None else [report.add, recorder.add]
     with progress_bar() as progress:
-        figures, recorder = run(configuration, duration, record, progress, tell)
+        facts = run(configuration, duration, observers, record, progress, tell)
+    ended = report.end(facts)
     problem = None if trace is None else attempt(lambda: recorder.save(trace), trace)
-    if figures.interrupted and problem is None:
-        problem = f"interrupted: {figures.duration_s:.1f} s of simulated time are done, and in the report"
-    finish(figures, f"weberlink simulate {file}", json_out, problem)
+    if facts.get("interrupted") and problem is None:
+        problem = f"interrupted: {ended.document['duration_s']:.1f} s of simulated time are done, and in the report"
+    finish(ended, f"weberlink simulate {file}", json_out, problem)
 
 
 def _live(
@@ -226,31 +229,34 @@ def _live(
     from weberlink.session.waiting import WaitingDaemon  # noqa: PLC0415
 
     sides: Any = [name] if name in SIDES else SIDES
-    with ExitStack() as stack, journals_to(log, json_out) as journal_at:
+    with ExitStack() as stack:
+        opened = None if log is None else stack.enter_context(open_log(log, json_out))
         # Their imports take as long as ours, which follow.
         waiting = {side: stack.enter_context(WaitingDaemon(side)) for side in sides}
         from weberlink.config import load  # noqa: PLC0415
         from weberlink.session.advice import dry_run  # noqa: PLC0415
         from weberlink.session.launcher import LiveRun  # noqa: PLC0415
+        from weberlink.session.report import REPORTS, chosen_report  # noqa: PLC0415
         from weberlink.telemetry.runtime_directory import directory  # noqa: PLC0415
 
-        with errors(lambda trace: None if journal_at is None else journal_at(0.0).trace(trace)):
+        with errors(lambda trace: None if opened is None else opened.trace(trace)):
             overrides = find_overrides()
             configuration = load(path, overrides, sides)
             parts = dry_run(configuration)
+            report = chosen_report()
             directory()
             if record is not None:
                 from weberlink.session.recorder import format_for  # noqa: PLC0415
 
                 format_for(record)
         on_delay = say_advice(parts)
-        journal = None if journal_at is None else journal_at(configuration.system.rate_hz)
         with LiveRun(
-            configuration, overrides, sides, duration, status_display, record, journal,
+            configuration, overrides, sides, duration, status_display, record,
+            lambda: REPORTS[report](configuration, sides, opened),
             take_over=take_over, tell=tell, on_delay=on_delay, waiting=waiting,
         ) as run:  # fmt: skip
-            figures = run.run()
-    finish(figures, f"weberlink {name}", json_out, quiet=log == STANDARD_OUTPUT)
+            ended = run.run()
+    finish(ended, f"weberlink {name}", json_out, quiet=log == STANDARD_OUTPUT)
 
 
 def say_advice(parts: "DryRun") -> Callable[[float], str | None]:
@@ -269,30 +275,18 @@ def status_display() -> Iterator[Any]:
     from rich.live import Live  # noqa: PLC0415
     from rich.text import Text  # noqa: PLC0415
 
-    from weberlink.figures.report import status_line  # noqa: PLC0415
-
     console = Console(stderr=True)
     if not console.is_terminal:
         yield None
         return
     with Live(Text("starting"), console=console, refresh_per_second=10, transient=True) as live:
-
-        def watch(records: dict[str, Any], figures: "Figures") -> None:
-            live.update(Text(status_line(records, figures)))
-
-        yield watch
+        yield lambda line: live.update(Text(line))
 
 
-@contextmanager
-def journals_to(log: Path | None, json_out: Path | None) -> Iterator[Any]:
-    """Open the log of a session; gives what makes a journal in it, of the tick rate [Hz], or None without `--log`."""
-    if log is None:
-        yield None
-        return
-    from weberlink.figures.journal import Journal  # noqa: PLC0415
-    from weberlink.session.targets import LogFile  # noqa: PLC0415
+def open_log(log: Path, json_out: Path | None) -> "AbstractContextManager[SessionLog]":
+    """Open the log of a session."""
+    from weberlink.session.report import REPORTS, chosen_report  # noqa: PLC0415
 
     if log == json_out == STANDARD_OUTPUT:
         fail("--log -: standard output is taken by --json -; write one of them to a file", MISCONFIGURED)
-    with LogFile(log) as file:
-        yield partial(Journal, file.write_json)
+    return REPORTS[chosen_report()].open_log(log)

@@ -37,13 +37,13 @@ from weberlink.config.model import (
 )
 from weberlink.control.account import passivity_limit
 from weberlink.control.table import SCHEMES, ends_of
-from weberlink.figures.verdict import PLACEHOLDER
 from weberlink.master.devices import DEVICES
 from weberlink.master.devices.contract import Device
 from weberlink.session.composition.coupling import FIT_MARGIN, STATED
 from weberlink.session.composition.link import build_driver, build_security, with_file_name
 from weberlink.session.composition.master import build_device
 from weberlink.session.composition.slave import build_robot, workspace_of
+from weberlink.session.ending import PLACEHOLDER
 from weberlink.slave.robots import ROBOTS
 from weberlink.slave.robots.contract import Robot
 from weberlink.slave.scenes.settings import ObjectSettings

@@ -9,8 +9,8 @@ import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from pathlib import Path
 from signal import SIG_DFL, SIG_IGN, SIGTERM, Signals, getsignal, signal
 from time import monotonic, sleep, time
@@ -19,27 +19,24 @@ from typing import TYPE_CHECKING, Any, Self
 
 from weberlink.child_process import Child, python
 from weberlink.config import MASTER, SIDES, SLAVE, Configuration
-from weberlink.figures.verdict import verdict
 from weberlink.order import MISCONFIGURED, NOTE, STOP_SIGNALS
 from weberlink.protocol.keys import generate
 from weberlink.protocol.paths import LinkPath, notable, paths_of
 from weberlink.session import control_socket, description
 from weberlink.session.composition.channels import lookahead_ms
 from weberlink.session.description import DaemonOrder, failure
+from weberlink.session.report import REPORTS, Facts, Report, chosen_report
 from weberlink.session.waiting import WaitingDaemon
 from weberlink.telemetry import pictures
 from weberlink.telemetry.ring import default_path, process_started
 from weberlink.telemetry.runtime_directory import directories, directory
 
 if TYPE_CHECKING:
-    from weberlink.figures.journal import Journal
-    from weberlink.figures.session import Records, SessionScore
-    from weberlink.figures.tree import Figures
-    from weberlink.session.host_watch import HostWatch
-    from weberlink.telemetry.reader import RingReader
+    from weberlink.session.report import Ended
+    from weberlink.telemetry.reader import Records, RingReader
     from weberlink.telemetry.recorders import Recorder
 
-Watch = Callable[[dict[str, Any], "Figures"], None]
+Watch = Callable[[str], None]
 
 LOOK_S = 0.1  # time between two looks at the telemetry
 LEFT_BEHIND = re.compile(r"weberlink-(\d+)[-.].+")
@@ -47,10 +44,6 @@ LEFT_FOR_S = 3600.0
 """Age at which files without a writer are removed [s]; until then their last records can be read."""
 CAMERAS_END_S = 1.0  # for the process of the pictures to end after SIGTERM [s]
 TELL_S = 0.5  # time between two looks at what is to be told at once
-MEASURED_S = 2.0
-"""Time in a session after which the median round trip is that of the link: a process that stalls lengthens it too."""
-TOLD_AT_ONCE = ("key", "refused", "no_answer", "lost")
-"""Causes of a verdict that a person can remove while the session runs; a recording that ends is told with its path."""
 STOP_LIMIT_S = 15.0  # time from a request to stop to a kill: a robot may be moving to its rest position
 
 
@@ -59,6 +52,7 @@ class Daemon:
         self.side = order.side
         self._reader: RingReader | None = None
         self.ring = Path(order.ring)
+        self.newest_at: float | None = None  # deadline of the newest record [s]
         with control_socket.reserved(order.ring) as (listener, self._held):
             self._process = waiting.begin(order.to_json(), listener.fileno())
         self.pid = self._process.pid
@@ -72,12 +66,6 @@ class Daemon:
         """Whether it has created its ring; it has read the file and the key by then."""
         return self._reader is not None or self.ring.exists()
 
-    @property
-    def wall_offset_s(self) -> float:
-        """Offset from the clock of the records to the wall clock [s]; 0 while there are none."""
-        reader = self._reader
-        return 0.0 if reader is None else reader.started_wall_s - reader.started_monotonic_s
-
     def records(self) -> "Records":
         import numpy as np  # noqa: PLC0415 - see above
 
@@ -88,7 +76,10 @@ class Daemon:
                 self._reader = RingReader(self.ring)
             except FileNotFoundError:
                 return np.empty(0, DTYPE)
-        return self._reader.read()
+        records = self._reader.read()
+        if len(records):
+            self.newest_at = float(records["at"][-1])
+        return records
 
     def stop(self, number: Signals) -> None:
         if self.running:
@@ -122,10 +113,11 @@ class LiveRun:
     sides: Sequence[str] = SIDES
     duration_s: float | None = None  # length of the run; None until it is stopped
     # Opened when the first daemon has created its ring, closed at the end; what it gives is called about ten times a
-    # second with the newest records and the figures so far, unless it is None
+    # second with the status line, unless it is None
     display: Callable[[], AbstractContextManager[Watch | None]] = nullcontext
     record: Path | None = None  # where to record the session, as MCAP; None to record nothing
-    journal: "Journal | None" = None
+    # Makes the report when the first daemon has created its ring; None for the one that is installed
+    make_report: Callable[[], Report] | None = None
     take_over: bool = False  # whether the master replaces another one that the slave serves
     # Receives one line as soon as a cause of failure is there that a person can remove
     tell: Callable[[str], None] = lambda _: None
@@ -209,22 +201,14 @@ class LiveRun:
         self._stack.close()
 
     @cached_property
-    def score(self) -> "SessionScore":
-        from weberlink.figures.session import score_of  # noqa: PLC0415
+    def _report(self) -> Report:
+        make = self.make_report or partial(REPORTS[chosen_report()], self.configuration, self.sides)
+        report = make()
+        self._stack.callback(report.close)
+        return report
 
-        return score_of(self.configuration.system)
-
-    @cached_property
-    def _host(self) -> "HostWatch":
-        from weberlink.session.host_watch import HostWatch  # noqa: PLC0415
-
-        system = self.configuration.system
-        watch = HostWatch(self.sides, system.realtime, system.tick_period)
-        self._stack.callback(watch.stop)
-        return watch
-
-    def run(self) -> "Figures":
-        """Watch until every side has ended; returns the figures of the session."""
+    def run(self) -> "Ended":
+        """Watch until every side has ended; returns what is to be told of the session."""
         first = self.daemons.get(MASTER) or self.daemons[SLAVE]  # the side that ends the run
         passed_on = 0
         while all(daemon.running for daemon in self.daemons.values()):
@@ -248,26 +232,20 @@ class LiveRun:
         self._peers = {side: summary["peer"] for side, summary in summaries.items()}
         failures = [summary["outcome"] for summary in summaries.values() if summary["failed"]]
         system = self.configuration.system
-        figures = replace(
-            self._figures(),
-            record_age_s=None,
-            lookahead_ms=lookahead_ms(system),
-            playout_ms=system.link.playout_ms,
-            faults={side: summary["faults"] for side, summary in summaries.items()},
-            drops={side: summary["drops"] for side, summary in summaries.items()},
-            realtime={side: summary["realtime"] for side, summary in summaries.items()},
-            host=self._host.end(),
-            outcome=f"failed: {'; '.join(failures)}" if failures else summaries[first.side]["outcome"],
-        )
-        judged = verdict(figures)
-        is_wrong_file = any(summary["status"] == MISCONFIGURED for summary in summaries.values())
-        figures = replace(figures, verdict=judged, status=MISCONFIGURED if is_wrong_file else judged.status)
-        if self.journal is not None:
-            for side, summary in summaries.items():
-                self.journal.add_peer(side, summary["peer"])
-                self.journal.trace(summary.get("trace", ()), side)
-            self.journal.end(figures)
-        return figures
+        facts = self._facts()
+        del facts["record_age_s"]
+        facts |= {
+            "lookahead_ms": lookahead_ms(system),
+            "playout_ms": system.link.playout_ms,
+            "faults": {side: summary["faults"] for side, summary in summaries.items()},
+            "drops": {side: summary["drops"] for side, summary in summaries.items()},
+            "realtime": {side: summary["realtime"] for side, summary in summaries.items()},
+            "outcome": f"failed: {'; '.join(failures)}" if failures else summaries[first.side]["outcome"],
+            "traces": {side: summary.get("trace", ()) for side, summary in summaries.items()},
+        }
+        if any(summary["status"] == MISCONFIGURED for summary in summaries.values()):
+            facts["status"] = MISCONFIGURED
+        return self._report.end(facts)
 
     def _look(self) -> None:
         if not self._begun:
@@ -281,23 +259,17 @@ class LiveRun:
         if self._key is not None and all((*has_key, *(daemon.begun for daemon in self.daemons.values()))):
             self._key.unlink(missing_ok=True)
             self._key = None
-        self._host.add(records)
         none = next(iter(records.values()))[:0]
-        self.score.add(records.get(MASTER, none), records.get(SLAVE, none))
-        if self.journal is not None:
-            for side, daemon in sorted(self.daemons.items()):
-                self.journal.add(side, records[side], daemon.wall_offset_s)
+        self._report.add(records.get(MASTER, none), records.get(SLAVE, none))
         if monotonic() >= self._tell_at:
             self._tell_at = monotonic() + TELL_S
             described = {side: description.read(each.ring) or {} for side, each in sorted(self.daemons.items())}
             self._peers = {side: each.get("peer") for side, each in described.items()}
             for side, each in described.items():
                 self._add_paths(side, paths_of(each))
-                if self.journal is not None:
-                    self.journal.add_peer(side, self._peers[side])
             self._tell()
         if self._watch is not None:
-            self._watch(self.score.state, self._figures())
+            self._watch(self._report.status_line(self._facts()))
 
     def _tell_what_ended(self) -> None:
         """Say once, at once, that the pictures or the recorder ended before the daemons; the session goes on."""
@@ -315,43 +287,39 @@ class LiveRun:
             self.tell(recording_ended(recorder.path, recorder.finish()["outcome"]))
 
     def _add_paths(self, side: str, paths: list[LinkPath]) -> None:
-        """Log and mark paths that have changed."""
+        """Mark paths that have changed."""
         if not paths:  # a daemon that has ended describes nothing: its last paths stay
             return
         before, self._paths[side] = self._paths.get(side, []), paths
-        if self.journal is not None:
-            self.journal.add_paths(side, paths)
         if self._recorder is not None:
             for text in notable(before, paths):
                 self._recorder.mark(f"{side}: {text}")
 
-    def _figures(self) -> "Figures":
-        """The figures so far, with what telemetry does not contain; `record_age_s` is the age of the newest record."""
+    def _facts(self) -> Facts:
+        """What is known so far beside the records."""
         now, link, recorder = monotonic(), self.configuration.system.link, self._recorder
-        recording = None if recorder is None else {"running": True} if recorder.running else recorder.finish()
-        return replace(
-            self.score.figures(),
+        newest = {side: daemon.newest_at for side, daemon in self.daemons.items()}
+        return Facts(
             # A path that is found has no address of the file.
             addresses={} if self.configuration.finds_path else {"listen": link.listen, "slave": link.slave},
             peers=self._peers,
             paths=self._paths,
             dscp=link.dscp,
-            record_age_s={side: now - float(last["at"]) for side, last in self.score.state.items() if last is not None},
-            recording=recording,
+            record_age_s={side: now - at for side, at in newest.items() if at is not None},
+            recording=None if recorder is None else {"running": True} if recorder.running else recorder.finish(),
         )
 
     def _tell(self) -> None:
         """Print what cannot wait for the end: causes, again if they went and returned; once, advice on the delay."""
-        figures = self._figures()
-        causes = {cause.name: cause for cause in verdict(figures).causes if cause.name in TOLD_AT_ONCE}
+        causes = self._report.urgent(self._facts())
         for name in causes.keys() - self._told:
-            self.tell(causes[name].text)
+            self.tell(causes[name])
         self._told = set(causes)
-        median_us, sides = figures.link.rtt_us.p50, figures.connection.values()
-        is_measured = median_us is not None and any(side and side.connected_s >= MEASURED_S for side in sides)
-        if is_measured and not self._has_advised and (advice := self.on_delay(1e-6 * (median_us or 0.0))) is not None:
-            self._has_advised = True
-            self.tell(f"{NOTE}{advice}")
+        if not self._has_advised and (round_trip_s := self._report.round_trip_s) is not None:
+            advice = self.on_delay(round_trip_s)
+            if advice is not None:
+                self._has_advised = True
+                self.tell(f"{NOTE}{advice}")
 
 
 def sweep(folders: Sequence[Path] | None = None) -> None:

@@ -8,13 +8,13 @@ from typing import Any
 import yaml
 
 from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError
-from weberlink.figures.environment import environment
-from weberlink.figures.session import Records
+from weberlink.environment import environment
 from weberlink.protocol.states import State
 from weberlink.session.composition.channels import banks
 from weberlink.session.description import RANGE
 from weberlink.session.targets import TargetError, check_file
 from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.reader import Records
 from weberlink.telemetry.recorders import COMPLETE, Recorder, RecordingFormat, format_of
 
 FINISH_LIMIT_S = 10.0

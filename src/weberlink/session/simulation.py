@@ -4,7 +4,6 @@ The same seed gives the same run, bit for bit.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from random import Random
@@ -16,10 +15,6 @@ from numpy.typing import NDArray
 
 from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError
 from weberlink.config.model import EmulationSettings
-from weberlink.figures.session import Records, score_of
-from weberlink.figures.tree import Figures
-from weberlink.figures.verdict import verdict
-from weberlink.order import COMPLETED, INTERRUPTED
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.protocol.states import State
 from weberlink.registry import fault_of, is_hardware
@@ -27,7 +22,9 @@ from weberlink.session.composition.channels import lookahead_ms
 from weberlink.session.composition.link import Context, build_security
 from weberlink.session.composition.sides import build_side
 from weberlink.session.interruption import Interruption
+from weberlink.session.report import Facts
 from weberlink.session.side import Side
+from weberlink.telemetry.reader import Records
 from weberlink.telemetry.record import DESCRIPTION, FORCE, RECORD
 
 if TYPE_CHECKING:
@@ -41,7 +38,7 @@ DEFAULT_DURATION = 60.0  # of a device that never ends by itself [s]
 Link = EmulatedLink[tuple[str, int]]
 Values = tuple[float, ...]
 Observer = Callable[[Records, Records], object]
-"""Takes the next records of master and slave, such as `SessionScore.add`."""
+"""Takes the next records of master and slave, such as `weberlink.session.report.Report.add`."""
 
 
 class Simulation:
@@ -186,29 +183,29 @@ def refuse_live(configuration: Configuration) -> None:
 
 def simulate(
     configuration: Configuration,
-    duration: float | None,
+    duration: float | None = None,
+    observers: Sequence[Observer] = (),
     record: Path | None = None,
     progress: Callable[[float, float, str], None] = lambda *_: None,
     tell: Callable[[str], None] = lambda _: None,
-) -> tuple[Figures, "TraceRecorder"]:
-    """Run to the end of the duration [s] or of the device's motion, or to Ctrl-C, which gives the figures so far.
+) -> Facts:
+    """Run to the end of the duration [s] or of the device's motion, or to Ctrl-C.
 
     Args:
         duration: [s]; None for `DEFAULT_DURATION`.
+        observers: each takes the records of both sides, in pieces.
         record: where to record the session, as MCAP; None to record nothing.
         progress: receives the simulated time and the longest one [s], and the unit.
         tell: receives one line as soon as the recording fails; the run goes on.
 
     Returns:
-        The figures of the session, and what the robot was commanded and felt.
+        What is known of the session beside its records.
 
     Raises:
         ConfigurationError: if a part cannot be made as the file asks.
     """
     system = configuration.system
     simulation = build_simulation(configuration)
-    score = score_of(system)
-    recorder = TraceRecorder()
     length = DEFAULT_DURATION if duration is None else duration
     ticks = 0
 
@@ -217,18 +214,18 @@ def simulate(
         ticks += len(master)
         progress(round(min(ticks * system.tick_period, length), 1), length, "s")
 
-    observers: list[Observer] = [score.add, recorder.add, on_progress]
+    watching = [*observers, on_progress]
     recording = None
     if record is not None:
         from weberlink.session.recorder import VirtualRecording  # noqa: PLC0415 - where a session is recorded
 
         recording = VirtualRecording(configuration, record, tell)
-        observers.append(recording.add)
+        watching.append(recording.add)
     interruption = Interruption()
     began = perf_counter()
     fault = None
     try:
-        simulation.run(length, observers, interruption)
+        simulation.run(length, watching, interruption)
     except Exception as error:
         fault = fault_of(error)
         if fault is None or not fault.is_foreign:
@@ -239,8 +236,7 @@ def simulate(
     master, slave = simulation.master, simulation.slave
     failures = [why for why in (fault and fault.text, master.failure, slave.failure) if why is not None]
     ended = "interrupted" if interruption.noted else "completed"
-    figures = replace(
-        score.figures(),
+    facts = Facts(
         lookahead_ms=lookahead_ms(system),
         playout_ms=system.link.playout_ms,
         faults={"master": master.faults, "slave": slave.faults},
@@ -249,12 +245,11 @@ def simulate(
         outcome=f"failed: {'; '.join(failures)}" if failures else ended,
         run_time_s=run_time,
         seed=(system.link.emulate or EmulationSettings()).seed,
-        interrupted=True if interruption.noted else None,
         recording=None if recording is None else recording.finish(),
     )
-    judged = verdict(figures)
-    status = INTERRUPTED if interruption.noted and judged.status == COMPLETED else judged.status
-    return replace(figures, verdict=judged, status=status), recorder
+    if interruption.noted:
+        facts["interrupted"] = True
+    return facts
 
 
 class TraceRecorder:

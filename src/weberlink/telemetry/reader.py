@@ -4,6 +4,7 @@ import os
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from struct import Struct
+from typing import Any
 from zlib import crc32
 
 import numpy as np
@@ -23,6 +24,7 @@ from weberlink.telemetry.ring import (
 )
 from weberlink.telemetry.runtime_directory import open_file
 
+Records = NDArray[Any]  # structured array of telemetry records
 DTYPE = np.dtype(DESCRIPTION)
 _NUMBER = Struct("<Q").unpack_from
 

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.config import MASTER, SLAVE
-from weberlink.figures.channel import GRIPPER, joints_in
-from weberlink.figures.session import Records, joined
 from weberlink.session.description import read as read_description
-from weberlink.telemetry.reader import DTYPE, RingReader
+from weberlink.telemetry.reader import DTYPE, Records, RingReader
 from weberlink.telemetry.record import AXES
-from weberlink.watching.rings import NoSessionError, RingFile, living_ring
+from weberlink_figures.channel import GRIPPER, joints_in
+from weberlink_figures.session import joined
+from weberlink_figures.watching.rings import NoSessionError, RingFile, living_ring
 
 STALE_S = 0.5
 """Age of the newest record from which its daemon stands still [s]."""
@@ -116,6 +116,6 @@ class LiveEnd:
 
 def find_end(side: str, session: str | None = None, ticks: int = 1, where: Path | None = None) -> LiveEnd:
     """The one end of a live session on this host that has a name: `side` is master or slave, `ticks` as of `LiveEnd`,
-    the others and the errors as of `weberlink.watching.rings.living_ring`.
+    the others and the errors as of `weberlink_figures.watching.rings.living_ring`.
     """
     return LiveEnd(living_ring(side, session, where), ticks)

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from weberlink.config import MASTER
 from weberlink.geometry.joints import Joints
-from weberlink.watching.rings import NoSessionError
 from weberlink_arms.live_ends import LiveEnd, find_end
 from weberlink_arms.remote_leader import limits, pack_angles
+from weberlink_figures.watching.rings import NoSessionError
 from weberlink_pointer.target_link import LEADER, Sender, lock_of
 
 

@@ -13,9 +13,6 @@ from foxglove import Channel, Context, Parameter, Schema, StatusLevel
 from foxglove.websocket import Capability, ChannelView, Client, ServerListener, WebSocketServer
 
 from weberlink.config import SIDES, SLAVE
-from weberlink.figures.session import Records
-from weberlink.figures.tree import FAILURE
-from weberlink.figures.wording import ALARM, INFO, WARN
 from weberlink.telemetry.message import (
     ENCAPSULATION,
     MESSAGE_ENCODING,
@@ -25,10 +22,13 @@ from weberlink.telemetry.message import (
     TOPICS,
     Origin,
 )
-from weberlink.watching.rings import RingSource
-from weberlink.watching.ros import topics
-from weberlink.watching.rows import felt_message
-from weberlink.watching.session import SessionEvent, WatchedSession
+from weberlink.telemetry.reader import Records
+from weberlink_figures.tree import FAILURE
+from weberlink_figures.watching.rings import RingSource
+from weberlink_figures.watching.ros import topics
+from weberlink_figures.watching.rows import felt_message
+from weberlink_figures.watching.session import SessionEvent, WatchedSession
+from weberlink_figures.wording import ALARM, INFO, WARN
 from weberlink_foxglove.parameters import LiveParameters, as_parameters
 from weberlink_ros2 import follow
 from weberlink_ros2.diagnostics import Level, Status

@@ -8,8 +8,8 @@ from typing import Any
 from foxglove import Parameter
 
 from weberlink.session.control_socket import LiveChangeError, ask
-from weberlink.watching.control import Answer, change, refusal
-from weberlink.watching.session import WatchedSession
+from weberlink_figures.watching.control import Answer, change, refusal
+from weberlink_figures.watching.session import WatchedSession
 
 NUMBERS = frozenset({"weber", "delay_ms", "jitter_ms", "loss"})
 """Parameters that are numbers; a client may send them as integers."""

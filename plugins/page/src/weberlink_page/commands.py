@@ -112,9 +112,10 @@ def try_session(
         return
     if result.report is None:
         fail(result.complaint, result.status)
-    from weberlink_page.report import figures_of  # noqa: PLC0415 - where there is a report
+    from weberlink_figures.reporting import told as told_of  # noqa: PLC0415 - where there is a report
+    from weberlink_page.report import figures_of  # noqa: PLC0415
 
-    finish(replace(figures_of(result.report), status=result.status), NAME, json_out)
+    finish(told_of(replace(figures_of(result.report), status=result.status)), NAME, json_out)
 
 
 def cameras_to_try(order: "TryOrder") -> tuple[str, ...]:

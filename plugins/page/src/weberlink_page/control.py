@@ -6,7 +6,7 @@ from typing import Any
 
 from weberlink.session.control_socket import LINK_SETTINGS
 from weberlink.session.emergency import NO_SESSION
-from weberlink.watching.control import Answer, ask_daemon, change, refusal
+from weberlink_figures.watching.control import Answer, ask_daemon, change, refusal
 from weberlink_page.session import PageSession
 
 INHERIT_TIMES = 150

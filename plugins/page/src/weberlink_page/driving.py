@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from weberlink.config import MASTER
 from weberlink.geometry.vector import Vector
-from weberlink.watching.control import Answer
-from weberlink.watching.session import WatchedSession
+from weberlink_figures.watching.control import Answer
+from weberlink_figures.watching.session import WatchedSession
 from weberlink_page.requests import READ_ONLY
 from weberlink_page.viewer import Viewer
 

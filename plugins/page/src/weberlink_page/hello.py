@@ -7,7 +7,7 @@ from typing import Any
 from weberlink.config import MASTER, SLAVE
 from weberlink.protocol.states import State
 from weberlink.telemetry.fault import Fault
-from weberlink.watching.scene import drawn
+from weberlink_figures.watching.scene import drawn
 
 HYBRID = "hybrid"
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from weberlink.child_process import python
 from weberlink.order import COMPLETED, EMERGENCY, FAILED, NOTE
-from weberlink.watching.control import Answer, refusal
+from weberlink_figures.watching.control import Answer, refusal
 from weberlink_page.messages import Rooms
 from weberlink_page.scenes import SceneChoice
 

@@ -11,11 +11,11 @@ from prometheus_client import CollectorRegistry, ProcessCollector
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
 
-from weberlink.figures.tree import Channel, Figures
 from weberlink.protocol.states import State
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
-from weberlink.watching.session import WatchedSession
+from weberlink_figures.tree import Channel, Figures
+from weberlink_figures.watching.session import WatchedSession
 
 Newest = Sequence[tuple[str, str, Any]]  # session, side and newest record
 SESSION, SIDE = ("session",), ("session", "side")

@@ -13,7 +13,7 @@ from aiohttp import WSCloseCode, web
 
 from weberlink.order import SIDES
 from weberlink.telemetry.pictures import Picture, pack, path_beside, split
-from weberlink.watching.session import WatchedSession
+from weberlink_figures.watching.session import WatchedSession
 from weberlink_page.viewer import Viewer
 from weberlink_page.watch import SessionWatcher
 

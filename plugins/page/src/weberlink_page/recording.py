@@ -10,11 +10,11 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from weberlink.figures.wording import INFO, WARN, Words
 from weberlink.session.recorder import FINISH_LIMIT_S, facts_of
 from weberlink.telemetry.recorders import COMPLETE, RECORDERS, Recorder, format_of
-from weberlink.watching.control import Answer, refusal
-from weberlink.watching.session import WatchedSession
+from weberlink_figures.watching.control import Answer, refusal
+from weberlink_figures.watching.session import WatchedSession
+from weberlink_figures.wording import INFO, WARN, Words
 from weberlink_page.viewer import Viewer, put_all
 from weberlink_page.watch import SessionWatcher
 

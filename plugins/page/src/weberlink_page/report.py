@@ -5,9 +5,9 @@ from dataclasses import fields, is_dataclass
 from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
-from weberlink.figures.report import UNITS
-from weberlink.figures.tree import Figures
 from weberlink.protocol.paths import LinkPath
+from weberlink_figures.report import UNITS
+from weberlink_figures.tree import Figures
 
 
 def figures_of(document: Mapping[str, Any]) -> Figures:

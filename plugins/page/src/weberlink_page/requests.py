@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from weberlink.watching.control import Answer, refusal
+from weberlink_figures.watching.control import Answer, refusal
 from weberlink_page.access import new_token
 from weberlink_page.front import UNPROVEN
 from weberlink_page.messages import REQUEST

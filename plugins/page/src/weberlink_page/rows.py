@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.config import SLAVE
-from weberlink.figures.channel import Records
-from weberlink.figures.session import Layout
-from weberlink.watching.rows import listed
+from weberlink.telemetry.reader import Records
+from weberlink_figures.session import Layout
+from weberlink_figures.watching.rows import listed
 
 ROWS_PER_S = 250.0  # rows per second of a side, besides the ticks that sent an update
 _INTEGERS = ("ticks_missed", "datagrams_sent", "updates_sent", "state", "fault", "sent", "ramping", "model", "settings")

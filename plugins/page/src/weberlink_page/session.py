@@ -8,12 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from weberlink.config import MASTER, SLAVE
-from weberlink.figures.session import Records, joined
 from weberlink.protocol.paths import finding
 from weberlink.protocol.states import State
-from weberlink.watching.rings import RingSource
-from weberlink.watching.rows import felt_message
-from weberlink.watching.session import SessionEvent, WatchedSession
+from weberlink.telemetry.reader import Records
+from weberlink_figures.session import joined
+from weberlink_figures.watching.rings import RingSource
+from weberlink_figures.watching.rows import felt_message
+from weberlink_figures.watching.session import SessionEvent, WatchedSession
 from weberlink_page.hello import hello
 from weberlink_page.rows import Thinning, samples_message
 
@@ -26,7 +27,7 @@ def events_message(session: str, events: list[SessionEvent]) -> dict[str, Any]:
 
 
 def ways_now(last: Mapping[str, Any]) -> dict[str, Any]:
-    """Each way of the link (`weberlink.figures.link`), by the newest record of each side that has one, for JSON."""
+    """Each way of the link (`weberlink_figures.link`), by the newest record of each side that has one, for JSON."""
 
     def known(value: Any) -> float | None:
         return float(value) if np.isfinite(value) else None

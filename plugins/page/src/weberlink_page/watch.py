@@ -8,8 +8,8 @@ from time import monotonic
 from typing import Any, Protocol
 
 from weberlink.session.emergency import EmergencyStop, Scope
-from weberlink.watching.control import Answer, ask_daemon, refusal
-from weberlink.watching.rings import RingOpener, RingSource, find_rings
+from weberlink_figures.watching.control import Answer, ask_daemon, refusal
+from weberlink_figures.watching.rings import RingOpener, RingSource, find_rings
 from weberlink_page import driving
 from weberlink_page.control import SessionControl
 from weberlink_page.front import ANSWER_S, LONGEST_AGE_MS, LOOK_S as LOOK_STOP_S

@@ -12,7 +12,7 @@ from typing import Any
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
-from weberlink.watching.control import refusal
+from weberlink_figures.watching.control import refusal
 from weberlink_page import access
 from weberlink_page.front import Crowd
 from weberlink_page.requests import LONGEST_MESSAGE, URGENT

@@ -5,7 +5,7 @@ from typing import Any
 
 import yaml
 
-from weberlink.figures.channel import joints_in
+from weberlink_figures.channel import joints_in
 
 LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 LONGEST_FOREIGN = 1 << 16  # characters of it; those of all shipped files have 5,000

@@ -13,10 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.figures.channel import GRIPPER
-from weberlink.figures.session import Layout, Records
 from weberlink.protocol.states import State
+from weberlink.telemetry.reader import Records
 from weberlink.telemetry.record import FORCE
+from weberlink_figures.channel import GRIPPER
+from weberlink_figures.session import Layout
 from weberlink_recording.session import RecordedSession
 
 Numbers = NDArray[np.float32]

@@ -7,7 +7,7 @@ from weberlink.telemetry.message import ENCAPSULATION
 from weberlink.text import one_line
 
 MARK_TOPIC, JOURNAL_TOPIC = "/weberlink/marks", "/weberlink/journal"
-"""Of marks, and of the lines of the journal (`weberlink.figures.chain`), which are messages of the same schema."""
+"""Of marks, and of the lines of the journal (`weberlink_figures.chain`), which are messages of the same schema."""
 MARK_SCHEMA = "rcl_interfaces/msg/Log"
 MARK_DEFINITION = """\
 # A mark that a person has set in a recording of a WeberLink session.

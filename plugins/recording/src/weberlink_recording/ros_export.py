@@ -1,6 +1,6 @@
 """`record export --to ros`: a recording as an MCAP file for Foxglove, RViz and other ROS tools.
 
-Beside every tick it has the topics of `weberlink.watching.ros` at `RATE_HZ`.
+Beside every tick it has the topics of `weberlink_figures.watching.ros` at `RATE_HZ`.
 They are made here and not while recording: the recorder stays cheap, its files lean, and old recordings gain them too.
 """
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from weberlink.telemetry.message import SCHEMA_NAME, SCHEMA_TEXT, Origin, Rows
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.recorders import COMPLETE
-from weberlink.watching.ros import SCHEMAS, shown
+from weberlink_figures.watching.ros import SCHEMAS, shown
 from weberlink_recording.container import END, FACTS, QOS, McapFile, framed, metadata_of
 from weberlink_recording.session import RecordedSession
 

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.config import MASTER, SIDES, SLAVE
-from weberlink.figures.session import MARGIN_S, Layout, Records, SessionScore
-from weberlink.figures.tree import Figures
 from weberlink.telemetry.fault import Fault
-from weberlink.telemetry.reader import DTYPE
+from weberlink.telemetry.reader import DTYPE, Records
 from weberlink.telemetry.record import COUNTERS, FINITE
 from weberlink.telemetry.recorders import BEGUN
+from weberlink_figures.session import MARGIN_S, Layout, SessionScore
+from weberlink_figures.tree import Figures
 from weberlink_recording.configuration import CONFIGURATION, parse_foreign
 from weberlink_recording.reader import Recording, RecordingError
 

@@ -6,11 +6,11 @@ A module of its own because it imports much: the recorder begins without it, and
 from datetime import datetime
 from typing import Any
 
-from weberlink.figures.journal import Journal
 from weberlink.protocol.paths import paths_of
 from weberlink.session import description
 from weberlink.telemetry.message import Rows
 from weberlink.telemetry.reader import RingReader
+from weberlink_figures.journal import Journal
 from weberlink_recording.writer import RecordingWriter
 
 

@@ -1,10 +1,10 @@
-"""Whether the lines of a journal are those that were written (`weberlink.figures.chain`)."""
+"""Whether the lines of a journal are those that were written (`weberlink_figures.chain`)."""
 
 import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from weberlink.figures.chain import START, line_hash
+from weberlink_figures.chain import START, line_hash
 
 _LINE = re.compile(rb'(\{.*),"chain":"([0-9a-f]{64})"\}', re.DOTALL)
 

@@ -40,7 +40,7 @@ def lead(session: SessionName = None) -> None:
 
     One node leads for each time that this runs. When it has ended, or another one uses its name, run this again.
     """
-    from weberlink.watching.rings import NoSessionError  # noqa: PLC0415 - not for the help
+    from weberlink_figures.watching.rings import NoSessionError  # noqa: PLC0415 - not for the help
     from weberlink_ros2.lead import lead as hold  # noqa: PLC0415
 
     with failing(NoSessionError, prefix="lead: "):

@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from weberlink.figures.session import Records
-from weberlink.figures.wording import ALARM, INFO, WARN, Words, fault_words, words
 from weberlink.protocol.states import State
 from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.reader import Records
 from weberlink.telemetry.record import RELEASED
-from weberlink.watching.rings import RingSource
+from weberlink_figures.watching.rings import RingSource
+from weberlink_figures.wording import ALARM, INFO, WARN, Words, fault_words, words
 
 STALE_S = 1.0  # a side that has written no record for this long stands still [s]
 

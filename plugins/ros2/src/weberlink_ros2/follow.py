@@ -9,7 +9,7 @@ from threading import Event
 from time import monotonic
 from typing import TYPE_CHECKING
 
-from weberlink.watching.rings import RingOpener, RingSource, find_rings
+from weberlink_figures.watching.rings import RingOpener, RingSource, find_rings
 
 if TYPE_CHECKING:
     from weberlink_ros2.topics import TopicBridge

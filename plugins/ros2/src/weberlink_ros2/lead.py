@@ -7,7 +7,7 @@ from threading import Event
 from weberlink.config import MASTER
 from weberlink.geometry.vector import ZERO
 from weberlink.telemetry.reader import RingReader
-from weberlink.watching.rings import living_ring
+from weberlink_figures.watching.rings import living_ring
 from weberlink_pointer.target_link import PointerSender
 
 PERIOD_S = 0.03

@@ -10,7 +10,7 @@ from weberlink.config import MASTER
 from weberlink.geometry.rotation import IDENTITY, Quaternion, product
 from weberlink.geometry.vector import ZERO, Vector, add, norm, scale
 from weberlink.telemetry.record import FORCE
-from weberlink.watching.ros import FIXED_FRAME
+from weberlink_figures.watching.ros import FIXED_FRAME
 from weberlink_ros2.messages import encode_body, types
 
 MARKERS = "visualization_msgs/msg/MarkerArray"
@@ -28,7 +28,7 @@ Shape = Mapping[str, Any]
 
 
 def scene_markers(scene: Sequence[Shape], tool: Sequence[Vector]) -> bytes:
-    """Body of a MarkerArray with all solids as `weberlink.watching.scene.drawn` lists them, and the robot's tool.
+    """Body of a MarkerArray with all solids of `weberlink_figures.watching.scene.drawn`, and the robot's tool.
 
     Without a time, so that they hold until others take their place. The points of the tool are in its frame [m].
     """

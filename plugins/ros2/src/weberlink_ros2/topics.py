@@ -9,12 +9,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.figures.channel import joints_in
-from weberlink.figures.session import Records
 from weberlink.telemetry.message import Origin
-from weberlink.watching.rings import RingSource
-from weberlink.watching.ros import shown, topics
-from weberlink.watching.scene import drawn
+from weberlink.telemetry.reader import Records
+from weberlink_figures.channel import joints_in
+from weberlink_figures.watching.rings import RingSource
+from weberlink_figures.watching.ros import shown, topics
+from weberlink_figures.watching.scene import drawn
 from weberlink_ros2 import follow
 from weberlink_ros2.diagnostics import SideCondition, Status
 from weberlink_ros2.markers import MARKERS, body_markers, no_markers, reach_of, scene_markers

@@ -7,11 +7,11 @@ import pytest
 
 from plugins.studies.tests.evaluate.signals import walk, wall
 from weberlink.codec import Channel, Decoder, Encoder, force_channel
-from weberlink.figures.felt import Threshold
 from weberlink.geometry.vector import Vector
 from weberlink.master.trace import Trace
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import UpdateLayout
+from weberlink_figures.felt import Threshold
 from weberlink_studies.evaluate.replay import signal_of
 from weberlink_studies.evaluate.study import evaluate
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from weberlink.control.contract import AccountParameters
-from weberlink.figures.session import Records
 from weberlink.protocol.states import State
 from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.reader import Records
 from weberlink.telemetry.record import DESCRIPTION
 from weberlink_studies.frame import Row
 from weberlink_studies.stability.cells import SystemCell, timing

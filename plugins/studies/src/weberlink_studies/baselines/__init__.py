@@ -12,8 +12,8 @@ import numpy as np
 
 from weberlink.config import Configuration
 from weberlink.control.table import BUILT_IN, Scheme
-from weberlink.figures.session import Records
 from weberlink.session.simulation import build_simulation
+from weberlink.telemetry.reader import Records
 
 BASELINES = {
     "baseline-tdpa": Scheme(

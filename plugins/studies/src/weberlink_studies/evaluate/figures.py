@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
-from weberlink.figures.felt import ABSOLUTE_THRESHOLD_N
+from weberlink_figures.felt import ABSOLUTE_THRESHOLD_N
 from weberlink_studies.coded_trace import CodedTrace, TickWindow
 from weberlink_studies.curve_figures import CurveFigures, QualityAxis
 from weberlink_studies.curves import curves

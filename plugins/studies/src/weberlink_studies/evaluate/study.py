@@ -13,10 +13,10 @@ from weberlink.codec.deadband import DEADBANDS, ISOTROPIC, DeadbandSetup
 from weberlink.codec.rate import UpdateRate
 from weberlink.codec.sample import INT16_MAX, Quantizer
 from weberlink.config.model import PositionCodecSettings
-from weberlink.figures.channel import longest_run
-from weberlink.figures.felt import WEBER_FRACTION, QualityStatistics, Threshold
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import UpdateLayout
+from weberlink_figures.channel import longest_run
+from weberlink_figures.felt import WEBER_FRACTION, QualityStatistics, Threshold
 from weberlink_studies.evaluate.replay import Signal, replay, signal_of
 from weberlink_studies.evaluate.traces import FILES, NamedTrace
 from weberlink_studies.frame import Row

@@ -9,7 +9,7 @@ from typing import TextIO
 
 from weberlink.config import MASTER, ConfigurationError, load
 from weberlink.config.errors import require_package
-from weberlink.figures.environment import environment
+from weberlink.environment import environment
 from weberlink.registry import is_scripted
 from weberlink.session.recorder import format_for
 from weberlink_studies.experiment.conduct import Conduct, Subject, SubjectLeft, TrialRunner

@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from weberlink.config import SIDES, Configuration, ConfigurationError, load
-from weberlink.figures.session import score_of
-from weberlink.figures.tree import Figures, to_json
 from weberlink.session.advice import dry_run
 from weberlink.session.launcher import LiveRun
 from weberlink.session.simulation import build_simulation
+from weberlink_figures.reporting import FiguresReport
+from weberlink_figures.session import score_of
+from weberlink_figures.tree import Figures, to_json
 from weberlink_studies.experiment.conduct import Elapsed, FeltTrial, TrialResult
 from weberlink_studies.experiment.plan import REFERENCES, CodingCondition, TrialPlan
 from weberlink_studies.paper.claims import PREDICTORS
@@ -109,13 +110,12 @@ class LiveRunner:
         self.signals.check(self.plan)
         overrides = self.signals.with_condition(trial.condition, *self.ports())
         configuration = load(self.signals.file, overrides)
-
-        def watch(_: dict[str, Any], figures: Figures) -> None:
-            elapsed(figures.duration_s)
-
-        display, duration = partial(nullcontext, watch), self.plan.duration_s
-        with LiveRun(configuration, overrides, SIDES, duration, display, recording) as run:
-            return _felt(run.run())
+        report = FiguresReport(configuration, SIDES)
+        display, duration = partial(nullcontext, lambda _: elapsed(report.score.duration_s)), self.plan.duration_s
+        with LiveRun(configuration, overrides, SIDES, duration, display, recording, lambda: report) as run:
+            run.run()
+        assert report.ended is not None
+        return _felt(report.ended)
 
 
 @dataclass(frozen=True)

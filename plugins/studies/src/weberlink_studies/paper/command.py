@@ -14,10 +14,10 @@ from rich.console import RenderableType
 
 from weberlink.cli.shipped import find
 from weberlink.config import Configuration, load
-from weberlink.figures.session import score_of
-from weberlink.figures.tree import to_json
 from weberlink.master.trace import Trace
 from weberlink.session.simulation import TraceRecorder, build_simulation
+from weberlink_figures.session import score_of
+from weberlink_figures.tree import to_json
 from weberlink_studies import recordings
 from weberlink_studies.evaluate.study import EvaluationStudy
 from weberlink_studies.evaluate.traces import FILES, NamedTrace, read_traces

@@ -22,9 +22,9 @@ from weberlink.cli.shipped import find
 from weberlink.config import ConfigurationError, System, load
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.table import SCHEMES
-from weberlink.figures.channel import longest_run, turns_between
-from weberlink.figures.session import Records
+from weberlink.telemetry.reader import Records
 from weberlink.telemetry.record import FORCE, TORQUE
+from weberlink_figures.channel import longest_run, turns_between
 from weberlink_studies.baselines import BASELINES, recorded
 from weberlink_studies.frame import FrameResult, Row, Study, data_frame, records
 from weberlink_studies.parallel import Progress

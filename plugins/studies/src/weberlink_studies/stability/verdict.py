@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from weberlink.config.model import System
 from weberlink.control.contract import AccountParameters
-from weberlink.figures.channel import in_session
-from weberlink.figures.energy import EnergyBound, PortWork, accounts_in
-from weberlink.figures.session import Records
 from weberlink.protocol.states import State
 from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.reader import Records
 from weberlink.telemetry.record import FINITE, FORCE, TORQUE
+from weberlink_figures.channel import in_session
+from weberlink_figures.energy import EnergyBound, PortWork, accounts_in
 from weberlink_studies.frame import Row
 from weberlink_studies.stability.cells import CONTACT_LIMIT_N, SENSOR_RANGE_N, CellTiming, SystemCell
 

@@ -1,1 +1,0 @@
-"""The figures of a session, from the telemetry records of its two sides."""

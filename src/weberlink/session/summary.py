@@ -1,0 +1,183 @@
+"""The kernel's own report of a session: how it ended, updates by stream, loss, round trip, missed ticks and faults."""
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
+from math import inf
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from weberlink.config import MASTER, SIDES, SLAVE, Configuration, ConfigurationError, System
+from weberlink.environment import environment, footer
+from weberlink.installation import absence
+from weberlink.protocol.states import State
+from weberlink.session.ending import URGENT, ConnectionTimes, failures
+from weberlink.session.report import CHOSEN_BY, MEASURED_S, REPORTS, SUMMARY, Ended, Facts, SessionLog, exit_status
+from weberlink.telemetry.fault import Fault, name_of
+from weberlink.telemetry.reader import Records
+from weberlink.telemetry.record import SECOND
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+PIECES = 600  # of records, whose median round trips are kept
+TOLD = ("outcome", "drops", "peers", "realtime", "recording", "run_time_s", "seed", "interrupted")
+"""Facts that the document has as they are."""
+
+
+def streams(system: System) -> dict[str, tuple[str, ...]]:
+    """Names of the streams of each side, first and second."""
+    codec = system.codec
+    if codec.joints is not None:
+        count, of = 1 + (codec.gripper is not None), {SLAVE: "torque", MASTER: "angle"}
+        return {side: tuple(f"{axes}_{of[side]}" for axes in ("joint", "gripper"))[:count] for side in SIDES}
+    count = 1 + (codec.rotation is not None)
+    return {SLAVE: ("force", "torque")[:count], MASTER: ("position", "orientation")[:count]}
+
+
+class _Side:
+    """What is counted of the records of one side."""
+
+    def __init__(self) -> None:
+        self.ticks = self.engaged = 0
+        self.last: Any = None
+        self.connection = ConnectionTimes()
+        self.faults: dict[str, int] = {}
+        self.round_trips_us: deque[float] = deque(maxlen=PIECES)
+
+    def add(self, records: Records) -> None:
+        if not len(records):
+            return
+        engaged = records["state"] == State.ENGAGED.value
+        self.ticks += len(records)
+        self.engaged += int(engaged.sum())
+        self.connection.add(records)
+        begun = np.diff(records["fault"], prepend=np.uint8(self.counter("fault"))) != 0
+        for number in records["fault"][begun & (records["fault"] > 0)].tolist():
+            name = name_of(Fault, number)
+            self.faults[name] = self.faults.get(name, 0) + 1
+        measured = records["rtt_us"][engaged]
+        if len(measured := measured[np.isfinite(measured)]):
+            self.round_trips_us.append(float(np.median(measured)))
+        self.last = records[-1]
+
+    def counter(self, name: str) -> int:
+        """The last value of a cumulative field."""
+        return 0 if self.last is None else int(self.last[name])
+
+
+class Summary:
+    """A `weberlink.session.report.Report`."""
+
+    def __init__(self, configuration: Configuration, sides: Sequence[str] = (), log: Any = None) -> None:  # noqa: ARG002
+        self._system = configuration.system
+        self._sides = {side: _Side() for side in SIDES}
+        self._first, self._until = inf, 0.0
+
+    @staticmethod
+    def open_log(target: Path) -> AbstractContextManager[SessionLog]:
+        others = REPORTS.absent()
+        why = absence("--log", next(iter(others.values()))) if others else f"{CHOSEN_BY}={SUMMARY} writes no log"
+        raise ConfigurationError(f"{why} (--log {target})")
+
+    def add(self, master: Records, slave: Records) -> None:
+        for side, records in zip(SIDES, (master, slave), strict=True):
+            self._sides[side].add(records)
+            if len(records):
+                self._first = min(self._first, float(records["at"][0]))
+                self._until = max(self._until, float(records["at"][-1]))
+
+    def close(self) -> None:
+        pass
+
+    @property
+    def round_trip_s(self) -> float | None:
+        found = [side.connection.figures() for side in self._sides.values()]
+        is_measured = any(each is not None and each.connected_s >= MEASURED_S for each in found)
+        return 1e-6 * self._round_trip_us if is_measured and self._round_trip_us is not None else None
+
+    @property
+    def _round_trip_us(self) -> float | None:
+        """Median of the newest; of the slave where the master runs elsewhere."""
+        found = next((side.round_trips_us for side in self._sides.values() if side.round_trips_us), None)
+        return float(np.median(found)) if found else None
+
+    def urgent(self, facts: Facts) -> Mapping[str, str]:
+        return {name: text for name, text in self._failures(facts).items() if name in URGENT}
+
+    def status_line(self, facts: Facts) -> str:
+        present = {name: State(side.counter("state")) for name, side in self._sides.items() if side.ticks}
+        states = [f"{name} {state.name.lower()}" for name, state in present.items()]
+        parts = [f"{self._duration:6.1f} s", "; ".join(states) or "starting"]
+        recording = facts.get("recording")
+        if recording is not None and not recording.get("running", False):
+            parts.insert(1, "NOT RECORDING")
+        if self._round_trip_us is not None:
+            parts.append(f"rtt {1e-3 * self._round_trip_us:.2f} ms")
+        return "  ".join(parts)[:79]
+
+    def end(self, facts: Facts) -> Ended:
+        failed, packets = self._failures(facts), self._packets()
+        word = "failed" if failed else "ended"
+        ticks = {
+            name: {"count": side.ticks, "missed": side.counter("ticks_missed")} for name, side in self._sides.items()
+        }
+        names = ("sent", "received", "lost", "dropped")
+        link = {name: sum(side.counter(f"datagrams_{name}") for side in self._sides.values()) for name in names}
+        faults, found = facts.get("faults", {}), environment()
+        document = {
+            "duration_s": self._duration,
+            "ticks": ticks,
+            **packets,
+            "link": {"rtt_us": {"p50": self._round_trip_us}, **link},
+            "faults": faults,
+            **{name: facts[name] for name in TOLD if name in facts},  # type: ignore[literal-required]
+            "verdict": {
+                "word": word,
+                "causes": [{"level": "failed", "name": name, "text": text} for name, text in failed.items()],
+            },
+            "environment": found,
+        }
+
+        def show(title: str, console: "Console") -> None:
+            by_side = (f"{side} {name} {count}" for side, named in faults.items() for name, count in named.items())
+            trip = "unknown" if self._round_trip_us is None else f"{1e-3 * self._round_trip_us:.2f} ms"
+            lines = [
+                f"{word}: {'; '.join(failed.values()) or facts.get('outcome', '')}",
+                f"{title}  {self._duration:.1f} s",
+                *(
+                    f"{name.replace('_', ' ')}: {each['packets']} updates"
+                    + ("" if each["reduction"] is None else f", {100.0 * each['reduction']:.1f} % fewer than ticks")
+                    for name, each in packets.items()
+                ),
+                f"round trip {trip}; datagrams: {', '.join(f'{count} {name}' for name, count in link.items())}",
+                *(f"{name}: {each['missed']} ticks missed" for name, each in ticks.items() if each["count"]),
+                f"faults: {', '.join(by_side) or 'none'}",
+                footer(found, facts.get("seed")),
+            ]
+            console.print("\n".join(lines), markup=False, highlight=False)
+
+        return Ended(exit_status(facts, failed=bool(failed)), document, show)
+
+    @property
+    def _duration(self) -> float:
+        return self._until - self._first + self._system.tick_period if self._first < inf else 0.0
+
+    def _failures(self, facts: Facts) -> dict[str, str]:
+        so_far = {"faults": {name: side.faults for name, side in self._sides.items()}}
+        connections = {name: side.connection.figures() for name, side in self._sides.items()}
+        return failures({**so_far, **facts}, connections)  # type: ignore[typeddict-item]
+
+    def _packets(self) -> dict[str, dict[str, Any]]:
+        """Updates of each stream, as its receiver counts them where the sender runs elsewhere."""
+        found = {}
+        for name, names in streams(self._system).items():
+            sender, receiver = self._sides[name], self._sides[MASTER if name == SLAVE else SLAVE]
+            seen, how = (sender, "sent") if sender.ticks else (receiver, "received")
+            for place, stream in enumerate(names):
+                count = seen.counter(f"{SECOND if place else ''}updates_{how}")
+                reduction = 1.0 - count / seen.engaged if seen.engaged else None
+                found[stream] = {"packets": count, "reduction": reduction}
+        return found
