@@ -1,7 +1,4 @@
-"""The ends of live sessions on this host, for programs with a loop of their own.
-
-A program reads the newest motion and force by axis.
-"""
+"""The ends of live sessions on this host: the newest motion and force by axis, for programs with their own loop."""
 
 from pathlib import Path
 from time import monotonic
@@ -18,12 +15,10 @@ from weberlink_figures.channel import GRIPPER, joints_in
 from weberlink_figures.session import joined
 from weberlink_figures.watching.rings import NoSessionError, RingFile, living_ring
 
-STALE_S = 0.5
-"""Age of the newest record from which its daemon stands still [s]."""
+STALE_S = 0.5  # age of the newest record from which its daemon stands still
+# Vectors of a record: where the axes are, what they were commanded to, and the force or torque on them [m | rad, N |
+# N m]. Of a robot that is led by a hand the position is not known: there it is what it was commanded.
 FIELDS = {MASTER: ("position", "raw", "output"), SLAVE: ("position", "output", "raw")}
-"""Vectors of a record: where the axes are, what they were commanded to, and the force or torque on them [m | rad, N | N
-m]. Of a robot that is led by a hand the position is not known: there it is what it was commanded.
-"""
 
 
 class Sample(NamedTuple):
@@ -39,13 +34,8 @@ class Sample(NamedTuple):
 class LiveEnd:
     """One end of a live session: reads its ring, and is not noticed by its daemon.
 
-    Args:
-        ring: of the end.
-        ticks: how many of the newest records a sample holds, at least 1.
-
-    Raises:
-        NoSessionError: its daemon has ended meanwhile.
-        RingFormatError, OSError: it is no ring that this release can read.
+    A sample holds `ticks` of the newest records, at least 1. Raises NoSessionError if the daemon has ended meanwhile,
+    RingFormatError or OSError if it is no ring that this release can read.
     """
 
     def __init__(self, ring: RingFile, ticks: int = 1) -> None:
@@ -56,11 +46,9 @@ class LiveEnd:
             raise NoSessionError(f"the {ring.side} of session {ring.session} has ended") from None
         self.description = read_description(ring.path) or {}
         joints = joints_in({"codec": self.system.get("codec", {})})
-        self.is_arm = bool(joints)
-        """Whether the session is in joint space; else its axes are x, y and z."""
+        self.is_arm = bool(joints)  # in joint space; else its axes are x, y and z
         self.has_gripper = GRIPPER in joints[-1:]
-        self.names = joints or AXES
-        """Of the axes, the gripper last."""
+        self.names = joints or AXES  # of the axes, the gripper last
         where, *others = FIELDS[ring.side]
         self._fields = [where if joints or ring.side == MASTER else others[0], *others]
         self._recent: Records = np.empty(0, DTYPE)

@@ -25,10 +25,8 @@ class TargetInUseError(RuntimeError):
 class LeaderSender(Sender):
     """Leads the arm of the daemon with a process id, alone, until it is closed.
 
-    Raises:
-        FileNotFoundError: there is no such daemon, or its arm is no `remote_leader`.
-        TargetInUseError: another process leads it.
-        OSError: the socket cannot be used, or is another user's.
+    Raises FileNotFoundError if there is no such daemon, or its arm is no `remote_leader`; TargetInUseError if another
+    process leads it; OSError if the socket cannot be used, or is another user's.
     """
 
     def __init__(self, pid: int) -> None:
@@ -53,10 +51,8 @@ class LeaderSender(Sender):
         return lock
 
     def send(self, angles: Joints) -> None:
-        """Lead to these angles of all axes [rad]. Repeat it, at 30 Hz for example: a sender that is silent has let go.
-
-        Raises:
-            ValueError: an angle is not finite.
+        """Lead to these angles of all axes [rad]; ValueError if one is not finite. Repeat it, at 30 Hz for example: a
+        sender that is silent has let go.
         """
         data = pack_angles(angles, True, self.number())
         self._angles = angles
@@ -84,16 +80,10 @@ class NotRemoteError(RuntimeError):
 
 
 class RemoteLead:
-    """Has the lead of a session until it is closed.
+    """Has the lead of a session, of which `session` and `where` are as of `find_end`, until it is closed.
 
-    Args:
-        session: as of `find_end`.
-        where: as of `find_end`.
-
-    Raises:
-        NoSessionError: there is no such session.
-        NotRemoteError: its leader is not for programs.
-        TargetInUseError: another process leads it.
+    Raises NoSessionError if there is none, NotRemoteError if its leader is not for programs, TargetInUseError if
+    another process leads it.
     """
 
     def __init__(self, session: str | None = None, where: Path | None = None) -> None:
@@ -127,9 +117,7 @@ class RemoteLead:
 
     def send(self, angles: Joints) -> NDArray[np.float64]:
         """Lead to these angles of all axes [rad]; returns them within the leader's limits, as they were sent.
-
-        Raises:
-            ValueError: an angle is not finite, or there are more or fewer than axes.
+        ValueError if one is not finite, or there are more or fewer than axes.
         """
         if len(angles) != len(self._lower):
             raise ValueError(f"expected {len(self._lower)} angles, not {len(angles)}")
@@ -149,23 +137,14 @@ class AxisUnits:
     It gives a joint in degrees or as a share of its range, -100 to 100, and a gripper as 0 (closed) to 100. A joint in
     degrees is 0 where it is 0 rad for the session. Shares are of the range in which the follower may be
     commanded, or of the leader's where the follower is on another host; they are clipped as LeRobot does. A Cartesian
-    session has x, y and z in metres, and `NAME.force` [N].
-
-    Args:
-        end: of a session.
-        use_degrees: joints in degrees, else as shares.
-
-    Raises:
-        ValueError: a range is needed and not known.
+    session has x, y and z in metres, and `NAME.force` [N]. Raises ValueError if a range is needed and not known.
     """
 
     def __init__(self, end: LiveEnd, *, use_degrees: bool) -> None:
         self.names = end.names
-        self.positions = [f"{name}.pos" for name in end.names]
-        """Names of the features of motion."""
+        self.positions = [f"{name}.pos" for name in end.names]  # names of the features of motion
         effort = "torque" if end.is_arm else "force"
-        self.efforts = [f"{name}.{effort}" for name in end.names]
-        """Names of the features of torque [N m], or of force [N]."""
+        self.efforts = [f"{name}.{effort}" for name in end.names]  # of torque [N m], or of force [N]
         count = len(end.names)
         self._factor, self._offset = np.ones(count), np.zeros(count)
         self._least, self._most = np.full(count, -np.inf), np.full(count, np.inf)
@@ -193,11 +172,7 @@ class AxisUnits:
         return dict(zip(self.positions, scaled.tolist(), strict=True))
 
     def values(self, action: Mapping[str, Any]) -> tuple[float, ...]:
-        """Angles [rad] or positions [m] of an action.
-
-        Raises:
-            ValueError: a feature is missing.
-        """
+        """Angles [rad] or positions [m] of an action; ValueError if a feature is missing."""
         missing = [name for name in self.positions if name not in action]
         if missing:
             raise ValueError(f"the action lacks {', '.join(missing)}; it has {', '.join(action)}")

@@ -12,10 +12,8 @@ from weberlink.geometry.joints import MOST_JOINTS, Joints, is_finite
 from weberlink.options import Options
 from weberlink_pointer.target_link import LEADER, TargetSocket, TargetSource
 
-LEADS = 1
-"""Bit of the button in a reading."""
-ANGLES_LAYOUT = Struct("<4sQ?")
-"""Mark, number, leads; the angles of all axes [rad] follow as doubles."""
+LEADS = 1  # bit of the button in a reading
+ANGLES_LAYOUT = Struct("<4sQ?")  # mark, number, leads; the angles of all axes [rad] follow as doubles
 ANGLES_MARK = b"WLA2"
 
 Angle = Annotated[float, Field(ge=-100.0, le=100.0)]
@@ -94,12 +92,7 @@ class JointMotion:
     """Follows targets by a critically damped filter of second order, no axis faster than its limit.
 
     All axes are slowed down by the same factor, so that a jump becomes a straight motion in joint space.
-
-    Attributes:
-        angles: [rad].
     """
-
-    __slots__ = ("_rate", "_speed", "_velocity", "angles")
 
     def __init__(self, smooth_ms: float, speed: float) -> None:
         self._rate, self._speed = 1e3 / smooth_ms, speed
@@ -133,12 +126,7 @@ class RemoteLeader:
 
     Button 0 is pressed while a program leads: it has written, and its last target is not older than `silence_ms`. With
     `master.engage: {button: 0}` the follower is led only then. Without a program the arm keeps its angles. It displays
-    no torque, since nobody holds it.
-
-    Args:
-        options: of the driver.
-        tick_period: [s].
-        source: of the targets; None for the socket of this process.
+    no torque, since nobody holds it. `source` is that of the targets; None for the socket of this process.
     """
 
     COMPUTED: ClassVar[bool] = True

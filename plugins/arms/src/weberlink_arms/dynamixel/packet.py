@@ -8,17 +8,16 @@ Layout (ROBOTIS e-Manual, "DYNAMIXEL Protocol 2.0"; little endian)::
 its parameters. Stuffing (an FD after FF FF FD between instruction and CRC) makes a header unique.
 """
 
-from typing import Final
+from collections.abc import Callable
+from typing import Final, Generic, TypeVar
 
 from weberlink_arms.servo.packet import Framing, Packet, Status
 
 HEADER: Final = b"\xff\xff\xfd\x00"
 HIGHEST_ID: Final = 252
-STATUS: Final = 0x55
-"""Instruction of an answer."""
+STATUS: Final = 0x55  # instruction of an answer
 
-ALERT: Final = 0x80
-"""Bit of the error byte: see the hardware error register."""
+ALERT: Final = 0x80  # bit of the error byte: see the hardware error register
 RESULT_FAIL: Final = 1
 INSTRUCTION_ERROR: Final = 2
 CRC_ERROR: Final = 3
@@ -37,25 +36,20 @@ ERRORS: Final = {
     ACCESS_ERROR: "register not writable now",
 }
 
-LONGEST: Final = 1024
-"""Bytes of the longest packet that a reader accepts."""
-
+LONGEST: Final = 1024  # bytes of the longest packet that a reader accepts
 _SHORTEST: Final = 10
 _UNSTUFFED: Final = HEADER[:3]
 _STUFFED: Final = _UNSTUFFED + b"\xfd"
 
 
-def _table() -> tuple[int, ...]:
-    entries = []
-    for byte in range(256):
-        remainder = byte << 8
-        for _ in range(8):
-            remainder = (remainder << 1) ^ (0x8005 if remainder & 0x8000 else 0)
-        entries.append(remainder & 0xFFFF)
-    return tuple(entries)
+def _remainder(byte: int) -> int:
+    remainder = byte << 8
+    for _ in range(8):
+        remainder = (remainder << 1) ^ (0x8005 if remainder & 0x8000 else 0)
+    return remainder & 0xFFFF
 
 
-_TABLE: Final = _table()
+_TABLE: Final = tuple(map(_remainder, range(256)))
 
 
 def crc16(data: bytes | bytearray) -> int:
@@ -72,29 +66,39 @@ def error_text(error: int) -> str:
     return ERRORS.get(number, f"error {number}") if number else "no error"
 
 
-class _FrameReader:
-    """Cuts a stream into frames; never raises, and never holds more than the longest frame.
+Heard = TypeVar("Heard", Packet, Status)
+
+
+def _request(id_: int, body: bytes) -> list[Packet]:
+    return [] if body[0] == STATUS else [Packet(id_, body[0], body[1:])]
+
+
+def _answer(id_: int, body: bytes) -> list[Status]:
+    return [Status(id_, body[1], body[2:])] if body[0] == STATUS and len(body) > 1 else []
+
+
+class _Reader(Generic[Heard]):
+    """Cuts a stream into frames; `kind` makes packets of them, and none of those of the other kind.
 
     Stuffing keeps headers out of frames, so a header inside one means that it was cut short.
     """
 
-    def __init__(self) -> None:
-        self._buffer = bytearray()
-        self.bad = 0
+    def __init__(self, kind: Callable[[int, bytes], list[Heard]]) -> None:
+        self._kind: Callable[[int, bytes], list[Heard]] = kind
+        self._buffer, self.bad = bytearray(), 0
 
     def clear(self) -> None:
         self._buffer.clear()
 
-    def _frames(self, data: bytes) -> list[tuple[int, bytes]]:
-        """Id, and instruction with parameters, of every frame that is now whole."""
-        frames: list[tuple[int, bytes]] = []
+    def feed(self, data: bytes) -> list[Heard]:
+        heard: list[Heard] = []
         for start in range(0, len(data), LONGEST):
             self._buffer += data[start : start + LONGEST]
-            while self._cut(frames):
+            while self._cut(heard):
                 pass
-        return frames
+        return heard
 
-    def _cut(self, frames: list[tuple[int, bytes]]) -> bool:
+    def _cut(self, heard: list[Heard]) -> bool:  # noqa: PLR0911
         """Remove one frame or some garbage from the front; False if more bytes are needed."""
         buffer = self._buffer
         begin = buffer.find(HEADER)
@@ -116,36 +120,13 @@ class _FrameReader:
             return True
         if len(buffer) < end:
             return False
-        return self._take(end, frames)
-
-    def _take(self, end: int, frames: list[tuple[int, bytes]]) -> bool:
-        buffer = self._buffer
         if crc16(buffer[: end - 2]) != buffer[end - 2] | buffer[end - 1] << 8:
             self.bad += 1
             del buffer[:4]
             return True
-        body = bytes(buffer[7 : end - 2])
-        if _STUFFED in body:
-            body = body.replace(_STUFFED, _UNSTUFFED)
-        frames.append((buffer[4], body))
+        heard += self._kind(buffer[4], bytes(buffer[7 : end - 2]).replace(_STUFFED, _UNSTUFFED))
         del buffer[:end]
         return True
-
-
-class _Requests(_FrameReader):
-    """For a motor; answers of others are skipped."""
-
-    def feed(self, data: bytes) -> list[Packet]:
-        return [Packet(id_, body[0], body[1:]) for id_, body in self._frames(data) if body[0] != STATUS]
-
-
-class _Answers(_FrameReader):
-    """For the host; an echo of its own requests is skipped."""
-
-    def feed(self, data: bytes) -> list[Status]:
-        return [
-            Status(id_, body[1], body[2:]) for id_, body in self._frames(data) if body[0] == STATUS and len(body) > 1
-        ]
 
 
 class _Framing(Framing):
@@ -156,17 +137,15 @@ class _Framing(Framing):
 
     def encode(self, packet: Packet | Status) -> bytes:
         code = (STATUS, packet.error) if isinstance(packet, Status) else (packet.instruction,)
-        body = bytes(code) + packet.parameters
-        if _UNSTUFFED in body:
-            body = body.replace(_UNSTUFFED, _STUFFED)
+        body = (bytes(code) + packet.parameters).replace(_UNSTUFFED, _STUFFED)
         frame = HEADER + bytes((packet.id,)) + (len(body) + 2).to_bytes(2, "little") + body
         return frame + crc16(frame).to_bytes(2, "little")
 
-    def requests(self) -> _Requests:
-        return _Requests()
+    def requests(self) -> _Reader[Packet]:
+        return _Reader(_request)
 
-    def answers(self) -> _Answers:
-        return _Answers()
+    def answers(self) -> _Reader[Status]:
+        return _Reader(_answer)
 
 
 FRAMING: Final = _Framing()
