@@ -129,7 +129,7 @@ class LinearContact:
         ]
         if max(violations, default=0.0) <= 0.0:
             return NOTHING
-        return frozenset([index for index, depth in smallest_push(violations, normals) if depth > 0.0])
+        return frozenset([index for index, depth in smallest_push(violations, normals)[0] if depth > 0.0])
 
     def _face(self, active: list[int]) -> Face | None:
         """The coordinates while `active` hold the probe; None if more than three do or their normals are dependent."""

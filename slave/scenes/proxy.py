@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from itertools import combinations
 from math import inf, sqrt
 
-from weberlink.geometry.vector import Vector, distance, dot, interpolate
+from weberlink.geometry.vector import ZERO, Vector, distance, dot, interpolate
 from weberlink.slave.scenes.shape import Shape
 
 Push = tuple[int, float]  # Index of a constraint, and its multiplier lambda, the length of its push along the normal
@@ -17,50 +17,43 @@ PARALLEL = 1e-9  # determinant below which normals count as dependent
 CONSTRAINTS_TRIED = 7
 
 
-def smallest_push(violations: Sequence[float], normals: Sequence[Vector]) -> tuple[Push, ...]:
-    """The active constraints and their multipliers; none if no constraint is violated.
+def smallest_push(violations: Sequence[float], normals: Sequence[Vector]) -> tuple[Sequence[Push], Vector]:
+    """The active constraints with their multipliers, and the displacement; none if no constraint is violated.
 
     A violation v_i is how far the target lies behind a plane [m], negative in front of it; normals are unit vectors.
     Where constraints contradict each other, only the most violated one is satisfied. Of more than seven, the seven most
     violated ones are considered.
     """
-    if len(violations) == 1:
-        return () if violations[0] <= 0.0 else ((0, violations[0]),)
+    deepest = max(violations, default=0.0)
+    if deepest <= 0.0:
+        return (), ZERO
+    slack = 1e-12 + 1e-9 * deepest
+    if len(violations) == 2:  # clear of every limit below, a shorter way to the same bits
+        (v, w), (m, n) = violations, normals
+        g = m[0] * n[0] + m[1] * n[1] + m[2] * n[2]
+        determinant, a, b = 1.0 - g * g, v - g * w, w - g * v
+        if determinant > 1e-3 and a > 2.0 * slack < b:
+            a, b = a / determinant, b / determinant
+            push = (a * m[0] + b * n[0], a * m[1] + b * n[1], a * m[2] + b * n[2])
+            return (((0, a), (1, b)) if v >= w else ((1, b), (0, a))), push
     order = sorted(range(len(violations)), key=violations.__getitem__, reverse=True)[:CONSTRAINTS_TRIED]
-    if not order or violations[order[0]] <= 0.0:
-        return ()
-    slack = 1e-12 + 1e-9 * violations[order[0]]
     least = [(normals[i], violations[i] - slack) for i in order]
-    for i in order:
-        depth, (x, y, z) = violations[i], normals[i]
-        if depth >= 0.0 and _clears((depth * x, depth * y, depth * z), least):
-            return ((i, depth),)
-    for size in (2, 3):
+    for size in (1, 2, 3):
         for active in combinations(order, size):
             found = multipliers([violations[i] for i in active], [normals[i] for i in active])
             if found is None or min(found) < 0.0:
                 continue
-            pushes = tuple(zip(active, found, strict=True))
-            if _clears(displacement(pushes, normals), least):
-                return pushes
-    return ((order[0], violations[order[0]]),)
-
-
-def _clears(push: Vector, least: Sequence[tuple[Vector, float]]) -> bool:
-    """Whether a displacement goes at least so far [m] along each of these directions."""
-    x, y, z = push
-    for n, way in least:  # noqa: SIM110 - all() costs more than the rest
-        if not n[0] * x + n[1] * y + n[2] * z >= way:
-            return False
-    return True
-
-
-def displacement(pushes: Sequence[Push], normals: Sequence[Vector]) -> Vector:
-    x = y = z = 0.0
-    for i, multiplier in pushes:
-        n = normals[i]
-        x, y, z = x + multiplier * n[0], y + multiplier * n[1], z + multiplier * n[2]
-    return (x, y, z)
+            x = y = z = 0.0
+            for i, multiplier in zip(active, found, strict=True):
+                n = normals[i]
+                x, y, z = x + multiplier * n[0], y + multiplier * n[1], z + multiplier * n[2]
+            for n, way in least:
+                if not n[0] * x + n[1] * y + n[2] * z >= way:
+                    break
+            else:
+                return tuple(zip(active, found, strict=True)), (x, y, z)
+    depth, n = violations[order[0]], normals[order[0]]
+    return ((order[0], depth),), (depth * n[0], depth * n[1], depth * n[2])
 
 
 def multipliers(v: Sequence[float], n: Sequence[Vector]) -> tuple[float, ...] | None:
@@ -113,7 +106,6 @@ class Proxy:
         """Move toward the probe at `target` as far as the solids allow; no presses if it arrives."""
         shapes = self._shapes
         here = target if self.at is None else self.at
-        self.parts = ()
         free = inf  # of shapes that are not touched, around `here`
         touching: list[int] = []
         for index, shape in enumerate(shapes):
@@ -173,8 +165,7 @@ class Proxy:
                 owners.append(index)
                 violations.append(-(n[0] * x + n[1] * y + n[2] * z + gap))
                 normals.append(n)
-        pushes = smallest_push(violations, normals)
-        x, y, z = displacement(pushes, normals)
+        pushes, (x, y, z) = smallest_push(violations, normals)
         goal = (target[0] + x, target[1] + y, target[2] + z)
         self.parts = parts = [(owners[i], depth, normals[i]) for i, depth in pushes if depth > 0.0]
         return goal, parts if len(owners) == len(touching) else merged(parts)

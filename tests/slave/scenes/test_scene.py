@@ -8,8 +8,9 @@ from hypothesis import given, strategies as st
 
 from tests.examples import examples
 from tests.slave.scenes.solids import GROUND, SHAPES, STIFFNESS, UP, elastic, scenes, wander
-from weberlink.geometry.vector import ZERO, Vector, distance, dot, is_finite, norm, scale, subtract
+from weberlink.geometry.vector import ZERO, Vector, distance, dot, is_finite, norm, scale, subtract, unit
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
+from weberlink.slave.scenes.proxy import smallest_push
 from weberlink.slave.scenes.scene import FrictionCone, Scene, SceneObject, Sway
 from weberlink.slave.scenes.shape import BoxShape, SphereShape
 
@@ -101,6 +102,13 @@ def test_a_softened_scene_yields_as_if_made_of_the_softer_material(most: float, 
         assert softened.force(position, TICK) == pytest.approx(made.force(position, TICK))
     for softer, expected in zip(softened.facing((0.0, 0.0, 0.01)), made.facing((0.0, 0.0, 0.01)), strict=True):
         assert (softer.stiffness, softer.damping) == pytest.approx((expected.stiffness, expected.damping))
+
+
+@given(st.tuples(*[st.floats(-0.01, 0.01)] * 2), st.tuples(*[st.floats(-1.0, 1.0)] * 6))
+def test_a_plane_far_in_front_changes_no_push(violations: tuple[float, float], sides: tuple[float, ...]) -> None:
+    """To the last bit: two planes have a shorter way of their own."""
+    normals = [unit(subtract(side, (0.0, 0.0, -2.0))) for side in (sides[:3], sides[3:])]
+    assert smallest_push(violations, normals) == smallest_push((*violations, -1.0), [*normals, UP])
 
 
 # Friction.
