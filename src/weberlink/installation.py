@@ -14,6 +14,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from shlex import quote
 from shutil import which
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 GUESTS = Path(__file__).with_name("guests.json")
 """Made by `make schema`: group of entry points, name, and the guest that has the entry; of files for `CONFIGS`."""
@@ -37,11 +41,21 @@ def all_guests() -> set[str]:
     return {guest for group, names in _listed().items() if group != NEEDED for guest in names.values()}
 
 
+def entries(group: str | None) -> Mapping[str, "EntryPoint"]:
+    """The entry points of a group by name, of every distribution that is installed; none for None."""
+    return {} if group is None else _installed(group, tuple(sys.path))
+
+
+@cache
+def _installed(group: str, path: tuple[str, ...]) -> Mapping[str, "EntryPoint"]:  # noqa: ARG001 - the key of the cache
+    from importlib.metadata import entry_points  # noqa: PLC0415 - with its parsers as long an import as all of ours
+
+    return {entry.name: entry for entry in entry_points(group=group)}
+
+
 def config_modules() -> list[str]:
     """The packages of configuration files: the program's own, then those of the guests that are installed."""
-    from importlib.metadata import entry_points  # noqa: PLC0415 - a long import, for messages and one command
-
-    return [CONFIGS, *(entry.module for entry in entry_points(group=CONFIGS))]
+    return [CONFIGS, *(entry.module for entry in entries(CONFIGS).values())]
 
 
 def config_folders() -> list[Path]:

@@ -1,16 +1,15 @@
 """Tables of implementations by name, imported on first use and extended by entry points of other distributions."""
 
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from difflib import get_close_matches
-from functools import lru_cache, reduce
+from functools import reduce
 from importlib import import_module
 from itertools import product
 from pathlib import Path
 from traceback import walk_tb
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, NamedTuple, Protocol, TypeVar
 
-from weberlink.installation import absence, guests
+from weberlink.installation import absence, entries, guests
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -154,17 +153,10 @@ class Registry(Mapping[str, T], Generic[T]):
 
     @property
     def _installed(self) -> Mapping[str, "EntryPoint"]:
-        return {} if self.group is None else _installed(self.group, tuple(sys.path))
+        return entries(self.group)
 
 
 _TABLES: list[Registry[Any]] = []  # all of this process
-
-
-@lru_cache
-def _installed(group: str, path: tuple[str, ...]) -> Mapping[str, "EntryPoint"]:  # noqa: ARG001 - the key of the cache
-    from importlib.metadata import entry_points  # noqa: PLC0415 - with its parsers as long an import as all of ours
-
-    return {entry.name: entry for entry in entry_points(group=group)}
 
 
 def resolve(place: str) -> Any:

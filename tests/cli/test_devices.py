@@ -29,7 +29,7 @@ def driver(*found: str | PluggedDevice, **attributes: Any) -> Any:
 
 
 def surveyed(access: DeviceAccess = OPEN, **drivers: Any) -> Survey:
-    return survey(access, {"master": [Registry("device", drivers)]})
+    return survey(access, {"master.device": [Registry("device", drivers)]})
 
 
 def test_all_drivers_are_listed_and_virtual_ones_ready() -> None:

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from difflib import get_close_matches
 from functools import cached_property
 from math import isfinite
@@ -16,7 +16,7 @@ from typer.core import TyperGroup
 from typer.main import get_command, get_group
 
 from weberlink.cli.output import errors, fail, failing, was_interrupted
-from weberlink.installation import absence, guests, install_line
+from weberlink.installation import absence, entries, guests, install_line
 from weberlink.order import COMPLETED, INTERRUPTED, MISCONFIGURED
 from weberlink.registry import resolve
 from weberlink.session.targets import STANDARD_OUTPUT, TargetError, check_file, check_folder
@@ -78,17 +78,10 @@ SessionName = Annotated[
 ]
 
 
-def is_loopback(address: str) -> bool:
-    """Whether an address (or `localhost`) can be reached from this host only."""
-    from ipaddress import ip_address  # noqa: PLC0415 - not for the help
-
-    with suppress(ValueError):
-        return address == "localhost" or ip_address(address).is_loopback
-    return False
-
-
 def check_public(listen: str, public: bool) -> None:
     """Refuse an address that other hosts can reach, unless that is asked for."""
+    from weberlink.text import is_loopback  # noqa: PLC0415 - not for the help
+
     if not (public or is_loopback(listen)):
         fail(f"--listen {listen}: nothing is encrypted; add --public to serve other hosts all the same", MISCONFIGURED)
 
@@ -145,11 +138,7 @@ class CommandGroup(TyperGroup):
 
     @cached_property
     def _others(self) -> Mapping[str, "EntryPoint"]:
-        if self.extended_by is None:
-            return {}
-        from importlib.metadata import entry_points  # noqa: PLC0415 - as long an import as all of ours
-
-        return {each.name: each for each in entry_points(group=self.extended_by)}
+        return entries(self.extended_by)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name not in self.commands:

@@ -12,11 +12,10 @@ from rich.table import Table
 from rich.text import Text
 
 from weberlink.cli import rules
+from weberlink.config.loading import DRIVERS, SECTIONS
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.installation import install_line
-from weberlink.master.devices import DEVICES, LEADERS
 from weberlink.registry import PartError, Registry, in_words, is_hardware
-from weberlink.slave.robots import FOLLOWERS, ROBOTS
 
 READY = "ready"
 NOTHING = "nothing plugged in"
@@ -32,13 +31,6 @@ COLOURS = {READY: "green", NOTHING: "dim", UNSEEN: "dim"}
 
 LATENCY_MS = 1  # value that the rules set the latency timer of an FTDI chip to
 TTYS, LINKS = Path("/sys/class/tty"), Path("/dev/serial/by-id")
-
-
-SIDES: Mapping[str, Registry[Any]] = {"master": DEVICES, "slave": ROBOTS}
-ARMS: Mapping[str, Registry[Any]] = {"master": LEADERS, "slave": FOLLOWERS}
-"""Drivers of arms led and followed joint by joint."""
-TABLES: Mapping[str, Sequence[Registry[Any]]] = {side: (SIDES[side], ARMS[side]) for side in SIDES}
-SECTIONS = {"master": "master.device", "slave": "slave.robot"}  # where a configuration names the driver of a side
 
 
 @dataclass(frozen=True)
@@ -110,12 +102,12 @@ class Survey:
             console.print(Text(f"{', '.join(drivers)}: {line}"), soft_wrap=True)  # a line to copy must not be wrapped
 
 
-def survey(host: DeviceAccess | None = None, sides: Mapping[str, Sequence[Registry[Any]]] = TABLES) -> Survey:
+def survey(host: DeviceAccess | None = None, tables: Mapping[str, Sequence[Registry[Any]]] = DRIVERS) -> Survey:
     """List every driver of both sides and the hardware plugged in."""
     here = host or DeviceAccess()
     has_rules = rules.installed(here.rules)
     drivers: list[DriverStatus] = []
-    for side, table in ((side, table) for side, tables in sides.items() for table in tables):
+    for side, table in ((side, table) for side, section in SECTIONS.items() for table in tables.get(section, ())):
         drivers.extend(_status(side, table, name, here, has_rules) for name in sorted(table))
         drivers.extend(
             DriverStatus(side, driver, f"weberlink-{guest}", None, guest, ABSENT, (), (install_line(guest),))

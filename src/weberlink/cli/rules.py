@@ -13,13 +13,12 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from importlib.metadata import entry_points
 from importlib.resources import files
 from pathlib import Path
 
 from weberlink.child_process import python
 from weberlink.cli.output import CommandError
-from weberlink.installation import CONFIGS, config_folders
+from weberlink.installation import CONFIGS, config_folders, entries
 
 RULES_DIR = Path("/etc/udev/rules.d")
 FOLDERS = (RULES_DIR, Path("/usr/lib/udev/rules.d"), Path("/lib/udev/rules.d"))  # folders that udev reads rules from
@@ -35,8 +34,8 @@ def shipped() -> dict[str, str]:
 
 def covers(package: str | None) -> bool:
     """Whether a distribution brings rules for its devices; None for this program's own drivers."""
-    names = (entry.module for entry in entry_points(group=CONFIGS) if entry.dist and entry.dist.name == package)
-    return package is None or any(any(Path(str(files(name))).glob("*.rules")) for name in names)
+    own = (each for each in entries(CONFIGS).values() if each.dist is not None and each.dist.name == package)
+    return package is None or any(any(Path(str(files(each.module))).glob("*.rules")) for each in own)
 
 
 def installed(folders: Sequence[Path] = FOLDERS) -> bool:

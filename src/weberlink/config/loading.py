@@ -1,6 +1,6 @@
 """Read and validate a configuration file, with the options of the drivers of each side."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import is_not
 from pathlib import Path
@@ -18,7 +18,14 @@ from weberlink.order import MASTER, SIDES, SLAVE
 from weberlink.registry import Registry, is_hardware
 from weberlink.slave.robots import FOLLOWERS, ROBOTS
 
-__all__ = ["MASTER", "SIDES", "SLAVE", "Configuration", "Part", "load", "load_device", "load_part"]
+SECTIONS = {MASTER: "master.device", SLAVE: "slave.robot"}  # where a file names the driver of a side
+DRIVERS: Mapping[str, Sequence[Registry[Any]]] = {
+    "master.device": (DEVICES, LEADERS),
+    "slave.robot": (ROBOTS, FOLLOWERS),
+    "slave.cameras": (CAMERAS,),
+    "link.finder": (FINDERS,),
+}
+"""Drivers by the section of a file that names one; of arms led and followed joint by joint in the last table."""
 
 
 @dataclass(frozen=True)
@@ -61,18 +68,17 @@ def load(path: Path, overrides: Iterable[str] = (), sides: Iterable[str] = SIDES
     overridden = {override(content, text) for text in overrides}
     try:
         system: System = make_absolute(validated(System, content), path.parent, overridden)
-        devices, robots = _tables(system)
         named = {
-            "master.device": (devices, system.master.device if MASTER in sides else None),
-            "slave.robot": (robots, system.slave.robot if SLAVE in sides else None),
-            "link.finder": (FINDERS, system.link.finder),
-            "slave.cameras": (CAMERAS, system.slave.cameras),
+            "master.device": system.master.device if MASTER in sides else None,
+            "slave.robot": system.slave.robot if SLAVE in sides else None,
+            "link.finder": system.link.finder,
+            "slave.cameras": system.slave.cameras,
         }
         parts: dict[str, Part] = {}
-        for where, (table, settings) in named.items():
+        for where, settings in named.items():
             if settings is None:
                 continue
-            parts[where] = part = load_part(table, settings, where, path.parent, overridden)
+            parts[where] = part = load_part(_table(where, system), settings, where, path.parent, overridden)
             may_move = where in ("master.device", "slave.robot") and is_hardware(part.driver)
             if may_move and system.link.security == "none":
                 raise ConfigurationError(  # noqa: TRY301 - in one line with the file, as the others
@@ -91,12 +97,12 @@ def load_device(configuration: Configuration) -> Part:
     if configuration.device is not None:
         return configuration.device
     system = configuration.system
-    return load_part(_tables(system)[0], system.master.device, "master.device", configuration.path.parent, ())
+    table = _table("master.device", system)
+    return load_part(table, system.master.device, "master.device", configuration.path.parent, ())
 
 
-def _tables(system: System) -> tuple[Registry[Any], Registry[Any]]:
-    """The drivers of each side: devices and robots, or arms led and followed joint by joint."""
-    return (DEVICES, ROBOTS) if system.codec.joints is None else (LEADERS, FOLLOWERS)
+def _table(where: str, system: System) -> Registry[Any]:
+    return DRIVERS[where][0 if system.codec.joints is None else -1]
 
 
 def load_part(
@@ -107,8 +113,8 @@ def load_part(
     try:
         driver = table.load(name)
     except ValueError as error:
-        arms = LEADERS if table is DEVICES else FOLLOWERS if table is ROBOTS else ()
-        why = f"{name} is an arm, and needs its joints: codec.joints (docs/arms/)" if name in arms else error
+        is_arm = any(name in each for each in DRIVERS[where][1:])
+        why = f"{name} is an arm, and needs its joints: codec.joints (docs/arms/)" if is_arm else error
         raise ConfigurationError(f"{field}: {why}") from None
     except ImportError as error:
         raise ConfigurationError(f"{field}: {name} needs a package that is not installed: {error.name}") from None

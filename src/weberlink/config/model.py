@@ -28,6 +28,7 @@ from weberlink.protocol.keys import check_name
 from weberlink.protocol.local_end import LONGEST_SILENCE, MOST_TICKS
 from weberlink.protocol.negotiation import LONGEST as LONGEST_ROUND_TRIP
 from weberlink.slave.scenes.settings import SceneSettings
+from weberlink.text import is_loopback
 from weberlink.update import MAX_SELECTOR
 
 if TYPE_CHECKING:
@@ -68,15 +69,6 @@ def is_placeholder(host: str) -> bool:
     except ValueError:
         return False
     return any(address in network for network in EXAMPLES)
-
-
-def is_loopback(address: str) -> bool:
-    """Whether both ends of a "host:port" are on this host."""
-    host, _ = split_address(address)
-    try:
-        return host == "localhost" or ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def _host_and_port(text: str) -> str:
@@ -232,7 +224,7 @@ class LinkSettings(Settings):
         elif self.security == "psk":
             if self.key_file is None:
                 yield "security psk needs key_file; make one with: weberlink keygen KEYFILE"
-        elif not (is_loopback(self.listen) and is_loopback(self.slave)):
+        elif not all(is_loopback(split_address(each)[0]) for each in (self.listen, self.slave)):
             yield f"security {self.security} is for loopback addresses only; between hosts use psk"
 
 

@@ -14,14 +14,10 @@ from textwrap import dedent
 from typing import Any
 
 from weberlink.codec.deadband import DEADBANDS
-from weberlink.config.cameras import CAMERAS
-from weberlink.config.finders import FINDERS
+from weberlink.config.loading import DRIVERS
 from weberlink.config.model import System
 from weberlink.config.settings import Settings, settings_of
 from weberlink.installation import guests
-from weberlink.master.devices import DEVICES, LEADERS
-from weberlink.registry import Registry
-from weberlink.slave.robots import FOLLOWERS, ROBOTS
 
 
 def schema() -> dict[str, Any]:
@@ -35,13 +31,9 @@ def schema() -> dict[str, Any]:
             if base.__module__.startswith(("weberlink.", "weberlink_")):
                 _explain(section, base)
     del definitions["DriverSettings"]
-    parts: tuple[tuple[str, str, tuple[Registry[Any], ...]], ...] = (
-        ("MasterSettings", "device", (DEVICES, LEADERS)),
-        ("SlaveSettings", "robot", (ROBOTS, FOLLOWERS)),
-        ("SlaveSettings", "cameras", (CAMERAS,)),
-        ("LinkSettings", "finder", (FINDERS,)),
-    )
-    for owner, field, tables in parts:
+    for where, tables in DRIVERS.items():
+        section_name, _, field = where.partition(".")
+        owner = f"{section_name.title()}Settings"
         drivers = {name: table.load(name) for table in tables for name in (*table.built_in, *guests(table.group))}
         choices = []
         for name, driver in drivers.items():

@@ -31,7 +31,6 @@ from weberlink.config.model import (
     EmulationSettings,
     MasterSettings,
     SlaveSettings,
-    is_loopback,
     is_placeholder,
     split_address,
 )
@@ -47,6 +46,7 @@ from weberlink.session.ending import PLACEHOLDER
 from weberlink.slave.robots import ROBOTS
 from weberlink.slave.robots.contract import Robot
 from weberlink.slave.scenes.settings import ObjectSettings
+from weberlink.text import is_loopback
 
 if TYPE_CHECKING:
     from weberlink.arms.contract import ArmSpec
@@ -463,7 +463,7 @@ def measured_tick_s(configuration: Configuration) -> float | None:
 
 def _polling(parts: DryRun) -> Iterator[str]:
     system = parts.system
-    sides, cpus = 2 if is_loopback(system.link.slave) else 1, len(os.sched_getaffinity(0))
+    sides, cpus = 2 if is_loopback(split_address(system.link.slave)[0]) else 1, len(os.sched_getaffinity(0))
     if system.realtime.busy_poll and cpus <= sides:
         yield (
             f"realtime.busy_poll: each daemon takes a processor, and this machine has {cpus} for {sides} of them and "

@@ -57,6 +57,6 @@ def test_simulated_part_passes_with_overrides_of_the_file(
 
 
 def test_driver_of_a_guest_that_is_not_installed_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("weberlink.registry._installed", lambda *_: {})
+    monkeypatch.setattr("weberlink.installation._installed", lambda *_: {})
     with pytest.raises(ConfigurationError, match=f"driver 'touch' .* {re.escape(install_line('devices'))}"):
         run("touch", sitting(Clock(), io.StringIO())[0])

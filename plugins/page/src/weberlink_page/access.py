@@ -13,6 +13,8 @@ from pathlib import Path
 from secrets import token_urlsafe
 from tempfile import NamedTemporaryFile
 
+from weberlink.text import is_loopback
+
 _TOKEN_BYTES = 16
 LOCAL_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
 HEADERS = {
@@ -30,8 +32,6 @@ HEADERS = {
 
 def names(listen: str) -> frozenset[str] | None:
     """Host names that a request may use; None for any address, since all of them are served."""
-    from weberlink.cli.arguments import is_loopback  # noqa: PLC0415 - takes longer than the front needs to start
-
     ip = _ip(listen)
     if ip is not None and ip.is_unspecified:
         return None

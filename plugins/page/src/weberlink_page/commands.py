@@ -18,11 +18,11 @@ from weberlink.cli.arguments import (
     SessionName,
     Set,
     check_public,
-    is_loopback,
 )
 from weberlink.cli.output import fail, failing, finish, tell
 from weberlink.installation import install_line
 from weberlink.order import MISCONFIGURED
+from weberlink.text import is_loopback
 
 if TYPE_CHECKING:
     from weberlink_page.launcher import TryOrder

@@ -15,11 +15,10 @@ from typing import Any
 import yaml
 from pydantic import BaseModel
 
-from weberlink.cli.devices import ARMS, SECTIONS, SIDES
 from weberlink.cli.output import CommandError
-from weberlink.config import MASTER, ConfigurationError, load
+from weberlink.config import MASTER, SIDES, ConfigurationError, load
 from weberlink.config.document import override
-from weberlink.config.loading import Part, load_part
+from weberlink.config.loading import DRIVERS, SECTIONS, Part, load_part
 from weberlink.config.model import DriverSettings
 from weberlink.geometry.vector import ZERO, Vector, add, distance, norm, scale, subtract
 from weberlink.installation import absence
@@ -40,16 +39,17 @@ def run(name: str, dialog: Dialog, file: Path | None = None, overrides: Sequence
         ConfigurationError: there is no such driver, or its options are wrong.
         CommandError: the test failed, or the person stopped. The force is zero and the device closed.
     """
-    if any(name in each for each in ARMS.values()):
+    hands, arms = ({side: DRIVERS[SECTIONS[side]][place] for side in SIDES} for place in (0, 1))
+    if any(name in each for each in arms.values()):
         raise ConfigurationError(
             f"{name}: this test moves one handle or one tool, and knows no arms; start as docs/arms/ says"
         )
-    side = next((side for side, each in SIDES.items() if name in each), None)
+    side = next((side for side, each in hands.items() if name in each), None)
     if side is None:
-        absent = {each: guest for table in (*SIDES.values(), *ARMS.values()) for each, guest in table.absent().items()}
+        absent = {each: guest for table in (*hands.values(), *arms.values()) for each, guest in table.absent().items()}
         if name in absent:
             raise ConfigurationError(absence(f"driver {name!r}", absent[name]))
-        known = ", ".join(name for each in SIDES.values() for name in sorted(each))
+        known = ", ".join(name for each in hands.values() for name in sorted(each))
         raise ConfigurationError(f"{name}: there is no such driver; there are {known}")
     section = SECTIONS[side]
     part, tick_period = _part(name, side, file, [text.removeprefix(f"{section}.") for text in overrides])
@@ -75,7 +75,7 @@ def _part(name: str, side: str, file: Path | None, overrides: Sequence[str]) -> 
         for text in overrides:
             override(content, text)
         settings = DriverSettings(driver=name, **content)
-        return load_part(SIDES[side], settings, section, Path.cwd(), ()), 1.0 / RATE_HZ
+        return load_part(DRIVERS[section][0], settings, section, Path.cwd(), ()), 1.0 / RATE_HZ
     loaded = load(file, [f"{section}.{text}" for text in overrides], sides=[side])
     is_master, system = side == MASTER, loaded.system
     part = loaded.device if is_master else loaded.robot
