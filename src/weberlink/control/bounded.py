@@ -20,37 +20,29 @@ from weberlink.control.contract import (
 )
 from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, interpolate, norm, scale, subtract
 
-TURN = 0.1
-"""Share by which an update turns the normal of the wall: friction tilts the force to both sides in turn."""
-FORGET = 0.99
-"""Share of the fit of the stiffness that a further value leaves."""
+TURN = 0.1  # share by which an update turns the normal of the wall: friction tilts the force to both sides in turn
+FORGET = 0.99  # share of the fit of the stiffness that a further value leaves
+# Way on which a pair of samples has its full weight in that fit [m]: no single pair outweighs a lasting model.
 LEAST_WAY = 1e-4
-"""Way on which a pair of samples has its full weight in that fit [m]: no single pair outweighs a lasting model."""
-SOFTEST = 50.0
-"""Softest wall [N/m]."""
-SAME = 2.0
-"""Largest ratio of the stiffness of a decoded surface and that of the wall at which the surface is displayed."""
+SOFTEST = 50.0  # softest wall [N/m]
+SAME = 2.0  # largest ratio of the stiffness of a decoded surface and of the wall at which the surface is displayed
+# Distance from the robot up to which the curvature of a decoded surface is displayed [m]. Beyond it the surface goes on
+# flat: samples of the near side of a dome tell nothing of the far side, and a hand that sinks in pays for it.
 REACH = 0.01
-"""Distance from the robot up to which the curvature of a decoded surface is displayed [m]: beyond it the surface goes
-on flat, since samples of the near side of a dome tell nothing of the far side, and a hand that sinks in pays for it."""
-WRONG = 1e-3
-"""Distance by which the place of a sample may differ from that of the command, and a wall from what the robot found
-[m]."""
+WRONG = 1e-3  # largest distance of a sample from the command of its time, and of a robot without force in a wall [m]
+# Damping over stiffness of a stiff contact that is felt late [s]: without it a light hand bounces off, and the robot,
+# which repeats that later, presses while nothing is felt. Round trips of less than this are not late.
 CALM = 0.006
-"""Damping over stiffness of a stiff contact that is felt late [s]: without it a light hand bounces off, and the robot,
-which repeats that later, presses while nothing is felt. Round trips of less than this are not late."""
-
-LATE = 0.01
-"""Time beyond one and a half round trips in which the operator has answered a contact [s]."""
+LATE = 0.01  # time beyond one and a half round trips in which the operator has answered a contact [s]
+# Largest force of the robot on a contact that the operator cannot have answered, times the root of the time for which
+# that is so [N s^0.5]: the longer the hand pushes on without knowing, the softer.
 PRESS = 1.35
-"""Largest force of the robot on a contact that the operator cannot have answered, times the root of the time for which
-that is so [N s^0.5]: the longer the hand pushes on without knowing, the softer."""
+# Speed at which the command leaves the place of the hand, and the robot regains its command [m/s]: on a wall with
+# damping a faster one lets the contact chatter.
 LEAVE = 0.03
-"""Speed at which the command leaves the place of the hand, and the robot regains its command [m/s]: on a wall with
-damping a faster one lets the contact chatter."""
+# Speed at which the command regains the place of the hand [m/s]: a slower one keeps the robot from a contact that is
+# felt.
 BACK = 0.1
-"""Speed at which the command regains the place of the hand [m/s]: a slower one keeps the robot from a contact that is
-felt."""
 
 
 class FeltContact:
@@ -149,17 +141,19 @@ class FeltContact:
                 offset = dot(n, edge) + size / self.stiffness
             elif touches:
                 return force
-        push = max(0.0, self.stiffness * (offset - dot(n, hand)))
+        (a, b, c), (x, y, z) = n, force
+        push = max(0.0, self.stiffness * (offset - (a * hand[0] + b * hand[1] + c * hand[2])))
         if push == 0.0 or not touches:
-            return scale(n, push)
-        along = dot(n, force)
+            return (a * push, b * push, c * push)
+        along = a * x + b * y + c * z
         share = min(1.0, push / along) if along > 0.0 else 0.0  # of what friction adds
         push -= share * along
-        return (share * force[0] + push * n[0], share * force[1] + push * n[1], share * force[2] + push * n[2])
+        return (share * x + push * a, share * y + push * b, share * z + push * c)
 
     def _anchor(self, n: Vector, robot: Vector, there: Vector) -> None:
         """Move the wall of the normal n to the newest known place of the robot [m] and its force there [N]."""
-        model, place = self._model, dot(n, robot)
+        (a, b, c), model = n, self._model
+        place = a * robot[0] + b * robot[1] + c * robot[2]
         if norm(there) < LEAST_CONTACT:
             self._place = None
             if place < self._found - WRONG:
@@ -173,7 +167,7 @@ class FeltContact:
         # A robot that does not follow brings no update either, while the command goes on.
         sample = self._sample
         if sample is None or there != sample[0] or abs(place - dot(n, sample[1])) < WRONG:
-            self._offset = self._found = place + dot(n, there) / self.stiffness
+            self._offset = self._found = place + (a * there[0] + b * there[1] + c * there[2]) / self.stiffness
 
     def damped(self, force: Vector, speed: Vector, time: float) -> Vector:
         """The force of the contact [N] at a hand of this speed [m/s], with damping: of one as stiff as the robot's
@@ -256,7 +250,7 @@ class BoundedMaster(MasterControl):
 
     def command(self, position: Vector) -> Vector:
         n, goal = self._contact.normal, ZERO
-        if n is not None:
+        if n is not None and self._stated != self._held:
             (a, b, c), (x, y, z), (u, v, w) = n, self._stated, self._held
             stated, lack = a * x + b * y + c * z, a * (x - u) + b * (y - v) + c * (z - w)
             if 0.0 < lack <= stated:  # a share of the depth: whatever the fit of the stiffness, not out of the contact
@@ -272,13 +266,15 @@ class BoundedMaster(MasterControl):
         return position
 
     def render(self, force: Vector) -> Vector:
-        if self._position is not None and self._sent.known:
-            force = self._contact.at(self._position, force, self._sent.ago(self._rtt), self._tick, self._rtt)
-            force = self._contact.damped(force, self._speed, max(0.0, min(CALM, self._rtt - CALM)))
+        contact, rtt = self._contact, self._rtt
+        if self._position is not None:
+            force = contact.at(self._position, force, self._sent.ago(rtt), self._tick, rtt)
+            if rtt > CALM:
+                force = contact.damped(force, self._speed, min(CALM, rtt - CALM))
         self._stated = force
-        size, contact = hypot(force[0], force[1], force[2]), self._contact
-        share = self._account.share(size, contact.stiffness, self._elapsed, contact.softest)
-        return force if share == 1.0 else (share * force[0], share * force[1], share * force[2])
+        x, y, z = force
+        share = self._account.share(hypot(x, y, z), contact.stiffness, self._elapsed, contact.softest)
+        return force if share == 1.0 else (share * x, share * y, share * z)
 
     def displayed(self, force: Vector) -> None:
         self._held = force

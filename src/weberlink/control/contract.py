@@ -62,10 +62,6 @@ class SentCommands:
         self._commands: deque[Vector] = deque(maxlen=ceil(longest / tick_period) + 1)
         self.add, self.reset = self._commands.append, self._commands.clear
 
-    @property
-    def known(self) -> bool:
-        return len(self._commands) > 0
-
     def ago(self, time: float) -> Vector:
         """The command of so long ago [s], or the oldest known; there must be one."""
         ticks, commands = round(time / self._tick_period), self._commands
