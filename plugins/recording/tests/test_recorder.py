@@ -116,7 +116,7 @@ def test_begins_during_a_session_and_takes_marks(session):
     daemons = [session.daemon(side, 0) for side in SIDES]
     time.sleep(0.3)
     marked = time.monotonic()
-    recorder = session.recorder(since=marked, takes_commands=True)
+    recorder = session.recorder(since=marked)
     command(recorder, mark="  before \n the file ", at=marked)
     until(lambda: has_written(session.out), "the recording to grow")
     recorder.stdin.write(b"no command\n[]\n")

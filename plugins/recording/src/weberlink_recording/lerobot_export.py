@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from weberlink_recording.lerobot_frames import Frames
-from weberlink_recording.lerobot_video import VIDEO, video_stats, write_video
+from weberlink_recording.lerobot_video import VIDEO, write_video
 
 VERSION = "v3.0"
 DATA, EPISODES = "data/chunk-000/file-000.parquet", "meta/episodes/chunk-000/file-000.parquet"
@@ -41,8 +41,10 @@ def write_dataset(frames: Frames, task: str, robot: str | None, folder: Path) ->
     videos = {video.camera: write_video(video, frames.fps, folder) for video in frames.videos}
     pq.write_table(_episodes(frames, table, task), folder / EPISODES)
     pq.write_table(_tasks(task), folder / "meta/tasks.parquet")
-    stats = {key: _stats(values) for key, values in table.items()}
-    stats |= {key: video_stats(pixels) for key, (_, pixels) in videos.items()}
+    stats: dict[str, Any] = {key: _stats(values) for key, values in table.items()}
+    for key, (_, pixels) in videos.items():  # of each colour, from 0 to 1, in shape (3, 1, 1)
+        of = _stats(pixels.reshape(-1, 3) / 255.0)
+        stats[key] = {name: [[[value]] for value in values] for name, values in of.items()} | {"count": [len(pixels)]}
     info = _info(frames, table, robot)
     info["features"] |= {key: feature for key, (feature, _) in videos.items()}
     for name, document in (("stats", stats), ("info", info)):

@@ -145,23 +145,22 @@ def frames_of(session: RecordedSession, fps: int, gripper_rad: tuple[float, floa
 def _leads(records: Records) -> Stretches:
     """The stretches in which a side was in session and nothing was faded, approached or released: begin and end."""
     is_led = (records["state"] == State.ENGAGED.value) & (records["ramping"] == 0)
-    at = records["at"]
     places = np.flatnonzero(is_led)
-    if not len(places):
-        return []
-    cut = (np.diff(places) > 1) | (np.diff(at[places]) > LONGEST_GAP_S)
-    begins = places[np.concatenate(([True], cut))]
-    ends = places[np.concatenate((cut, [True]))]
-    return [(float(at[begin]), float(at[end])) for begin, end in zip(begins, ends, strict=True)]
+    at = records["at"][places]
+    return _stretches(at, (np.diff(places) > 1) | (np.diff(at) > LONGEST_GAP_S))
+
+
+def _stretches(at: NDArray[np.float64], cuts: NDArray[np.bool_]) -> Stretches:
+    """Begins and ends of times in order, cut where that is asked for between two of them."""
+    begins, ends = at[np.concatenate(([True], cuts))[: len(at)]], at[np.concatenate((cuts, [True]))[: len(at)]]
+    return list(zip(begins.tolist(), ends.tolist(), strict=True))
 
 
 def _seen(session: RecordedSession) -> Iterator[Stretches]:
     """For each camera, the stretches of time in which it gave pictures: begin and end."""
     for camera in sorted({picture.camera for picture in session.pictures}):
         at = np.array([picture.at for picture in session.pictures if picture.camera == camera])
-        cuts = np.flatnonzero(np.diff(at) > LONGEST_UNSEEN_S)
-        begins, ends = np.concatenate(([0], cuts + 1)), np.concatenate((cuts, [len(at) - 1]))
-        yield [(float(at[begin]), float(at[end])) for begin, end in zip(begins, ends, strict=True)]
+        yield _stretches(at, np.diff(at) > LONGEST_UNSEEN_S)
 
 
 def _common(one: Stretches, other: Stretches) -> Stretches:

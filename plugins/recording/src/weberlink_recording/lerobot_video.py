@@ -48,15 +48,6 @@ def write_video(video: Video, fps: int, folder: Path) -> tuple[dict[str, Any], N
     return {"dtype": "video", "shape": [height, width, 3], "names": names, "info": info}, np.stack(pixels)
 
 
-def video_stats(pixels: NDArray[np.uint8]) -> dict[str, Any]:
-    """Statistics of each colour, from 0 to 1, as LeRobot has them: shape (3, 1, 1)."""
-    colours = pixels.reshape(-1, 3) / 255.0
-    quantiles = {f"q{share:02d}": np.quantile(colours, share / 100, axis=0) for share in (1, 10, 50, 90, 99)}
-    found = {"min": colours.min(axis=0), "max": colours.max(axis=0), "mean": colours.mean(axis=0)}
-    found |= {"std": colours.std(axis=0), **quantiles}
-    return {name: value.reshape(3, 1, 1).tolist() for name, value in found.items()} | {"count": [len(pixels)]}
-
-
 def _decoded(av: Any, jpeg: bytes) -> NDArray[np.uint8]:
     """The pixels of a JPEG, shape (height, width, 3)."""
     with av.open(BytesIO(jpeg), format="mjpeg") as container:

@@ -25,11 +25,11 @@ uint32 nanosec
 """
 NAME = "weberlink"
 INFO = 20  # the level INFO of the schema
+NS = 1_000_000_000
+_LENGTH = Struct("<I")
 LONGEST_MARK = 200  # characters of a mark; the rest is cut off
 
-_HEAD = Struct("<iIB")
-_LENGTH = Struct("<I")
-_NS = 1_000_000_000
+_HEAD = Struct("<iIB")  # stamp, level
 
 
 class Mark(NamedTuple):
@@ -41,26 +41,14 @@ class Mark(NamedTuple):
 
 def pack_mark(mark: Mark) -> bytes:
     """The CDR body of a mark, without the encapsulation header."""
-    seconds, nanoseconds = divmod(mark.wall_ns, _NS)
-    body = bytearray(_HEAD.pack(seconds, nanoseconds, INFO))
-    for text in (NAME, mark.text, "", ""):
-        data = text.encode() + b"\0"
-        body += bytes(-len(body) % _LENGTH.size) + _LENGTH.pack(len(data)) + data
-    return bytes(body + bytes(-len(body) % _LENGTH.size) + _LENGTH.pack(0))
+    head = _HEAD.pack(*divmod(mark.wall_ns, NS), INFO)
+    return pack_cdr(head, *(text.encode() + b"\0" for text in (NAME, mark.text, "", "")), b"")  # ends with line 0
 
 
 def read_mark(message: bytes) -> Mark:
     """Read a message with its encapsulation header; raises ValueError if it is none, or not plain CDR."""
-    if message[:2] != ENCAPSULATION[:2]:
-        raise ValueError("a mark that is not plain little-endian CDR")
-    body = message[len(ENCAPSULATION) :]
-    try:
-        seconds, nanoseconds, _ = _HEAD.unpack_from(body)
-        _, at = _string(body, _HEAD.size)
-        text, _ = _string(body, at)
-    except error:
-        raise ValueError("a mark that is cut short") from None
-    return Mark(seconds * _NS + nanoseconds, text)
+    wall_ns, (_, text) = read_cdr(message, _HEAD, 2, "mark")
+    return Mark(wall_ns, text[:-1].decode(errors="replace"))
 
 
 def shortened(text: str) -> str:
@@ -68,11 +56,28 @@ def shortened(text: str) -> str:
     return one_line(text, LONGEST_MARK) or "mark"
 
 
-def _string(body: bytes, at: int) -> tuple[str, int]:
-    """The string at a place, and where it ends."""
-    at += -at % _LENGTH.size
-    (length,) = _LENGTH.unpack_from(body, at)
-    end = at + _LENGTH.size + length
-    if length == 0 or end > len(body):
-        raise ValueError("a mark that is cut short")
-    return body[at + _LENGTH.size : end - 1].decode(errors="replace"), end
+def pack_cdr(head: bytes, *parts: bytes) -> bytes:
+    """A CDR body without the encapsulation header: numbers, then strings or sequences of bytes behind their lengths."""
+    body = bytearray(head)
+    for data in parts:
+        body += bytes(-len(body) % _LENGTH.size) + _LENGTH.pack(len(data)) + data
+    return bytes(body)
+
+
+def read_cdr(message: bytes, head: Struct, count: int, what: str) -> tuple[int, list[bytes]]:
+    """The time stamp with which a message begins [ns since 1970], and the first parts behind its numbers; raises
+    ValueError if it is cut short, or not plain CDR.
+    """
+    body, at, parts = message[len(ENCAPSULATION) :], head.size, []
+    try:
+        seconds, nanoseconds, *_ = head.unpack_from(body)
+        for _ in range(count):
+            at += -at % _LENGTH.size
+            (length,) = _LENGTH.unpack_from(body, at)
+            at += _LENGTH.size + length
+            parts.append(body[at - length : at])
+    except error:
+        raise ValueError(f"a {what} that is cut short") from None
+    if message[:2] != ENCAPSULATION[:2] or at > len(body):
+        raise ValueError(f"a {what} that is cut short, or not plain little-endian CDR")
+    return seconds * NS + nanoseconds, parts

@@ -19,21 +19,14 @@ from weberlink_recording.writer import RecordingWriter
 
 
 class Recorder:
-    """The child process.
-
-    Args:
-        facts: about the system.
-        rings: path of each side's ring; they need not exist yet.
-        out: the file to write.
-        since: moment on the clock of the records from which on to record [s]; None for all that the rings hold.
-    """
+    """The child process; as of `weberlink.telemetry.recorders.Recorder`."""
 
     def __init__(
         self, facts: Mapping[str, str], rings: Mapping[str, str], out: Path, *, since: float | None = None
     ) -> None:
         self.path = out
         told = dict(facts) | ({} if since is None else {BEGUN: DURING})
-        order = RecordingOrder(dict(rings), str(out), told, since=since, takes_commands=True)
+        order = RecordingOrder(dict(rings), str(out), told, since=since)
         command = python("-m", "weberlink_recording.recorder", order.to_json())
         self._process = Child(command, stdin=PIPE, stdout=PIPE)  # ends when the rings end
         self._summary: dict[str, Any] | None = None

@@ -4,11 +4,11 @@ import socket
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from struct import Struct, error
+from struct import Struct
 from typing import NamedTuple
 
-from weberlink.telemetry.message import ENCAPSULATION
 from weberlink.telemetry.pictures import Picture, path_beside, split
+from weberlink_recording.marks import NS, pack_cdr, read_cdr
 
 PICTURE_TOPIC = "/weberlink/pictures/"  # with the name of the camera behind it
 PICTURE_SCHEMA = "foxglove_msgs/msg/CompressedImage"
@@ -25,8 +25,7 @@ uint32 nanosec
 """
 FORMAT = b"jpeg\0"
 READ_BYTES = 1 << 20
-_TIME, _LENGTH = Struct("<iI"), Struct("<I")
-_NS = 1_000_000_000
+_TIME = Struct("<iI")
 
 
 class RecordedPicture(NamedTuple):
@@ -43,27 +42,13 @@ def topic_of(camera: str) -> str:
 
 def pack_picture(picture: RecordedPicture) -> bytes:
     """The CDR body of a picture, without the encapsulation header."""
-    body = bytearray(_TIME.pack(*divmod(picture.wall_ns, _NS)))
-    for data in (picture.camera.encode() + b"\0", picture.jpeg, FORMAT):
-        body += bytes(-len(body) % _LENGTH.size) + _LENGTH.pack(len(data)) + data
-    return bytes(body)
+    return pack_cdr(_TIME.pack(*divmod(picture.wall_ns, NS)), picture.camera.encode() + b"\0", picture.jpeg, FORMAT)
 
 
 def read_picture(message: bytes) -> RecordedPicture:
     """Read a message with its encapsulation header; ValueError if it is none, or not plain CDR."""
-    body, at, parts = message[len(ENCAPSULATION) :], _TIME.size, []
-    try:
-        seconds, nanoseconds = _TIME.unpack_from(body)
-        for _ in range(2):
-            at += -at % _LENGTH.size
-            (length,) = _LENGTH.unpack_from(body, at)
-            at += _LENGTH.size + length
-            parts.append(body[at - length : at])
-    except error:
-        raise ValueError("a picture that is cut short") from None
-    if message[:2] != ENCAPSULATION[:2] or at > len(body):
-        raise ValueError("a picture that is cut short, or not plain little-endian CDR")
-    return RecordedPicture(seconds * _NS + nanoseconds, parts[0][:-1].decode(errors="replace"), parts[1])
+    wall_ns, (camera, jpeg) = read_cdr(message, _TIME, 2, "picture")
+    return RecordedPicture(wall_ns, camera[:-1].decode(errors="replace"), jpeg)
 
 
 class PictureSource:

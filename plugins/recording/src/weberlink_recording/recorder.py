@@ -1,15 +1,15 @@
 """The recorder process: reads the rings of a session while its daemons run, and writes one MCAP file.
 
 It starts with a `RecordingOrder` as JSON and answers with a summary as JSON on standard output. It outlives its parent,
-so that what the daemons leave in their rings is still written. While it runs it takes commands on standard input, JSON
-objects of one line: `{"mark": text, "at": moment on the clock of the records [s]}`, and `{"finish": true}`.
+so that what the daemons leave in their rings is still written. It takes commands on standard input, JSON objects of one
+line: `{"mark": text, "at": moment on the clock of the records [s]}`, and `{"finish": true}`.
 """
 
 import json
 import os
 import signal
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
@@ -51,24 +51,16 @@ class RecordingOrder(Order):
         out: path of the recording.
         facts: as of `RecordingWriter.create`.
         since: moment on the clock of the records from which on to record [s]; None for all that the rings hold.
-        takes_commands: whether the parent sends commands on standard input.
     """
 
     rings: dict[str, str]
     out: str
     facts: dict[str, str]
     since: float | None = None
-    takes_commands: bool = False
 
 
 class RingSource:
-    """One ring on its way into the file.
-
-    Args:
-        side: whose records they are.
-        path: of the ring.
-        since: as of `RecordingOrder`.
-    """
+    """One ring on its way into the file; arguments as of `RecordingOrder`."""
 
     def __init__(self, side: str, path: str, since: float | None = None) -> None:
         self.side = side
@@ -152,11 +144,7 @@ class CommandReader:
 
 
 class RingRecorder:
-    """Moves records from the rings to the file, which is created when the first ring appears.
-
-    Args:
-        order: what to record.
-    """
+    """Moves records from the rings to the file, which is created when the first ring appears."""
 
     def __init__(self, order: RecordingOrder) -> None:
         self._order = order
@@ -164,7 +152,7 @@ class RingRecorder:
         self._pictures = [PictureSource(path) for path in order.rings.values()]
         self._clock: tuple[float, float] | None = None
         self._told: list[str] = []  # why to finish: outcomes
-        self._commands = CommandReader() if order.takes_commands else None
+        self._commands = CommandReader()
         self._marks: list[dict[str, Any]] = []  # marks that wait for the file
         self.writer: RecordingWriter | None = None
         self._journal: SessionJournal | None = None
@@ -208,7 +196,7 @@ class RingRecorder:
         for source in self._sources:
             if source.ring is None and source.open():
                 self._announce(source)
-        for command in self._commands.read() if self._commands is not None else ():
+        for command in self._commands.read():
             self._obey(command)
         if self.writer is not None:
             for source in self._sources:
@@ -221,7 +209,7 @@ class RingRecorder:
                 if picture.at >= (self._order.since or 0.0):
                     self.writer.picture(RecordedPicture(self._wall_ns(picture.at), picture.camera, picture.jpeg))
             for mark in self._marks:
-                self.writer.mark(self._dated(mark))
+                self.writer.mark(Mark(self._wall_ns(mark["at"]), shortened(mark["mark"])))
             self._marks.clear()
 
     def _note(self, *, wait: bool = False) -> None:
@@ -242,10 +230,6 @@ class RingRecorder:
             self._marks.append(command)
         elif command.get("finish"):
             self._told.append(COMPLETE)
-
-    def _dated(self, mark: dict[str, Any]) -> Mark:
-        """A mark on the wall clock, as the records are."""
-        return Mark(self._wall_ns(mark["at"]), shortened(mark["mark"]))
 
     def _wall_ns(self, at: float) -> int:
         assert self._clock is not None
@@ -292,26 +276,16 @@ def main(text: str) -> int:
         outcome = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     finally:
         recording.close(outcome)
-    _tell(_summary(order, recording.writer, outcome, began))
-    return COMPLETED if outcome == COMPLETE else FAILED
-
-
-def _summary(order: RecordingOrder, writer: RecordingWriter | None, outcome: str, began: float) -> Mapping[str, Any]:
     counted: dict[str, Any] = {"bytes": 0, "records": {}, "lost": {}, "marks": 0}
-    if writer is not None:
-        counted = {name: getattr(writer, {"bytes": "size"}.get(name, name)) for name in counted}
+    if (writer := recording.writer) is not None:
+        counted = {"bytes": writer.size, "records": writer.records, "lost": writer.lost, "marks": writer.marks}
     times = {"cpu_s": process_time(), "elapsed_s": monotonic() - began}
-    return {"path": order.out, **counted, **times, "outcome": outcome}
-
-
-def _tell(summary: Mapping[str, Any]) -> None:
-    """Print the summary for the parent, if it still runs."""
     try:
-        sys.stdout.write(json.dumps(summary))
+        sys.stdout.write(json.dumps({"path": order.out, **counted, **times, "outcome": outcome}))
         sys.stdout.flush()
-    except BrokenPipeError:
-        # Or Python would try to write again, and complain, at exit.
+    except BrokenPipeError:  # of a parent that has ended; Python would try to write again, and complain, at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return COMPLETED if outcome == COMPLETE else FAILED
 
 
 if __name__ == "__main__":

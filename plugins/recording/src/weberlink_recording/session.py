@@ -96,7 +96,8 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
             found[side] = (recording, _from_its_beginning(records) if BEGUN in recording.facts else records)
     if not found:
         raise RecordingError(f"{recordings[0].path}: holds no records; expected at least one tick")
-    names = {_predictors(recording) for recording, _ in found.values()}
+    banks = ([each.facts.get(name, "") for name in ("bank", TORQUE_BANK)] for each, _ in found.values())
+    names = {f"{force} (torque: {torque})" if torque else force for force, torque in banks}
     rates = {recording.origins[side].rate_hz for side, (recording, _) in found.items()}
     if len(names) > 1 or len(rates) > 1:
         raise RecordingError(
@@ -108,9 +109,13 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
     original = {side: records for side, (_, records) in found.items()}
     if len(found) == 2 and found[MASTER][0] is not found[SLAVE][0]:
         slave = _on_the_masters_clock(found[SLAVE], found[MASTER], rate)
-        _check_overlap(found[MASTER][1], slave, found)
-        master = found[MASTER][1]["at"]  # the slave may have been alone for days
-        found[SLAVE] = (found[SLAVE][0], _between(slave, master[0] - MARGIN_S, master[-1] + MARGIN_S))
+        own, theirs = slave["at"], found[MASTER][1]["at"]
+        if min(own[-1], theirs[-1]) - max(own[0], theirs[0]) < LEAST_OVERLAP_S:
+            paths = " and ".join(str(recording.path) for recording, _ in found.values())
+            raise RecordingError(f"{paths}: have no time in common, so they are not two sides of one session")
+        # The slave may have been alone for days.
+        begin, end = np.searchsorted(own, (theirs[0] - MARGIN_S, theirs[-1] + MARGIN_S))
+        found[SLAVE] = (found[SLAVE][0], slave[begin:end])
     empty, clocks = np.empty(0, DTYPE), [(each, _clock(each, found, original)) for each in recordings]
     return RecordedSession(
         master=found[MASTER][1] if MASTER in found else empty,
@@ -151,11 +156,6 @@ def _layout(recording: Recording, rate_hz: float) -> Layout:
         return Layout.of(parse_foreign(recording.facts[CONFIGURATION]), rate_hz, bank, torque_bank)
     except ValueError as error:
         raise RecordingError(f"{recording.path}: its configuration has no settings known here: {error}") from None
-
-
-def _predictors(recording: Recording) -> str:
-    force, torque = (recording.facts.get(name, "") for name in ("bank", TORQUE_BANK))
-    return f"{force} (torque: {torque})" if torque else force
 
 
 def _check(recording: Recording, side: str, records: Records) -> None:
@@ -243,25 +243,10 @@ def _counted_from(records: Records, before: Any) -> Records:
 def _from_its_beginning(records: Records) -> Records:
     """A copy whose counters start with the first record, which counts what it sent and received itself."""
     before = records[:1].copy()
-    for counter, own in (
-        ("updates_sent", "sent"),
-        ("updates_received", "received"),
-        ("second_updates_sent", "second_sent"),
-    ):
-        before[counter] -= before[own]
+    for own in ("sent", "second_sent"):
+        before[own.replace("sent", "updates_sent")] -= before[own]
+    before["updates_received"] -= before["received"]
     return _counted_from(records, before[0])
-
-
-def _check_overlap(master: Records, slave: Records, found: dict[str, tuple[Recording, Records]]) -> None:
-    common = min(master["at"][-1], slave["at"][-1]) - max(master["at"][0], slave["at"][0])
-    if common < LEAST_OVERLAP_S:
-        paths = " and ".join(str(recording.path) for recording, _ in found.values())
-        raise RecordingError(f"{paths}: have no time in common, so they are not two sides of one session")
-
-
-def _between(records: Records, first: float, last: float) -> Records:
-    begin, end = np.searchsorted(records["at"], (first, last))
-    return records[begin:end]
 
 
 def time_axis(session: RecordedSession) -> dict[str, NDArray[np.float64]]:
