@@ -146,13 +146,8 @@ class FoxgloveServer(ServerListener):
 
 
 class FoxgloveBridge(TopicBridge):
-    """Publishes by a server for Foxglove; raises ServeError if it cannot serve.
-
-    Args:
-        listen: address to serve.
-        port: 0 for any that is free.
-        allow_changes: whether clients may set parameters.
-        tell: called with lines for the user.
+    """Publishes by a server for Foxglove, whose clients may set parameters if `allow_changes`; raises ServeError if it
+    cannot serve.
     """
 
     def __init__(self, listen: str, port: int, *, allow_changes: bool, tell: follow.Tell) -> None:

@@ -41,10 +41,8 @@ def names(listen: str) -> frozenset[str] | None:
 def refusal(host: str | None, origin: str | None, allowed: Collection[str] | None) -> str | None:
     """Why a request is refused; None if it names this server and comes from no other page.
 
-    Args:
-        host: Host header. Its port is ignored: it differs behind a forwarder, and the name shows an attacker's page.
-        origin: Origin header, which browsers always send to a WebSocket and with a POST.
-        allowed: see `names`.
+    The port of the Host header is ignored: it differs behind a forwarder, and the name shows an attacker's page. The
+    Origin header is what browsers always send to a WebSocket and with a POST. `allowed`: see `names`.
     """
     name = _host(host)
     if name is None or not (
@@ -83,9 +81,7 @@ def new_token() -> str:
 
 def kept_token(folder: Path) -> str:
     """The token of this user's monitors, made if there is none: a page stops a session after a restart of its monitor.
-
-    Args:
-        folder: of this user alone, in memory; the token changes with the next start of the host.
+    The folder is of this user alone, in memory; the token changes with the next start of the host.
     """
     path = folder / "monitor-token"
     with suppress(OSError, UnicodeError):

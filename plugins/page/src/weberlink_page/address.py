@@ -17,15 +17,8 @@ class MonitorError(RuntimeError):
 
 
 def bind(listen: str, port: int, *, or_any: bool = False) -> socket.socket:
-    """Listen for pages.
-
-    Args:
-        listen: address of this host.
-        port: 0 for any that is free.
-        or_any: whether another port will do if this one is in use.
-
-    Raises:
-        MonitorError: the address or the port cannot be used.
+    """Listen for pages at a port, 0 for any that is free; another one will do if it is in use and `or_any`. Raises
+    MonitorError if the address or the port cannot be used.
     """
     try:
         family = socket.getaddrinfo(listen, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0][0]

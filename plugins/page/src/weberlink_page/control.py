@@ -16,10 +16,7 @@ INHERIT_AGAIN_S = 0.2  # how often, and how soon again, a new session is asked t
 class SessionControl:
     """Passes requests on to the daemons of this host, which check them.
 
-    Args:
-        sessions: by name.
-        link_changed: called with a session when another link is in force.
-        tell: called with lines for the user.
+    `link_changed` is called with a session when another link is in force.
 
     Attributes:
         links: emulated links in force, by session, as far as they are known.

@@ -7,7 +7,7 @@ this process, the device takes 100 ms of silence as a release.
 
 from collections.abc import Callable, Mapping
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from weberlink.config import MASTER
 from weberlink.geometry.vector import Vector
@@ -15,9 +15,7 @@ from weberlink_figures.watching.control import Answer
 from weberlink_figures.watching.session import WatchedSession
 from weberlink_page.requests import READ_ONLY
 from weberlink_page.viewer import Viewer
-
-if TYPE_CHECKING:
-    from weberlink_pointer.target_link import PointerSender
+from weberlink_pointer.target_link import PointerSender
 
 LEASE_S = 5.0  # how long a page keeps the handle after it has released it, or fallen silent
 MOST_PER_S = 250.0
@@ -30,7 +28,7 @@ TAKEN = "another visitor drives; wait until the handle is free"
 class _Handle:
     """The handle of a session while a page has it."""
 
-    def __init__(self, holder: Viewer, sender: "PointerSender", now: float) -> None:
+    def __init__(self, holder: Viewer, sender: PointerSender, now: float) -> None:
         self.holder = holder
         self.held = False
         self.used_at = self._counted_at = now
@@ -67,19 +65,13 @@ def pointer_pid(session: WatchedSession | None) -> int | None:
 
 
 class Driving:
-    """The handles of all sessions.
-
-    Args:
-        sessions: by name.
-        viewers: returns the pages of a session.
-        connect: opens a sender to the daemon with a process id.
-    """
+    """The handles of all sessions. `viewers` gives the pages of one, `connect` a sender to the daemon of a process id."""
 
     def __init__(
         self,
         sessions: Mapping[str, WatchedSession],
         viewers: Callable[[str], list[Viewer]],
-        connect: "Callable[[int], PointerSender]",
+        connect: Callable[[int], PointerSender] = PointerSender,
     ) -> None:
         self._sessions, self._viewers, self._connect = sessions, viewers, connect
         self._handles: dict[str, _Handle] = {}
@@ -143,10 +135,3 @@ class Driving:
         elif handle is not None:
             state, why = "taken", TAKEN
         return {"type": "handle", "state": state, "why": why}
-
-
-def connect(pid: int) -> "PointerSender":
-    """The sender to the daemon with a process id."""
-    from weberlink_pointer.target_link import PointerSender  # noqa: PLC0415 - for who drives only
-
-    return PointerSender(pid)

@@ -118,13 +118,7 @@ class _Asking:
 
 
 class Front:
-    """Serves until the monitor closes its end of the channel.
-
-    Args:
-        listening: where pages connect.
-        channel: to the monitor.
-        order: what to serve.
-    """
+    """Serves until the monitor closes its end of the channel."""
 
     def __init__(self, listening: socket.socket, channel: socket.socket, order: FrontOrder) -> None:
         self._listening, self._channel, self._order = listening, channel, order

@@ -15,9 +15,7 @@ HYBRID = "hybrid"
 def hello(session: str, descriptions: Mapping[str, dict[str, Any] | None]) -> dict[str, Any]:
     """The greeting of a session, without what depends on who watches and on the time.
 
-    Args:
-        session: name of the session.
-        descriptions: of the present sides, see `weberlink.session.description`; None if unknown.
+    `descriptions`: of the present sides, see `weberlink.session.description`; None if unknown.
     """
     any_: dict[str, Any] = next((each for each in descriptions.values() if each is not None), {})
     system = any_.get("system", {})

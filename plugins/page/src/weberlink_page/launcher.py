@@ -34,36 +34,22 @@ _PROGRAM = (
 
 @dataclass(frozen=True)
 class TryOrder:
-    """What sessions to run.
-
-    Args:
-        file: configuration.
-        overrides: of every session, as of `--set`.
-        scenes: by name; empty if the file has one scene only.
-        scene: the first one.
-        duration_s: how long sessions may run in all; None until it is interrupted.
-    """
+    """What sessions to run."""
 
     file: str
-    overrides: tuple[str, ...] = ()
-    scenes: Mapping[str, SceneChoice] = field(default_factory=dict)
-    scene: str | None = None
-    duration_s: float | None = None
+    overrides: tuple[str, ...] = ()  # of every session, as of `--set`
+    scenes: Mapping[str, SceneChoice] = field(default_factory=dict)  # empty if the file has one scene only
+    scene: str | None = None  # the first one
+    duration_s: float | None = None  # how long sessions may run in all; None until it is interrupted
 
 
 @dataclass(frozen=True)
 class SessionResult:
-    """How a session ended.
-
-    Args:
-        status: exit status.
-        report: as of `weberlink loopback --json -`; None if it did not begin.
-        complaint: the last line on standard error if it failed.
-    """
+    """How a session ended."""
 
     status: int
-    report: dict[str, Any] | None
-    complaint: str
+    report: dict[str, Any] | None  # as of `weberlink loopback --json -`; None if it did not begin
+    complaint: str  # the last line on standard error if it failed
 
 
 @dataclass(eq=False)
@@ -115,8 +101,6 @@ class SessionLauncher:
     """Starts, stops and restarts the session of `weberlink try`.
 
     Args:
-        order: what to run.
-        tell: called with lines for the user.
         announce: called with a `launcher` message at every change.
         inherit: called with the names of the former session and of the new one, to apply the settings of the former.
         program: command that runs `weberlink`.
@@ -180,9 +164,7 @@ class SessionLauncher:
     def request_start(self, scene: str | None, stops: int | None) -> Answer:
         """Begin to start a session, in place of the present one; the result comes as `launcher` messages.
 
-        Args:
-            scene: None for the present one.
-            stops: that the page knew of.
+        `scene`: None for the present one; `stops`: that the page knew of.
         """
         if stops != self.stops:
             return refusal("an emergency stop came first; press Start again")
@@ -296,8 +278,7 @@ class SessionLauncher:
         elif has_failed:
             self._tell(f"the session failed: {why}; start another one from the page")
 
-    def _advise(self, note: str) -> None:
-        """Tell a line of advice, which every session may give, once."""
+    def _advise(self, note: str) -> None:  # once, since every session may give it
         if note not in self._advised:
             self._advised.add(note)
             self._tell(note)

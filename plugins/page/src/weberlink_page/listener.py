@@ -20,12 +20,9 @@ class Listener:
     """Takes connections until it is closed.
 
     Args:
-        listening: where pages connect.
         serve: makes the protocol of a connection in this loop.
         unproven: connections that have not shown the key of the page.
-        order: what the front serves.
         stopped: called with the moment of each stop that the front has passed on, on `time.monotonic` [s].
-        tell: called with lines for the user.
     """
 
     def __init__(
@@ -69,7 +66,9 @@ class Listener:
             for descriptor in descriptors:
                 connection = socket.socket(fileno=descriptor)
                 connection.setblocking(False)
-                self._task(self._take(connection))
+                task = self._loop.create_task(self._take(connection))
+                self._tasks.add(task)
+                task.add_done_callback(self._tasks.discard)
         elif message.startswith(STOPPED):
             self._stopped(float(message.removeprefix(STOPPED)))
         else:
@@ -90,8 +89,3 @@ class Listener:
             self._unproven.forget(methodcaller("is_closing"))
             if (evicted := self._unproven.add(transport, host)) is not None:
                 evicted.abort()
-
-    def _task(self, work: Any) -> None:
-        task = self._loop.create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)

@@ -68,11 +68,7 @@ def exposition(sessions: Callable[[], Iterable[WatchedSession]]) -> Callable[[],
 
 
 class SessionCollector:
-    """Collector that reads the sessions on each scrape.
-
-    Args:
-        sessions: returns all sessions.
-    """
+    """Collector that reads the sessions on each scrape."""
 
     def __init__(self, sessions: Callable[[], Iterable[WatchedSession]]) -> None:
         self._sessions = sessions

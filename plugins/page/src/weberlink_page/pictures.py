@@ -7,14 +7,12 @@ import asyncio
 from contextlib import suppress
 from pathlib import Path
 from time import monotonic
-from typing import Any
 
 from aiohttp import WSCloseCode, web
 
 from weberlink.order import SIDES
 from weberlink.telemetry.pictures import Picture, pack, path_beside, split
 from weberlink_figures.watching.session import WatchedSession
-from weberlink_page.viewer import Viewer
 from weberlink_page.watch import SessionWatcher
 
 MOST_VIEWS = 16
@@ -29,19 +27,6 @@ class PictureService:
     def __init__(self, watch: SessionWatcher) -> None:
         self._watch = watch
         self._pages: set[web.WebSocketResponse] = set()
-        watch.attach(self)
-
-    def look(self, now: float) -> None:
-        """Pictures go to WebSockets of their own."""
-
-    def hello(self, session: WatchedSession, viewer: Viewer) -> dict[str, Any]:
-        """Who makes the pictures of the session; None without any."""
-        del viewer
-        cameras = session.description.get("system", {}).get("slave", {}).get("cameras")
-        return {"view": None if session.ended or cameras is None else cameras.get("driver")}
-
-    def introduced(self, session: WatchedSession, viewer: Viewer) -> None:
-        """The page opens the WebSocket itself."""
 
     async def serve(self, request: web.Request) -> web.StreamResponse:
         """Send pictures to a page until it leaves."""

@@ -60,13 +60,8 @@ class TrySession:
 
 
 def run(settings: MonitorSettings, attempt: TrySession | None = None) -> SessionResult | None:
-    """Serve until interrupted or terminated, or until the session of `weberlink try` ends by itself.
-
-    Returns:
-        Of its last session, if there was one.
-
-    Raises:
-        MonitorError: the address cannot be used.
+    """Serve until interrupted or terminated, or until the session of `weberlink try` ends by itself; returns the result
+    of its last session, if there was one. Raises MonitorError if the address cannot be used.
     """
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         return runner.run(_serve(settings, attempt))

@@ -68,13 +68,7 @@ class _Recording:
 
 
 class RecordingService:
-    """Starts, marks and ends the recordings of the running sessions of this host.
-
-    Args:
-        watch: its sessions and pages.
-        folder: for the files; created on first use.
-        tell: called with lines for the user.
-    """
+    """Starts, marks and ends the recordings of the running sessions of this host, in a folder made on first use."""
 
     def __init__(self, watch: SessionWatcher, folder: Path, tell: Callable[[str], None]) -> None:
         self._watch = watch
@@ -84,7 +78,7 @@ class RecordingService:
         self._failures: dict[str, str] = {}  # why the last start of a session failed
         self._tell_at = 0.0
         watch.requests.handlers["record"] = self._record
-        watch.attach(self)
+        watch.recording = self
 
     def look(self, now: float) -> None:
         """Watch the recorders; pages are told once a second, and at once of an end."""
@@ -176,11 +170,7 @@ class RecordingService:
         return {"accepted": True, "path": str(path)}
 
     def _free_path(self, name: str, suffix: str) -> Path:
-        """A path that does not exist yet, in the folder, which is made if it does not exist.
-
-        Raises:
-            OSError: the folder cannot be made or written.
-        """
+        """A path that does not exist yet, in the folder; raises OSError if that cannot be made or written."""
         self._folder.mkdir(parents=True, exist_ok=True)
         if not os.access(self._folder, os.W_OK | os.X_OK):
             raise PermissionError(13, "Permission denied")

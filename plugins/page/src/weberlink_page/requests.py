@@ -39,10 +39,8 @@ class Requests:
         return isinstance(token, str) and compare_digest(token.encode(errors="replace"), self.token.encode())
 
     def read(self, viewer: Viewer, text: str) -> dict[str, Any]:
-        """Read a request, see `weberlink_page.messages`.
-
-        Returns:
-            The request; a refusal, of type `answer`, if it is none or the page may not make it.
+        """The request in a text, see `weberlink_page.messages`; a refusal, of type `answer`, if it is none or the page
+        may not make it.
         """
         try:
             request: dict[str, Any] = REQUEST.validate_json(text)

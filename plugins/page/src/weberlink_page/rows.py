@@ -26,11 +26,7 @@ CARTESIAN = ("bound", "second_bound", "surface", "surface_size", "surface_stiffn
 
 
 class Thinning:
-    """Selects every Nth record of a side, and all that sent an update or changed state or fault.
-
-    Args:
-        rate_hz: rate of the records [Hz].
-    """
+    """Selects every Nth record of a side, and all that sent an update or changed state or fault."""
 
     def __init__(self, rate_hz: float) -> None:
         self._every = max(1, int(np.ceil(rate_hz / ROWS_PER_S)))

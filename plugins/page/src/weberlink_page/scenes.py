@@ -5,15 +5,10 @@ from typing import NamedTuple
 
 
 class SceneChoice(NamedTuple):
-    """A scene to choose.
+    """A scene to choose."""
 
-    Args:
-        title: in plain words.
-        overrides: of try.yaml, as of `--set`; none for the scene of the file itself.
-    """
-
-    title: str
-    overrides: tuple[str, ...]
+    title: str  # in plain words
+    overrides: tuple[str, ...]  # of try.yaml, as of `--set`; none for the scene of the file itself
 
 
 def _scene(*shapes: str) -> tuple[str, ...]:

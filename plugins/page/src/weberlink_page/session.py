@@ -59,14 +59,9 @@ class _Shown(NamedTuple):
 
 
 class PageSession(WatchedSession):
-    """As of `WatchedSession`.
-
-    Attributes:
-        settings, generation: settings in force as the daemons report them; None before that.
-    """
-
     def __init__(self, name: str, first: RingSource) -> None:
         super().__init__(name, first)
+        # Those in force as the daemons report them; None before that.
         self.settings: dict[str, Any] | None = None
         self.generation: int | None = None
         self._thinnings: dict[str, Thinning] = {}
@@ -103,8 +98,15 @@ class PageSession(WatchedSession):
     def hello(self) -> dict[str, Any]:
         """The greeting; `readonly` says whether nobody may change anything."""
         told = hello(self.name, {name: source.description for name, source in self.sources.items()})
-        axes = list(self.layout.joints) or None
-        return told | self._settings | {"rate_hz": self.rate_hz, "seen_from_start": self.seen_from_start, "axes": axes}
+        cameras = self.description.get("system", {}).get("slave", {}).get("cameras")
+        return {
+            **told,
+            **self._settings,
+            "rate_hz": self.rate_hz,
+            "seen_from_start": self.seen_from_start,
+            "axes": list(self.layout.joints) or None,
+            "view": None if self.ended or cameras is None else cameras.get("driver"),
+        }
 
     def figures(self) -> dict[str, Any]:
         """Message with all figures so far, and those of the last second."""

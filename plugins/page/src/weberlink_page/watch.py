@@ -5,19 +5,22 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 from time import monotonic
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from weberlink.session.emergency import EmergencyStop, Scope
 from weberlink_figures.watching.control import Answer, ask_daemon, refusal
 from weberlink_figures.watching.rings import RingOpener, RingSource, find_rings
-from weberlink_page import driving
 from weberlink_page.control import SessionControl
+from weberlink_page.driving import Driving
 from weberlink_page.front import ANSWER_S, LONGEST_AGE_MS, LOOK_S as LOOK_STOP_S
 from weberlink_page.launcher import SessionLauncher
 from weberlink_page.messages import Rooms
 from weberlink_page.requests import Requests
 from weberlink_page.session import PageSession, events_message
 from weberlink_page.viewer import Topic, Viewer, put_all
+
+if TYPE_CHECKING:
+    from weberlink_page.recording import RecordingService
 
 LOOK_S = 0.05  # period of reading the rings while a page is open
 LOOK_DRIVEN_S = 1.0 / 60.0  # period while a page drives, which is to see its handle move
@@ -29,30 +32,17 @@ ASK_AGAIN_S = 1.0
 ENDED_KEPT = 4  # ended sessions that can still be viewed
 
 
-class Attachment(Protocol):
-    """A part of the monitor with messages of its own, beside requests that it answers."""
-
-    def look(self, now: float) -> None:
-        """Called at each look at the sessions."""
-
-    def hello(self, session: PageSession, viewer: Viewer) -> dict[str, Any]:
-        """What it adds to the greeting of a session for a page."""
-
-    def introduced(self, session: PageSession, viewer: Viewer) -> None:
-        """Called when a page is shown another session, after the greeting."""
-
-
 class SessionWatcher:
     """All sessions and all pages.
 
     Args:
         where: folder of the rings; None for those of this user.
         only: name of the session to follow; None for all.
-        tell: called with lines for the user.
 
     Attributes:
         requests: what pages may ask for; other parts of the monitor add theirs.
         launcher: of the session that pages may start; None where they may not.
+        recording: of the recordings that pages start.
     """
 
     def __init__(self, where: Path | None, only: str | None, tell: Callable[[str], None]) -> None:
@@ -63,25 +53,21 @@ class SessionWatcher:
         self._tell = tell
         self._opener = RingOpener(tell)
         self._find_at = self._figures_at = 0.0
-        self._attached: list[Attachment] = []
         self._asked_at: dict[str, int] = {}
         """The count of changes in the records when the daemons of a session were last asked for their settings."""
         self._told_events: dict[str, int] = {}
         self._asking: set[asyncio.Task[None]] = set()
         self.requests = Requests()
         self.control = SessionControl(self.sessions, self._greet_all, tell)
-        self.driving = driving.Driving(self.sessions, self.viewers_of, driving.connect)
+        self.driving = Driving(self.sessions, self.viewers_of)
         self.launcher: SessionLauncher | None = None
+        self.recording: RecordingService | None = None
         self.requests.handlers |= {
-            "change": self._change,
+            "change": lambda viewer, request: self.control.change(viewer.watching, request),
             "drive": self.driving.drive,
             "session": self._session,
             "emergency": self._emergency,
         }
-
-    def attach(self, part: Attachment) -> None:
-        """Add a part."""
-        self._attached.append(part)
 
     @property
     def newest(self) -> PageSession | None:
@@ -112,8 +98,8 @@ class SessionWatcher:
         is_figures_time = now >= self._figures_at
         if is_figures_time:
             self._figures_at = now + FIGURES_S
-        for part in self._attached:
-            part.look(now)
+        if self.recording is not None:
+            self.recording.look(now)
         for session in list(self.sessions.values()):
             if not session.ended:
                 self._follow(session, is_figures_time=is_figures_time)
@@ -154,10 +140,6 @@ class SessionWatcher:
             }
             for session in reversed(self.sessions.values())
         ]
-
-    async def _change(self, viewer: Viewer, request: dict[str, Any]) -> Answer:
-        """Change settings of the session that a page shows."""
-        return await self.control.change(viewer.watching, request)
 
     async def _session(self, viewer: Viewer, request: dict[str, Any]) -> Answer:
         """Start or stop a session."""
@@ -255,9 +237,7 @@ class SessionWatcher:
         hello["readonly"] = hello["readonly"] or not viewer.may_change
         hello["link"] = self.control.links.get(session.name, hello["link"])
         hello |= self._own_part(viewer)
-        for part in self._attached:
-            hello |= part.hello(session, viewer)
-        return hello
+        return hello if self.recording is None else hello | self.recording.hello(session, viewer)
 
     def _greet_all(self, session: PageSession) -> None:
         for viewer in self.viewers_of(session.name):
@@ -280,8 +260,8 @@ class SessionWatcher:
         if session.log.events:
             viewer.put("events", events_message(session.name, list(session.log.events)))
         viewer.put("final" if session.ended else "figures", session.figures())
-        for part in self._attached:
-            part.introduced(session, viewer)
+        if self.recording is not None:
+            self.recording.introduced(session, viewer)
 
     def viewers_of(self, name: str) -> list[Viewer]:
         """The pages that are shown this session."""
