@@ -65,7 +65,7 @@ def pointer_pid(session: WatchedSession | None) -> int | None:
 
 
 class Driving:
-    """The handles of all sessions. `viewers` gives the pages of one, `connect` a sender to the daemon of a process id."""
+    """The handles of all sessions; `viewers` gives the pages of one, `connect` a sender to the daemon of a process."""
 
     def __init__(
         self,

@@ -40,12 +40,7 @@ class Status(NamedTuple):
 
 
 class SideCondition:
-    """What is known of one side since it was last asked.
-
-    Args:
-        source: of the side.
-        now: time [s], monotonic clock.
-    """
+    """What is known of one side since it was last asked."""
 
     def __init__(self, source: RingSource, now: float) -> None:
         self._source = source

@@ -75,11 +75,7 @@ class SessionFollower:
 
 
 def run(bridge: "TopicBridge", only: str | None, period_s: float, tell: Tell) -> None:
-    """Follow sessions as `SessionFollower` until a signal, from the main thread; then close the bridge.
-
-    Args:
-        period_s: between two looks at the rings [s].
-    """
+    """Follow sessions as `SessionFollower` until a signal, from the main thread; then close the bridge."""
     over = Event()
     for number in (SIGINT, SIGTERM, SIGHUP):
         signal(number, lambda _number, _frame: over.set())

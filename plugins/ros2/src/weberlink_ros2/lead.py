@@ -15,10 +15,8 @@ ANEW_S = 0.3  # how long it lets go at first, so that a new publisher may lead
 
 
 def lead(session: str | None) -> None:
-    """Hold until a signal, or until the session ends.
-
-    Raises:
-        NoSessionError: there is none, or more than one and none is named.
+    """Hold until a signal, or until the session ends; raises NoSessionError if there is none, or more than one and none
+    is named.
     """
     over = Event()
     for number in (SIGINT, SIGTERM, SIGHUP):

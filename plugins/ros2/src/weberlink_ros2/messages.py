@@ -16,10 +16,8 @@ def types() -> Typestore:
 
 
 def type_hash(type_name: str) -> str:
-    """The hash of a type (RIHS01, REP-2016), for example of "geometry_msgs/msg/PoseStamped".
-
-    Raises:
-        ValueError: ROS 2 Jazzy has no such type.
+    """The hash of a type (RIHS01, REP-2016), for example of "geometry_msgs/msg/PoseStamped"; raises ValueError if ROS 2
+    Jazzy has no such type.
     """
     try:
         return str(types().hash_rihs01(type_name))
@@ -33,14 +31,8 @@ def encode_body(message: Any, type_name: str) -> bytes:
 
 
 def decode(cdr: bytes, type_name: str) -> Any:
-    """A received message with the fields of its type.
-
-    Args:
-        cdr: the message with its encapsulation header, of either byte order.
-        type_name: for example "geometry_msgs/msg/PoseStamped".
-
-    Raises:
-        ValueError: the bytes are not a message of this type.
+    """A received message, with its encapsulation header and of either byte order, with the fields of its type; raises
+    ValueError if the bytes are no such message.
     """
     try:
         return types().deserialize_cdr(cdr, type_name)

@@ -61,17 +61,15 @@ class Node:
     def __init__(self, name: str, domain: int = 0, connect: str | None = None) -> None:
         check_node_name(name)
         self._domain = check_domain(domain)
+        # Whether this node has taken the place of the router of its host.
         self._session, self.is_router = _open(connect)
-        """Whether this node has taken the place of the router of its host."""
         self._name = NodeName(domain, str(self._session.info.zid()), name)
         self._endpoints = 0
         self._tokens = [self._session.liveliness().declare_token(self._name.token())]
 
     def publisher(self, topic: str, type_name: str, qos: Qos | None = None) -> "Publisher":
-        """Announce a topic, such as "/weberlink/hand" of "geometry_msgs/msg/PoseStamped".
-
-        Raises:
-            ValueError: a name that ROS does not allow, or a type that it does not have.
+        """Announce a topic, such as "/weberlink/hand" of "geometry_msgs/msg/PoseStamped"; raises ValueError for a name
+        that ROS does not allow, or a type that it does not have.
         """
         quality = qos or Qos()
         key, token = self._announce(PUBLISHER, topic, type_name, quality)
@@ -83,10 +81,8 @@ class Node:
         return Publisher(raw, blake2b(token.encode(), digest_size=16).digest())
 
     def subscribe(self, topic: str, type_name: str, callback: Received, qos: Qos | None = None) -> None:
-        """Receive the messages of a topic, in a thread of Zenoh; what no ROS publisher sent is left out.
-
-        Raises:
-            ValueError: a name that ROS does not allow, or a type that it does not have.
+        """Receive the messages of a topic, in a thread of Zenoh; what no ROS publisher sent is left out. Raises
+        ValueError as `publisher`.
         """
 
         def receive(sample: zenoh.Sample) -> None:
@@ -134,15 +130,10 @@ class Node:
 
 
 class Publisher:
-    """Publishes messages of one topic; made by `Node.publisher`.
-
-    Args:
-        raw: publisher of the Zenoh session.
-        source: its identity, 16 bytes.
-    """
+    """Publishes messages of one topic; made by `Node.publisher`."""
 
     def __init__(self, raw: zenoh.Publisher, source: bytes) -> None:
-        self._raw, self._source = raw, source
+        self._raw, self._source = raw, source  # of the Zenoh session, and its identity, 16 bytes
         self.sequence = 0  # number of messages published
 
     def put_body(self, cdr: bytes, stamp_ns: int) -> None:
@@ -173,7 +164,9 @@ def _open(connect: str | None) -> tuple[zenoh.Session, bool]:
             return zenoh.open(_config("peer", ["tcp/127.0.0.1:0"], [router])), False
         return zenoh.open(_config("client", [], [router])), False
     except zenoh.ZError as error:
-        raise NodeError(f"cannot open a Zenoh session with {file or router}: {_first_line(error)}") from error
+        raise NodeError(
+            f"cannot open a Zenoh session with {file or router}: {str(error).partition(' at /')[0]}"
+        ) from error
 
 
 def _config(mode: str, listen: list[str], connect: list[str]) -> zenoh.Config:
@@ -184,7 +177,3 @@ def _config(mode: str, listen: list[str], connect: list[str]) -> zenoh.Config:
     for path, value in (values | scouting).items():
         config.insert_json5(path, json.dumps(value))
     return config
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).partition(" at /")[0]

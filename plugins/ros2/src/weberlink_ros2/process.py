@@ -56,11 +56,8 @@ class ListenerProcess:
         return None if self._child is None else self._child.pid
 
     def open(self) -> None:
-        """Start it, and wait until it is subscribed.
-
-        Raises:
-            DeviceFault: it cannot listen, with its reason.
-            OSError: the process cannot be started.
+        """Start it, and wait until it is subscribed; raises DeviceFault with the reason if it cannot listen, OSError if
+        the process cannot be started.
         """
         self.close()
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -121,10 +118,7 @@ class ListenerProcess:
         except OSError:
             data = b""
         if not data:
-            self.failure = self.trouble = self._end()
+            assert self._child is not None
+            self._child.end(0.02)  # its descriptors are closed a little before it has ended
+            self.failure = self.trouble = f"its listener {self._child.how_it_ended}; start the session again"
         return data
-
-    def _end(self) -> str:
-        assert self._child is not None
-        self._child.end(0.02)  # its descriptors are closed a little before it has ended
-        return f"its listener {self._child.how_it_ended}; start the session again"

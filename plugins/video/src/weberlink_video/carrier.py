@@ -67,7 +67,6 @@ class Carrier:
     """One end of the link of the pictures.
 
     Args:
-        configuration: of the session.
         side: of this host; `MASTER` for a watcher too.
         hub: from which the robot's end takes what it sends, or to which the other end gives it.
         place: 0 for the operator, from 1 for watchers.

@@ -12,10 +12,8 @@ _FRAMES: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # markers of
 
 
 def read_head(data: bytes) -> tuple[int, int, int] | None:
-    """Width and height [pixels] of a JPEG, and where its first scan begins; None while its head is not complete.
-
-    Raises:
-        ValueError: it is none, or too large.
+    """Width and height [pixels] of a JPEG, and where its first scan begins; None while its head is not complete. Raises
+    ValueError if it is none, or too large.
     """
     if data[:2] != _BEGIN[: len(data)]:
         raise ValueError("not a JPEG picture")

@@ -28,10 +28,8 @@ class Robot(NamedTuple):
 
 
 def jpegs(source: SourceSettings, robot: Robot) -> Iterator[tuple[float, bytes]]:
-    """Moment on the monotonic clock [s] and JPEG of each picture of a source.
-
-    Raises:
-        OSError, ValueError, RuntimeError, ImportError: there are none, or no more.
+    """Moment on the monotonic clock [s] and JPEG of each picture of a source; raises OSError, ValueError, RuntimeError
+    or ImportError if there are none, or no more.
     """
     if source.kind == "pattern":
         yield from _drawn_pattern(source)
@@ -88,27 +86,19 @@ def _drawn_scene(source: SourceSettings, robot: Robot) -> Iterator[tuple[float, 
         began = monotonic()
         if (pose := reader.read()) is not None:
             at, data.qpos[:] = pose
-            yield at, jpeg_of(_rendered(mujoco, model, data, renderer), source.quality)
+            for step in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight):
+                step(model, data)
+            renderer.update_scene(data)
+            for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+                renderer.scene.flags[flag] = 0
+            yield at, jpeg_of(renderer.render(), source.quality)
         sleep(max(0.0, began + 1.0 / source.rate_hz - monotonic()))
-
-
-def _rendered(mujoco: Any, model: Any, data: Any, renderer: Any) -> Any:
-    """The picture of a pose, shape (height, width, 3)."""
-    for step in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight):
-        step(model, data)
-    renderer.update_scene(data)
-    for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
-        renderer.scene.flags[flag] = 0
-    return renderer.render()
 
 
 class Camera:
     """Runs a source in a thread of its own, and again after it has failed.
 
-    Args:
-        source: its settings.
-        robot: tells of the robot.
-        give: called in the thread with each picture that can be shown, and once with why there are none.
+    `give` is called in the thread with each picture that can be shown, and once with why there are none.
     """
 
     def __init__(self, source: SourceSettings, robot: Any, give: Any) -> None:

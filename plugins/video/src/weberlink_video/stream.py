@@ -44,27 +44,15 @@ ASK_AGAIN_S: Final = 0.02  # beside the round trip, until a fragment that is mis
 TAIL_S: Final = 0.03  # without a fragment for so long, the rest of a picture is missing
 
 
-@dataclass
-class _Waiting:
-    """A message that is being sent."""
-
-    fragments: list[bytes]
-    at: float
-
-
 class Sender:
-    """Sends the newest message of each camera; an older one that has not begun to leave is dropped.
-
-    Args:
-        most_bit_s: of all of them; may be changed.
-    """
+    """Sends the newest message of each camera; an older one that has not begun to leave is dropped."""
 
     def __init__(self, most_bit_s: float) -> None:
         self.rate = FIRST_BIT_S  # [bit/s]
-        self.most_bit_s = most_bit_s
+        self.most_bit_s = most_bit_s  # of all of them; may be changed
         self._next: dict[int, tuple[bytes, float, int]] = {}
         self._queue: deque[bytes] = deque()
-        self._sent: dict[int, _Waiting] = {}
+        self._sent: dict[int, tuple[list[bytes], float]] = {}  # fragments of a message, and when it was taken [s]
         self._number = 0
         self._tokens, self._filled_at = 0.0, -inf
         self._report = 0
@@ -101,7 +89,7 @@ class Sender:
                 HEAD.pack(camera, self._number, place, count, at_us) + message[ends[place] : ends[place + 1]]
                 for place in range(count)
             ]
-            self._sent[self._number] = _Waiting(fragments, at)
+            self._sent[self._number] = fragments, at
             self._sent.pop(self._number - KEPT, None)
             self._queue.extend(fragments)
             return True
@@ -117,9 +105,9 @@ class Sender:
         self._report = number
         again = []
         for message, place in MISSING.iter_unpack(report[REPORT.size :]):
-            waiting = self._sent.get(message)
-            if waiting is not None and place < len(waiting.fragments) and now - waiting.at < DEADLINE_S:
-                again.append(waiting.fragments[place])
+            fragments, at = self._sent.get(message, ([], -inf))
+            if place < len(fragments) and now - at < DEADLINE_S:
+                again.append(fragments[place])
         self._queue.extendleft(reversed(again[:MOST_MISSING]))
         self._adapt(late * 1e-4, received, now)
 
@@ -166,9 +154,7 @@ class Receiver:
         not fit is dropped.
 
         Args:
-            fragment: as of `Sender.take`.
             age: for how long it was on its way when it was read [s].
-            now: [s].
             stood: for how long this host had not looked [s]: so long it may have waited here, not on the link.
         """
         if len(fragment) <= HEAD.size:

@@ -45,10 +45,8 @@ def _buffer(index: int) -> bytearray:
 
 
 def captured(path: Path, size: tuple[int, int], rate_hz: float) -> Iterator[tuple[float, bytes]]:
-    """Moment on the monotonic clock [s] and JPEG of each picture, until the iterator is closed.
-
-    Raises:
-        OSError: the device is no camera, or gives no more pictures.
+    """Moment on the monotonic clock [s] and JPEG of each picture, until the iterator is closed; raises OSError if the
+    device is no camera, or gives no more pictures.
     """
     with ExitStack() as stack:
         fd = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
