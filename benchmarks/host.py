@@ -4,11 +4,11 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
-from weberlink.realtime.host import Steal
 from weberlink_doctor.host.checks import CHECKS
 from weberlink_doctor.host.examination import examine
 from weberlink_doctor.host.machine import Machine
 from weberlink_doctor.report import Needs
+from weberlink_figures.host import Steal
 
 NAMES = {"preemption", "throttling", "clock source", "isolation", "governor", "idle states"}
 """Checks of doctor that a figure is printed with."""

@@ -43,7 +43,7 @@ COMMANDS = commands(get_command(app))  # of the program and of the distributions
 PATIENT = ("--set", "link.silence_ms=2000")
 """For live sessions of tests that are not about silence: a short stall of the host then causes no fault."""
 ENGAGED = State.ENGAGED.value
-WATCHER = b"weberlink.realtime.host"
+WATCHER = b"weberlink_figures.host"
 
 
 def document(text: str) -> dict[str, Any]:

@@ -15,7 +15,7 @@ import pytest
 from tests.program import PATIENT, ROOT
 from tests.session.systems import CONFIGS
 from weberlink.child_process import Child, python, shared_memory
-from weberlink.realtime.host import WatchOrder
+from weberlink.session.description import DaemonOrder
 from weberlink.testing.time import running_time
 
 SESSION = (str(CONFIGS / "loopback.yaml"), "--duration", "1", "--set", "realtime.lock_memory=false", *PATIENT)
@@ -117,9 +117,9 @@ def test_signals_wait_until_the_child_takes_them() -> None:
 
 
 def test_an_order_arrives_as_it_was_given() -> None:
-    order = WatchOrder((0, 3), 50, 1.5, 0.002, 0.0005)
+    order = DaemonOrder("slave", "a.yaml", ("rate_hz=500", 'link.listen="x"'), "/a ring", 1.5)
     assert order.parent == os.getpid()
-    assert WatchOrder.from_json(order.to_json()) == order
+    assert DaemonOrder.from_json(order.to_json()) == order
 
 
 def test_memory_is_shared() -> None:

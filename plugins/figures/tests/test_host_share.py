@@ -14,8 +14,8 @@ from conftest import may_use_fifo
 from tests.examples import examples
 from tests.program import PATIENT, Program, document
 from tests.wait import until
-from weberlink.realtime.host import WakeUp
 from weberlink.telemetry.reader import DTYPE
+from weberlink_figures.host import WakeUp
 from weberlink_figures.host_watch import Gap, HostShare, missed_by_host
 
 PERIOD = 1e-3

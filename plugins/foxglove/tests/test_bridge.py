@@ -16,7 +16,7 @@ from plugins.figures.tests.sources import daemons, description, records, write
 from plugins.ros2.tests.rigs import ring
 from tests.program import weberlink
 from tests.wait import until
-from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_TEXT
+from weberlink_figures.message import ENCAPSULATION, SCHEMA_TEXT
 from weberlink_foxglove.bridge import FoxgloveBridge
 from weberlink_ros2.follow import FIND_S, SessionFollower
 from weberlink_ros2.markers import CUBE, DELETE_ALL

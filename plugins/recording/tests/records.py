@@ -10,8 +10,8 @@ from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
 from plugins.recording.tests import arm_sessions
-from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT, TOPICS
 from weberlink.telemetry.reader import DTYPE
+from weberlink_figures.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT, TOPICS
 from weberlink_recording.container import metadata_of
 from weberlink_recording.writer import Origin, RecordingWriter
 

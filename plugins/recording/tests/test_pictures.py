@@ -15,7 +15,7 @@ from plugins.recording.tests import arm_sessions
 from plugins.recording.tests.records import FACTS, MONOTONIC_S, WALL_S, origin
 from plugins.recording.tests.test_exports import session
 from tests.records import ticks
-from weberlink.telemetry.message import ENCAPSULATION
+from weberlink_figures.message import ENCAPSULATION
 from weberlink_recording.lerobot_export import write_dataset
 from weberlink_recording.lerobot_frames import frames_of
 from weberlink_recording.pictures import RecordedPicture, pack_picture, read_picture

@@ -17,7 +17,7 @@ from weberlink.master.trace import TraceError, read_motion, read_trace
 from weberlink.protocol.states import State
 from weberlink.session.launcher import LiveRun
 from weberlink.session.recorder import failure
-from weberlink.telemetry.message import Origin
+from weberlink_figures.message import Origin
 from weberlink_recording import mcap_format
 from weberlink_recording.mcap_format import Recorder
 from weberlink_recording.writer import RecordingWriter

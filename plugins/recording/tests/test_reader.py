@@ -8,8 +8,8 @@ from mcap.records import Chunk, DataEnd, Schema
 from mcap.writer import CompressionType
 
 from plugins.recording.tests.records import FACTS, SIDES, frames_of, noise, origin, same, small_file, write_elsewhere
-from weberlink.telemetry.message import SCHEMA_TEXT
 from weberlink.telemetry.reader import DTYPE
+from weberlink_figures.message import SCHEMA_TEXT
 from weberlink_recording.reader import RecordingError, dtype_of, read_recording
 
 

@@ -16,8 +16,8 @@ from tests.session.systems import CONFIGS, configuration
 from tests.wait import until
 from weberlink.config import load
 from weberlink.session.simulation import simulate
-from weberlink.telemetry.message import ENCAPSULATION, TOPICS
 from weberlink.telemetry.record import COUNTERS
+from weberlink_figures.message import ENCAPSULATION, TOPICS
 from weberlink_figures.reporting import FiguresReport
 from weberlink_recording.export import describe
 from weberlink_recording.former import ADDED

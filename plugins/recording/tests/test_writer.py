@@ -12,9 +12,9 @@ from mcap.reader import make_reader
 
 from plugins.recording.tests.records import FACTS, MONOTONIC_S, SIDES, WALL_S, noise, origin, same, small_file
 from tests.examples import examples
-from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_NAME
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.record import FIELDS
+from weberlink_figures.message import ENCAPSULATION, SCHEMA_NAME
 from weberlink_recording.container import END, FACTS as FACTS_NAME
 from weberlink_recording.reader import read_recording
 from weberlink_recording.writer import CHUNK_RECORDS, Origin, RecordingWriter

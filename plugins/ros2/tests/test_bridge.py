@@ -11,9 +11,9 @@ import pytest
 from plugins.figures.tests.sources import records, write
 from plugins.ros2.tests.rigs import ring
 from weberlink.telemetry.fault import Fault
-from weberlink.telemetry.message import ENCAPSULATION
 from weberlink.telemetry.reader import Records
 from weberlink.telemetry.record import FORCE, RELEASED
+from weberlink_figures.message import ENCAPSULATION
 from weberlink_figures.watching.rings import RingSource
 from weberlink_ros2.bridge import Ros2Bridge
 from weberlink_ros2.diagnostics import STALE_S, Level, SideCondition

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.program import weberlink
-from weberlink.telemetry.message import SCHEMA_TEXT
+from weberlink_figures.message import SCHEMA_TEXT
 
 FILE = Path(__file__).parents[1] / "configs" / "ros2.yaml"
 PACKAGE = Path(__file__).parents[1] / "weberlink_msgs"
@@ -17,7 +17,7 @@ def test_the_file_is_live_alone() -> None:
 
 def test_the_message_of_the_ros_package_is_that_of_the_code() -> None:
     there = (PACKAGE / "msg" / "Tick.msg").read_text()
-    assert there == SCHEMA_TEXT, "write weberlink.telemetry.message.SCHEMA_TEXT into it"
+    assert there == SCHEMA_TEXT, "write weberlink_figures.message.SCHEMA_TEXT into it"
     assert "msg/Tick.msg" in (PACKAGE / "CMakeLists.txt").read_text()
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from hypothesis import given, strategies as st
 
-from weberlink.telemetry.message import ENCAPSULATION
+from weberlink_figures.message import ENCAPSULATION
 from weberlink_figures.watching.ros import SCHEMAS
 from weberlink_ros2.messages import decode, encode_body, type_hash, types
 from weberlink_ros2.names import (

@@ -11,7 +11,7 @@ import zenoh
 
 from plugins.ros2.tests.rigs import endpoint
 from tests.wait import until
-from weberlink.telemetry.message import ENCAPSULATION
+from weberlink_figures.message import ENCAPSULATION
 from weberlink_ros2.messages import encode_body, types
 from weberlink_ros2.names import Attachment, Qos
 from weberlink_ros2.node import CONFIG_VARIABLE, Node, NodeError, Publisher

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 from PIL import Image
 
-from weberlink.telemetry.pictures import LARGEST
+from weberlink_figures.pictures import LARGEST
 from weberlink_video.jpeg import Splitter, check
 
 

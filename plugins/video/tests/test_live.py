@@ -19,10 +19,11 @@ from PIL import Image
 from plugins.video.tests.test_jpeg import claims, jpeg
 from tests.program import Program, child, document, faults_of, free_port
 from tests.wait import until
+from weberlink.config.cameras import path_beside
 from weberlink.protocol.keys import Right, generate
 from weberlink.session.control_socket import control_sockets, session_of
-from weberlink.telemetry.pictures import LARGEST, Picture, path_beside, split
 from weberlink.telemetry.ring import default_path
+from weberlink_figures.pictures import LARGEST, Picture, split
 from weberlink_figures.watching.rings import RingSource
 from weberlink_figures.watching.session import WatchedSession
 from weberlink_video.pattern import time_in

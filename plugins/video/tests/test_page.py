@@ -19,7 +19,7 @@ from plugins.page.tests.scripted_server import ScriptedServer
 from plugins.page.tests.test_page import greeting
 from plugins.video.tests.test_jpeg import jpeg
 from tests.program import ROOT, document, faults_of
-from weberlink.telemetry.pictures import Picture, pack
+from weberlink_figures.pictures import Picture, pack
 from weberlink_page.commands import cameras_to_try, try_order
 from weberlink_page.launcher import TryOrder
 

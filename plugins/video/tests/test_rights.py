@@ -12,7 +12,7 @@ from plugins.video.tests.test_live import free_port, write
 from tests.wait import PATIENCE, in_loop, soon
 from weberlink.config import MASTER, SLAVE, Configuration, load
 from weberlink.protocol.keys import Right, generate
-from weberlink.telemetry.pictures import HEAD, Picture
+from weberlink_figures.pictures import HEAD, Picture
 from weberlink_video.carrier import Carrier
 from weberlink_video.hub import Hub
 from weberlink_video.process import places

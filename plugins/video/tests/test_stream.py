@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from weberlink.protocol.emulation import HEADER_BYTES, EmulatedLink, Emulation
-from weberlink.telemetry.pictures import Picture
+from weberlink_figures.pictures import Picture
 from weberlink_video.hub import Hub
 from weberlink_video.options import MOST_CAMERAS
 from weberlink_video.stream import DEADLINE_S, FORM_BYTES, HEAD, KEPT, MOST_FRAGMENTS, Receiver, Sender

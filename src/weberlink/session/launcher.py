@@ -18,7 +18,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from weberlink.child_process import Child, python
-from weberlink.config import MASTER, SIDES, SLAVE, Configuration
+from weberlink.config import MASTER, SIDES, SLAVE, Configuration, cameras
 from weberlink.order import MISCONFIGURED, NOTE, STOP_SIGNALS
 from weberlink.protocol.keys import generate
 from weberlink.protocol.paths import LinkPath, notable, paths_of
@@ -27,7 +27,6 @@ from weberlink.session.composition.channels import lookahead_ms
 from weberlink.session.description import DaemonOrder, failure
 from weberlink.session.report import REPORTS, Facts, Report, chosen_report
 from weberlink.session.waiting import WaitingDaemon
-from weberlink.telemetry import pictures
 from weberlink.telemetry.ring import default_path, process_started
 from weberlink.telemetry.runtime_directory import directories, directory
 
@@ -183,11 +182,11 @@ class LiveRun:
         part = self.configuration.cameras
         side = SLAVE if SLAVE in rings else MASTER
         if part is not None:
-            order = pictures.PicturesOrder(
+            order = cameras.PicturesOrder(
                 side, str(self.configuration.path), tuple(self.overrides), str(rings[side]), len(rings) == 1
             )
             child = Child(python("-m", part.driver.MODULE, order.to_json()))
-            self._cameras[pictures.path_beside(rings[side])] = child
+            self._cameras[cameras.path_beside(rings[side])] = child
             self._stack.callback(child.end, CAMERAS_END_S)
             self._stack.callback(child.send_signal, SIGTERM)
 

@@ -16,9 +16,9 @@ import numpy as np
 from weberlink.child_process import Child, python
 from weberlink.config import SIDES
 from weberlink.config.model import RealtimeSettings
-from weberlink.realtime.host import Steal, WakeUp, WatchOrder
 from weberlink.realtime.process import HIGHEST_PRIORITY
 from weberlink.telemetry.reader import Records
+from weberlink_figures.host import Steal, WakeUp, WatchOrder
 
 INTERVAL_S = 0.002
 """Time between two wake-ups of a watcher, about; each costs some 25 us. A stall of this length and half a tick is
@@ -195,7 +195,7 @@ class HostWatch:
         self._started = True
         self._steal = Steal.read(self._processors)
         try:
-            self._process = Child(python("-m", "weberlink.realtime.host", order.to_json()), stdout=PIPE)
+            self._process = Child(python("-m", "weberlink_figures.host", order.to_json()), stdout=PIPE)
         except OSError as error:
             self._unknown = f"no process: {error.strerror}"
 

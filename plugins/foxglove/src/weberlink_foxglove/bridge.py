@@ -13,7 +13,8 @@ from foxglove import Channel, Context, Parameter, Schema, StatusLevel
 from foxglove.websocket import Capability, ChannelView, Client, ServerListener, WebSocketServer
 
 from weberlink.config import SIDES, SLAVE
-from weberlink.telemetry.message import (
+from weberlink.telemetry.reader import Records
+from weberlink_figures.message import (
     ENCAPSULATION,
     MESSAGE_ENCODING,
     SCHEMA_ENCODING,
@@ -22,7 +23,6 @@ from weberlink.telemetry.message import (
     TOPICS,
     Origin,
 )
-from weberlink.telemetry.reader import Records
 from weberlink_figures.tree import FAILURE
 from weberlink_figures.watching.rings import RingSource
 from weberlink_figures.watching.ros import topics
@@ -185,7 +185,7 @@ class FoxgloveBridge(TopicBridge):
         super().begin(session, source)
 
     def put(self, source: RingSource, records: Records) -> None:
-        # A packed record is the body of its message, see `weberlink.telemetry.message`.
+        # A packed record is the body of its message, see `weberlink_figures.message`.
         ticks, data, size = self._ticks[source.side], records.tobytes(), records.itemsize
         for row, at_ns in enumerate(self._origins[source.side].log_times_ns(records["at"]).tolist()):
             ticks.put_body(data[row * size : (row + 1) * size], at_ns)

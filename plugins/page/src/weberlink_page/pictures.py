@@ -1,4 +1,4 @@
-"""The pictures of a session (`weberlink.telemetry.pictures`) for pages, over a WebSocket. A slow page skips pictures.
+"""The pictures of a session (`weberlink_figures.pictures`) for pages, over a WebSocket. A slow page skips pictures.
 
 A message is a picture as it came, with its age when it is sent [s] in the place of its moment.
 """
@@ -10,8 +10,9 @@ from time import monotonic
 
 from aiohttp import WSCloseCode, web
 
+from weberlink.config.cameras import path_beside
 from weberlink.order import SIDES
-from weberlink.telemetry.pictures import Picture, pack, path_beside, split
+from weberlink_figures.pictures import Picture, pack, split
 from weberlink_figures.watching.session import WatchedSession
 from weberlink_page.watch import SessionWatcher
 

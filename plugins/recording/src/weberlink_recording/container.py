@@ -36,7 +36,7 @@ from mcap.records import (
 )
 from numpy.typing import NDArray
 
-from weberlink.telemetry.message import ENCAPSULATION, MESSAGE_ENCODING, SCHEMA_ENCODING, Origin, Rows
+from weberlink_figures.message import ENCAPSULATION, MESSAGE_ENCODING, SCHEMA_ENCODING, Origin, Rows
 
 MAGIC = b"\x89MCAP0\r\n"  # begins a file and ends a complete one
 FRAME = Struct("<BQ")

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from weberlink.telemetry.message import Rows
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.record import FORCE, MOST_AXES, SECOND, TORQUE
 from weberlink_figures.channel import GRIPPER
+from weberlink_figures.message import Rows
 
 ADDED = {"jitter_us": np.nan, "incoming_loss": np.nan, "outgoing_loss": np.nan}
 ADDED |= {"peer_burst": 0.0, "energy": 0.0, "credit": 0.0}

@@ -3,8 +3,8 @@
 from struct import Struct, error
 from typing import NamedTuple
 
-from weberlink.telemetry.message import ENCAPSULATION
 from weberlink.text import one_line
+from weberlink_figures.message import ENCAPSULATION
 
 MARK_TOPIC, JOURNAL_TOPIC = "/weberlink/marks", "/weberlink/journal"
 """Of marks, and of the lines of the journal (`weberlink_figures.chain`), which are messages of the same schema."""

@@ -10,8 +10,8 @@ from typing import Any
 
 from weberlink.child_process import Child, python
 from weberlink.session.recorder import FINISH_LIMIT_S
-from weberlink.telemetry.message import TOPICS, Origin
 from weberlink.telemetry.recorders import BEGUN, DURING
+from weberlink_figures.message import TOPICS, Origin
 from weberlink_recording.marks import shortened
 from weberlink_recording.reader import read_recording
 from weberlink_recording.recorder import RecordingOrder

@@ -7,7 +7,8 @@ from pathlib import Path
 from struct import Struct
 from typing import NamedTuple
 
-from weberlink.telemetry.pictures import Picture, path_beside, split
+from weberlink.config.cameras import path_beside
+from weberlink_figures.pictures import Picture, split
 from weberlink_recording.marks import NS, pack_cdr, read_cdr
 
 PICTURE_TOPIC = "/weberlink/pictures/"  # with the name of the camera behind it

@@ -20,7 +20,10 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata, Schema
 
-from weberlink.telemetry.message import (
+from weberlink.telemetry.record import AXES, MOST_AXES
+from weberlink.telemetry.recorders import COMPLETE
+from weberlink.text import one_line
+from weberlink_figures.message import (
     CODES,
     ENCAPSULATION,
     MESSAGE_ENCODING,
@@ -32,9 +35,6 @@ from weberlink.telemetry.message import (
     aligned,
     fields_in,
 )
-from weberlink.telemetry.record import AXES, MOST_AXES
-from weberlink.telemetry.recorders import COMPLETE
-from weberlink.text import one_line
 from weberlink_recording.configuration import joints_of
 from weberlink_recording.container import (
     END,

@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from weberlink.child_process import Order
-from weberlink.telemetry.message import Origin, Rows
 from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.recorders import COMPLETE
 from weberlink.telemetry.ring import RingFormatError
+from weberlink_figures.message import Origin, Rows
 from weberlink_recording.marks import Mark, shortened
 from weberlink_recording.pictures import PictureSource, RecordedPicture
 from weberlink_recording.writer import RecordingWriter

@@ -11,9 +11,9 @@ import numpy as np
 from mcap.records import Metadata
 from numpy.typing import NDArray
 
-from weberlink.telemetry.message import SCHEMA_NAME, SCHEMA_TEXT, Origin, Rows
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.recorders import COMPLETE
+from weberlink_figures.message import SCHEMA_NAME, SCHEMA_TEXT, Origin, Rows
 from weberlink_figures.watching.ros import SCHEMAS, shown
 from weberlink_recording.container import END, FACTS, QOS, McapFile, framed, metadata_of
 from weberlink_recording.session import RecordedSession

@@ -8,9 +8,9 @@ from typing import Any
 
 from weberlink.protocol.paths import paths_of
 from weberlink.session import description
-from weberlink.telemetry.message import Rows
 from weberlink.telemetry.reader import RingReader
 from weberlink_figures.journal import Journal
+from weberlink_figures.message import Rows
 from weberlink_recording.writer import RecordingWriter
 
 

@@ -14,10 +14,10 @@ from typing import Any, Self
 import numpy as np
 from mcap.records import Metadata
 
-from weberlink.telemetry.message import SCHEMA_NAME, SCHEMA_TEXT, Origin, Rows
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.recorders import COMPLETE
 from weberlink_figures.chain import Chain
+from weberlink_figures.message import SCHEMA_NAME, SCHEMA_TEXT, Origin, Rows
 from weberlink_recording.container import END, FACTS, JOURNAL, QOS, McapFile, framed, metadata_of
 from weberlink_recording.marks import JOURNAL_TOPIC, MARK_DEFINITION, MARK_SCHEMA, MARK_TOPIC, Mark, pack_mark
 from weberlink_recording.pictures import PICTURE_DEFINITION, PICTURE_SCHEMA, RecordedPicture, pack_picture, topic_of

@@ -6,7 +6,7 @@ from typing import Any
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from weberlink.telemetry.message import ENCAPSULATION
+from weberlink_figures.message import ENCAPSULATION
 
 
 @cache

@@ -13,7 +13,7 @@ from typing import Final, Self
 
 import zenoh
 
-from weberlink.telemetry.message import ENCAPSULATION
+from weberlink_figures.message import ENCAPSULATION
 from weberlink_ros2.messages import type_hash
 from weberlink_ros2.names import (
     PUBLISHER,

@@ -9,9 +9,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.telemetry.message import Origin
 from weberlink.telemetry.reader import Records
 from weberlink_figures.channel import joints_in
+from weberlink_figures.message import Origin
 from weberlink_figures.watching.rings import RingSource
 from weberlink_figures.watching.ros import shown, topics
 from weberlink_figures.watching.scene import drawn

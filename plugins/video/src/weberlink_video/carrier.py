@@ -24,8 +24,8 @@ from weberlink.protocol.security import Checksum, Security
 from weberlink.session.composition.link import acquaintance, default_name, held_keys
 from weberlink.session.daemon import emulated_link
 from weberlink.session.key_watch import KeyWatch
-from weberlink.telemetry.pictures import Picture, pack, split
 from weberlink.update import ModelParameters, Update, UpdateForm
+from weberlink_figures.pictures import Picture, pack, split
 from weberlink_video.hub import Hub
 from weberlink_video.jpeg import check
 from weberlink_video.options import VideoOptions

@@ -1,4 +1,4 @@
-"""Gives the pictures of a session to those on this host who ask (`weberlink.telemetry.pictures`)."""
+"""Gives the pictures of a session to those on this host who ask (`weberlink_figures.pictures`)."""
 
 import asyncio
 import os
@@ -6,7 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from weberlink.telemetry.pictures import Picture, pack
+from weberlink_figures.pictures import Picture, pack
 from weberlink_video.options import MOST_CAMERAS
 
 MOST_WAITING: Final = 2**22  # of bytes that who reads slowly has not taken; it misses pictures from there on

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from weberlink.telemetry.pictures import LARGEST
+from weberlink_figures.pictures import LARGEST
 
 MOST_PIXELS: Final = 4096
 """Of width and height: a larger picture of a few bytes would fill the memory of who decodes it."""

@@ -16,10 +16,11 @@ from time import monotonic
 import uvloop
 
 from weberlink.config import SLAVE, Configuration, ConfigurationError, load
+from weberlink.config.cameras import PicturesOrder, path_beside
 from weberlink.realtime.process import die_with_parent, forbid_core_dumps
 from weberlink.session import description
-from weberlink.telemetry.pictures import Picture, PicturesOrder, path_beside
 from weberlink.text import one_line
+from weberlink_figures.pictures import Picture
 from weberlink_video.carrier import Carrier
 from weberlink_video.hub import Hub
 from weberlink_video.sources import Camera, Robot

@@ -9,8 +9,8 @@ from threading import Event
 from time import monotonic, sleep
 from typing import Any, Final, NamedTuple
 
-from weberlink.telemetry.pictures import Picture
 from weberlink.text import one_line
+from weberlink_figures.pictures import Picture
 from weberlink_video.jpeg import Splitter, check
 from weberlink_video.options import SourceSettings
 from weberlink_video.v4l2 import captured

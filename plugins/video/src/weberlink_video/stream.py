@@ -13,7 +13,7 @@ from math import inf
 from struct import Struct
 from typing import Final
 
-from weberlink.telemetry.pictures import HEAD as MESSAGE_HEAD, LARGEST, LONGEST_TEXT
+from weberlink_figures.pictures import HEAD as MESSAGE_HEAD, LARGEST, LONGEST_TEXT
 
 HEAD: Final = Struct("<BIHHq")
 """Camera, number of the message, place of the fragment, number of fragments, when taken on the sender's clock [us]."""

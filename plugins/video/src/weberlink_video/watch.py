@@ -6,9 +6,9 @@ from signal import SIGINT, SIGTERM
 
 from weberlink.cli.output import tell
 from weberlink.config import Configuration
+from weberlink.config.cameras import path_beside
 from weberlink.order import MASTER
 from weberlink.session.description import Description, describe
-from weberlink.telemetry.pictures import path_beside
 from weberlink.telemetry.ring import RingWriter, default_path
 from weberlink_video.carrier import Carrier
 from weberlink_video.hub import Hub

@@ -20,8 +20,8 @@ from time import monotonic
 from typing import Any, TypeVar
 
 from weberlink.child_process import python
-from weberlink.realtime.host import Steal, WakeUp, wake_ups
 from weberlink.realtime.process import LATENCY_REQUEST, prepare
+from weberlink_figures.host import Steal, WakeUp, wake_ups
 
 T = TypeVar("T")
 Stretch = dict[str, float | None]

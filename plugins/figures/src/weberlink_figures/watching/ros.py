@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.config import MASTER
-from weberlink.telemetry.message import CODES, Rows, aligned, fields_in
 from weberlink.telemetry.record import FORCE, TORQUE
+from weberlink_figures.message import CODES, Rows, aligned, fields_in
 
 FIXED_FRAME: Final = "weberlink"  # the frame of the robot, in which all positions are
 

@@ -5,12 +5,8 @@ camera, then every new one; who reads too slowly misses some. `at` is on the mon
 the records is, whichever host took the picture.
 """
 
-from dataclasses import dataclass
-from pathlib import Path
 from struct import Struct
 from typing import Final, NamedTuple
-
-from weberlink.child_process import Order
 
 HEAD: Final = Struct("<dHHI")  # moment, and the bytes of name, note and JPEG that follow
 LONGEST_TEXT: Final = 500  # of a name or a note [bytes]
@@ -24,21 +20,6 @@ class Picture(NamedTuple):
     camera: str
     jpeg: bytes  # empty where there is none
     note: str = ""  # why there is none, in one line
-
-
-@dataclass(frozen=True)
-class PicturesOrder(Order):
-    """What the process of a camera driver does; as of `weberlink.session.description.DaemonOrder`."""
-
-    side: str
-    file: str
-    overrides: tuple[str, ...]
-    ring: str
-    is_alone: bool  # whether the other side is on another host; else the pictures stay on this one
-
-
-def path_beside(ring: str | Path) -> Path:
-    return Path(ring).with_suffix(".pictures")
 
 
 def pack(picture: Picture) -> bytes:

@@ -7,7 +7,7 @@ from time import monotonic, sleep
 import pytest
 
 from tests.wait import PATIENCE
-from weberlink.realtime.host import Steal, wake_ups
+from weberlink_figures.host import Steal, wake_ups
 
 LINES = """cpu  100 0 20 1000 5 0 3 {steal} 7 0
 cpu0 60 0 10 400 5 0 1 {steal} 7 0
