@@ -3,7 +3,7 @@
 from weberlink.registry import Driver, Registry
 
 BUILT_IN = {
-    "point": "weberlink.slave.robots.point:PointRobot",
+    "point": "weberlink.slave.robots.computed:PointRobot",
     "simulated": "weberlink.slave.robots.simulated:SimulatedRobot",
 }
 

@@ -1,4 +1,4 @@
-"""The options that computed robots share: workspace, sensor, stiffness."""
+"""Options of computed robots: workspace, sensor, stiffness, and a tool."""
 
 from typing import Self
 
@@ -9,9 +9,8 @@ from weberlink.geometry.vector import Vector, check_home, cube
 from weberlink.options import Options
 from weberlink.slave.robots.contract import RobotSpec
 
-SOFTEST, STIFFEST = 1e-3, 1e9
-"""Range of the stiffness of a computed robot [N/m]."""
-UNSTATED = 2500.0  # Stiffness of a computed robot that is built without a device [N/m]
+SOFTEST, STIFFEST = 1e-3, 1e9  # range of the stiffness of a computed robot [N/m]
+UNSTATED = 2500.0  # stiffness of a computed robot that is built without a device [N/m]
 
 
 class VirtualOptions(Options):
@@ -45,4 +44,23 @@ def virtual_spec(name: str, options: VirtualOptions, tick_period: float, torque_
         rate_hz=1.0 / tick_period,
         force_sensing=True,
         torque_n_m=torque_n_m,
+    )
+
+
+class ToolOptions(Options):
+    """A rigid tool at the tip, as up to 32 points; two points make a stick."""
+
+    points_m: tuple[Vector, ...] = Field(
+        min_length=1, max_length=32, description="points of contact from the tip, in the initial orientation"
+    )
+    torque_n_m: float = Field(
+        default=2.0, ge=1e-4, le=1e4, description="range of its torque sensor; larger torques are limited to it"
+    )
+
+
+class PointOptions(VirtualOptions):
+    """Options of `point`."""
+
+    tool: ToolOptions | None = Field(
+        default=None, description="a rigid tool of several points that can be turned; without it, the tip alone"
     )

@@ -121,7 +121,7 @@ class ObjectContact:
         self._anchor: Vector | None = None
         self._sliding = False
         self.offset: Vector = ZERO  # Displacement of the object [m]: the anchor moves with it
-        self._stiffness = thing.stiffness_n_m
+        self.stiffness = thing.stiffness_n_m
         self._damping = thing.damping_n_s_m
         self._cone = thing.friction
         self.has_memory = self._damping is not None or self._cone is not None  # Whether `state` ever changes
@@ -141,12 +141,12 @@ class ObjectContact:
         if self._cone is not None:
             before = self._anchor
             drag = self._drag(self._cone, depth, normal, proxy)
-            grip = 0.0 if before is not None and self._anchor is not before else self._stiffness
-        return Touch(index, depth, normal, self._stiffness, damping, drag, grip)
+            grip = 0.0 if before is not None and self._anchor is not before else self.stiffness
+        return Touch(index, depth, normal, self.stiffness, damping, drag, grip)
 
     def force(self, depth: float, normal: Vector, proxy: Vector, dt: float) -> Vector:
         """Force [N] on the probe that is `depth` [m] inside, `dt` [s] after the last call; `normal` points out."""
-        f = self._stiffness * depth
+        f = self.stiffness * depth
         if self._damping is not None:
             if dt > 0.0:
                 f = max(0.0, f + self._damping * (depth - self._depth) / dt)
@@ -160,7 +160,7 @@ class ObjectContact:
         if self._anchor is None:
             self._anchor = (px, py, pz)
             return ZERO
-        (ax, ay, az), n, k = self._anchor, normal, self._stiffness
+        (ax, ay, az), n, k = self._anchor, normal, self.stiffness
         x, y, z = ax - px, ay - py, az - pz
         out = x * n[0] + y * n[1] + z * n[2]
         x, y, z = x - n[0] * out, y - n[1] * out, z - n[2] * out
@@ -267,8 +267,13 @@ class Scene:
         x = y = z = 0.0
         proxy, presses = self._follow(position)
         for index, depth, normal in presses:
-            f = self._contacts[index].force(depth, normal, proxy, dt)
-            x, y, z = x + f[0], y + f[1], z + f[2]
+            contact = self._contacts[index]
+            if contact.has_memory:
+                u, v, w = contact.force(depth, normal, proxy, dt)
+            else:
+                push = contact.stiffness * depth
+                u, v, w = push * normal[0], push * normal[1], push * normal[2]
+            x, y, z = x + u, y + v, z + w
         if x - x == y - y == z - z == 0.0:
             return (x, y, z)
         self.forget_friction()  # what overflowed must not be remembered

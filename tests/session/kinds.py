@@ -15,7 +15,7 @@ from weberlink.master.devices.operator import OperatorDevice
 from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.events import Address
 from weberlink.session.simulation import Simulation, as_array
-from weberlink.slave.robots.point import PointRobot
+from weberlink.slave.robots.computed import PointRobot
 from weberlink.telemetry import record
 from weberlink.telemetry.fault import Fault
 

@@ -32,7 +32,7 @@ MISTAKES = {
 """By module: its source, and what its import raises."""
 CLUMSY = """
 from weberlink.master.devices.operator import OperatorDevice
-from weberlink.slave.robots.point import PointRobot
+from weberlink.slave.robots.computed import PointRobot
 
 
 def stumble(things):

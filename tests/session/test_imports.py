@@ -110,7 +110,6 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
         "weberlink.master.devices.replay": builds_device and device == "replay",
         "weberlink.master.devices.polhem": builds_device and device == "polhem_serial",
         "weberlink.slave.rotation": turns and slave,
-        "weberlink.slave.robots.point": slave and robot == "point",
         "weberlink.slave.robots.tool": turns and slave and robot == "point",
         "weberlink.slave.robots.simulated": simulated,
         **{f"weberlink.slave.integrators.{each}": each == integrator for each in INTEGRATORS},

@@ -12,9 +12,10 @@ from tests.examples import examples, tenfold
 from tests.slave.scenes.solids import wall
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.slave.guard import Guard, PressLimit, PressStep, axis_press_limit
+from weberlink.slave.robots.computed import PointRobot
 from weberlink.slave.robots.contract import Robot, RobotReading
-from weberlink.slave.robots.point import PointOptions, PointRobot
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
+from weberlink.slave.robots.virtual import PointOptions
 
 SPEED = 2.0  # Largest speed of a command [m/s]
 HEIGHT = 0.005  # From which a tap begins [m]
