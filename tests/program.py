@@ -43,7 +43,7 @@ COMMANDS = commands(get_command(app))  # of the program and of the distributions
 PATIENT = ("--set", "link.silence_ms=2000")
 """For live sessions of tests that are not about silence: a short stall of the host then causes no fault."""
 ENGAGED = State.ENGAGED.value
-WATCHER = b"weberlink_figures.host"
+DAEMON = b"weberlink.session.daemon"
 
 
 def document(text: str) -> dict[str, Any]:
@@ -217,10 +217,10 @@ class Program:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        daemons = self.daemons()
+        children = self.children()
         self._process.kill()
         self._process.wait()
-        for pid in daemons:
+        for pid in children:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
         for stream in (self._process.stdin, self._process.stdout, self._process.stderr):
@@ -246,12 +246,7 @@ class Program:
         return children(self.pid)
 
     def daemons(self) -> list[int]:
-        """Its child processes, without the one that watches the host."""
-        return [pid for pid, command in self.children().items() if WATCHER not in command]
-
-    def watcher(self) -> int:
-        """The process that watches the host; 0 while there is none."""
-        return next((pid for pid, command in self.children().items() if WATCHER in command), 0)
+        return [pid for pid, command in self.children().items() if DAEMON in command]
 
     def rings(self) -> list[Path]:
         path = default_path(f"{self.pid}-side")

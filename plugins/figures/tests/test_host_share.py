@@ -12,7 +12,7 @@ from hypothesis import given, strategies as st
 
 from conftest import may_use_fifo
 from tests.examples import examples
-from tests.program import PATIENT, Program, document
+from tests.program import PATIENT, Program, child, document
 from tests.wait import until
 from weberlink.telemetry.reader import DTYPE
 from weberlink_figures.host import WakeUp
@@ -131,7 +131,7 @@ def test_ticks_on_a_processor_that_was_taken_away_are_the_hosts() -> None:
     with Program("loopback", *ARGUMENTS) as program:
         master = program.engaged("master")
         program.engaged("slave")
-        until(program.watcher, "the watcher of the host")
+        until(lambda: child(program.pid, "weberlink_figures.host"), "the watcher of the host")
         sleep(0.5)
         before = int(master.last["ticks_missed"])
         subprocess.run([sys.executable, "-S", "-c", HOG], check=True)
