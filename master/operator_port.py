@@ -133,11 +133,6 @@ class OperatorPort(Port):
     def at_rest(self) -> bool:
         return self.gate.gain == 0.0
 
-    def latest(self, now: float) -> Any:
-        reading = self._source.latest(now)
-        self.ended = reading.ended
-        return reading
-
     def accept(self, reading: Any) -> bool:
         self.buttons = buttons = reading.buttons
         if self._button is not None:

@@ -1,7 +1,7 @@
 import pytest
 from hypothesis import given, strategies as st
 
-from weberlink.realtime.stall import LONGEST_STEP, SETTLING_TICKS, StallDetector, Watchdog
+from weberlink.realtime.stall import LONGEST_STEP, SETTLING_TICKS, StallDetector
 
 TICK = 1e-3
 
@@ -35,12 +35,3 @@ def test_ramps_never_advance_by_more_than_the_elapsed_time(gaps: list[float]) ->
         assert pace.stalled == (now - before > pace.limit)
         assert elapsed == (0.0 if pace.stalled else now - before)
         assert 0.0 <= pace.step <= min(elapsed, LONGEST_STEP * TICK)
-
-
-def test_watchdog_expires_when_it_is_not_fed() -> None:
-    watchdog = Watchdog(0.5)
-    assert [watchdog.expired(now) for now in (10.0, 10.5, 10.6)] == [False, False, True]  # from the first call on
-    watchdog.feed(10.6)
-    assert [watchdog.expired(now) for now in (11.1, 11.2)] == [False, True]
-    with pytest.raises(ValueError, match="limit"):
-        Watchdog(0.0)

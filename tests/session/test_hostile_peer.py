@@ -168,7 +168,8 @@ def test_whatever_fails_at_contents_of_the_peer_is_its_fault_and_the_loop_goes_o
     held = side.incoming[0].decoder
     assert held.newest is not None and not side.faults
     if where in ("apply", "value"):
-        setattr(side.incoming[0], where, failing_once(getattr(side.incoming[0], where)))
+        at: Any = held if where == "apply" else side.incoming[0]
+        setattr(at, where, failing_once(getattr(at, where)))
         assert duel.update(GOOD)
     else:
         side.tuning = Tuning(side.tuning.settings, {"weber": (), "predictor": Unreadable()}, refuse)

@@ -1,6 +1,6 @@
 """One end of the link as the side loop sees it: how it senses and actuates."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
 from weberlink.compiled import mypyc_attr
@@ -25,7 +25,6 @@ class Port:
         kind: "device" or "robot", for messages.
         leads: whether this is the operator's end.
         enabled: whether the operator enables motion with the button of `master.engage`.
-        ended: whether a script or a recording is over.
         tripped: whether a contact force above its limit stops the robot from following.
         angle_range: least and largest angles of an arm [rad]; None of a hand or its robot.
         unfounded: whether a force is asked for that the other end has stated no contact for: it is faded out.
@@ -36,11 +35,13 @@ class Port:
 
     def __init__(self, source: Any, controls: Sequence[Control], fault: type[Exception]) -> None:
         self._source, self.fault = source, fault
+        # Gives the newest reading at a time; its attribute `at` is that of the measurement [s]. Raises `fault`.
+        self.latest: Callable[[float], Any] = source.latest
         self.name: str = source.spec.name
         self.controls = controls
         self.enabled = True
         self.angle_range: tuple[Joints, Joints] | None = None
-        self.ended = self.tripped = self.unfounded = False
+        self.tripped = self.unfounded = False
 
     @property
     def trouble(self) -> str | None:
@@ -57,10 +58,6 @@ class Port:
 
     def close(self) -> None:
         self._source.close()
-
-    def latest(self, now: float) -> Any:
-        """The newest reading; its attribute `at` is the time of measurement [s]. Raises `fault`."""
-        return self._source.latest(now)
 
     def accept(self, reading: Any) -> bool:
         """Keep the rest of a new reading that has no complaint; returns whether its contact force exceeds the limit."""

@@ -1,6 +1,4 @@
-"""Detect stalls of this process and of a device, from times that the caller passes in."""
-
-from math import inf
+"""Detect stalls of this process, from times that the caller passes in."""
 
 LEAST_STALL = 0.02
 """No shorter pause counts as a stall [s]: a busy host delays a tick by some milliseconds now and then."""
@@ -48,31 +46,3 @@ class StallDetector:
             self._ticks_to_settle -= 1
         self.step = elapsed if elapsed < self._longest_step else self._longest_step
         return elapsed
-
-
-class Watchdog:
-    """Expires when it is not fed for longer than a limit.
-
-    Args:
-        limit: longest time between two calls of `feed` [s], > 0.
-
-    Raises:
-        ValueError: the limit is not positive.
-    """
-
-    __slots__ = ("_fed_at", "_limit")
-
-    def __init__(self, limit: float) -> None:
-        if not limit > 0.0:
-            raise ValueError(f"limit must be positive, not {limit!r}")
-        self._limit = limit
-        self._fed_at = inf
-
-    def feed(self, now: float) -> None:
-        self._fed_at = now
-
-    def expired(self, now: float) -> bool:
-        """Whether the limit has passed; the time runs from the first call of this or of `feed`."""
-        if self._fed_at == inf:
-            self._fed_at = now
-        return now - self._fed_at > self._limit

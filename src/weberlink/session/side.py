@@ -27,7 +27,7 @@ from weberlink.protocol.events import (
     UpdateReceived,
 )
 from weberlink.protocol.states import State
-from weberlink.realtime.stall import StallDetector, Watchdog
+from weberlink.realtime.stall import StallDetector
 from weberlink.session.channels import IncomingChannel, Rows
 from weberlink.session.tuning import MARGIN_TICKS, Tuning, change_margin
 from weberlink.telemetry.fault import Fault, FaultLedger
@@ -53,6 +53,15 @@ class PeerFacts(NamedTuple):
     right: str = ""
 
 
+class Parts(NamedTuple):
+    """What a side senses, actuates and codes, and which settings of that may change."""
+
+    port: Port
+    outgoing: Sequence[OutgoingChannel]
+    incoming: Sequence[IncomingChannel]
+    tuning: Tuning
+
+
 class Side:
     """One end of the system: a port, its channels, and the endpoint that links it with the other end.
 
@@ -61,7 +70,7 @@ class Side:
     Args:
         tick_period: of both sides, as agreed [s].
         horizon: how long a model is extrapolated past the last sign of the peer's encoder [s].
-        watchdog: expires when the port gives no usable reading for too long.
+        patience: longest time without a new usable reading of the device or robot [s].
         stopwatch: a clock [s], for the time spent in the codec; a constant in virtual time.
         playout: how much later than an update that took the least delay every update is used [ticks]; 0 to use each at
             once.
@@ -69,21 +78,17 @@ class Side:
 
     def __init__(
         self,
-        *,
-        port: Port,
-        outgoing: Sequence[OutgoingChannel],
-        incoming: Sequence[IncomingChannel],
-        tuning: Tuning,
+        parts: Parts,
         endpoint: Endpoint,
+        *,
         tick_period: float,
         horizon: float,
-        watchdog: Watchdog,
+        patience: float,
         stopwatch: Callable[[], float],
         playout: int = 0,
     ) -> None:
-        self.port = port
-        self.outgoing, self.incoming = outgoing, incoming
-        self.tuning = tuning
+        port, outgoing, incoming, tuning = parts
+        self.port, self.outgoing, self.incoming, self.tuning = port, outgoing, incoming, tuning
         self.endpoint = endpoint
         self.failure: str | None = None  # why the run ends otherwise than by request; None while it does not
         self.stopped = False
@@ -95,7 +100,7 @@ class Side:
         self.pace = StallDetector(tick_period)
         self._leads = port.leads
         self._tick_period, self._horizon = tick_period, horizon
-        self._watchdog, self._stopwatch = watchdog, stopwatch
+        self._patience, self._stopwatch = patience, stopwatch
         self._stopping: str | None = None
         self._faults = FaultLedger()
         self._opened_at = 0.0
@@ -105,6 +110,7 @@ class Side:
         self._is_paused = False
         self._is_unfounded, self._undelivered = False, 0
         self._last_reading_at = nan
+        self._sensed_at = inf  # when a usable reading came last, or the first was asked for; inf before that
         self._peer_tick = 0.0
         self._credit = 0  # energy that this end has told the peer of, or will
         self._playout = playout
@@ -150,8 +156,9 @@ class Side:
         elapsed = self.pace.tick(now)
         if self.pace.settling:
             self._settle(now)
-        self._receive(now)
         endpoint = self.endpoint
+        if endpoint.events or endpoint.sessions != self._session:
+            self._receive(now)
         if self.tuning.agreed:
             peer_time = endpoint.clock.peer_time(deadline)
             self._guarded(self.tuning.advance, index, None if peer_time is None else peer_time / self._tick_period)
@@ -420,7 +427,7 @@ class Side:
         self._faults.clear(Fault.STALLED)
         if self.pace.stalled:
             self._faults.meet(Fault.STALLED)
-            self._watchdog.feed(now)
+            self._sensed_at = now
         if self._faults.active is not _DEVICE:
             self.port.settle(now)
 
@@ -434,7 +441,7 @@ class Side:
         except port.fault as fault:
             self._lose(str(fault), now)
             return
-        if port.ended:
+        if self._leads and reading.ended:
             self.stop(now, "completed")
         # A time that is NaN differs from every other one, as if there were news for ever.
         at = reading.at
@@ -445,11 +452,13 @@ class Side:
             self._last_reading_at = at
             for channel in self.outgoing:
                 channel.take(reading)
-            self._watchdog.feed(now)
+            self._sensed_at = now
             if port.accept(reading):
                 self._faults.meet(Fault.TRIPPED)
             return
-        if self._watchdog.expired(now):
+        if self._sensed_at == inf:
+            self._sensed_at = now
+        if now - self._sensed_at > self._patience:
             why = f": {port.trouble}" if port.trouble else ""
             self._lose(f"{port.name} {complaint or 'gives no new sample'}{why}", now)
 

@@ -12,7 +12,8 @@ from weberlink.geometry.joints import Joints
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.session.channels import IncomingChannel
 from weberlink.session.composition.channels import account, check_span, longest_round_trip, signal_delay, streams
-from weberlink.session.composition.link import Parts, build_driver, build_tuning, with_file_name
+from weberlink.session.composition.link import build_driver, build_tuning, with_file_name
+from weberlink.session.side import Parts
 
 SLEW_S = 0.05  # time in which the torque of a leader may rise to its largest, where the file does not say otherwise [s]
 
@@ -54,7 +55,7 @@ def build_leading(configuration: Configuration, endpoint: Endpoint) -> Parts:
             sensor.felt = display
     port = operator_port(system, leader, [display], bounds, endpoint, ArmFault)
     port.angle_range = leader.spec.lower, leader.spec.upper
-    return port, [*sensors], incoming, tuning
+    return Parts(port, sensors, incoming, tuning)
 
 
 def build_following(configuration: Configuration, endpoint: Endpoint) -> Parts:
@@ -86,7 +87,7 @@ def build_following(configuration: Configuration, endpoint: Endpoint) -> Parts:
     port = RobotPort(follower, guard=guard, sensors=sensors, endpoint=endpoint, by_button=by_button, fault=ArmFault)
     port.angle_range = lower, upper
     incoming = [IncomingChannel(Decoder(each)) for each in received]
-    return port, [*sensors], incoming, build_tuning(system, sensors[0].encoder)
+    return Parts(port, sensors, incoming, build_tuning(system, sensors[0].encoder))
 
 
 @with_file_name

@@ -12,12 +12,10 @@ from typing import Any, NamedTuple, TypeVar, cast
 
 from weberlink.codec import Decoder, Encoder
 from weberlink.codec.choice import CHOICES
-from weberlink.codec.outgoing import OutgoingChannel
 from weberlink.config import MASTER, SLAVE, Configuration, ConfigurationError, System
 from weberlink.config.finders import PathFinder, finder_of
 from weberlink.config.model import split_address
 from weberlink.control.contract import SchemeParameters
-from weberlink.control.port import Port
 from weberlink.control.table import SCHEMES
 from weberlink.protocol import Role
 from weberlink.protocol.endpoint import Endpoint
@@ -26,14 +24,11 @@ from weberlink.protocol.keys import KEY_BYTES, LONGEST_NAME, HeldKey, KeyFileErr
 from weberlink.protocol.local_end import LocalEnd
 from weberlink.protocol.security import Checksum, Security
 from weberlink.registry import check_contract, fault_of
-from weberlink.session.channels import IncomingChannel
 from weberlink.session.composition.channels import account, felt_deadbands, longest_round_trip, signal_delay, streams
 from weberlink.session.tuning import LiveSettings, Tuning
 
 Entropy = Callable[[int], bytes]
 Stopwatch = Callable[[], float]
-Parts = tuple[Port, list[OutgoingChannel], list[IncomingChannel], Tuning]
-"""Of a side: its port, its channels out and in, and the settings that may change."""
 
 
 class Context(NamedTuple):

@@ -26,13 +26,13 @@ from weberlink.session.composition.channels import (
 )
 from weberlink.session.composition.coupling import coupling
 from weberlink.session.composition.link import (
-    Parts,
     build_control,
     build_driver,
     build_tuning,
     check_axes,
     with_file_name,
 )
+from weberlink.session.side import Parts
 
 if TYPE_CHECKING:
     from weberlink.arms.contract import Arm, ArmSpec
@@ -100,7 +100,7 @@ def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
         bounds.append(Bound((most,), (_torque_slew(system, device),), ramp))
         turn = device.turn if isinstance(device, TorqueDevice) and displayed > 0.0 else None
         displays.append(Display(torques, [orientation], turn, first=1))
-    return operator_port(system, device, displays, bounds, endpoint), outgoing, incoming, tuning
+    return Parts(operator_port(system, device, displays, bounds, endpoint), outgoing, incoming, tuning)
 
 
 @with_file_name

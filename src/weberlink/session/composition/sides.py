@@ -2,10 +2,9 @@
 
 from weberlink.config import MASTER, Configuration
 from weberlink.protocol.liveness import HORIZON_SHARE
-from weberlink.realtime.stall import Watchdog
 from weberlink.session.composition.channels import playout_ticks
-from weberlink.session.composition.link import Context, Parts, build_endpoint
-from weberlink.session.side import Side
+from weberlink.session.composition.link import Context, build_endpoint
+from weberlink.session.side import Parts, Side
 
 
 def build_side(configuration: Configuration, side: str, context: Context) -> Side:
@@ -27,17 +26,13 @@ def build_side(configuration: Configuration, side: str, context: Context) -> Sid
         from weberlink.session.composition.slave import build_led  # noqa: PLC0415
 
         parts = build_led(configuration, endpoint, context.stopwatch if context.live else None)
-    port, outgoing, incoming, tuning = parts
     patience_ms = system.master.limits.device_ms if side == MASTER else system.slave.limits.robot_ms
     return Side(
-        port=port,
-        outgoing=outgoing,
-        incoming=incoming,
-        tuning=tuning,
-        endpoint=endpoint,
+        parts,
+        endpoint,
         tick_period=system.tick_period,
         horizon=HORIZON_SHARE * system.link.silence_ms * 1e-3,
-        watchdog=Watchdog(patience_ms * 1e-3),
+        patience=patience_ms * 1e-3,
         stopwatch=context.stopwatch,
         playout=playout_ticks(system),
     )

@@ -12,7 +12,6 @@ from weberlink.session.channels import IncomingChannel
 from weberlink.session.composition.channels import check_span, least_contact, streams
 from weberlink.session.composition.coupling import STATED, coupling, press_limit
 from weberlink.session.composition.link import (
-    Parts,
     Stopwatch,
     build_control,
     build_driver,
@@ -20,6 +19,7 @@ from weberlink.session.composition.link import (
     check_axes,
     with_file_name,
 )
+from weberlink.session.side import Parts
 from weberlink.slave.guard import Guard, PressLimit, Workspace
 from weberlink.slave.robot_port import ContactForce, RobotPort, Unreached
 from weberlink.slave.robots.contract import OrientedRobot, Robot
@@ -79,7 +79,7 @@ def build_led(configuration: Configuration, endpoint: Endpoint, live: Stopwatch 
         encoder = Encoder(backward[1])
         unreached = Unreached(encoder.mirror, port, 1, rotation.torque.floor_nm, system.tick_period)
         outgoing.append(ToolTorque(encoder, port.shown, tool, unreached))
-    return port, outgoing, incoming, build_tuning(system, force.encoder)
+    return Parts(port, outgoing, incoming, build_tuning(system, force.encoder))
 
 
 @with_file_name
