@@ -13,7 +13,8 @@ from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.devices.force_device import force_spec, limited_force
 from weberlink.master.devices.polhem.homing import PositionValidator
 from weberlink.master.devices.polhem.lock_step import LockStep
-from weberlink.master.devices.polhem.parameters import MechanismParameters, PolhemOptions
+from weberlink.master.devices.polhem.mechanism import Mechanism
+from weberlink.master.devices.polhem.parameters import PolhemOptions
 from weberlink.master.devices.polhem.protocol import NO_CURRENT, Counts, Message, Sensors
 from weberlink.master.devices.threaded_device import ThreadedDevice, fingerprint
 from weberlink.registry import Tier
@@ -51,7 +52,7 @@ class PolhemExchange(LockStep):
         self._locator = DeviceLocator(self.NAME, options.port, plugged)
         self._open_port = connect
         self._pause = sleep
-        self._parameters: MechanismParameters = options.wired()
+        self._mechanism: Mechanism = options.wired()
         self._port: Any = None
         self._validator: PositionValidator | None = None
         self.orientation_trouble: str | None = None
@@ -68,7 +69,7 @@ class PolhemExchange(LockStep):
             self._port, self._owed = self._open_port(path), 0
             self._connect(path)
             if self._validator is None:
-                self._validator = PositionValidator(self._parameters, self._home())
+                self._validator = PositionValidator(self._mechanism, self._home())
             asked = self._clock()
             counts = self._continuous(self._insist(NO_CURRENT))
             return self._validator.begin(counts, asked, self._clock(), oriented=self.orientation_trouble is None)
@@ -80,8 +81,8 @@ class PolhemExchange(LockStep):
         assert self._validator is not None
         asked, currents = self._clock(), NO_CURRENT
         if command != ZERO:
-            mechanism, limit = self._parameters.mechanism, self._options.max_current_ma
-            currents = mechanism.limited_currents_ma(command, self._validator.counts, self._force_n, limit)
+            counts, limit = self._validator.counts, self._options.max_current_ma
+            currents = self._mechanism.limited_currents_ma(command, counts, self._force_n, limit)
         sensors = self.ask(currents, asked + STALL_S)
         counts, oriented = self._continuous(sensors), self.orientation_trouble is None
         return self._validator.next(counts, asked, self._clock(), int(sensors.button), oriented=oriented)
@@ -96,7 +97,7 @@ class PolhemExchange(LockStep):
     def carrying_force(self) -> Vector:
         """Force at the handle that carries the links in the last pose [N]; zero before the first."""
         known = self._validator
-        return ZERO if known is None else self._parameters.mechanism.carrying_force(known.counts)
+        return ZERO if known is None else self._mechanism.carrying_force(known.counts)
 
     @abstractmethod
     def _connect(self, path: str) -> None:
@@ -182,20 +183,20 @@ class PolhemDevice(ThreadedDevice):
     """What to change where the force along an axis goes the wrong way."""
 
     def __init__(self, options: PolhemOptions, tick_period: float, connect: Callable[[str], Any] | None = None) -> None:
-        parameters, driver = options.wired(), self.EXCHANGE
+        mechanism, driver = options.wired(), self.EXCHANGE
         spec = force_spec(
             driver.NAME,
             options,
             self.fingerprint(options) if options.is_named else None,
-            force_n=limited_force(options.force_n, parameters.force_n, parameters.name),
+            force_n=limited_force(options.force_n, mechanism.force_n, mechanism.name),
             axes="xyz",
-            stiffness_n_m=parameters.stiffness_n_m,
-            workspace_m=cube(parameters.reach_m),
+            stiffness_n_m=mechanism.stiffness_n_m,
+            workspace_m=cube(mechanism.reach_m),
             rate_hz=1.0 / tick_period,
             buttons=self.BUTTONS,
-            orientation=parameters.mechanism.drive.has_gimbal,
+            orientation=mechanism.has_gimbal,
             watchdog_s=driver.WATCHDOG_S,
-            reminder=options.reminder(parameters),
+            reminder=options.reminder(mechanism),
         )
         self._polhem = polhem = driver(options, spec.force_n, self.plugged, connect or type(self).PORT)
         self._carries = options.gravity_compensation and spec.force_feedback
@@ -217,7 +218,7 @@ class PolhemDevice(ThreadedDevice):
     @classmethod
     def fingerprint(cls, options: PolhemOptions) -> str:
         """Of all that a sign check holds for: kind, parameter set, signs of encoders and motors, home counts."""
-        parameters = options.wired()
-        wiring = parameters.mechanism.drive.wiring
+        mechanism = options.wired()
+        wiring = mechanism.wiring
         signs = f"encoders {wiring.encoder} motors {wiring.motor} {wiring.home_counts}"
-        return fingerprint(f"{cls.EXCHANGE.NAME} {getattr(options, cls.KIND)} {parameters.name} {signs}")
+        return fingerprint(f"{cls.EXCHANGE.NAME} {getattr(options, cls.KIND)} {mechanism.name} {signs}")

@@ -96,7 +96,7 @@ class ReportExchange(PolhemExchange):
         size = 3 if self._is_short else 6
         if not self._options.counters_hold_home:
             return (0,) * size
-        wiring = self._parameters.mechanism.drive.wiring
+        wiring = self._mechanism.wiring
         return (*wiring.home_counts, *wiring.gimbal_home_counts)[:size]
 
     def _home_here(self, home: Counts) -> Counts:
@@ -127,7 +127,7 @@ class ReportExchange(PolhemExchange):
 
     def _ordered(self, counts: Counts) -> Counts:
         """Between the order of the counters and that of the gimbal's axes, either way."""
-        if len(counts) == 6 and self._parameters.gimbal_reversed_over_hid:
+        if len(counts) == 6 and self._mechanism.gimbal_reversed_over_hid:
             return (*counts[:3], *counts[:2:-1])
         return counts
 

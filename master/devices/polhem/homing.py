@@ -10,7 +10,7 @@ from typing import NamedTuple, NoReturn
 from weberlink.geometry.vector import Vector, confined, cube, distance
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.contract import DeviceReading
-from weberlink.master.devices.polhem.parameters import MechanismParameters
+from weberlink.master.devices.polhem.mechanism import Mechanism
 from weberlink.master.devices.polhem.protocol import Counts
 
 SPEED_M_S = 3.0  # largest speed of a hand
@@ -33,9 +33,9 @@ class _Known(NamedTuple):
 class PositionValidator:
     """Turns counts into readings, and rejects implausible ones; `zero` are the counts of the home pose."""
 
-    def __init__(self, parameters: MechanismParameters, zero: Counts) -> None:
-        self._mechanism = parameters.mechanism
-        self._reach = parameters.reach_m
+    def __init__(self, mechanism: Mechanism, zero: Counts) -> None:
+        self._mechanism = mechanism
+        self._reach = mechanism.reach_m
         self._zero = zero
         self.counts: Counts = (0,) * len(zero)  # the last accepted ones, relative to the home pose
         self._last: _Known | None = None

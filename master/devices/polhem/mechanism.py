@@ -4,10 +4,10 @@ The device's frame: x towards the operator, y to the right, z up, in metres from
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import acos, atan2, copysign, cos, hypot, pi, sin, tau
-from typing import Any
+from typing import Literal
 
 from weberlink.geometry.rotation import Quaternion, product
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale
@@ -23,6 +23,10 @@ STEP_RAD = 1e-3  # step of the central difference of the energy
 LEAST_SINE = 1e-3  # the linkage counts as at its dead point below this sine of the angle between coupler and forearm
 LEAST_DETERMINANT = 1e-5  # a pose counts as singular below this determinant [m^3]; in the middle it is 100 times larger
 MA_PER_A = 1e3
+BEYOND_HOME_M = 0.05
+
+Board = Literal["serial", "hid14", "hid8"]
+"""The electronics: a Teensy on a serial port, or an mbed with HID reports of 14 or 8 bytes."""
 
 
 @dataclass(frozen=True)
@@ -199,20 +203,30 @@ class Wiring:
 
 
 @dataclass(frozen=True)
-class CableDrive:
-    """angle_i = e_i 2 pi (count_i + home_i) / N_i c_i / b_i, and I_i = m_i torque_i c_i / b_i / Kt_i.
+class Mechanism:
+    """A linkage on cable drives, on one kind of board, and what its makers publish about it.
 
-    With the signs e and m of encoders and motors in `wiring`, the diameters c of the capstans on the motors and b on
-    the bodies, N counts a turn of a motor, all edges counted, and the torque constants Kt. Sensors of the gimbal are in
-    the order of its axes, 0 for none.
+    angle_i = e_i 2 pi (count_i + home_i) / N_i c_i / b_i, and I_i = m_i torque_i c_i / b_i / Kt_i, with the signs e and
+    m of encoders and motors in `wiring`, the diameters c of the capstans on the motors and b on the bodies, N counts a
+    turn of a motor, all edges counted, and the torque constants Kt. Counts are relative to the home pose, and those of
+    the gimbal may follow.
     """
 
-    wiring: Wiring
+    name: str
+    linkage: Linkage
+    wirings: Mapping[Board, Wiring]
+    wiring: Wiring  # one of those, or as the options of a driver say
     capstan_m: Triple
     body_m: Triple
     counts_per_turn: Counts
     torque_constant_n_m_a: Triple
-    gimbal_counts_per_turn: Counts = (0, 0, 0)
+    force_n: float
+    stiffness_n_m: float  # of the stiffest spring that it shows stably
+    radius_m: float  # of the workspace about its middle
+    gimbal_counts_per_turn: Counts = (0, 0, 0)  # in the order of the gimbal's axes, 0 for no sensor
+    gimbal_axes: str = "xyx"  # from the forearm on
+    gimbal_reversed_over_hid: bool = False  # its counters come last to first on the boards that speak HID
+    warnings: tuple[str, ...] = ()
 
     @cached_property
     def radians_per_count(self) -> Triple:
@@ -233,7 +247,12 @@ class CableDrive:
         """Whether all three sensors of the orientation are there."""
         return 0 not in self.gimbal_counts_per_turn
 
-    def angles(self, counts: Counts) -> Angles:
+    @property
+    def reach_m(self) -> float:
+        """Farthest plausible distance of the handle from the middle along any axis [m]: its home pose is within."""
+        return max(2.0 * self.radius_m, max(map(abs, self.position((0, 0, 0)))) + BEYOND_HOME_M)
+
+    def angles(self, counts: Sequence[int]) -> Angles:
         (a, b, c), (home_a, home_b, home_c) = self.radians_per_count, self.wiring.home_counts
         return (a * (counts[0] + home_a), b * (counts[1] + home_b), c * (counts[2] + home_c))
 
@@ -242,27 +261,14 @@ class CableDrive:
         (a, b, c), (home_a, home_b, home_c) = self.radians_per_count, self.wiring.home_counts
         return (round(angles[0] / a) - home_a, round(angles[1] / b) - home_b, round(angles[2] / c) - home_c)
 
-
-@dataclass(frozen=True)
-class Mechanism:
-    """A drive on a linkage, with a gimbal at its end, whose axes "x", "y" and "z" are named from the forearm on."""
-
-    drive: CableDrive
-    linkage: Linkage
-    gimbal_axes: str = "xyx"
-
-    def driven(self, **changes: Any) -> "Mechanism":
-        """With changes of its drive."""
-        return replace(self, drive=replace(self.drive, **changes))
-
     def position(self, counts: Sequence[int]) -> Vector:
-        """Position of the handle [m]; `counts` relative to the home pose, those of the gimbal may follow."""
-        return self.linkage.position(self._angles(counts))
+        """Position of the handle [m]."""
+        return self.linkage.position(self.angles(counts))
 
     def currents_ma(self, force: Vector, counts: Sequence[int]) -> Triple:
         """Currents that put a force on the hand [N], by tau = J^T F; finite in every pose, but not limited here."""
-        (xa, xb, xc), (ya, yb, yc), (za, zb, zc) = self.linkage.jacobian(self._angles(counts))
-        (a, b, c), (fx, fy, fz) = self.drive.ma_per_n_m, force
+        (xa, xb, xc), (ya, yb, yc), (za, zb, zc) = self.linkage.jacobian(self.angles(counts))
+        (a, b, c), (fx, fy, fz) = self.ma_per_n_m, force
         return (a * (xa * fx + ya * fy + za * fz), b * (xb * fx + yb * fy + zb * fz), c * (xc * fx + yc * fy + zc * fz))
 
     def limited_currents_ma(self, force: Vector, counts: Sequence[int], force_n: float, current_ma: float) -> Counts:
@@ -284,12 +290,12 @@ class Mechanism:
 
     def force(self, currents_ma: Triple, counts: Sequence[int]) -> Vector:
         """The force on the hand [N] that currents make; bounded at singular poses instead of infinite."""
-        a, b, c = self.drive.ma_per_n_m
-        return self._tip_force((currents_ma[0] / a, currents_ma[1] / b, currents_ma[2] / c), self._angles(counts))
+        a, b, c = self.ma_per_n_m
+        return self._tip_force((currents_ma[0] / a, currents_ma[1] / b, currents_ma[2] / c), self.angles(counts))
 
     def carrying_force(self, counts: Sequence[int]) -> Vector:
         """The force at the handle [N] that carries the links against gravity; zero without published masses."""
-        angles = self._angles(counts)
+        angles = self.angles(counts)
         return self._tip_force(self.linkage.weight(angles), angles) if self.linkage.masses else ZERO
 
     def _tip_force(self, torques: Triple, angles: Angles) -> Vector:
@@ -304,25 +310,22 @@ class Mechanism:
 
     def counts_at(self, position: Vector) -> Counts:
         """The nearest counts for a position; out of reach, those of the nearest one within."""
-        return self.drive.counts(self.linkage.inverse(position))
+        return self.counts(self.linkage.inverse(position))
 
     def orientation(self, counts: Sequence[int]) -> Quaternion | None:
         """R = Rz(A) Ry(-lam) R(D) R(E) R(F) with the forearm's elevation lam; None without a whole gimbal.
 
         Its authors mark the formula as in need of verification.
         """
-        drive, wiring = self.drive, self.drive.wiring
-        if len(counts) < 6 or not drive.has_gimbal:
+        if len(counts) < 6 or not self.has_gimbal:
             return None
-        angles = self._angles(counts)
+        angles = self.angles(counts)
         turned = product(_turn("z", angles[0]), _turn("y", -self.linkage.forearm(angles)))
-        gimbal = zip(wiring.gimbal, counts[3:], wiring.gimbal_home_counts, drive.gimbal_counts_per_turn, strict=True)
+        wiring = self.wiring
+        gimbal = zip(wiring.gimbal, counts[3:], wiring.gimbal_home_counts, self.gimbal_counts_per_turn, strict=True)
         for axis, (direction, count, home, per_turn) in zip(self.gimbal_axes, gimbal, strict=True):
             turned = product(turned, _turn(axis, direction * (count + home) * tau / per_turn))
         return turned
-
-    def _angles(self, counts: Sequence[int]) -> Angles:
-        return self.drive.angles((counts[0], counts[1], counts[2]))
 
 
 def _cross(a: Vector, b: Vector) -> Vector:

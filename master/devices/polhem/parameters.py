@@ -1,7 +1,7 @@
 """Published parameter sets of the mechanisms, from `parameters.yaml`, and the options of drivers that change them."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from weberlink.master.devices.force_device import ForceOptions, PortOptions
 from weberlink.master.devices.polhem.mechanism import (
-    CableDrive,
+    Board,
     Linkage,
     Mechanism,
     SerialParallelogram,
@@ -19,42 +19,6 @@ from weberlink.master.devices.polhem.mechanism import (
     Wiring,
 )
 from weberlink.master.devices.polhem.protocol import CURRENT_LIMIT_MA, LONG, NUMBERS
-
-BEYOND_HOME_M = 0.05
-
-Board = Literal["serial", "hid14", "hid8"]
-"""The electronics: a Teensy on a serial port, or an mbed with HID reports of 14 or 8 bytes."""
-
-
-@dataclass(frozen=True)
-class MechanismParameters:
-    """A mechanism, with the first of its `wirings`, and what its makers publish about it.
-
-    `stiffness_n_m` is that of the stiffest spring that it shows stably, `radius_m` of the workspace about its middle.
-    `gimbal_reversed_over_hid`: the gimbal's counters come last to first on the boards that speak HID.
-    """
-
-    name: str
-    mechanism: Mechanism
-    wirings: Mapping[Board, Wiring]
-    force_n: float
-    stiffness_n_m: float
-    radius_m: float
-    warnings: tuple[str, ...] = ()
-    gimbal_reversed_over_hid: bool = False
-
-    @property
-    def reach_m(self) -> float:
-        """Farthest plausible distance of the handle from the middle along any axis [m]: its home pose is within."""
-        home = self.mechanism.position((0, 0, 0))
-        return max(2.0 * self.radius_m, max(map(abs, home)) + BEYOND_HOME_M)
-
-    def without_gimbal(self) -> Self:
-        return replace(self, mechanism=self.mechanism.driven(gimbal_counts_per_turn=(0, 0, 0)))
-
-    def wired(self, wiring: Wiring) -> Self:
-        return replace(self, mechanism=self.mechanism.driven(wiring=wiring))
-
 
 LINKAGES: Mapping[str, Callable[..., Linkage]] = {"parallelogram": SerialParallelogram, "five_bar": SpatialFiveBar}
 
@@ -71,20 +35,17 @@ def _wiring(
     return Wiring(_signs(encoder), _signs(motor), (a, b, c), _signs(gimbal), (d, e, f))
 
 
-def _parameters(name: str, row: dict[str, Any]) -> MechanismParameters:
+def _mechanism(name: str, row: dict[str, Any]) -> Mechanism:
     row = {key: tuple(value) if isinstance(value, list) else value for key, value in row.items() if key != "source"}
     wirings = {board: _wiring(*columns) for board, columns in row.pop("wirings").items()}
     kind = next(kind for kind in LINKAGES if kind in row)
     links = row.pop(kind)
     linkage = LINKAGES[kind](**links | {"origin": tuple(links["origin"])})
-    keys = ("capstan_m", "body_m", "counts_per_turn", "torque_constant_n_m_a", "gimbal_counts_per_turn")
-    drive = CableDrive(next(iter(wirings.values())), **{key: row.pop(key) for key in keys if key in row})
-    mechanism = Mechanism(drive, linkage, row.pop("gimbal_axes", "xyx"))
-    return MechanismParameters(name, mechanism, wirings, **row.pop("limits"), **row)
+    return Mechanism(name, linkage, wirings, next(iter(wirings.values())), **row.pop("limits"), **row)
 
 
 PARAMETERS = {
-    name: _parameters(name, row)
+    name: _mechanism(name, row)
     for name, row in yaml.safe_load(Path(__file__).with_name("parameters.yaml").read_text(encoding="utf-8")).items()
     if "wirings" in row
 }
@@ -157,7 +118,7 @@ class PolhemOptions(ForceOptions, PortOptions):
         """Whether the options say which device it is."""
         return True
 
-    def wired(self) -> MechanismParameters:
+    def wired(self) -> Mechanism:
         """The mechanism with the signs of these options; raises as `wire`."""
         raise NotImplementedError
 
@@ -166,15 +127,15 @@ class PolhemOptions(ForceOptions, PortOptions):
         self.wired()
         return self
 
-    def reminder(self, parameters: MechanismParameters) -> str:
+    def reminder(self, mechanism: Mechanism) -> str:
         """What to say before a run: where the handle has to be, and what is uncertain of a device that is named."""
         where = {
             "at_open": ("hold the handle in its home pose while the run starts",),
             "button": ("press the calibration button in the home pose when the run starts",),
         }
-        return "; ".join((*where.get(self.homing, ()), *(parameters.warnings if self.is_named else ())))
+        return "; ".join((*where.get(self.homing, ()), *(mechanism.warnings if self.is_named else ())))
 
-    def wire(self, name: str, board: Board) -> MechanismParameters:
+    def wire(self, name: str, board: Board) -> Mechanism:
         """The set `name` with the signs published for `board`, changed as these options say; raises ValueError if signs
         or masses are missing.
         """
@@ -187,7 +148,7 @@ class PolhemOptions(ForceOptions, PortOptions):
             "gimbal": self.gimbal_directions,
         }
         given: dict[str, Any] = {field: value for field, value in own.items() if value is not None}
-        if self.gravity_compensation and not known.mechanism.linkage.masses:
+        if self.gravity_compensation and not known.linkage.masses:
             raise ValueError(f"gravity_compensation: no masses are published for {name}")
         if wiring is None:
             if not given.keys() >= {"encoder", "motor", "home_counts"}:
@@ -196,8 +157,8 @@ class PolhemOptions(ForceOptions, PortOptions):
                     f"parameters: signs of {name} are published for {boards}, not for {BOARDS[board]}: set "
                     "encoder_directions, motor_directions and home_counts"
                 )
-            return known.wired(Wiring(**given))
-        return known.wired(replace(wiring, **given))
+            return replace(known, wiring=Wiring(**given))
+        return replace(known, wiring=replace(wiring, **given))
 
 
 class PolhemSerialOptions(PolhemOptions):
@@ -215,13 +176,13 @@ class PolhemSerialOptions(PolhemOptions):
     def is_named(self) -> bool:
         return self.model != "auto"
 
-    def wired(self, model: str | None = None) -> MechanismParameters:
+    def wired(self, model: str | None = None) -> Mechanism:
         """With `auto`, those of the model that answered, WoodenHaptics before, and without the gimbal: the spec could
         not promise an orientation.
         """
         number = NUMBERS.get(model or self.model, NUMBERS["woodenhaptics"])
-        parameters = self.wire(self.parameters or MODEL_SETS[number], "serial")
-        return parameters if self.is_named else parameters.without_gimbal()
+        known = self.wire(self.parameters or MODEL_SETS[number], "serial")
+        return known if self.is_named else replace(known, gimbal_counts_per_turn=(0, 0, 0))
 
 
 class PolhemHidOptions(PolhemOptions):
@@ -239,5 +200,5 @@ class PolhemHidOptions(PolhemOptions):
         description="the counters hold the home counts in the home pose, as the makers' software sets them, not zero",
     )
 
-    def wired(self) -> MechanismParameters:
+    def wired(self) -> Mechanism:
         return self.wire(self.parameters, "hid14" if self.report_bytes == LONG else "hid8")

@@ -77,7 +77,7 @@ class BracketExchange(PolhemExchange):
                 f"says it is {_described(model)}, the file says {expected}; "
                 f"set master.device.model: {MODELS[model]}, or plug in the other"
             )
-        self._parameters, self._model = self._options.wired(MODELS[model]), model
+        self._mechanism, self._model = self._options.wired(MODELS[model]), model
 
     def ask(self, message: Message, fresh_until: float = inf) -> Sensors:
         """Raises BadReply for an error of the message as well, since the currents were not applied then."""

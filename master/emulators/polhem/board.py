@@ -9,7 +9,8 @@ from pydantic import Field, model_validator
 
 from weberlink.geometry.vector import ZERO, Vector, subtract
 from weberlink.hardware.emulator import Emulator
-from weberlink.master.devices.polhem.parameters import BOARDS, PARAMETERS, Board, Directions, SetName
+from weberlink.master.devices.polhem.mechanism import Board
+from weberlink.master.devices.polhem.parameters import BOARDS, PARAMETERS, Directions, SetName
 from weberlink.master.devices.polhem.protocol import Counts
 from weberlink.master.emulators.handle import Handle, HandleOptions
 from weberlink.options import Options
@@ -86,15 +87,14 @@ class PolhemBoard(Emulator):
     def __init__(self, options: BoardOptions) -> None:
         super().__init__()
         self.messages = self.errors = 0
-        self._parameters = PARAMETERS[options.set_name]
-        mechanism, (a, b, c) = self._parameters.mechanism, options.encoder_signs
+        mechanism, (a, b, c) = PARAMETERS[options.set_name], options.encoder_signs
         if options.weight and not mechanism.linkage.masses:
             raise ValueError("weight: no masses are published for this mechanism")
-        wiring = self._parameters.wirings[options.board]
+        wiring = mechanism.wirings[options.board]
         (d, e, f), (g, h, i) = wiring.encoder, wiring.home_counts
         # The home pose stays where it is: an encoder that counts the other way has its zero on the other side.
         wiring = replace(wiring, encoder=(a * d, b * e, c * f), home_counts=(a * g, b * h, c * i))
-        self.mechanism = mechanism.driven(wiring=wiring)
+        self.mechanism = replace(mechanism, wiring=wiring)
         self.handle = Handle(options.handle)
         self.currents_ma: Currents = OFF
         self.largest_current_ma = 0.0
@@ -205,6 +205,6 @@ class PolhemBoard(Emulator):
 
     def _true_counts(self, now: float) -> Counts:
         """Counts relative to the home pose; a wrist with sensors turns back and forth."""
-        wrist = zip(self.mechanism.drive.gimbal_counts_per_turn, WRIST_HZ, strict=True)
+        wrist = zip(self.mechanism.gimbal_counts_per_turn, WRIST_HZ, strict=True)
         gimbal = (round(turn * WRIST_RAD * sin(tau * hz * now) / tau) for turn, hz in wrist)
         return (*self.mechanism.counts_at(self.handle.position), *gimbal)

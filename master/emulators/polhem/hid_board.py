@@ -13,7 +13,7 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from weberlink.hardware.emulator import HidIdentity
-from weberlink.master.devices.polhem.parameters import Board
+from weberlink.master.devices.polhem.mechanism import Board
 from weberlink.master.devices.polhem.protocol import (
     HID_WATCHDOG_S,
     LONG,
@@ -126,7 +126,7 @@ class PolhemHidEmulator(PolhemBoard):
 
     def _wired(self, counts: Counts) -> Counts:
         """Counts with those of the gimbal reversed where the device does so; its own inverse."""
-        return (*counts[:3], *counts[:2:-1]) if self._parameters.gimbal_reversed_over_hid else counts
+        return (*counts[:3], *counts[:2:-1]) if self.mechanism.gimbal_reversed_over_hid else counts
 
     def apply_fault(self, name: str, value: float) -> None:
         if name == "stylus":

@@ -11,7 +11,8 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from weberlink.master.devices.polhem.parameters import MODEL_SETS, Board, Model
+from weberlink.master.devices.polhem.mechanism import Board
+from weberlink.master.devices.polhem.parameters import MODEL_SETS, Model
 from weberlink.master.devices.polhem.protocol import (
     CURRENT_LIMIT_MA,
     NUMBERS,

@@ -15,14 +15,8 @@ from typing import Any, NamedTuple
 import pytest
 
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
-from weberlink.master.devices.polhem.mechanism import Counts, Signs, Triple, Wiring
-from weberlink.master.devices.polhem.parameters import (
-    PARAMETERS,
-    Board,
-    MechanismParameters,
-    PolhemHidOptions,
-    PolhemSerialOptions,
-)
+from weberlink.master.devices.polhem.mechanism import Board, Counts, Mechanism, Signs, Triple, Wiring
+from weberlink.master.devices.polhem.parameters import PARAMETERS, PolhemHidOptions, PolhemSerialOptions
 from weberlink.master.devices.polhem.protocol import LONG, SHORT, decode_sensors, encode_command
 from weberlink.master.emulators.polhem.hid_board import PolhemHidEmulator, PolhemHidEmulatorOptions
 from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
@@ -78,7 +72,7 @@ SETS = [(board, name) for name, parameters in PARAMETERS.items() for board in pa
 
 def test_signs_and_home_counts_are_those_of_the_hosts() -> None:
     for (name_of_host, board, name), host in PUBLISHED.items():
-        drive, home = PARAMETERS[name].mechanism.drive, list[int]()
+        drive, home = PARAMETERS[name], list[int]()
         for axis in range(3):
             per_count = tau / drive.counts_per_turn[axis] * drive.capstan_m[axis] / drive.body_m[axis]
             angle = host.motor[axis] * host.zero_counts[axis] * per_count + host.zero_rad[axis]
@@ -103,7 +97,7 @@ class Rig:
     def __init__(self, board: Board, name: str, told: dict[str, Any] | None = None, **options: Any) -> None:
         options, told = {"handle": STILL, "parameters": name, **options}, {"parameters": name, **(told or {})}
         self.emulator: Any
-        self.parameters: MechanismParameters
+        self.parameters: Mechanism
         if board == "serial":
             self.emulator = PolhemSerialEmulator(PolhemSerialEmulatorOptions.model_validate(options))
             self.parameters = PolhemSerialOptions.model_validate(told).wired("woodenhaptics")
@@ -140,7 +134,7 @@ class Rig:
     def felt(self, force: Vector) -> Vector:
         """What the hand feels in the middle when the driver is told to push."""
         counts = self.carry(2, 0.0)
-        self.command(self.parameters.mechanism.limited_currents_ma(force, counts, 5.0, 3000.0))
+        self.command(self.parameters.limited_currents_ma(force, counts, 5.0, 3000.0))
         felt: Vector = self.emulator.force
         return felt
 
@@ -150,7 +144,7 @@ def test_the_hand_is_where_the_driver_reads_it_and_feels_what_it_commands(board:
     rig = Rig(board, name)
     for axis, force in enumerate(FORCES):
         x, y, z = (0.025 * (axis == each) for each in range(3))
-        assert distance(rig.parameters.mechanism.position(rig.carry(axis, 25.0)), (x, y, z)) < 5e-4
+        assert distance(rig.parameters.position(rig.carry(axis, 25.0)), (x, y, z)) < 5e-4
         assert distance(rig.felt(force), force) < 0.03
 
 
@@ -171,11 +165,11 @@ def test_encoder_and_motor_signs_are_independent(signs: Signs) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", [name for board, name in SETS if board == "serial" and PARAMETERS[name].mechanism.linkage.masses]
+    "name", [name for board, name in SETS if board == "serial" and PARAMETERS[name].linkage.masses]
 )
 def test_the_weight_of_the_links_is_felt_at_rest_unless_it_is_carried(name: str) -> None:
     rig = Rig("serial", name, weight=True)
-    mechanism = rig.parameters.mechanism
+    mechanism = rig.parameters
     counts = rig.carry(0, 20.0)
     assert rig.emulator.force[2] < -0.3
     for force, is_carried in ((ZERO, False), (mechanism.carrying_force(counts), True)):

@@ -24,8 +24,8 @@ from weberlink.testing.stepping import VirtualPort, VirtualTime
 from weberlink.testing.time import TICK
 from weberlink.testing.wires import HidWire
 
-MIDDLE = (*PARAMETERS["woodenhaptics_2015"].mechanism.counts_at(ZERO), 0, 0, 0)
-HID_WOODY = PolhemHidOptions(parameters="woodenhaptics_2015").wired().mechanism
+MIDDLE = (*PARAMETERS["woodenhaptics_2015"].counts_at(ZERO), 0, 0, 0)
+HID_WOODY = PolhemHidOptions(parameters="woodenhaptics_2015").wired()
 HID_MIDDLE = (*HID_WOODY.counts_at(ZERO), 0, 0, 0)
 AWAY = (900, -70, 5, 1, 2, 3)
 HOME = pytest.approx((0.025, 0.0, 0.205))
@@ -138,7 +138,7 @@ def test_what_comes_back_without_power_or_as_another_is_no_return(
 
 
 def test_broken_gimbal_loses_orientation_not_force(serial: Make, teensy: Any) -> None:
-    teensy.model, teensy.counts = 1, (*PARAMETERS["polhem_v3"].mechanism.counts_at(ZERO), 0, 0, 0)
+    teensy.model, teensy.counts = 1, (*PARAMETERS["polhem_v3"].counts_at(ZERO), 0, 0, 0)
     device = serial(model="polhem")
     device.open(monotonic())
     assert device.latest(monotonic()).orientation is not None
@@ -246,8 +246,8 @@ def test_the_older_kind_is_homed_on_the_host_and_has_no_button(hid: Make) -> Non
 
 def test_counters_are_followed_beyond_16_bits(hid: Make) -> None:
     """A device that turns on and on, its home pose far away: 32767 is followed by -32768."""
-    mechanism = PolhemHidOptions(parameters="polhem_v2").wired().mechanism
-    near, home = mechanism.counts_at(ZERO), mechanism.drive.wiring.home_counts
+    mechanism = PolhemHidOptions(parameters="polhem_v2").wired()
+    near, home = mechanism.counts_at(ZERO), mechanism.wiring.home_counts
     shift = 32_760 - near[2]
     board = ScriptedHidBoard((near[0], near[1], near[2] + shift, 0, 0, 0))
     device = hid(board, parameters="polhem_v2", home_counts=(home[0], home[1], home[2] - shift))

@@ -21,7 +21,7 @@ CENTER = (0.0, 0.0, 0.0)
 
 
 def counts_at(position: Vector) -> Counts:
-    return (*WOODY.mechanism.counts_at(position), 0, 0, 0)
+    return (*WOODY.counts_at(position), 0, 0, 0)
 
 
 def begun(at: Vector = CENTER) -> PositionValidator:
@@ -71,7 +71,7 @@ def test_restarted_counters_after_silence_lose_home_unless_the_gimbal_proves_pow
         begun((0.025, 0.03, 0.205)).next((40, -20, 15, 0, 0, 0), 0.29, 0.3)
     kept, lost = PositionValidator(PHANTOM, HOME), PositionValidator(PHANTOM, HOME)
     for validator in (kept, lost):
-        validator.begin((*PHANTOM.mechanism.counts_at((0.03, 0.02, 0.0)), 120, -80, 44), 0.0, 0.0)
+        validator.begin((*PHANTOM.counts_at((0.03, 0.02, 0.0)), 120, -80, 44), 0.0, 0.0)
     kept.next((5, -9, 3, 118, -82, 45), 0.3, 0.3)
     with pytest.raises(HardwareFault, match="lost its home"):
         lost.next((5, -9, 3, 1, -2, 0), 0.3, 0.3)

@@ -11,19 +11,19 @@ from hypothesis import given, strategies as st
 from tests.examples import examples
 from weberlink.geometry.rotation import Quaternion, turned
 from weberlink.geometry.vector import Vector, distance, dot, norm, scale
-from weberlink.master.devices.polhem.mechanism import GRAVITY_M_S2, Counts
-from weberlink.master.devices.polhem.parameters import PARAMETERS, Board, MechanismParameters
+from weberlink.master.devices.polhem.mechanism import GRAVITY_M_S2, Board, Counts, Mechanism
+from weberlink.master.devices.polhem.parameters import PARAMETERS
 
 every_set = pytest.mark.parametrize("parameters", PARAMETERS.values(), ids=PARAMETERS)
 ORIGIN: Vector = (0.0, 0.0, 0.0)
-WOODY = PARAMETERS["woodenhaptics_2015"].mechanism
+WOODY = PARAMETERS["woodenhaptics_2015"]
 MIDDLE = WOODY.counts_at(ORIGIN)
 
 
-def positions(parameters: MechanismParameters, count: int = 20) -> list[Vector]:
+def positions(parameters: Mechanism, count: int = 20) -> list[Vector]:
     """Random ones within three quarters of the published radius, which all of the mechanisms reach but for corners."""
     random, found = Random(7), list[Vector]()
-    linkage, edge = parameters.mechanism.linkage, 0.75 * parameters.radius_m
+    linkage, edge = parameters.linkage, 0.75 * parameters.radius_m
     while len(found) < count:
         x, y, z = (edge * random.uniform(-1.0, 1.0) for _ in range(3))
         if hypot(x, y, z) <= edge and distance(linkage.position(linkage.inverse((x, y, z))), (x, y, z)) < 1e-9:
@@ -37,8 +37,8 @@ def stepped(values: tuple[float, float, float], place: int, step: float) -> tupl
 
 
 @every_set
-def test_inverse_undoes_position_and_the_jacobian_is_its_derivative(parameters: MechanismParameters) -> None:
-    linkage, step = parameters.mechanism.linkage, 1e-5
+def test_inverse_undoes_position_and_the_jacobian_is_its_derivative(parameters: Mechanism) -> None:
+    linkage, step = parameters.linkage, 1e-5
     for position in positions(parameters):
         angles = linkage.inverse(position)
         assert distance(linkage.position(angles), position) < 1e-12
@@ -50,11 +50,10 @@ def test_inverse_undoes_position_and_the_jacobian_is_its_derivative(parameters: 
 
 
 @every_set
-def test_virtual_work_agrees_at_hand_and_motors(parameters: MechanismParameters) -> None:
+def test_virtual_work_agrees_at_hand_and_motors(parameters: Mechanism) -> None:
     """F.dx = tau.dtheta, with the torque taken from the currents and the angle from the counts."""
-    wiring = parameters.mechanism.drive.wiring
-    mechanism, random = parameters.mechanism.driven(wiring=replace(wiring, motor=wiring.encoder)), Random(3)
-    drive = mechanism.drive
+    wiring = parameters.wiring
+    mechanism, random = replace(parameters, wiring=replace(wiring, motor=wiring.encoder)), Random(3)
     for position in positions(parameters):
         counts = mechanism.counts_at(position)
         force = (random.uniform(-5, 5), random.uniform(-5, 5), random.uniform(-5, 5))
@@ -63,31 +62,31 @@ def test_virtual_work_agrees_at_hand_and_motors(parameters: MechanismParameters)
         for motor in range(3):
             before, after = (mechanism.position(stepped(counts, motor, step)) for step in (-1, 1))  # type: ignore[arg-type]
             way = (after[0] - before[0], after[1] - before[1], after[2] - before[2])
-            angle = 2.0 * 2.0 * pi / drive.counts_per_turn[motor]
-            at_motor = currents[motor] * 1e-3 * drive.torque_constant_n_m_a[motor] * angle
+            angle = 2.0 * 2.0 * pi / mechanism.counts_per_turn[motor]
+            at_motor = currents[motor] * 1e-3 * mechanism.torque_constant_n_m_a[motor] * angle
             assert at_motor == pytest.approx(dot(force, way), abs=2e-9)
 
 
 @every_set
-def test_every_pose_is_finite_and_bounded(parameters: MechanismParameters) -> None:
+def test_every_pose_is_finite_and_bounded(parameters: Mechanism) -> None:
     """Singular ones, those in which the links would not meet, and the nearest to what is out of reach."""
-    linkage = parameters.mechanism.linkage
+    linkage = parameters.linkage
     turns = [0.25 * pi * eighth for eighth in range(-4, 5)]
     for angles in product((0.0, 1.0), turns, turns):
         assert all(map(isfinite, linkage.position(angles)))
-        counts = parameters.mechanism.drive.counts(angles)
-        assert max(map(abs, parameters.mechanism.currents_ma((1.0, 1.0, 1.0), counts))) < 1e6
-        assert all(map(isfinite, parameters.mechanism.force((1000.0, 1000.0, 1000.0), counts)))
+        counts = parameters.counts(angles)
+        assert max(map(abs, parameters.currents_ma((1.0, 1.0, 1.0), counts))) < 1e6
+        assert all(map(isfinite, parameters.force((1000.0, 1000.0, 1000.0), counts)))
     x, y, z = linkage.origin  # type: ignore[attr-defined]
     for far in ((10.0, 0.0, 0.0), (0.0, -10.0, 10.0), (0.0, 0.0, -10.0), (-x, -y, -z)):
         assert norm(linkage.position(linkage.inverse(far))) < 1.0
 
 
 def test_woodenhaptics_as_published() -> None:
-    assert WOODY.drive.angles((0, 0, 0)) == pytest.approx((0.0, 0.0, pi / 2))
+    assert WOODY.angles((0, 0, 0)) == pytest.approx((0.0, 0.0, pi / 2))
     home = WOODY.position((0, 0, 0))
     assert home == pytest.approx((0.025, 0.0, 0.205))
-    per_count = [abs(each) for each in WOODY.drive.radians_per_count]
+    per_count = [abs(each) for each in WOODY.radians_per_count]
     assert per_count == pytest.approx([1.96e-4, 2.62e-4, 2.62e-4], rel=2e-3)
     axes = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
     assert all(33e-6 < distance(WOODY.position(counts), home) < 76e-6 for counts in axes)
@@ -107,7 +106,7 @@ def test_five_bar_and_its_weight_are_those_of_the_makers(
     t2: float, t3: float, forearm: float, by_2: float, by_3: float
 ) -> None:
     """As hfab_polhem.h computes them: the angle of the forearm, and the derivative of the energy of the links."""
-    mechanism, angles = PARAMETERS["polhem_v3"].mechanism, (0.0, radians(t2), radians(t3))
+    mechanism, angles = PARAMETERS["polhem_v3"], (0.0, radians(t2), radians(t3))
     assert mechanism.linkage.forearm(angles) == pytest.approx(forearm, abs=1e-7)
     assert mechanism.linkage.weight(angles) == pytest.approx((0.0, by_2, by_3), abs=1e-6)
 
@@ -125,13 +124,13 @@ def test_parallelogram_weight_is_derivative_of_energy(b: float, c: float) -> Non
 
 @pytest.mark.parametrize("name", ["polhem_v1", "polhem_v3", "vintage_phantom"])
 def test_straight_gimbal_points_along_the_forearm(name: str) -> None:
-    mechanism = PARAMETERS[name].mechanism
+    mechanism = PARAMETERS[name]
     for position in positions(PARAMETERS[name]):
         counts = mechanism.counts_at(position)
-        home = mechanism.drive.wiring.gimbal_home_counts
+        home = mechanism.wiring.gimbal_home_counts
         orientation = mechanism.orientation((*counts, *(-count for count in home)))
         assert orientation is not None
-        angles = mechanism.drive.angles(counts)
+        angles = mechanism.angles(counts)
         lam = mechanism.linkage.forearm(angles)
         ahead = (cos(angles[0]) * cos(lam), sin(angles[0]) * cos(lam), sin(lam))
         assert turned(orientation, (1.0, 0.0, 0.0)) == pytest.approx(ahead, abs=1e-12)
@@ -154,8 +153,8 @@ def test_each_gimbal_axis_turns_the_handle(
 ) -> None:
     """In the middle of the workspace, from the straight gimbal on."""
     parameters = PARAMETERS[name]
-    mechanism = parameters.wired(parameters.wirings[board]).mechanism
-    home = mechanism.drive.wiring.gimbal_home_counts
+    mechanism = replace(parameters, wiring=parameters.wirings[board])
+    home = mechanism.wiring.gimbal_home_counts
     found = mechanism.orientation((*mechanism.counts_at(ORIGIN), *(a - b for a, b in zip(gimbal, home, strict=True))))
     assert found == pytest.approx(orientation, abs=1e-4)
 
@@ -167,7 +166,7 @@ def test_each_gimbal_axis_turns_the_handle(
     st.tuples(*[st.integers(-40_000, 40_000)] * 3),
 )
 def test_current_limit_holds_everywhere(name: str, force: Vector, counts: Counts) -> None:
-    currents = PARAMETERS[name].mechanism.limited_currents_ma(force, counts, 5.0, 1500.0)
+    currents = PARAMETERS[name].limited_currents_ma(force, counts, 5.0, 1500.0)
     assert all(isfinite(current) and abs(current) <= 1500 for current in currents)
 
 

@@ -8,21 +8,21 @@ import pytest
 import yaml
 
 from weberlink.master.devices import DEVICES
-from weberlink.master.devices.polhem.mechanism import Wiring
-from weberlink.master.devices.polhem.parameters import PARAMETERS, MechanismParameters, PolhemHidOptions
+from weberlink.master.devices.polhem.mechanism import Mechanism, Wiring
+from weberlink.master.devices.polhem.parameters import PARAMETERS, PolhemHidOptions
 
 every_set = pytest.mark.parametrize("parameters", PARAMETERS.values(), ids=PARAMETERS)
 
 
 @every_set
-def test_limits_are_plausible_and_every_board_has_the_same_home_pose(parameters: MechanismParameters) -> None:
+def test_limits_are_plausible_and_every_board_has_the_same_home_pose(parameters: Mechanism) -> None:
     assert parameters.force_n <= 5.0
     assert 500.0 <= parameters.stiffness_n_m <= 2000.0
     assert 0.1 <= parameters.radius_m <= 0.15
     # Other signs come with other home counts: where a sign of one is wrong, the pose is another.
     for wiring in parameters.wirings.values():
-        pose = parameters.wired(wiring).mechanism.drive.angles((0, 0, 0))
-        assert pose == pytest.approx(parameters.mechanism.drive.angles((0, 0, 0)), abs=1e-9)
+        pose = replace(parameters, wiring=wiring).angles((0, 0, 0))
+        assert pose == pytest.approx(parameters.angles((0, 0, 0)), abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -34,7 +34,7 @@ def test_the_workspace_holds_the_home_pose_and_twice_the_radius(name: str, reach
 
 
 def wiring_of(**settings: Any) -> Wiring:
-    return PolhemHidOptions(parameters="polhem_v3", **settings).wired().mechanism.drive.wiring
+    return PolhemHidOptions(parameters="polhem_v3", **settings).wired().wiring
 
 
 @pytest.mark.parametrize(
