@@ -97,12 +97,12 @@ def refusal(device: Any) -> str:
     return str(caught.value)
 
 
-def armed(name: str, /, *, checked: bool = True, **options: Any) -> Device:
-    """A device that may have force: its signs count as checked, unless told otherwise."""
+def armed(name: str, /, *parts: Any, checked: bool = True, **options: Any) -> Device:
+    """The device of a driver, which is given the parts too; its signs count as checked, unless told otherwise."""
     driver: Any = DEVICES.load(name)
     if checked and hasattr(driver, "fingerprint"):
         options["signs_checked"] = driver.fingerprint(driver.Options(**options))
-    device: Device = driver(driver.Options(**options), TICK)
+    device: Device = driver(driver.Options(**options), TICK, *parts)
     return device
 
 

@@ -7,7 +7,6 @@ from typing import Any, ClassVar
 
 import pytest
 
-from tests.master.devices.polhem.boards import hid_device
 from weberlink.master.devices import BUILT_IN
 from weberlink.testing.devices import DeviceBench, DeviceContract, ForceDeviceContract, StoppedHostContract, armed
 from weberlink.testing.time import virtual_time
@@ -87,7 +86,7 @@ class TestPolhemHid(ForceDeviceContract):
     @contextmanager
     def make_bench(self, folder: Path, /, **options: Any) -> Iterator[DeviceBench]:
         wire = HidWire(emulated("polhem_hid"))
-        with closing(hid_device(wire, **options)) as device:
+        with closing(armed("polhem_hid", wire, port="/dev/hidraw9", **options)) as device:
             yield wire.bench(device)
 
 

@@ -11,17 +11,24 @@ from typing import Any
 
 import pytest
 
-from tests.master.devices.polhem.boards import ScriptedHidBoard, Teensy, hid_device
 from tests.wait import until
 from weberlink.geometry.vector import ZERO, norm
+from weberlink.hardware.emulator import Emulator
 from weberlink.master.devices.polhem.parameters import PARAMETERS, PolhemHidOptions, PolhemSerialOptions
-from weberlink.master.devices.polhem.protocol import LONG, SHORT, SetCounters
-from weberlink.master.devices.polhem.serial_device import BracketExchange, PolhemSerialDevice
+from weberlink.master.devices.polhem.protocol import (
+    LONG,
+    SHORT,
+    Sensors,
+    SetCounters,
+    decode_command,
+    encode_sensors,
+    encode_status,
+)
+from weberlink.master.devices.polhem.serial_device import BracketExchange
 from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
-from weberlink.testing.devices import drive, fault_of, refusal
+from weberlink.testing.devices import armed, drive, fault_of, refusal
 from weberlink.testing.serving import PtyDevice
 from weberlink.testing.stepping import VirtualPort, VirtualTime
-from weberlink.testing.time import TICK
 from weberlink.testing.wires import HidWire
 
 MIDDLE = (*PARAMETERS["woodenhaptics_2015"].counts_at(ZERO), 0, 0, 0)
@@ -31,6 +38,46 @@ AWAY = (900, -70, 5, 1, 2, 3)
 HOME = pytest.approx((0.025, 0.0, 0.205))
 PUSH = (1.0, -2.0, 0.5)
 Make = Callable[..., Any]
+
+
+class Teensy(Emulator):
+    """Answers every message as the firmware does, with its `counts`; its button is pressed after a number of them."""
+
+    def __init__(self, counts: tuple[int, ...], pressed_after: int = 0) -> None:
+        super().__init__()
+        self.model, self.counts, self.error, self.pressed_after = 3, counts, 0, pressed_after
+        self.currents: list[tuple[int, ...]] = []  # as commanded, one per message
+        self._rest = b""
+
+    def receive(self, data: bytes, now: float) -> None:
+        *messages, self._rest = (self._rest + data.replace(b"\0", b"")).split(b"\n")
+        for message in messages:
+            self.currents.append(tuple(map(int, message.strip(b"[]").split(b","))))
+            self.counts = (0,) * 6 if len(self.currents) == self.pressed_after else self.counts
+            self.leaving.append(encode_status(Sensors(self.counts, model=self.model, error=self.error)))
+
+
+class Mbed(Emulator):
+    """In lock-step, and with a report that may wait from the start; its button likewise."""
+
+    def __init__(
+        self, counts: tuple[int, ...], size: int = LONG, stale: tuple[int, ...] | None = None, pressed_after: int = 0
+    ) -> None:
+        super().__init__()
+        self.counts, self.size, self.pressed_after = counts, size, pressed_after
+        self.button = self.calibrate = False
+        self.sets_counters = True
+        self.commands: list[tuple[int, int, int] | SetCounters] = []
+        self.leaving = [] if stale is None else [encode_sensors(Sensors(stale))]
+
+    def receive(self, data: bytes, now: float) -> None:
+        command = decode_command(data)
+        self.commands.append(command)
+        if isinstance(command, SetCounters) and self.sets_counters:
+            self.counts, self.calibrate = command.counts, False
+        sensors = Sensors(self.counts, self.button, self.calibrate)
+        self.leaving.append(encode_sensors(sensors).ljust(self.size, b"\0"))
+        self.calibrate = self.calibrate or len(self.commands) == self.pressed_after
 
 
 @pytest.fixture
@@ -53,15 +100,9 @@ def teensy(board: PtyDevice) -> Any:
 
 @pytest.fixture
 def serial(board: PtyDevice, until_end: Make) -> Make:
-    """Makes a device on the board, with its signs checked unless told otherwise."""
-
-    def make(**settings: Any) -> Any:
-        options = PolhemSerialOptions(**{"port": str(board.path), "model": "woodenhaptics", **settings})
-        if "signs_checked" not in settings:
-            options = options.model_copy(update={"signs_checked": PolhemSerialDevice.fingerprint(options)})
-        return until_end(PolhemSerialDevice(options, TICK))
-
-    return make
+    """Makes a device on the board."""
+    usual = {"port": str(board.path), "model": "woodenhaptics"}
+    return lambda **settings: until_end(armed("polhem_serial", **{**usual, **settings}))
 
 
 @pytest.mark.parametrize(
@@ -86,17 +127,8 @@ def test_homed_where_it_is_held(serial: Make, teensy: Any) -> None:
     assert set(teensy.currents) == {(0, 0, 0)}
 
 
-class Pressed(Teensy):
-    """Its button is pressed after ten messages."""
-
-    def receive(self, data: bytes, now: float) -> None:
-        super().receive(data, now)
-        if len(self.currents) == 10:
-            self.counts = (0,) * 6
-
-
 def test_homed_by_the_button() -> None:
-    time, teensy = VirtualTime(), Pressed((16_000, -3, 77, 0, 0, 0))
+    time, teensy = VirtualTime(), Teensy((16_000, -3, 77, 0, 0, 0), pressed_after=10)
     options = PolhemSerialOptions(port="/dev/virtual", model="woodenhaptics", homing="button")
     exchange = BracketExchange(options, 0.0, list, lambda path: VirtualPort(teensy, time))
     exchange._clock, exchange._pause = time.clock, time.pause
@@ -158,8 +190,7 @@ def test_weight_is_carried_only_while_loop_commands(serial: Make, tmp_path: Path
     options = {"model": "polhem", "handle": still, "weight": True}
     emulator = PolhemSerialEmulator(PolhemSerialEmulatorOptions.model_validate(options))
     with PtyDevice(emulator, tmp_path / "heavy") as pty:
-        signs = {} if checked else {"signs_checked": "a0000000"}
-        device = serial(port=str(pty.path), model="polhem", gravity_compensation=True, **signs)
+        device = serial(port=str(pty.path), model="polhem", gravity_compensation=True, checked=checked)
         device.open(monotonic())
         assert emulator.currents_ma == (0.0, 0.0, 0.0)
         messages = emulator.messages
@@ -179,12 +210,12 @@ def test_weight_is_carried_only_while_loop_commands(serial: Make, tmp_path: Path
 
 @pytest.fixture
 def hid(until_end: Make) -> Make:
-    """Makes a device on a board; with force, whatever the signs."""
-    return lambda board, **settings: until_end(hid_device(HidWire(board), **settings))
+    """Makes a device on a board."""
+    return lambda board, **settings: until_end(armed("polhem_hid", HidWire(board), port="/dev/hidraw9", **settings))
 
 
 def test_force_and_button_and_no_report_that_has_waited(hid: Make) -> None:
-    board = ScriptedHidBoard(HID_MIDDLE, stale=(16_000, 0, 0, 0, 0, 0))
+    board = Mbed(HID_MIDDLE, stale=(16_000, 0, 0, 0, 0, 0))
     device = hid(board)
     device.open(monotonic())
     assert device.latest(monotonic()).position == pytest.approx(ZERO, abs=1e-4)
@@ -199,13 +230,13 @@ def test_force_and_button_and_no_report_that_has_waited(hid: Make) -> None:
 @pytest.mark.parametrize(("said", "sent"), [(LONG, SHORT), (SHORT, LONG)])
 def test_reports_of_the_other_length_are_refused(hid: Make, said: int, sent: int) -> None:
     """Their firmware counts the other way round."""
-    board = ScriptedHidBoard((0,) * (6 if sent == LONG else 3), sent)
+    board = Mbed((0,) * (6 if sent == LONG else 3), sent)
     assert f"sends reports of {sent} bytes, the file says {said}" in refusal(hid(board, report_bytes=said))
     assert not any(any(command) for command in board.commands if isinstance(command, tuple))
 
 
 def test_homing_at_open_sets_the_counters_which_may_hold_the_home_counts(hid: Make) -> None:
-    plain, own, deaf = (ScriptedHidBoard(AWAY) for _ in range(3))
+    plain, own, deaf = (Mbed(AWAY) for _ in range(3))
     device = hid(plain, homing="at_open")
     device.open(monotonic())
     assert SetCounters((0,) * 6) in plain.commands
@@ -217,16 +248,8 @@ def test_homing_at_open_sets_the_counters_which_may_hold_the_home_counts(hid: Ma
     assert "does not set its counters" in refusal(hid(deaf, homing="at_open"))
 
 
-class PressedHid(ScriptedHidBoard):
-    """Its button is pressed after ten messages."""
-
-    def receive(self, data: bytes, now: float) -> None:
-        super().receive(data, now)
-        self.calibrate = self.calibrate or len(self.commands) == 10
-
-
 def test_a_press_of_some_time_ago_does_not_count_and_the_next_one_homes(hid: Make) -> None:
-    board = PressedHid(AWAY)
+    board = Mbed(AWAY, pressed_after=10)
     board.calibrate = True
     device = hid(board, homing="button")
     device.open(monotonic())
@@ -236,7 +259,7 @@ def test_a_press_of_some_time_ago_does_not_count_and_the_next_one_homes(hid: Mak
 
 
 def test_the_older_kind_is_homed_on_the_host_and_has_no_button(hid: Make) -> None:
-    board = ScriptedHidBoard(AWAY[:3], SHORT, stale=(0, 0, 0))
+    board = Mbed(AWAY[:3], SHORT, stale=(0, 0, 0))
     device = hid(board, homing="at_open", report_bytes=8)
     device.open(monotonic())
     assert device.latest(monotonic()).position == HOME
@@ -249,7 +272,7 @@ def test_counters_are_followed_beyond_16_bits(hid: Make) -> None:
     mechanism = PolhemHidOptions(parameters="polhem_v2").wired()
     near, home = mechanism.counts_at(ZERO), mechanism.wiring.home_counts
     shift = 32_760 - near[2]
-    board = ScriptedHidBoard((near[0], near[1], near[2] + shift, 0, 0, 0))
+    board = Mbed((near[0], near[1], near[2] + shift, 0, 0, 0))
     device = hid(board, parameters="polhem_v2", home_counts=(home[0], home[1], home[2] - shift))
     device.open(monotonic())
     board.counts = (near[0], near[1], near[2] + shift + 30, 0, 0, 0)
