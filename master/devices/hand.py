@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from math import ceil, cos, cosh, exp, log2, pi, sin, sinh, sqrt
 
-from weberlink.geometry.vector import ZERO, Vector, distance, norm
+from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.hand_options import GraspOptions, HandOptions, Oscillator
 
 
@@ -15,9 +15,8 @@ class FirmHand:
     """
 
     def __init__(self, options: HandOptions, position: Vector) -> None:
-        self._mass = options.mass_kg
-        self._damping = options.damping_n_s_m
-        self._stiffness = options.stiffness_n_m
+        self._oscillator = options.oscillator
+        self._compliance = 1.0 / options.stiffness_n_m
         self._transition = (0.0, 1.0, 0.0, 0.0, 1.0)
         self.position = position
         self.velocity = ZERO
@@ -25,10 +24,9 @@ class FirmHand:
     def advance(self, intended: Vector, felt: Vector, step: float) -> None:
         """Moves on by `step` [s] toward `intended` [m] under the force `felt` [N] on the handle."""
         if step != self._transition[0]:
-            self._transition = (step, *transition(self._mass, self._damping, self._stiffness, step))
+            self._transition = (step, *transition(*self._oscillator, step))
         _, a, b, c, d = self._transition
-        compliance = 1.0 / self._stiffness
-        p, v = self.position, self.velocity
+        compliance, p, v = self._compliance, self.position, self.velocity
         # Around the resting point that this intention and this force would lead to, the motion is a free oscillation.
         rest_x, rest_y, rest_z = (
             intended[0] + felt[0] * compliance,
@@ -38,11 +36,6 @@ class FirmHand:
         x, y, z = p[0] - rest_x, p[1] - rest_y, p[2] - rest_z
         self.position = (rest_x + a * x + b * v[0], rest_y + a * y + b * v[1], rest_z + a * z + b * v[2])
         self.velocity = (c * x + d * v[0], c * y + d * v[1], c * z + d * v[2])
-
-    def stored(self, intended: Vector) -> float:
-        """Energy of its masses and springs [J], about the intention [m]."""
-        stretch, speed = distance(self.position, intended), norm(self.velocity)
-        return 0.5 * (self._stiffness * stretch**2 + self._mass * speed**2)
 
 
 class GraspingHand:
@@ -77,15 +70,6 @@ class GraspingHand:
             for x, v, y, w, to, force in axes
         ]
         self.position, self.velocity, self.arm, self.arm_velocity = zip(*after, strict=True)
-
-    def stored(self, intended: Vector) -> float:
-        options, grasp = self._options, self._grasp
-        return 0.5 * (
-            options.stiffness_n_m * distance(self.arm, intended) ** 2
-            + grasp.stiffness_n_m * distance(self.position, self.arm) ** 2
-            + options.mass_kg * norm(self.arm_velocity) ** 2
-            + grasp.handle_kg * norm(self.velocity) ** 2
-        )
 
 
 Hand = FirmHand | GraspingHand  # with the position [m] and velocity [m/s] of the handle

@@ -16,8 +16,9 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.geometry.vector import ZERO
-from weberlink.master.devices.hand import modelled_hand
+from weberlink.geometry.vector import ZERO, Vector, distance, norm
+from weberlink.master.devices.hand import GraspingHand, Hand, modelled_hand
+from weberlink.master.devices.hand_options import HandOptions
 from weberlink.slave.scenes.scene import Scene, SceneObject
 from weberlink.slave.scenes.shape import PlaneShape
 from weberlink_studies.frame import Row
@@ -83,10 +84,19 @@ def disturbance_energy(wall: SampledWall, stiffness: float, ticks: int) -> NDArr
         felt = on_the_way.popleft() + press
         hand.advance(intended, (0.0, 0.0, felt), wall.tick_period)
         offset = hand.position[2] - rest
-        energies.append(hand.stored(intended) + 0.5 * stiffness * offset * offset)
+        energies.append(stored(hand, wall.hand, intended) + 0.5 * stiffness * offset * offset)
         if abs(offset) > 0.5 * DEPTH or energies[-1] < GONE * energies[0]:
             break
     return np.asarray(energies)
+
+
+def stored(hand: Hand, options: HandOptions, intended: Vector) -> float:
+    """Energy of the masses and springs of a hand [J], about its intention [m]."""
+    arm, grasp = (hand.position, hand.velocity), 0.0
+    if isinstance(hand, GraspingHand) and options.held is not None:
+        arm, held = (hand.arm, hand.arm_velocity), options.held
+        grasp = held.stiffness_n_m * distance(hand.position, hand.arm) ** 2 + held.handle_kg * norm(hand.velocity) ** 2
+    return 0.5 * (options.stiffness_n_m * distance(arm[0], intended) ** 2 + options.mass_kg * norm(arm[1]) ** 2 + grasp)
 
 
 def plane(stiffness: float, damping: float = 0.0) -> Scene:
