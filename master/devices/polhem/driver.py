@@ -10,13 +10,12 @@ from weberlink.geometry.vector import ZERO, Vector, add, cube
 from weberlink.hardware.discovery import DeviceLocator, PluggedDevice
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.contract import DeviceReading
-from weberlink.master.devices.force_device import force_spec, limited_force
+from weberlink.master.devices.hardware_device import ThreadedDevice, fingerprint, force_spec, limited_force
 from weberlink.master.devices.polhem.homing import PositionValidator
 from weberlink.master.devices.polhem.lock_step import LockStep
 from weberlink.master.devices.polhem.mechanism import Mechanism
 from weberlink.master.devices.polhem.parameters import PolhemOptions
 from weberlink.master.devices.polhem.protocol import NO_CURRENT, Counts, Message, Sensors
-from weberlink.master.devices.threaded_device import ThreadedDevice, fingerprint
 from weberlink.registry import Tier
 
 # Bad replies in a row that are a fault; each takes 10 ms where nothing answers, and the motors get no current from the

@@ -8,7 +8,7 @@ from typing import Any, Literal, Self
 import yaml
 from pydantic import Field, model_validator
 
-from weberlink.master.devices.force_device import ForceOptions, PortOptions
+from weberlink.master.devices.hardware_device import ForceOptions, PortOptions
 from weberlink.master.devices.polhem.mechanism import (
     Board,
     Linkage,

@@ -21,7 +21,7 @@ from weberlink.child_process import python
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, norm
 from weberlink.master.devices import DEVICES
 from weberlink.master.devices.contract import Device, DeviceFault, TorqueDevice
-from weberlink.master.devices.threaded_device import RAMP_S
+from weberlink.master.devices.hardware_device import RAMP_S
 from weberlink.session.composition.master import check_force_ends
 from weberlink.testing import pushing_host
 from weberlink.testing.contract import FaultContract, assert_is_read_while_open

@@ -21,8 +21,7 @@ from weberlink.geometry.rotation import IDENTITY, product, quaternion, unit_quat
 from weberlink.geometry.vector import ZERO, Vector, check_home, cube, scale
 from weberlink.hardware.worker import Exchange, ThreadedDriver
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, check_finite
-from weberlink.master.devices.force_device import PortOptions
-from weberlink.master.devices.threaded_device import STALE_S
+from weberlink.master.devices.hardware_device import STALE_S, PortOptions
 
 PERIOD_S = 0.001
 """Least time between two looks at the device [s]."""

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 from weberlink.geometry.vector import ZERO, Vector, scale, within
 from weberlink.hardware.worker import Exchange
 from weberlink.master.devices.contract import DeviceReading, DeviceSpec, check_finite
-from weberlink.master.devices.threaded_device import ThreadedDevice
+from weberlink.master.devices.hardware_device import ThreadedDevice
 
 
 class Wrench(NamedTuple):

@@ -11,7 +11,7 @@ import pytest
 
 from plugins.devices.tests.force_dimension.fake import Devices
 from weberlink.geometry.vector import Vector, norm
-from weberlink.master.devices.threaded_device import RAMP_S
+from weberlink.master.devices.hardware_device import RAMP_S
 from weberlink.testing.devices import armed, drive, fault_of, refusal
 from weberlink_devices.force_dimension.library import Library, find
 

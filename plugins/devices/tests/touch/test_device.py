@@ -21,7 +21,7 @@ from weberlink.geometry.rotation import Quaternion, turned, unit_quaternion
 from weberlink.geometry.vector import Vector
 from weberlink.hardware.fault import HardwareFault
 from weberlink.master.devices.contract import DeviceFault
-from weberlink.master.devices.threaded_device import RAMP_S
+from weberlink.master.devices.hardware_device import RAMP_S
 from weberlink.testing.devices import armed, drive, fault_of
 from weberlink_devices.touch import hdapi
 from weberlink_devices.touch.device import pose

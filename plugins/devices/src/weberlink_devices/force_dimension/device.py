@@ -9,8 +9,7 @@ from pydantic import BaseModel
 from weberlink.geometry.vector import cube
 from weberlink.hardware.discovery import PluggedDevice, UsbId
 from weberlink.hardware.fault import HardwareFault
-from weberlink.master.devices.force_device import force_spec
-from weberlink.master.devices.threaded_device import fingerprint
+from weberlink.master.devices.hardware_device import fingerprint, force_spec
 from weberlink.registry import Tier
 from weberlink_devices.discovery import usb_devices
 from weberlink_devices.force_dimension.exchange import BAD_REPLIES, USB, DhdExchange

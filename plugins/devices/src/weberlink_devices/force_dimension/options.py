@@ -6,7 +6,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from weberlink.master.devices.force_device import ForceOptions, HardwareOptions, Stiffness, limited_force
+from weberlink.master.devices.hardware_device import ForceOptions, HardwareOptions, Stiffness, limited_force
 
 ModelName = Literal[
     "omega.3", "omega.6", "omega.7", "delta.3", "sigma.3", "sigma.7", "lambda.3", "lambda.7", "novint_falcon"

@@ -7,8 +7,7 @@ from pydantic import BaseModel
 
 from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_ports
 from weberlink.hardware.guardian import Guardian
-from weberlink.master.devices.force_device import force_spec
-from weberlink.master.devices.threaded_device import ThreadedDevice, fingerprint
+from weberlink.master.devices.hardware_device import ThreadedDevice, fingerprint, force_spec
 from weberlink.registry import Tier
 from weberlink_devices.haply.board import RESET
 from weberlink_devices.haply.exchange import HaplyExchange

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from weberlink.master.devices.force_device import ForceOptions, PortOptions, Reply, Stiffness
+from weberlink.master.devices.hardware_device import ForceOptions, PortOptions, Reply, Stiffness
 from weberlink_devices.haply.board import CLOCKWISE, COUNTER_CLOCKWISE
 from weberlink_devices.haply.linkage import MOST_TORQUE_N_M, VERSIONS, HaplyVersion
 

@@ -10,8 +10,7 @@ from weberlink.geometry.vector import Vector, cube
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.guardian import Guardian
-from weberlink.master.devices.force_device import force_spec
-from weberlink.master.devices.threaded_device import ThreadedDevice, fingerprint
+from weberlink.master.devices.hardware_device import ThreadedDevice, fingerprint, force_spec
 from weberlink.registry import Tier
 from weberlink_devices.inverse3.http_requests import service_devices
 from weberlink_devices.inverse3.options import ADDRESS, Inverse3Options

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.master.devices.force_device import ForceOptions, HardwareOptions, Reply, Stiffness
+from weberlink.master.devices.hardware_device import ForceOptions, HardwareOptions, Reply, Stiffness
 from weberlink_devices.inverse3.protocol import ForceKey, Grip
 
 ADDRESS = "ws://localhost:10001"

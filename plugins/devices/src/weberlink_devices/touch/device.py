@@ -13,8 +13,7 @@ from weberlink.geometry.vector import ZERO, Vector, cube, is_finite, within
 from weberlink.hardware.discovery import PluggedDevice, UsbId, serial_ports
 from weberlink.hardware.fault import HardwareFault
 from weberlink.master.devices.contract import DeviceFault, DeviceReading
-from weberlink.master.devices.force_device import force_spec
-from weberlink.master.devices.threaded_device import RAMP_S, STALE_S, fingerprint
+from weberlink.master.devices.hardware_device import RAMP_S, STALE_S, fingerprint, force_spec
 from weberlink.registry import Tier
 from weberlink_devices.touch.exchange import ServoState
 from weberlink_devices.touch.hdapi import HdError

@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from weberlink.master.devices.force_device import ForceOptions, Stiffness
+from weberlink.master.devices.hardware_device import ForceOptions, Stiffness
 from weberlink_devices.touch.hdapi import LIBRARY
 
 

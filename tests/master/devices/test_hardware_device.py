@@ -10,7 +10,7 @@ import pytest
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.contract import DeviceReading, DeviceSpec
-from weberlink.master.devices.threaded_device import ThreadedDevice
+from weberlink.master.devices.hardware_device import ThreadedDevice
 from weberlink.testing.devices import drive, fault_of, refusal
 
 TICK = 0.001
