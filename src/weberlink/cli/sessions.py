@@ -18,6 +18,7 @@ from weberlink.session.targets import STANDARD_OUTPUT
 if TYPE_CHECKING:
     from weberlink.session.advice import DryRun
     from weberlink.session.report import SessionLog
+    from weberlink.telemetry.reader import Records
 
 PeerLabel = Annotated[str | None, typer.Option("--peer", metavar="NAME", help="Meet this known peer only.")]
 
@@ -195,7 +196,7 @@ def simulate(
     from weberlink.config import ConfigurationError, load  # noqa: PLC0415
     from weberlink.session.advice import dry_run  # noqa: PLC0415
     from weberlink.session.report import REPORTS, chosen_report  # noqa: PLC0415
-    from weberlink.session.simulation import TraceRecorder, refuse_live, simulate as run  # noqa: PLC0415
+    from weberlink.session.simulation import DEFAULT_DURATION, TraceRecorder, refuse_live, simulate as run  # noqa: PLC0415
 
     configuration = load(file, set_ or ())
     if trace is not None and configuration.system.codec.joints is not None:
@@ -206,8 +207,20 @@ def simulate(
     report, recorder = REPORTS[chosen_report()](configuration), TraceRecorder()
     say_advice(dry_run(configuration))
     observers = [report.add] if trace is None else [report.add, recorder.add]
+    recording, length = None, DEFAULT_DURATION if duration is None else duration
+    if record is not None:
+        from weberlink.session.recorder import VirtualRecording  # noqa: PLC0415
+
+        recording = VirtualRecording(configuration, record, tell)
+        observers.append(recording.add)
     with progress_bar() as progress:
-        facts = run(configuration, duration, observers, record, progress, tell)
+
+        def show(master: "Records", _: "Records") -> None:
+            done = (int(master["tick"][-1]) + 1) * configuration.system.tick_period
+            progress(round(min(done, length), 1), length, "s")
+
+        facts = run(configuration, duration, [*observers, show])
+    facts["recording"] = None if recording is None else recording.finish()
     ended = report.end(facts)
     problem = None if trace is None else attempt(lambda: recorder.save(trace), trace)
     if facts.get("interrupted") and problem is None:

@@ -23,7 +23,6 @@ from weberlink.order import MISCONFIGURED, NOTE, STOP_SIGNALS
 from weberlink.protocol.keys import generate
 from weberlink.protocol.paths import LinkPath, notable, paths_of
 from weberlink.session import control_socket, description
-from weberlink.session.composition.channels import lookahead_ms
 from weberlink.session.description import DaemonOrder, failure
 from weberlink.session.report import REPORTS, Facts, Report, chosen_report
 from weberlink.session.waiting import WaitingDaemon
@@ -230,12 +229,9 @@ class LiveRun:
             self._add_paths(side, paths_of(summary))
         self._peers = {side: summary["peer"] for side, summary in summaries.items()}
         failures = [summary["outcome"] for summary in summaries.values() if summary["failed"]]
-        system = self.configuration.system
         facts = self._facts()
         del facts["record_age_s"]
         facts |= {
-            "lookahead_ms": lookahead_ms(system),
-            "playout_ms": system.link.playout_ms,
             "faults": {side: summary["faults"] for side, summary in summaries.items()},
             "drops": {side: summary["drops"] for side, summary in summaries.items()},
             "realtime": {side: summary["realtime"] for side, summary in summaries.items()},

@@ -35,8 +35,6 @@ class Facts(TypedDict, total=False):
     peers: Mapping[str, Mapping[str, str] | None]  # `weberlink.session.side.PeerFacts`
     paths: Mapping[str, Sequence[LinkPath]]
     dscp: int
-    lookahead_ms: Mapping[str, float]  # by channel
-    playout_ms: float
     realtime: Mapping[str, Mapping[str, Any] | None]  # rights that the kernel granted or refused
     recording: Mapping[str, Any] | None  # what its recorder says of it; `running` while it runs
     record_age_s: Mapping[str, float]  # of the newest record, while the session runs

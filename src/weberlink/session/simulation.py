@@ -18,7 +18,6 @@ from weberlink.config.model import EmulationSettings
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.protocol.states import State
 from weberlink.registry import fault_of, is_hardware
-from weberlink.session.composition.channels import lookahead_ms
 from weberlink.session.composition.link import Context, build_security
 from weberlink.session.composition.sides import build_side
 from weberlink.session.interruption import Interruption
@@ -185,18 +184,12 @@ def simulate(
     configuration: Configuration,
     duration: float | None = None,
     observers: Sequence[Observer] = (),
-    record: Path | None = None,
-    progress: Callable[[float, float, str], None] = lambda *_: None,
-    tell: Callable[[str], None] = lambda _: None,
 ) -> Facts:
     """Run to the end of the duration [s] or of the device's motion, or to Ctrl-C.
 
     Args:
         duration: [s]; None for `DEFAULT_DURATION`.
         observers: each takes the records of both sides, in pieces.
-        record: where to record the session, as MCAP; None to record nothing.
-        progress: receives the simulated time and the longest one [s], and the unit.
-        tell: receives one line as soon as the recording fails; the run goes on.
 
     Returns:
         What is known of the session beside its records.
@@ -204,28 +197,11 @@ def simulate(
     Raises:
         ConfigurationError: if a part cannot be made as the file asks.
     """
-    system = configuration.system
-    simulation = build_simulation(configuration)
-    length = DEFAULT_DURATION if duration is None else duration
-    ticks = 0
-
-    def on_progress(master: Records, _slave: Records) -> None:
-        nonlocal ticks
-        ticks += len(master)
-        progress(round(min(ticks * system.tick_period, length), 1), length, "s")
-
-    watching = [*observers, on_progress]
-    recording = None
-    if record is not None:
-        from weberlink.session.recorder import VirtualRecording  # noqa: PLC0415 - where a session is recorded
-
-        recording = VirtualRecording(configuration, record, tell)
-        watching.append(recording.add)
-    interruption = Interruption()
+    simulation, interruption = build_simulation(configuration), Interruption()
     began = perf_counter()
     fault = None
     try:
-        simulation.run(length, watching, interruption)
+        simulation.run(DEFAULT_DURATION if duration is None else duration, observers, interruption)
     except Exception as error:
         fault = fault_of(error)
         if fault is None or not fault.is_foreign:
@@ -237,15 +213,12 @@ def simulate(
     failures = [why for why in (fault and fault.text, master.failure, slave.failure) if why is not None]
     ended = "interrupted" if interruption.noted else "completed"
     facts = Facts(
-        lookahead_ms=lookahead_ms(system),
-        playout_ms=system.link.playout_ms,
         faults={"master": master.faults, "slave": slave.faults},
         drops={"master": master.drops, "slave": slave.drops},
         peers={"master": master.peer._asdict(), "slave": slave.peer._asdict()},
         outcome=f"failed: {'; '.join(failures)}" if failures else ended,
         run_time_s=run_time,
-        seed=(system.link.emulate or EmulationSettings()).seed,
-        recording=None if recording is None else recording.finish(),
+        seed=(configuration.system.link.emulate or EmulationSettings()).seed,
     )
     if interruption.noted:
         facts["interrupted"] = True

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from weberlink.config import MASTER, SLAVE, Configuration
 from weberlink.environment import environment
 from weberlink.order import COMPLETED
+from weberlink.session.composition.channels import lookahead_ms
 from weberlink.session.ending import URGENT, failures
 from weberlink.session.report import Ended, Facts, exit_status
 from weberlink.session.simulation import Observer, simulate
@@ -34,6 +35,7 @@ class FiguresReport:
         self.score = score_of(system)
         self.ended: Figures | None = None
         self._sides = sorted(sides)
+        self._settings: dict[str, Any] = {"lookahead_ms": lookahead_ms(system), "playout_ms": system.link.playout_ms}
         self._host = HostWatch(sides, system.realtime, system.tick_period) if sides else None
         self._journal = None if log is None else Journal(log.write_json, system.rate_hz)
         self._wall_offset_s = time() - monotonic()
@@ -68,7 +70,7 @@ class FiguresReport:
         return status_line(self.score.state, self._figures(facts))
 
     def end(self, facts: Facts) -> Ended:
-        figures = self._figures(facts)
+        figures = replace(self._figures(facts), **self._settings)
         if self._host is not None:
             figures = replace(figures, host=self._host.end())
         judged = verdict(figures)
