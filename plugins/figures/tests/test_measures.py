@@ -16,10 +16,10 @@ from tests.session.kinds import HAND, run
 from tests.session.systems import configuration
 from weberlink.codec.deadband import DEADBANDS
 from weberlink.protocol.states import State
-from weberlink.session.composition.channels import force_deadband, measures_in
+from weberlink.session.composition.channels import force_deadband
 from weberlink.session.tuning import LiveSettings
 from weberlink.telemetry.record import FORCE, RELEASED
-from weberlink_figures.channel import in_session
+from weberlink_figures.channel import in_session, measures_in
 from weberlink_figures.distribution import RESOLUTION, Distribution
 from weberlink_figures.felt import MARGIN_S, AlignedError, JumpsOfRecords, QualityStatistics, Threshold
 from weberlink_figures.session import score_of

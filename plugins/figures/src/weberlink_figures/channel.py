@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from weberlink.codec.deadband import Measures
 from weberlink.config.joints import per_axis
+from weberlink.config.model import ForceCodecSettings
 from weberlink.geometry.joints import Joints
 from weberlink.protocol.states import State
+from weberlink.session.composition.channels import force_deadband
 from weberlink.telemetry.reader import Records
 from weberlink.telemetry.record import AXES, SECOND
 from weberlink_figures.distribution import Distribution
@@ -126,6 +128,19 @@ def arm_streams(dump: Mapping[str, Any]) -> tuple[list[Stream], list[Stream]] | 
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"no settings of joints ({error!r})") from None
     return from_slave, from_master
+
+
+def measures_in(dump: Mapping[str, Any]) -> Measures | None:
+    """How the deadband of the force measures an error, from the dump of a `System` in descriptions and recordings; None
+    where that is the distance, which is quicker without. Raises ValueError for a deadband that is not known here."""
+    try:
+        given, tick_period = dump["codec"]["force"], 1.0 / dump["rate_hz"]
+        force = ForceCodecSettings(**{key: given[key] for key in ("weber", "floor_n", "reference", "deadband")})
+    except (KeyError, TypeError, ZeroDivisionError) as error:
+        raise ValueError(f"no settings of a deadband ({error!r})") from None
+    if force.deadband.deadband.is_ball:
+        return None
+    return lambda weber: force_deadband(force, tick_period, weber).error
 
 
 @dataclass

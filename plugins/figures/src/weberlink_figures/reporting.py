@@ -7,10 +7,10 @@ from pathlib import Path
 from time import monotonic, time
 from typing import TYPE_CHECKING, Any
 
-from weberlink.config import MASTER, SLAVE, Configuration
+from weberlink.config import MASTER, SLAVE, Configuration, System
 from weberlink.environment import environment
 from weberlink.order import COMPLETED
-from weberlink.session.composition.channels import lookahead_ms
+from weberlink.session.composition.channels import streams
 from weberlink.session.ending import URGENT, failures
 from weberlink.session.report import Ended, Facts, exit_status
 from weberlink.session.simulation import Observer, simulate
@@ -112,3 +112,14 @@ def simulated(configuration: Configuration, duration_s: float | None = None, *ob
     report.end(simulate(configuration, duration_s, [report.add, *observers]))
     assert report.ended is not None
     return report.ended
+
+
+def lookahead_ms(system: System) -> dict[str, float]:
+    """How much later than without look-ahead the signals are displayed, by channel, in whole ticks; none of an arm."""
+    if system.codec.joints is not None:
+        return {}
+    (position, *_), (force, *_) = streams(system)
+    return {
+        "position": 1e3 * position.lookahead * system.tick_period,
+        "force": 1e3 * force.lookahead * system.tick_period,
+    }

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from weberlink.codec.deadband import Measures
 from weberlink.config import SIDES, System
 from weberlink.control.contract import AccountParameters
-from weberlink.session.composition.channels import banks, measures_in
+from weberlink.session.composition.channels import banks
 from weberlink.session.ending import Connection, ConnectionTimes
 from weberlink.session.report import MEASURED_S
 from weberlink.telemetry.fault import Fault, name_of
@@ -30,6 +30,7 @@ from weberlink_figures.channel import (
     distances,
     engaged,
     in_session,
+    measures_in,
     tally,
 )
 from weberlink_figures.distribution import Distribution

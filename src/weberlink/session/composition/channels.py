@@ -1,12 +1,11 @@
 """The coded streams of a configuration, of a hand and of an arm, as both sides build them."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 from weberlink.codec import Channel, force_channel, position_channel
 from weberlink.codec.channel import Smoothing, joint_channel
-from weberlink.codec.deadband import Deadband, DeadbandSetup, ForceDeadband, Measures
+from weberlink.codec.deadband import Deadband, DeadbandSetup, ForceDeadband
 from weberlink.codec.predictors import FitLimits
 from weberlink.codec.rate import UpdateRate
 from weberlink.codec.sample import INT16_MAX
@@ -22,19 +21,6 @@ def force_deadband(force: ForceCodecSettings, tick_period: float, weber: float) 
     """The shape that the file asks for, at a Weber factor that a session may have changed."""
     setup = DeadbandSetup(weber, force.floor_n, force.reference, tick_period, force.deadband)
     return force.deadband.deadband.configured(setup)
-
-
-def measures_in(dump: Mapping[str, Any]) -> Measures | None:
-    """How the deadband of the force measures an error, from the dump of a `System` in descriptions and recordings; None
-    where that is the distance, which is quicker without. Raises ValueError for a deadband that is not known here."""
-    try:
-        given, tick_period = dump["codec"]["force"], 1.0 / dump["rate_hz"]
-        force = ForceCodecSettings(**{key: given[key] for key in ("weber", "floor_n", "reference", "deadband")})
-    except (KeyError, TypeError, ZeroDivisionError) as error:
-        raise ValueError(f"no settings of a deadband ({error!r})") from None
-    if force.deadband.deadband.is_ball:
-        return None
-    return lambda weber: force_deadband(force, tick_period, weber).error
 
 
 def _pace(
@@ -69,17 +55,6 @@ def signal_delay(system: System) -> float:
 def longest_round_trip(system: System) -> float:
     """Round trip of the signals beyond which no session goes on, at whatever age its loop is [s]."""
     return (system.link.silence_ms + system.link.longest_round_trip_ms) * 1e-3 + signal_delay(system)
-
-
-def lookahead_ms(system: System) -> dict[str, float]:
-    """How much later than without look-ahead the signals are displayed, by channel, in whole ticks; none of an arm."""
-    if system.codec.joints is not None:
-        return {}
-    (position, *_), (force, *_) = streams(system)
-    return {
-        "position": 1e3 * position.lookahead * system.tick_period,
-        "force": 1e3 * force.lookahead * system.tick_period,
-    }
 
 
 def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
