@@ -6,7 +6,7 @@ A new one is a file beside these and a line here; an entry point names an `Integ
 from weberlink.registry import Registry
 from weberlink.slave.integrators.contract import ControlledMass, IntegrationScheme, Integrator, MassState
 
-BUILT_IN: dict[str, IntegrationScheme | str] = {
+BUILT_IN: dict[str, IntegrationScheme | str] = {  # the cheapest step first
     "semi_implicit": IntegrationScheme("weberlink.slave.integrators.semi_implicit:SemiImplicit", 1, l_stable=False),
     "implicit": IntegrationScheme(
         "weberlink.slave.integrators.implicit:Implicit", 2, l_stable=True, gains_nothing=True
@@ -15,7 +15,6 @@ BUILT_IN: dict[str, IntegrationScheme | str] = {
         "weberlink.slave.integrators.exact:Exact", 2, l_stable=True, exact_if_linear=True, gains_nothing=True
     ),
 }
-"""The cheapest step first."""
 
 
 def _check(name: str, entry: object) -> None:

@@ -275,7 +275,7 @@ def _check(name: str, entry: object) -> None:
     check_overrides(f"shape {name}", entry, SceneShapeSettings, "solid")
 
 
-SHAPES: Registry[type[SceneShapeSettings]] = Registry(
+SHAPES: Registry[type[SceneShapeSettings]] = Registry(  # settings class by the value of the key `shape`
     "shape",
     {
         "plane": "weberlink.slave.scenes.shape:PlaneSettings",
@@ -286,4 +286,3 @@ SHAPES: Registry[type[SceneShapeSettings]] = Registry(
     "weberlink.shapes",
     _check,
 )
-"""Settings class by the value of the key `shape`."""

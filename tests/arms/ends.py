@@ -89,8 +89,7 @@ class Transparent:
     def __init__(self) -> None:
         self.told: list[tuple[Any, ...]] = []
         self.resumed = 0
-        self.answer: Joints | None = None
-        """Instead of what `render` is given."""
+        self.answer: Joints | None = None  # instead of what `render` is given
 
     def resume(self, peer_credit: int) -> None:
         self.resumed += 1

@@ -35,14 +35,13 @@ def axis(most: float = MOST, stiffness: float = COUPLING) -> PressLimit:
     return axis_press_limit(most, stiffness, 0.02)
 
 
-LIMITS = {
+LIMITS = {  # a limit, and the direction out of the contact
     **{
         f"tip {out}": (tip, out)
         for out in ((0.0, 0.0, 1.0), (0.0, -1.0, 0.0), (-0.6, 0.0, -0.8), (2 / 3, -1 / 3, 2 / 3))
     },
     **{f"axis {out}": (axis, (out,)) for out in (1.0, -1.0)},
 }
-"""A limit, and the direction out of the contact."""
 anywhere = pytest.mark.parametrize("name", LIMITS)
 
 
@@ -214,8 +213,7 @@ def test_without_time_between_two_presses_the_answer_is_that_of_a_spring() -> No
 
 LOWER, UPPER = (-0.1, -0.2, -0.3), (0.4, 0.5, 0.6)
 SPEED, APPROACH, RAMP, RETRACT, TRIP_RETRACT = 1.0, 0.25, 0.05, 0.005, 0.02
-TRIPS = {"hand": (20.0,), "arm": (20.0, 20.0, 10.0)}
-"""The forces that trip each part."""
+TRIPS = {"hand": (20.0,), "arm": (20.0, 20.0, 10.0)}  # the forces that trip each part
 FREE = (0.0, 0.0, 0.0)
 both = pytest.mark.parametrize("kind", TRIPS)
 

@@ -190,7 +190,7 @@ def test_the_gripper_of_an_so101_needs_its_closed_place() -> None:
     assert given.sample.angles[-1] == pytest.approx((2048 - 1500) * RAD_PER_COUNT, abs=2e-3)
 
 
-FAILING = [
+FAILING = [  # the servos of an SO-101 leader have no torque to lose
     *[(name, "trip_watchdog", 1, "bus watchdog tripped") for name in DYNAMIXEL],
     *[(name, "overload", 4, r"\(id 1?4\): overload") for name in (*DYNAMIXEL, FOLLOWERS[1])],
     *[
@@ -199,7 +199,6 @@ FAILING = [
         for number in range(1, 6)
     ],
 ]
-"""The servos of an SO-101 leader have no torque to lose."""
 
 
 @pytest.mark.parametrize(("name", "fault", "value", "says"), FAILING)

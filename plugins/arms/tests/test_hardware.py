@@ -14,11 +14,10 @@ pytestmark = pytest.mark.realtime
 FILE = Path(__file__).parents[1] / "configs" / "phantom-arm.yaml"
 GROUND = "scene=[{shape: plane, point_m: [0, 0, 0.15], stiffness_n_m: 400}]"
 PRESS = "handle.script=[{motion: press, at_m: [0, 0, 0], depth_m: 0.04, duration_s: 0.3, approach_s: 0.3, hold_s: 600}]"
-PATIENT = (
+PATIENT = (  # this is not about a machine that stalls
     *("--set", "master.limits.device_ms=500", "--set", "slave.limits.robot_ms=500", "--set", "link.silence_ms=500"),
     *("--set", "slave.robot.bus_watchdog_ms=1000"),
 )
-"""This is not about a machine that stalls."""
 CHECKED = PolhemSerialDevice.fingerprint(PolhemSerialDevice.Options(model="vintage_phantom"))
 STILL = [0.0, 0.0, 0.0]
 

@@ -26,12 +26,10 @@ GROUND_N_M = 2000.0
 GROUND_N_S_M = 20.0
 MASS = np.array([3.0, 3.0, 3.0, 0.1, 0.1, 0.1, 0.2])
 HOME = np.array([0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0])
-TIP = (0.5, 0.0, 0.45)
-"""Place of the tip at home [m]."""
+TIP = (0.5, 0.0, 0.45)  # place of the tip at home [m]
 COLUMNS_OF_MASS: list[float] = np.diag(MASS).ravel().tolist()
 COLUMNS_OF_JACOBIAN: list[float] = np.eye(6, 7).T.ravel().tolist()
-RATE_N_M = 1.0
-"""Largest change of a torque in a cycle."""
+RATE_N_M = 1.0  # largest change of a torque in a cycle
 
 
 class ControlException(RuntimeError): ...  # noqa: N818 - the maker's names, here and below

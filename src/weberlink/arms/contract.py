@@ -31,9 +31,8 @@ class ArmSpec:
     buttons: int = 0  # how many it has
     lag_s: float = 0.0  # nominal age of a reading
     torque_error_nm: float = 0.0  # uncertainty of a measured torque at rest
+    # After this time the motors themselves let go when their host stops; None if they never do. 0 for a computed arm.
     watchdog_s: float | None = None
-    """After this time the motors themselves let go when their host stops; None if they never do. 0 for a computed
-    arm."""
     note: str = ""  # what a person should know before a run
 
     @property

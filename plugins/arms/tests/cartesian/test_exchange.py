@@ -79,8 +79,7 @@ def test_opening_takes_over_the_weight_and_moves_nothing() -> None:
 SWEPT: Joints = (0.037, 0.085, 0.132, 0.045)
 FITTED: Joints = (0.0168, 0.0089, 0.0094, 0.0377)
 """Dry friction of the same arm by two methods of the same project [N m]."""
-NOISE_N = 0.3
-"""Of the estimate: of the measured currents, and of an arm that is not quite at rest."""
+NOISE_N = 0.3  # of the estimate: of the measured currents, and of an arm that is not quite at rest
 
 
 def test_without_a_pitch_that_is_wanted_the_gripper_is_level_where_it_can_be() -> None:

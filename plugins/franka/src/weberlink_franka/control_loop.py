@@ -15,13 +15,11 @@ from weberlink_franka.options import FrankaOptions
 from weberlink_franka.sensing import ExternalForce
 
 CYCLE_S: Final = 0.001
-REFRESH_CYCLES: Final = 20
-"""Inertia and damping are computed anew so often."""
+REFRESH_CYCLES: Final = 20  # inertia and damping are computed anew so often
 STALL_S: Final = 0.02
 """After so long between two cycles the arm stops where it is; the robot itself gives up after 20 ms."""
 REST_LEAST_S: Final = 0.1
-REST_MOST_S: Final = 1.0
-"""Shortest and longest time from the order to end to the last torque."""
+REST_MOST_S: Final = 1.0  # shortest and longest time from the order to end to the last torque
 
 
 class Model(Protocol):

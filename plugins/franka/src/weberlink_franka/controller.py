@@ -23,8 +23,7 @@ from weberlink_franka.messages import MEMORY_SIZE, ArmState, Phase, command_slot
 from weberlink_franka.options import FrankaOptions
 
 LIBRARY: Final = "pylibfranka"
-WRIST_SHARE: Final = 0.25
-"""Torque at which the three joints of the wrist stop with a reflex, of that of the others."""
+WRIST_SHARE: Final = 0.25  # torque at which the three joints of the wrist stop with a reflex, of that of the others
 
 
 class RefusedError(RuntimeError):

@@ -20,19 +20,14 @@ from weberlink_franka.options import FrankaOptions
 NAME: Final = "franka"
 PROGRAM: Final = tuple(python("-m", "weberlink_franka.controller"))
 RATE_HZ: Final = 1000.0
-TIP_KG: Final = 5.0
-"""Mass that the arm has at its tip, about: 4 to 6 kg in franka-sim, by direction."""
-START_S: Final = 15.0
-"""Longest time from the start of the controller to the end of its tare [s]."""
-LATE_S: Final = 0.03
-"""Time without a state after which it is checked that the controller lives [s]."""
+TIP_KG: Final = 5.0  # mass that the arm has at its tip, about: 4 to 6 kg in franka-sim, by direction
+START_S: Final = 15.0  # longest time from the start of the controller to the end of its tare [s]
+LATE_S: Final = 0.03  # time without a state after which it is checked that the controller lives [s]
 FORCE_ERROR_N: Final = 2.0
 """What the estimate shows at rest without any contact, and changes with the posture (franka_ros issue 404) [N]."""
-END_S: Final = 2.0
-"""Longest time for the controller to bring the arm to rest and end [s]."""
+END_S: Final = 2.0  # longest time for the controller to bring the arm to rest and end [s]
 POLL_S: Final = 0.005
-POOR: Final = 0.95
-"""Share of the robot's cycles; with fewer answered in time it is worth a word."""
+POOR: Final = 0.95  # share of the robot's cycles; with fewer answered in time it is worth a word
 
 
 class FrankaRobot:

@@ -9,12 +9,9 @@ from weberlink.slave.guard import Approach
 from weberlink_franka.messages import ArmCommand
 from weberlink_franka.options import FrankaOptions
 
-LONGEST_STEP_S: Final = 0.005
-"""By which the goal moves on in one cycle, however late it is."""
-REST_RAD_S: Final = 0.02
-"""The arm is at rest when no joint is faster."""
-TURN_RAD_S: Final = 3.0
-"""Largest speed of the commanded orientation."""
+LONGEST_STEP_S: Final = 0.005  # by which the goal moves on in one cycle, however late it is
+REST_RAD_S: Final = 0.02  # the arm is at rest when no joint is faster
+TURN_RAD_S: Final = 3.0  # largest speed of the commanded orientation
 
 
 class Goal:

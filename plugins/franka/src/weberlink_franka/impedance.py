@@ -16,13 +16,10 @@ JOINTS: Final = 7
 LOWEST: Final = np.array([-2.7437, -1.7837, -2.9007, -3.0421, -2.8065, 0.5445, -3.0159])
 HIGHEST: Final = np.array([2.7437, 1.7837, 2.9007, -0.1518, 2.8065, 4.5169, 3.0159])
 """Limits of the joints of the FR3 [rad] (frankarobotics.github.io/docs/control_parameters.html)."""
-STRONGEST: Final = np.array([87.0] * 4 + [12.0] * 3)
-"""Limits of the torques [N m] (ibid.)."""
-MARGIN_RAD: Final = 0.12
-"""The wall of a joint begins so far before its limit."""
+STRONGEST: Final = np.array([87.0] * 4 + [12.0] * 3)  # limits of the torques [N m] (ibid.)
+MARGIN_RAD: Final = 0.12  # the wall of a joint begins so far before its limit
 WALL_N_M_RAD: Final = np.array([150.0] * 4 + [60.0] * 3)
-WALL_N_M_S: Final = np.array([10.0] * 4 + [2.0] * 3)
-"""Stiffness and damping of that wall."""
+WALL_N_M_S: Final = np.array([10.0] * 4 + [2.0] * 3)  # stiffness and damping of that wall
 TORQUE_STEP_N_M: Final = 0.999
 """Largest change of a torque in a cycle of 1 ms: the robot allows 1000 N m/s (libfranka, rate_limiting.h)."""
 ROTOR_KG_M2: Final = np.array([0.195] * 4 + [0.074] * 3)

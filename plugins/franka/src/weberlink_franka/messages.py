@@ -25,14 +25,10 @@ assert STATE_AT + size_of(STATE) <= MEMORY_SIZE
 class Phase(IntEnum):
     """What the controller is doing."""
 
-    STARTING = 0
-    """It connects, and measures the offset of the force; the arm holds."""
-    FOLLOWING = 1
-    """The arm follows fresh commands, and holds without."""
-    ENDED = 2
-    """The arm came to rest, and the controller has left it."""
-    FAILED = 3
-    """The robot or the connection refuses, as the text says; the robot stops by itself."""
+    STARTING = 0  # it connects, and measures the offset of the force; the arm holds
+    FOLLOWING = 1  # the arm follows fresh commands, and holds without
+    ENDED = 2  # the arm came to rest, and the controller has left it
+    FAILED = 3  # the robot or the connection refuses, as the text says; the robot stops by itself
 
 
 class ArmCommand(NamedTuple):

@@ -7,8 +7,7 @@ from pydantic import Field, model_validator
 from weberlink.geometry.vector import Vector
 from weberlink.options import Options
 
-STIFFEST: Final = 3000.0
-"""Of the tip [N/m]."""
+STIFFEST: Final = 3000.0  # of the tip [N/m]
 SHORTEST_STALE_MS: Final = 5.0
 
 

@@ -6,19 +6,16 @@ from typing import Final
 from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract
 
 SETTLE_CYCLES: Final = 200
-TARE_CYCLES: Final = 200
-"""The offset is the mean over so many cycles, after the arm has held for the cycles before."""
+TARE_CYCLES: Final = 200  # the offset is the mean over so many cycles, after the arm has held for the cycles before
 PRESSED_N: Final = 5.0
 AGREEMENT: Final = 0.5
 """Spring and measured force contradict each other if both are larger than that, and point the same way within the angle
 of this cosine."""
 STILL_RAD_S: Final = 0.05
-CONTRADICTED_CYCLES: Final = 300
-"""For so long, while no joint is faster."""
+CONTRADICTED_CYCLES: Final = 300  # for so long, while no joint is faster
 
 
-SINGULAR_CYCLES: Final = 50
-"""The estimate has failed when it is exactly 0 for so long and was not at opening."""
+SINGULAR_CYCLES: Final = 50  # the estimate has failed when it is exactly 0 for so long and was not at opening
 
 
 class SensingError(RuntimeError):

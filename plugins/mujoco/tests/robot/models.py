@@ -10,11 +10,9 @@ from weberlink.slave.robots.contract import RobotReading
 from weberlink_mujoco.robot.driver import MujocoRobot
 
 TICK = 0.001
-MASS = 0.2
-"""Of the gantry [kg]; a third of it sits on the sensor."""
+MASS = 0.2  # of the gantry [kg]; a third of it sits on the sensor
 RADIUS = 0.005
-GROUND = 500.0
-"""Stiffness of every contact with the gantry [N/m]."""
+GROUND = 500.0  # stiffness of every contact with the gantry [N/m]
 
 SLIDES = """
 <joint name="x" type="slide" axis="1 0 0"/>

@@ -14,8 +14,7 @@ from weberlink.slave.robots.contract import RobotFault
 BALL = SLIDES + '<joint name="ball" type="ball"/>'
 FIXED = '<mujoco><worldbody><body><geom size="0.1"/><site name="tip"/></body></worldbody></mujoco>'
 STIFF = 5000.0
-SERIES = 1.0 / (1.0 / GROUND + 1.0 / STIFF)
-"""What is felt of the ground through a control of STIFF [N/m]."""
+SERIES = 1.0 / (1.0 / GROUND + 1.0 / STIFF)  # what is felt of the ground through a control of STIFF [N/m]
 
 
 @pytest.mark.parametrize("ratio", [0.5, 1.0])

@@ -15,8 +15,7 @@ from weberlink.geometry.vector import Vector
 from weberlink_arms.dynamixel.layouts import OPEN_MANIPULATOR_X
 from weberlink_mujoco.arms.models import load
 
-Joints = tuple[float, float, float, float]
-"""Angles [rad], rates [rad/s] or torques [N m] of joints 1 to 4."""
+Joints = tuple[float, float, float, float]  # angles [rad], rates [rad/s] or torques [N m] of joints 1 to 4
 
 AXIS_X_M: Final = 0.012
 SHOULDER_Z_M: Final = 0.017 + 0.0595

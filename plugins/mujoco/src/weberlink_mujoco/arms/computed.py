@@ -14,8 +14,7 @@ if TYPE_CHECKING:
     from weberlink_mujoco.arms.simulation import ArmSimulation
 
 _Torque = Annotated[float, Field(ge=0.0, le=1e9)]
-PerAxis = float | tuple[float, ...]
-"""One value for all axes, or one for each."""
+PerAxis = float | tuple[float, ...]  # one value for all axes, or one for each
 
 
 class ModelOptions(Options):
@@ -82,8 +81,7 @@ class ComputedArm:
         return values
 
 
-MOST = 1e9
-"""Largest value of an option for each axis, in its unit."""
+MOST = 1e9  # largest value of an option for each axis, in its unit
 
 
 def per_axis(option: str, value: PerAxis, count: int, *, least: float = 0.0) -> Joints:

@@ -21,10 +21,8 @@ Array = NDArray[np.float64]
 MODELS: Registry[Path] = Registry("model of an arm", {}, "weberlink.arm_models")
 ModelName = Annotated[str, AfterValidator(MODELS.check_known)]
 
-GRIPPER = "gripper"
-"""Name of the joint of a gripper."""
-TIP = "tip"
-"""Name of the site that marks the tip."""
+GRIPPER = "gripper"  # name of the joint of a gripper
+TIP = "tip"  # name of the site that marks the tip
 
 
 def load(model: str | Path) -> "ArmModel":

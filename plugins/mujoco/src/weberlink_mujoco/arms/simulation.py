@@ -14,12 +14,9 @@ from weberlink.arms.contract import ArmFault
 from weberlink.geometry.joints import Joints, is_finite
 from weberlink_mujoco.arms.models import ArmModel, Array, compiled, read
 
-LONGEST_GAP = 0.1
-"""Longest time that an arm moves on per call [s]; the rest of a longer silence is skipped."""
-END_STOP_S = 0.004
-"""Time constant in which an end stop pushes an axis back [s]."""
-STRETCH = 0.25
-"""Share by which a step may be longer, so that a tick that is a little late takes no additional step."""
+LONGEST_GAP = 0.1  # longest time that an arm moves on per call [s]; the rest of a longer silence is skipped
+END_STOP_S = 0.004  # time constant in which an end stop pushes an axis back [s]
+STRETCH = 0.25  # share by which a step may be longer, so that a tick that is a little late takes no additional step
 
 
 class ArmSimulation:

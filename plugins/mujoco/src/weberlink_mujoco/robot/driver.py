@@ -15,8 +15,7 @@ from weberlink_mujoco.robot.options import MujocoOptions
 if TYPE_CHECKING:
     from weberlink_mujoco.robot.pose import PoseWriter
 
-POSE_S = 1.0 / 30.0
-"""Time between two published poses [s]."""
+POSE_S = 1.0 / 30.0  # time between two published poses [s]
 
 
 class MujocoRobot(ComputedRobot):
@@ -48,8 +47,7 @@ class MujocoRobot(ComputedRobot):
         super().__init__(spec, self._simulation.home)
         self._shows = False
         self._pose: PoseWriter | None = None
-        self._unshown = 0.0
-        """Time since the last published pose [s]."""
+        self._unshown = 0.0  # time since the last published pose [s]
 
     def publish_pose(self) -> None:
         self._shows = True

@@ -10,10 +10,8 @@ from weberlink.geometry.rotation import Quaternion, inverse, product, unit_quate
 from weberlink.geometry.vector import Vector
 from weberlink_mujoco.robot.plant import Array, Plant
 
-IMMOBILE = 1e-6
-"""A direction whose mobility is less than this share of the largest counts as blocked."""
-STILL_ALIKE = 0.9986
-"""Cosine of half the angle (6 degrees) by which it may turn before its damping is computed anew."""
+IMMOBILE = 1e-6  # a direction whose mobility is less than this share of the largest counts as blocked
+STILL_ALIKE = 0.9986  # cosine of half the angle (6 degrees) by which it may turn before its damping is computed anew
 
 
 class PostureControl:

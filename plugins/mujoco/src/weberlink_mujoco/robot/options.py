@@ -9,11 +9,9 @@ from weberlink.geometry.vector import Vector
 from weberlink.options import Options
 from weberlink.slave.guard import Workspace
 
-CONTACTS = "contacts"
-"""Value of `force` for the contacts of the end effector instead of a sensor of the file."""
+CONTACTS = "contacts"  # value of `force` for the contacts of the end effector instead of a sensor of the file
 
-LARGEST_WORKSPACE = 10.0
-"""Half an edge [m]."""
+LARGEST_WORKSPACE = 10.0  # half an edge [m]
 
 AxisRange = tuple[float, float]
 

@@ -15,11 +15,9 @@ from weberlink.geometry.vector import Vector
 Array = NDArray[np.float64]
 
 
-CLOSE_ENOUGH = 1e-6
-"""Distance at which a point counts as reached [m]."""
+CLOSE_ENOUGH = 1e-6  # distance at which a point counts as reached [m]
 ITERATIONS = 500
-LONGEST_STRIDE = 0.02
-"""Of the end effector in one iteration of inverse kinematics [m]."""
+LONGEST_STRIDE = 0.02  # of the end effector in one iteration of inverse kinematics [m]
 
 
 class Plant:

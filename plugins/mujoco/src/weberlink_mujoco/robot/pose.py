@@ -13,8 +13,7 @@ from weberlink.slot import Slot, size_of
 from weberlink.telemetry.runtime_directory import directory, open_file
 
 MAGIC = b"WEBPOSE\x02"
-HEADER = Struct("<8sQ")
-"""Magic, and number of values."""
+HEADER = Struct("<8sQ")  # magic, and number of values
 LARGEST_FILE = 65_536
 ATTEMPTS = 5
 

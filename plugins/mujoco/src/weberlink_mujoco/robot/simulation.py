@@ -17,8 +17,7 @@ STABLE_SHARE = 0.5
 """Of the longest stable step of the control. Its damper is explicit, so that at a ratio r an oscillation of w is stable
 up to 2 (sqrt(1 + r^2) - r) / w."""
 SUBSTEPS_MOST = 50
-STRETCH = 0.25
-"""Share by which a step may be longer, so that a tick that is a little late takes no additional step."""
+STRETCH = 0.25  # share by which a step may be longer, so that a tick that is a little late takes no additional step
 
 
 class MjcfSimulation:
