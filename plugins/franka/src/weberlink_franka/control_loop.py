@@ -31,18 +31,9 @@ class Model(Protocol):
 
 
 class ControlLoop:
-    """Follows the newest command of a slot, and publishes what the robot measures in another.
+    """Follows the newest command of a slot, which the daemon writes, and publishes what the robot measures in another.
 
-    Args:
-        options: of the driver.
-        model: of the robot.
-        commands: written by the daemon.
-        states: read by the daemon.
-        is_orphan: whether the daemon is gone.
-        notice: text of the states.
-
-    Attributes:
-        finished: whether the torques of the last `step` are to be the last ones.
+    `is_orphan` tells that the daemon is gone; `notice` is the text of the states.
     """
 
     def __init__(
@@ -63,13 +54,11 @@ class ControlLoop:
         self._last, self._longest = 0.0, 0.0
         self._ordered_at: float | None = None
         self._tip, self._speed = ZERO, 0.0
-        self.finished = False
+        self.finished = False  # the torques of the last `step` are to be the last ones
 
     def begin(self, state: Any) -> None:
-        """Hold the robot where it is.
-
-        Computes a cycle that is not sent: what is done for the first time takes several milliseconds.
-        """
+        """Hold the robot where it is."""
+        # With a cycle that is not sent: what is done for the first time takes several milliseconds.
         self._tip = position_of(state.O_T_EE)
         self._impedance = Impedance(self._options, np.array(state.q))
         self._goal = Goal(self._options, self._tip, orientation_of(state.O_T_EE))
@@ -78,14 +67,8 @@ class ControlLoop:
         permitted(self._impedance.torques(joints, ZERO, IDENTITY), np.array(state.tau_J_d))
 
     def step(self, state: Any, now: float) -> list[float]:
-        """The torques of this cycle [N m].
-
-        Args:
-            state: of the robot, `pylibfranka.RobotState`.
-            now: when it arrived [s].
-
-        Raises:
-            ArithmeticError: they are not finite.
+        """The torques of this cycle [N m], for a `pylibfranka.RobotState` that arrived `now`; ArithmeticError if they
+        are not finite.
         """
         elapsed = now - self._last if self._cycles else CYCLE_S
         self._last, self._longest = now, max(self._longest, elapsed)
@@ -107,15 +90,8 @@ class ControlLoop:
         return sent
 
     def report(self, state: Any, now: float, period: float) -> None:
-        """Publish the state, after its torques were sent.
-
-        Args:
-            state: as for `step`.
-            now: as for `step`.
-            period: since the last state, by the robot's clock [s].
-
-        Raises:
-            SensingError: the force cannot be used.
+        """Publish the state, after its torques were sent, `period` [s] after the last by the robot's clock;
+        SensingError if the force cannot be used.
         """
         sensing = self._sensing
         sensing.take(state.O_F_ext_hat_K, self._impedance.spring, self._speed)

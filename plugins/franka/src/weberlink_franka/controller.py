@@ -31,16 +31,9 @@ class RefusedError(RuntimeError):
 
 
 def control(library: Any, options: FrankaOptions, memory: mmap, parent: int) -> None:
-    """Connect, control until the daemon ends it or is gone, and leave the arm at rest.
+    """Connect, control until the daemon, which is the process `parent`, ends it or is gone, and leave the arm at rest.
 
-    Args:
-        library: `pylibfranka`.
-        options: of the driver.
-        memory: shared with the daemon.
-        parent: process id of the daemon.
-
-    Raises:
-        RefusedError: the robot does not take commands, or has stopped by itself.
+    Raises RefusedError if the robot does not take commands, or has stopped by itself.
     """
     robot = library.Robot(options.host, library.RealtimeConfig.kIgnore)
     check_mode(library, robot, options)
@@ -85,11 +78,7 @@ def schedule(priority: int) -> None:
 
 
 def check_mode(library: Any, robot: Any, options: FrankaOptions) -> None:
-    """See that the robot takes commands; clear its error if the options say so.
-
-    Raises:
-        RefusedError: it does not, and what a person can do.
-    """
+    """See that the robot takes commands; clear its error if the options say so. RefusedError tells what to do."""
     modes, state = library.RobotMode, robot.read_once()
     if state.robot_mode == modes.Reflex or state.current_errors:
         if not options.recover:

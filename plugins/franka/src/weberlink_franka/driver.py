@@ -31,16 +31,12 @@ POOR: Final = 0.95  # share of the robot's cycles; with fewer answered in time i
 
 
 class FrankaRobot:
-    """An FR3 under Cartesian impedance; its controller process owns the connection.
-
-    Raises:
-        ValueError: a scene was given.
-    """
+    """An FR3 under Cartesian impedance, whose controller process owns the connection; ValueError if given a scene."""
 
     TIER: ClassVar[Tier] = "judged by others"
     Options = FrankaOptions
+    # The package that the controller needs, and the extra of this project that brings it.
     NEEDS: ClassVar[tuple[str, str]] = ("pylibfranka", "franka")
-    """The package that the controller needs, and the extra of this project that brings it."""
 
     @classmethod
     def plugged(cls) -> list[PluggedDevice] | None:
@@ -139,9 +135,7 @@ class FrankaRobot:
     def latest(self, now: float) -> RobotReading:
         if self._states is None:
             raise RobotFault(f"{NAME}: not open")
-        state = ArmState.newest(self._states)
-        if state is not None:
-            self._state = state
+        self._state = ArmState.newest(self._states) or self._state
         if self._reading is not None and now <= self._reading[0]:
             return self._reading[1]
         self._check(now)

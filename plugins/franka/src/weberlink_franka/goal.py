@@ -21,14 +21,7 @@ class Goal:
     once it is there. When they stop, it goes along with the tip until that is at rest, and stays there: the damper
     brakes the arm without a spring that would draw it back, and what it presses on is released.
 
-    Args:
-        options: with the speeds, the workspace, and the age beyond which a command is stale.
-        tip: where the tip is [m].
-        turned: orientation of the tool; commanded ones are relative to it.
-
-    Attributes:
-        position: of the tip [m].
-        turned: orientation of the tool.
+    `position` is that of the tip [m], `turned` the orientation of the tool; commanded ones are relative to the first.
     """
 
     def __init__(self, options: FrankaOptions, tip: Vector, turned: Quaternion) -> None:
@@ -54,15 +47,7 @@ class Goal:
         self._brakes = True
 
     def step(self, now: float, elapsed: float, tip: Vector, turned: Quaternion, joint_speed: float) -> None:
-        """Move on.
-
-        Args:
-            now: [s].
-            elapsed: since the last step [s].
-            tip: where the tip is [m].
-            turned: orientation of the tool.
-            joint_speed: of the fastest joint [rad/s].
-        """
+        """Move on by `elapsed` [s]; tip [m] and tool are where they are, the fastest joint moves at `joint_speed`."""
         command = self._command
         if command is not None and now - command.at > self._options.stale_s:
             self.stop()

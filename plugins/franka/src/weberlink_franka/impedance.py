@@ -47,14 +47,8 @@ class Impedance:
     ratio r. The posture draws the joints to where they
     were at opening, in the dynamically consistent null space (Khatib 1987), so it does not move the tip: with n the
     motion of the joints that J does not see, an acceleration a of the joints becomes M n (n^T M a) / (n^T M n). M is
-    that of the model with the inertia of the rotors; M, D and n change slowly, and `refresh` computes them anew.
-
-    Args:
-        options: with the gains and the bounds.
-        q: position of the joints to return to [rad].
-
-    Attributes:
-        spring: force of the spring at the last `torques` [N].
+    that of the model with the inertia of the rotors; M, D and n change slowly, and `refresh` computes them anew. `q` is
+    the position of the joints to return to [rad].
     """
 
     def __init__(self, options: FrankaOptions, q: Array) -> None:
@@ -68,15 +62,10 @@ class Impedance:
         self._share: Array = np.zeros(JOINTS)
         self._torque_of_share: Array = np.zeros(JOINTS)
         self._wrench = np.zeros(6)
-        self.spring: Vector = ZERO
+        self.spring: Vector = ZERO  # its force at the last `torques` [N]
 
     def refresh(self, mass: Array, jacobian: Array) -> None:
-        """Take the inertia of this posture.
-
-        Args:
-            mass: of the model, shape (7, 7) [kg m^2].
-            jacobian: of the tip, shape (6, 7).
-        """
+        """Take the inertia of this posture: mass matrix of the model (7, 7) [kg m^2], Jacobian of the tip (6, 7)."""
         inertia = mass + np.diag(ROTOR_KG_M2)
         mobility = jacobian @ np.linalg.inv(inertia) @ jacobian.T
         for block, stiffness in zip((slice(0, 3), slice(3, 6)), self._stiffness, strict=True):
@@ -88,12 +77,8 @@ class Impedance:
         self._torque_of_share = self._share / (free @ self._share)
 
     def torques(self, joints: Joints, offset: Vector, turn: Quaternion) -> Array:
-        """Of the joints, without gravity and not yet bounded [N m].
-
-        Args:
-            joints: of this cycle.
-            offset: of the goal from the tip [m].
-            turn: from the tool's orientation to the goal's, in the base frame.
+        """Of the joints, without gravity and not yet bounded [N m]; `offset` is that of the goal from the tip [m],
+        `turn` leads from the tool's orientation to the goal's, in the base frame.
         """
         along, about = self._stiffness
         wrench, jacobian = self._wrench, joints.jacobian

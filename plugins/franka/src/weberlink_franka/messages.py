@@ -32,19 +32,12 @@ class Phase(IntEnum):
 
 
 class ArmCommand(NamedTuple):
-    """Where the tip is to go.
+    """Where the tip is to go."""
 
-    Args:
-        at: when it was commanded [s].
-        position: of the tip [m].
-        orientation: relative to that at opening.
-        ends: whether the controller is to bring the arm to rest and end.
-    """
-
-    at: float
-    position: Vector = ZERO
-    orientation: Quaternion = IDENTITY
-    ends: bool = False
+    at: float  # when it was commanded [s]
+    position: Vector = ZERO  # of the tip [m]
+    orientation: Quaternion = IDENTITY  # relative to that at opening
+    ends: bool = False  # the controller is to bring the arm to rest and end
 
     def put(self, slot: Slot) -> None:
         slot.write(self.at, *self.position, *self.orientation, self.ends)
@@ -60,33 +53,19 @@ class ArmCommand(NamedTuple):
 
 
 class ArmState(NamedTuple):
-    """What the robot measures.
+    """What the robot measures."""
 
-    Args:
-        phase: of the controller.
-        at: when the state arrived [s].
-        position: of the tip [m].
-        force: of the environment on the robot [N], without the offset at opening.
-        torque: of the environment on the robot about the tip [N m].
-        joint_speed: of the fastest joint [rad/s].
-        success: share of the robot's last 100 cycles that were answered in time.
-        cycles: of the control loop.
-        lost: cycles of the robot that passed without an answer.
-        longest_s: longest time between two states [s].
-        text: why it failed, or what a person should know.
-    """
-
-    phase: Phase
-    at: float
-    position: Vector = ZERO
-    force: Vector = ZERO
-    torque: Vector = ZERO
-    joint_speed: float = 0.0
-    success: float = 0.0
-    cycles: int = 0
-    lost: int = 0
-    longest_s: float = 0.0
-    text: str = ""
+    phase: Phase  # of the controller
+    at: float  # when the state arrived [s]
+    position: Vector = ZERO  # of the tip [m]
+    force: Vector = ZERO  # of the environment on the robot [N], without the offset at opening
+    torque: Vector = ZERO  # of the environment on the robot about the tip [N m]
+    joint_speed: float = 0.0  # of the fastest joint [rad/s]
+    success: float = 0.0  # share of the robot's last 100 cycles that were answered in time
+    cycles: int = 0  # of the control loop
+    lost: int = 0  # cycles of the robot that passed without an answer
+    longest_s: float = 0.0  # longest time between two states [s]
+    text: str = ""  # why it failed, or what a person should know
 
     def put(self, slot: Slot) -> None:
         (x, y, z), (fx, fy, fz), (tx, ty, tz) = self.position, self.force, self.torque

@@ -28,34 +28,21 @@ class ExternalForce:
     The robot states the wrench that it applies to its surroundings (libfranka, robot_state.h: "forces applied by the
     robot to the environment are positive"); the reaction is reported here. At rest it is opposite to the spring, so a
     force that points the way the spring does has the wrong sign, and would turn a wall into a motor at the hand. Near a
-    singularity the robot states exactly 0 (ibid.), which must not be taken for freedom from contact.
-
-    Args:
-        most: largest force that may be subtracted as an offset [N].
-
-    Attributes:
-        ready: whether the offset is known.
-        force: of the environment on the robot at the last `take` [N].
-        torque: about the tip [N m].
+    singularity the robot states exactly 0 (ibid.), which must not be taken for freedom from contact. `most` is the
+    largest force that may be subtracted as an offset [N].
     """
 
     def __init__(self, most: float) -> None:
         self._most = most
         self._cycles = self._contradicted = self._silent = 0
         self._force_offset, self._torque_offset = ZERO, ZERO
-        self.ready = False
-        self.force, self.torque = ZERO, ZERO
+        self.ready = False  # the offset is known
+        self.force, self.torque = ZERO, ZERO  # on the robot at the last `take` [N], about the tip [N m]
 
     def take(self, wrench: list[float], spring: Vector, joint_speed: float) -> None:
-        """Take the estimate of one cycle.
-
-        Args:
-            wrench: O_F_ext_hat_K of the robot [N, N m], 6 numbers.
-            spring: force that the impedance presses with [N].
-            joint_speed: of the fastest joint [rad/s].
-
-        Raises:
-            SensingError: it is not finite, its offset is too large, it has failed, or its sign contradicts the spring.
+        """Take the estimate of one cycle, O_F_ext_hat_K of the robot [N, N m], while the impedance presses with the
+        force `spring` [N]; SensingError if it is not finite, its offset is too large, it has failed, or its sign
+        contradicts the spring.
         """
         fx, fy, fz, tx, ty, tz = wrench
         if not isfinite(fx + fy + fz + tx + ty + tz):

@@ -35,22 +35,12 @@ class ModelOptions(Options):
 
 
 class ComputedArm:
-    """An arm that moves on at each reading, up to that time.
-
-    A subclass gives `_advance`.
-
-    Args:
-        spec: Of the arm.
-        simulation: Of its joints.
-        home: Angles at first [rad].
-    """
+    """An arm that moves on at each reading, up to that time, from `home` [rad]. A subclass gives `_advance`."""
 
     COMPUTED: ClassVar[bool] = True
 
     def __init__(self, spec: ArmSpec, simulation: "ArmSimulation", home: Joints) -> None:
-        self.spec = spec
-        self._simulation = simulation
-        self._home = home
+        self.spec, self._simulation, self._home = spec, simulation, home
         self._reading: ArmReading | None = None
 
     def open(self, now: float) -> None:

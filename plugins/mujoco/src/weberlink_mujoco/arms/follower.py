@@ -11,7 +11,7 @@ from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import Vector
 from weberlink.options import Options
 from weberlink_mujoco.arms.computed import ComputedArm, ModelOptions, PerAxis, home_of, motors, per_axis
-from weberlink_mujoco.arms.models import load, mujoco
+from weberlink_mujoco.arms.models import load
 
 Length = Annotated[float, Field(gt=0.0, le=10.0)]
 
@@ -116,11 +116,7 @@ class MujocoArm(ComputedArm):
     Options: ClassVar[type[MujocoArmOptions]] = MujocoArmOptions
 
     def __init__(self, options: MujocoArmOptions, tick_period: float) -> None:
-        """Load the model.
-
-        Raises:
-            ValueError: one line, for a wrong file or option.
-        """
+        """Load the model; ValueError, in one line, for a wrong file or option."""
         model = load(options.model)
         count = model.axes
         stiffness = per_axis("stiffness_nm_rad", options.stiffness_nm_rad, count, least=1e-6)
@@ -134,7 +130,7 @@ class MujocoArm(ComputedArm):
             inertia=(0.0,) * count,
             limit=self._limit,
             step=tick_period / options.steps,
-            furnish=lambda spec: _furnish(spec, options.objects),
+            objects=options.objects,
         )
         spec = ArmSpec(
             name="mujoco_arm",
@@ -166,9 +162,3 @@ class MujocoArm(ComputedArm):
         inputs = zip(self._felt, self._simulation.torque, self._limit, strict=True)
         self._felt = tuple([old + share * (min(max(torque, -most), most) - old) for old, torque, most in inputs])
         return self._felt, False
-
-
-def _furnish(spec: Any, objects: tuple[ArmObject, ...]) -> None:
-    package = mujoco()
-    for each in objects:
-        each.add(spec, package)

@@ -3,6 +3,7 @@
 Models come with distributions: entry points of the group `weberlink.arm_models`, each the path of its file.
 """
 
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
@@ -26,11 +27,7 @@ TIP = "tip"  # name of the site that marks the tip
 
 
 def load(model: str | Path) -> "ArmModel":
-    """A model by its name, or that of an MJCF file.
-
-    Raises:
-        ValueError: one line, for a file that cannot serve as an arm.
-    """
+    """A model by its name, or that of an MJCF file; ValueError, in one line, for one that cannot serve as an arm."""
     return ArmModel(model)
 
 
@@ -44,24 +41,7 @@ class ArmModel:
 
     The axes are the hinges of the kinematic tree of the site `tip` in the order of the file, except those that an
     equality makes follow another; one called `gripper` is the gripper and the last axis. All tuples have one entry for
-    each axis. Not for several threads at once.
-
-    Args:
-        model: Name or file.
-
-    Raises:
-        ValueError: see `load`.
-
-    Attributes:
-        path: Of the file.
-        names: Of the joints in order, without the gripper.
-        gripper: Whether the last axis is a gripper; 0 is closed.
-        lower, upper: Range [rad].
-        torque: Largest torque of the motors [N m]; infinite where the file has none.
-        armature: Inertia of the rotors behind their gears, part of `inertia` [kg m^2].
-        friction: Coulomb friction [N m].
-        damping: Viscous friction [N m s/rad].
-        dofs: Numbers of the axes in the vectors of MuJoCo.
+    each axis. Not for several threads at once; raises as `load`.
     """
 
     def __init__(self, model: str | Path) -> None:
@@ -72,25 +52,25 @@ class ArmModel:
         self._followers = self._coupled()
         joints = self._axes()
         labels = [self._model.joint(i).name for i in joints]
-        self.gripper = labels[-1:] == [GRIPPER]
-        self.names = tuple(labels[:-1] if self.gripper else labels)
+        self.gripper = labels[-1:] == [GRIPPER]  # whether the last axis is one; 0 is closed
+        self.names = tuple(labels[:-1] if self.gripper else labels)  # of the joints in order, without the gripper
         self._check(joints, labels)
         first = int(self._model.jnt_dofadr[joints[0]])
-        self.dofs = slice(first, first + len(joints))
+        self.dofs = slice(first, first + len(joints))  # of the axes in the vectors of MuJoCo
         ranges = self._model.jnt_range[joints].tolist()
-        self.lower: Joints = tuple(low for low, _ in ranges)
-        self.upper: Joints = tuple(high for _, high in ranges)
-        self.torque: Joints = tuple(
+        self.lower: Joints = tuple(low for low, _ in ranges)  # [rad]
+        self.upper: Joints = tuple(high for _, high in ranges)  # [rad]
+        self.torque: Joints = tuple(  # largest of the motors [N m]; infinite where the file has none
             float(self._model.jnt_actfrcrange[i][1]) if self._model.jnt_actfrclimited[i] else float("inf")
             for i in joints
         )
+        # Inertia of the rotors behind their gears, part of `inertia` [kg m^2]; viscous friction [N m s/rad].
         self.armature: Joints = tuple(self._model.dof_armature[self.dofs].tolist())
-        self.friction: Joints = tuple(self._model.dof_frictionloss[self.dofs].tolist())
         self.damping: Joints = tuple(self._model.dof_damping[self.dofs].tolist())
         self._force: Array = np.zeros(self._model.nv)
         self._jacobian: Array = np.zeros((3, self._model.nv))
+        # Speeds of all degrees of freedom where one axis moves, as others follow; a row for each axis.
         self._moved: Array = np.eye(self._model.nv)[self.dofs]
-        """Speeds of all degrees of freedom where one axis moves, as others follow; a row for each axis."""
         for dof, driver, ratio in self._followers:
             self._moved[:, dof] += ratio * self._moved[:, driver]
         self._placed: Joints = ()
@@ -207,16 +187,16 @@ def read(path: Path) -> Any:
     if package.get_mju_user_warning() is None:
         # In place of its printing and its MUJOCO_LOG.TXT; a simulation checks its own state.
         package.set_mju_user_warning(lambda _: None)
-    try:
-        return package.MjSpec.from_file(str(path))
-    except (ValueError, package.FatalError) as error:
-        raise ValueError(f"model: {path}: {' '.join(str(error).split())}") from None
+    return _in_one_line(lambda: package.MjSpec.from_file(str(path)), path)
 
 
 def compiled(spec: Any, path: Path) -> Any:
     """The `MjModel` of a spec; raises ValueError with one line where it is wrong."""
-    package = mujoco()
+    return _in_one_line(spec.compile, path)
+
+
+def _in_one_line(make: Callable[[], Any], path: Path) -> Any:
     try:
-        return spec.compile()
-    except (ValueError, package.FatalError) as error:
+        return make()
+    except (ValueError, mujoco().FatalError) as error:
         raise ValueError(f"model: {path}: {' '.join(str(error).split())}") from None

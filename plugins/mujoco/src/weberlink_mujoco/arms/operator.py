@@ -134,11 +134,7 @@ class ArmOperator(ComputedArm):
     Options: ClassVar[type[ArmOperatorOptions]] = ArmOperatorOptions
 
     def __init__(self, options: ArmOperatorOptions, tick_period: float) -> None:
-        """Load the model.
-
-        Raises:
-            ValueError: one line, for a wrong file or option.
-        """
+        """Load the model; ValueError, in one line, for a wrong file or option."""
         model = load(options.model)
         count, hand = model.axes, options.hand
         home = home_of(model, options.home_rad)
@@ -185,18 +181,14 @@ class ArmOperator(ComputedArm):
 
 
 class JointScript:
-    """Legs one after another, once or for ever.
-
-    Attributes:
-        end: When it is over [s]; never if it repeats.
-    """
+    """Legs one after another, once or for ever."""
 
     def __init__(self, legs: Sequence[JointLeg], repeat: bool) -> None:
         if repeat and legs[-1].end != legs[0].start:
             legs = [*legs, JointLeg(legs[-1].end, legs[0].start, WAY_BACK_S)]
         self._legs = legs
         self._ends = list(accumulate(leg.duration for leg in legs))
-        self.end = inf if repeat else self._ends[-1]
+        self.end = inf if repeat else self._ends[-1]  # when it is over [s]; never if it repeats
 
     def at(self, time: float) -> Joints:
         """Intended angles [rad] at a time from the beginning [s]."""

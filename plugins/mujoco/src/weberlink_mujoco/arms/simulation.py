@@ -3,9 +3,9 @@
 Imported by drivers when they are built; needs MuJoCo.
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from math import sqrt
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -13,6 +13,9 @@ import numpy as np
 from weberlink.arms.contract import ArmFault
 from weberlink.geometry.joints import Joints, is_finite
 from weberlink_mujoco.arms.models import ArmModel, Array, compiled, read
+
+if TYPE_CHECKING:
+    from weberlink_mujoco.arms.follower import ArmObject
 
 LONGEST_GAP = 0.1  # longest time that an arm moves on per call [s]; the rest of a longer silence is skipped
 END_STOP_S = 0.004  # time constant in which an end stop pushes an axis back [s]
@@ -32,17 +35,8 @@ class ArmSimulation:
     same matrix, and no gain and no contact makes the arm unstable. A torque at its limit acts on the same raised
     inertia.
 
-    Args:
-        model: Of the arm.
-        stiffness: k of each axis [N m/rad].
-        damping: d of each axis [N m s/rad].
-        inertia: Added to each axis [kg m^2].
-        limit: Of the torques of springs and dampers [N m].
-        step: Nominal step h [s].
-        furnish: Adds to the `MjSpec` what the arm may touch.
-
-    Attributes:
-        torque: Mean torque of contacts and end stops on each axis during the last `advance` [N m].
+    `stiffness` is k [N m/rad], `damping` d [N m s/rad], `inertia` added to each axis [kg m^2], `limit` that of the
+    torques of springs and dampers [N m], `step` the nominal h [s]; `objects` are what the arm may touch.
     """
 
     def __init__(
@@ -54,10 +48,11 @@ class ArmSimulation:
         inertia: Joints,
         limit: Joints,
         step: float,
-        furnish: Callable[[Any], None] = lambda _: None,
+        objects: Sequence["ArmObject"] = (),
     ) -> None:
         spec = read(model.path)
-        furnish(spec)
+        for each in objects:
+            each.add(spec, mujoco)
         self._model: Any = compiled(spec, model.path)
         self._axes = dofs = model.dofs
         self._step = step
@@ -79,7 +74,7 @@ class ArmSimulation:
         self._constraint: Array = self._data.qfrc_constraint[dofs]
         self._lower, self._upper = np.array(model.lower), np.array(model.upper)
         self._sum: Array = np.zeros(len(stiffness))
-        self.torque: Joints = (0.0,) * len(stiffness)
+        self.torque: Joints = (0.0,) * len(stiffness)  # mean of contacts and end stops in the last `advance` [N m]
 
     @property
     def angles(self) -> Joints:
@@ -100,18 +95,9 @@ class ArmSimulation:
         self.torque = (0.0,) * len(self.torque)
 
     def advance(self, goals: Joints, torques: Joints, elapsed: float) -> float:
-        """Move on by `elapsed` [s], at most `LONGEST_GAP`, with springs that pull toward the goals.
-
-        Args:
-            goals: [rad]; limited to the range of the arm.
-            torques: On each axis from outside [N m].
-            elapsed: Time [s].
-
-        Returns:
-            The time that the arm moved on [s].
-
-        Raises:
-            ArmFault: the motion is no longer finite.
+        """Move on by `elapsed` [s], at most `LONGEST_GAP`, with springs that pull toward the goals, within the range
+        [rad], and torques from outside [N m]; returns the time that the arm moved on. ArmFault if the motion is not
+        finite.
         """
         elapsed = min(elapsed, LONGEST_GAP)
         count = max(1, round(elapsed / self._step + 0.5 - STRETCH))
@@ -171,13 +157,7 @@ class ArmSimulation:
 def critical(model: ArmModel, angles: Joints, stiffness: Joints, ratio: float) -> Joints:
     """Damping that gives each axis alone this damping ratio, beside the friction of the file [N m s/rad].
 
-    d = 2 r sqrt(k M_ii) - b, at least 0.
-
-    Args:
-        model: Of the arm.
-        angles: Pose [rad].
-        stiffness: k [N m/rad].
-        ratio: r.
+    d = 2 r sqrt(k M_ii) - b, at least 0, in the pose `angles` [rad].
     """
     inertia = model.inertia(angles)
     return tuple(

@@ -24,11 +24,7 @@ class MujocoRobot(ComputedRobot):
     Options = MujocoOptions
 
     def __init__(self, options: MujocoOptions, scene: Scene | None, tick_period: float) -> None:
-        """Load the file.
-
-        Raises:
-            ValueError: one line, for a wrong file, name or pose, and for a scene beside that of the file.
-        """
+        """Load the file; ValueError, in one line, for a wrong file, name or pose, and for a scene beside its own."""
         if scene is not None:
             raise ValueError("driver mujoco: touches what is in its MJCF file; leave slave.scene out")
         from weberlink_mujoco.robot.simulation import MjcfSimulation  # noqa: PLC0415 - MuJoCo takes its time

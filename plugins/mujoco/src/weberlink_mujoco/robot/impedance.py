@@ -8,7 +8,8 @@ import numpy as np
 
 from weberlink.geometry.rotation import Quaternion, inverse, product, unit_quaternion, vector
 from weberlink.geometry.vector import Vector
-from weberlink_mujoco.robot.plant import Array, Plant
+from weberlink_mujoco.arms.models import Array
+from weberlink_mujoco.robot.plant import Plant
 
 IMMOBILE = 1e-6  # a direction whose mobility is less than this share of the largest counts as blocked
 STILL_ALIKE = 0.9986  # cosine of half the angle (6 degrees) by which it may turn before its damping is computed anew
@@ -49,34 +50,6 @@ class PostureControl:
         return torque
 
 
-class JointTorques:
-    """Applies a force or wrench at the end effector, compensates gravity and velocity terms, and adds the posture.
-
-    Args:
-        plant: What is moved, at home.
-        free: How many directions the control holds; more joints than that are redundant.
-        posture_hz: Natural frequency of redundant joints; 0 for none.
-    """
-
-    def __init__(self, plant: Plant, free: int, posture_hz: float) -> None:
-        dofs = plant.dofs
-        self._torque: Array = np.zeros(plant.model.nv)
-        self._of_robot = self._torque[dofs]
-        self._bias = plant.data.qfrc_bias[dofs]
-        self._applied = plant.data.qfrc_applied[dofs]
-        redundant = dofs.stop - dofs.start > free
-        self._posture = (
-            PostureControl(plant, plant.inverse_mass(), posture_hz) if redundant and posture_hz > 0 else None
-        )
-
-    def apply(self, wrench: Array, jacobian: Array) -> None:
-        """Set tau = J^T wrench + bias + posture."""
-        wrench.dot(jacobian, self._torque)
-        np.add(self._of_robot, self._bias, self._applied)
-        if self._posture is not None:
-            self._applied += self._posture.torque()
-
-
 class Impedance:
     """wrench = K e - D J v with the rows J of the position, and of the rotation where it has a stiffness.
 
@@ -86,16 +59,8 @@ class Impedance:
     W (2 r / w) W^T K^(1/2). A blocked mode has no damper. The inertia of a long, thin tool about the axes of the world
     changes as it turns, so with a rotation D is computed anew every 6 degrees.
 
-    Args:
-        plant: what is moved, at home.
-        stiffnesses: of the position [N/m], and perhaps of the orientation [N m/rad].
-        damping_ratio: r.
-        posture_hz: natural frequency of redundant joints; 0 for none.
-
-    Attributes:
-        fastest: frequency of the fastest mode at home [rad/s].
-        lags: by which the modes follow a ramp at home, the shortest first [s].
-        strength: the stiffnesses, for a message.
+    Of a plant at home; `stiffnesses` are that of the position [N/m], and perhaps of the orientation [N m/rad],
+    `posture_hz` the natural frequency of redundant joints, 0 for none.
     """
 
     def __init__(self, plant: Plant, stiffnesses: Sequence[float], damping_ratio: float, posture_hz: float) -> None:
@@ -105,12 +70,18 @@ class Impedance:
         self._turned = np.zeros(4)
         self._goal = self._home = self._damped_at = self._orientation()
         frequencies, self._damping = self._modes()
-        self.fastest = float(frequencies[-1])
+        self.fastest = float(frequencies[-1])  # frequency of the fastest mode at home [rad/s]
+        # By which the modes follow a ramp at home, the shortest first [s]; and the stiffnesses, for a message.
         self.lags: list[float] = (2.0 * damping_ratio / frequencies[::-1]).tolist()
         self.strength = " and ".join(f"{k:g} {unit}" for k, unit in zip(stiffnesses, ("N/m", "N m/rad"), strict=False))
         self._speed = plant.data.qvel
         self._wrench, self._twist = np.zeros_like(self._roots), np.zeros_like(self._roots)
-        self._joints = JointTorques(plant, len(frequencies), posture_hz)
+        dofs = plant.dofs
+        self._torque: Array = np.zeros(plant.model.nv)
+        self._of_robot = self._torque[dofs]
+        self._bias, self._applied = plant.data.qfrc_bias[dofs], plant.data.qfrc_applied[dofs]
+        redundant = dofs.stop - dofs.start > len(frequencies) and posture_hz > 0.0
+        self._posture = PostureControl(plant, plant.inverse_mass(), posture_hz) if redundant else None
 
     def reset(self) -> None:
         """Hold the orientation at home again."""
@@ -147,7 +118,10 @@ class Impedance:
                 self._damped_at, (_, self._damping) = turned, self._modes()
         plant.twist.dot(self._speed, self._twist)
         wrench -= self._damping.dot(self._twist)
-        self._joints.apply(wrench, plant.twist)
+        wrench.dot(plant.twist, self._torque)  # tau = J^T wrench + gravity and velocity terms + posture
+        np.add(self._of_robot, self._bias, self._applied)
+        if self._posture is not None:
+            self._applied += self._posture.torque()
 
     def _modes(self) -> tuple[Array, Array]:
         """Frequencies of the free modes, the slowest first [rad/s], and D, at the last `refresh` of the plant."""

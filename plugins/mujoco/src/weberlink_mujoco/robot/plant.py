@@ -8,12 +8,9 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from weberlink.geometry.vector import Vector
-
-Array = NDArray[np.float64]
-
+from weberlink_mujoco.arms.models import Array, compiled, read
 
 CLOSE_ENOUGH = 1e-6  # distance at which a point counts as reached [m]
 ITERATIONS = 500
@@ -25,28 +22,12 @@ class Plant:
 
     The degrees of freedom of the robot are those of the kinematic tree of the end effector; other bodies that move are
     what it may touch. Actuators of the file, and gravity compensation of the robot, are switched off: the position
-    control replaces them.
-
-    Args:
-        path: Of the file.
-        end_effector: Name of its site.
-        keyframe: Initial state; None for joints at 0.
-        turns: Whether to compute the Jacobian of the rotation.
-
-    Raises:
-        ValueError: one line that begins with the option that is wrong.
-
-    Attributes:
-        model, data: Of MuJoCo. Arrays of fixed size are views into `data` and may be kept.
-        site, body: Numbers of the site of the end effector and of its body.
-        dofs: Those of the robot.
-        axes: Along which the end effector can move, as a subset of "xyz".
-        position, turned: Of its site, the second as the rows of a rotation matrix.
-        jacobian: Of its position; `twist` has the rows of its rotation below, if they are asked for.
+    control replaces them. `keyframe` is the initial state; None for joints at 0. `turns`: the Jacobian of the rotation
+    is computed too. Raises ValueError, in one line that begins with the option that is wrong.
     """
 
     def __init__(self, path: Path, end_effector: str, keyframe: str | None, *, turns: bool = False) -> None:
-        self.model: Any = _load(path)
+        self.model: Any = _model(path)  # its arrays of fixed size, and those of `data`, are views and may be kept
         self.data: Any = mujoco.MjData(self.model)
         self.path = path
         self.site = self._number("end_effector", "site", end_effector)
@@ -56,8 +37,8 @@ class Plant:
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
         self.model.body_gravcomp[self.model.body_treeid == self.model.dof_treeid[self.dofs.start]] = 0.0
         self.position: Array = self.data.site_xpos[self.site]
-        self.turned: Array = self.data.site_xmat[self.site]
-        self.twist: Array = np.zeros((6 if turns else 3, self.model.nv))
+        self.turned: Array = self.data.site_xmat[self.site]  # rows of a rotation matrix
+        self.twist: Array = np.zeros((6 if turns else 3, self.model.nv))  # rows of position, then perhaps of rotation
         self.jacobian: Array = self.twist[:3]
         self._spin: Array | None = self.twist[3:] if turns else None
         self._warnings: Any = self.data.warning.number
@@ -117,7 +98,7 @@ class Plant:
         if not any(counts):
             return None
         kind = next(kind for kind, count in enumerate(counts) if count)
-        return _one_line(mujoco.mju_warningText(kind, self.data.warning[kind].lastinfo))
+        return " ".join(mujoco.mju_warningText(kind, self.data.warning[kind].lastinfo).split())
 
     def _sensors(self, kind: Any) -> list[int]:
         return [sensor for sensor in range(self.model.nsensor) if self.model.sensor_type[sensor] == kind]
@@ -139,16 +120,10 @@ class Plant:
         return slice(int(members[0]), int(members[-1]) + 1)
 
 
-def _load(path: Path) -> Any:
+def _model(path: Path) -> Any:
     if not path.is_file():
         raise ValueError(f"model: there is no file {path}")
-    if mujoco.get_mju_user_warning() is None:
-        # In place of its printing and its MUJOCO_LOG.TXT; warnings are counted in `data`.
-        mujoco.set_mju_user_warning(lambda _: None)
-    try:
-        return mujoco.MjModel.from_xml_path(str(path))
-    except (ValueError, mujoco.FatalError) as error:
-        raise ValueError(f"model: {path}: {_one_line(str(error))}") from None
+    return compiled(read(path), path)
 
 
 def _unknown(option: str, kind: str, name: str, there: Iterable[str]) -> int:
@@ -159,15 +134,9 @@ def _unknown(option: str, kind: str, name: str, there: Iterable[str]) -> int:
     raise ValueError(f"{option}: no {kind} is called {name!r}; nearest is {nearest!r}, there are {', '.join(names)}")
 
 
-def _one_line(text: str) -> str:
-    return " ".join(text.split())
-
-
 def settle(plant: Plant, goal: Vector) -> None:
-    """Make a pose with the end effector at `goal` [m] the plant's home, by damped least squares from the present pose.
-
-    Raises:
-        ValueError: no such pose is found within the joint limits.
+    """Make a pose with the end effector at `goal` [m] the plant's home, by damped least squares from the present pose;
+    ValueError if none is found within the joint limits.
     """
     model, data, dofs = plant.model, plant.data, plant.dofs
     target = np.array(goal)

@@ -24,15 +24,7 @@ def path_of(pid: int) -> Path:
 
 
 class PoseWriter:
-    """Publishes poses.
-
-    Args:
-        path: of the file, which is replaced.
-        count: number of values.
-
-    Raises:
-        OSError: the file cannot be made.
-    """
+    """Publishes poses of so many values in a file, which is replaced; OSError if it cannot be made."""
 
     def __init__(self, path: Path, count: int) -> None:
         values = _values(count)
@@ -59,12 +51,8 @@ class PoseWriter:
 
 
 class PoseReader:
-    """Reads the newest pose.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ForeignFileError: it is no file of this user.
-        ValueError: it holds no poses.
+    """Reads the newest pose; FileNotFoundError without the file, ForeignFileError if it is no file of this user,
+    ValueError if it holds no poses.
     """
 
     def __init__(self, path: Path) -> None:

@@ -1,7 +1,6 @@
 """Force and torque of the environment on an end effector, in the world frame; the torque about its tip."""
 
 from collections.abc import Iterator
-from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -15,19 +14,24 @@ PressedContact = tuple[int, Vector, Vector, list[float]]
 rows are its axes in the world."""
 
 
-class ForceSensing(Protocol):
-    """Reads the force [N] of the last step."""
+def force_sensing(plant: Plant, name: str) -> "ContactSensing | ForceSensor":
+    """What gives the force that the option `force` names; raises ValueError if the file has no such sensor."""
+    return ContactSensing(plant) if name == CONTACTS else ForceSensor(plant, plant.sensor("force", "force", name))
 
-    def force(self) -> Vector: ...
 
-
-def force_sensing(plant: Plant, name: str) -> ForceSensing:
-    """The sensing that the option `force` names; raises ValueError if the file has no such sensor."""
-    return ContactSensing(plant) if name == CONTACTS else SensorSensing(plant, plant.sensor("force", "force", name))
+def torque_sensing(plant: Plant, name: str) -> "ContactSensing | TorqueSensor":
+    """What gives the torque that the option `rotation.torque` names; ValueError if the file has no such sensor, or no
+    force sensor on the same site.
+    """
+    if name == CONTACTS:
+        return ContactSensing(plant)
+    return TorqueSensor(plant, plant.sensor("rotation.torque", "torque", name))
 
 
 class ContactSensing:
-    """The sum of all contacts between the body of the end effector, with all that hangs on it, and anything else."""
+    """All contacts between the body of the end effector, with all that hangs on it, and anything else: their sum, and
+    that of r x f of each about the tip with its own torque.
+    """
 
     def __init__(self, plant: Plant) -> None:
         model = plant.model
@@ -37,7 +41,7 @@ class ContactSensing:
                 bodies.add(body)
         self._geoms = frozenset(geom for geom in range(model.ngeom) if model.geom_bodyid[geom] in bodies)
         self._model, self._data, self._contacts = model, plant.data, plant.data.contact
-        self._wrench = np.zeros(6)
+        self._wrench, self._tip = np.zeros(6), plant.position
 
     def contacts(self) -> Iterator[PressedContact]:
         """The contacts of the end effector, as it feels them."""
@@ -62,8 +66,20 @@ class ContactSensing:
             x, y, z = x + a, y + b, z + c
         return (x, y, z)
 
+    def torque(self) -> Vector:
+        tx = ty = tz = 0.0
+        ox, oy, oz = self._tip.tolist()
+        places = self._contacts.pos.tolist()
+        for number, (x, y, z), (d, e, f), (nx, ny, nz, sx, sy, sz, ux, uy, uz) in self.contacts():
+            px, py, pz = places[number]
+            px, py, pz = px - ox, py - oy, pz - oz
+            tx += py * z - pz * y + d * nx + e * sx + f * ux
+            ty += pz * x - px * z + d * ny + e * sy + f * uy
+            tz += px * y - py * x + d * nz + e * sz + f * uz
+        return (tx, ty, tz)
 
-class SensorSensing:
+
+class ForceSensor:
     """A `<force>` sensor of the file, less the weight of what hangs on it, as a wrist sensor is tared.
 
     The sensor gives the force that holds the body of its site, and all that hangs on it, in the frame of the site:
@@ -86,44 +102,7 @@ class SensorSensing:
         return (-xx * a - xy * b - xz * c - wx, -yx * a - yy * b - yz * c - wy, -zx * a - zy * b - zz * c - wz)
 
 
-class TorqueSensing(Protocol):
-    """Reads the torque [N m] of the last step, about the tip and in the world frame."""
-
-    def torque(self) -> Vector: ...
-
-
-def torque_sensing(plant: Plant, name: str) -> TorqueSensing:
-    """The sensing that the option `rotation.torque` names.
-
-    Raises:
-        ValueError: the file has no such sensor, or no force sensor on the same site.
-    """
-    if name == CONTACTS:
-        return ContactTorque(plant)
-    return SensorTorque(plant, plant.sensor("rotation.torque", "torque", name))
-
-
-class ContactTorque:
-    """The sum over all contacts of the end effector: r x f of each about the tip, and its own torque."""
-
-    def __init__(self, plant: Plant) -> None:
-        self._sensing = ContactSensing(plant)
-        self._contacts, self._tip = plant.data.contact, plant.position
-
-    def torque(self) -> Vector:
-        tx = ty = tz = 0.0
-        ox, oy, oz = self._tip.tolist()
-        places = self._contacts.pos.tolist()
-        for number, (x, y, z), (d, e, f), (nx, ny, nz, sx, sy, sz, ux, uy, uz) in self._sensing.contacts():
-            px, py, pz = places[number]
-            px, py, pz = px - ox, py - oy, pz - oz
-            tx += py * z - pz * y + d * nx + e * sx + f * ux
-            ty += pz * x - px * z + d * ny + e * sy + f * uy
-            tz += px * y - py * x + d * nz + e * sz + f * uz
-        return (tx, ty, tz)
-
-
-class SensorTorque:
+class TorqueSensor:
     """A `<torque>` sensor of the file, referred to the tip, less the torque of the weight of what hangs on it.
 
     The sensor gives the torque that holds the body of its site, about that site. The force sensor on the same site
@@ -133,7 +112,7 @@ class SensorTorque:
     def __init__(self, plant: Plant, sensor: int) -> None:
         model, data = plant.model, plant.data
         address, site = int(model.sensor_adr[sensor]), int(model.sensor_objid[sensor])
-        self._force = SensorSensing(plant, plant.force_sensor_on(site))
+        self._force = ForceSensor(plant, plant.force_sensor_on(site))
         self._local = data.sensordata[address : address + 3]
         self._frame, self._place, self._tip = data.site_xmat[site], data.site_xpos[site], plant.position
         self._centre = data.subtree_com[int(model.site_bodyid[site])]

@@ -8,9 +8,10 @@ import numpy as np
 from weberlink.geometry.rotation import Quaternion
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.slave.robots.contract import RobotFault
+from weberlink_mujoco.arms.models import Array
 from weberlink_mujoco.robot.impedance import Impedance
 from weberlink_mujoco.robot.options import MujocoOptions
-from weberlink_mujoco.robot.plant import Array, Plant, settle
+from weberlink_mujoco.robot.plant import Plant, settle
 from weberlink_mujoco.robot.sensing import force_sensing, torque_sensing
 
 STABLE_SHARE = 0.5
@@ -21,16 +22,7 @@ STRETCH = 0.25  # share by which a step may be longer, so that a tick that is a 
 
 
 class MjcfSimulation:
-    """Moves the end effector of a file.
-
-    Raises:
-        ValueError: one line that begins with the option that is wrong.
-
-    Attributes:
-        axes: Along which it can move.
-        home: Position until the first command [m].
-        substeps: Steps per tick.
-    """
+    """Moves the end effector of a file; ValueError, in one line that begins with the option that is wrong."""
 
     def __init__(self, options: MujocoOptions, tick_period: float) -> None:
         rotation = options.rotation
@@ -38,8 +30,8 @@ class MjcfSimulation:
         if options.home_m is not None:
             settle(plant, options.home_m)
         x, y, z = plant.position.tolist()
-        self.axes = plant.axes
-        self.home: Vector = (x, y, z)
+        self.axes = plant.axes  # along which it can move
+        self.home: Vector = (x, y, z)  # until the first command [m]
         options.check_home(self.home)
         self._plant = plant
         self._options = options
@@ -66,14 +58,9 @@ class MjcfSimulation:
         self._control.point(orientation)
 
     def advance(self, commanded: Vector, elapsed: float) -> tuple[Vector, Vector, Vector]:
-        """Move on by `elapsed` [s] toward `commanded` [m].
-
-        Returns:
-            Position of the end effector [m], and force [N] and torque about it [N m] of its surroundings in the last
-            step; zero torque without `rotation`.
-
-        Raises:
-            RobotFault: the motion can no longer be trusted, until `reset`.
+        """Move on by `elapsed` [s] toward `commanded` [m]; gives the position of the end effector [m], and force [N]
+        and torque about it [N m] of its surroundings in the last step. RobotFault if the motion can no longer be
+        trusted.
         """
         plant, control = self._plant, self._control
         count = max(1, ceil(elapsed / self._step - STRETCH))
