@@ -17,7 +17,6 @@ from weberlink.protocol.handshake import Dialer, Hello, Listener
 from weberlink.protocol.keys import Grant, Right
 from weberlink.protocol.liveness import FADE_SHARE, Liveness
 from weberlink.protocol.local_end import LocalEnd
-from weberlink.protocol.retransmission import copies_needed
 from weberlink.protocol.session import Outcome, Session
 from weberlink.protocol.states import State, moved
 from weberlink.protocol.timing import Clock
@@ -274,7 +273,7 @@ class Endpoint:
 
     def _part(self, now: float, reason: str) -> None:
         if self._session is not None:  # nothing is heard or repeated from then on, so a lossy link gets copies at once
-            for _ in range(1 + copies_needed(self.statistics.outgoing_loss, self.statistics.outgoing_burst)):
+            for _ in range(1 + self._session.copies):
                 self._post(self._session.send(now, wire.BYE, wire.cut(reason)))
 
     def next_timer(self) -> float | None:

@@ -152,7 +152,7 @@ class OutgoingStream:
         self._count = 0
         self.is_missed = False
         self._early = 0
-        self._last_ack = 0
+        self.last_ack = 0
         self._acknowledged_by = -1
         self.is_held = False
         self.unheld_since = inf
@@ -192,12 +192,6 @@ class OutgoingStream:
         self.is_missed = False
         return is_urgent
 
-    def unambiguous(self, sequence: int) -> int:
-        """The next number that is not confused with an acknowledgement of nothing, or of 2^16 datagrams ago."""
-        while sequence & ACKNOWLEDGEMENT_MASK in (0, self._last_ack):
-            sequence += 1
-        return sequence
-
     def acknowledge(self, sequence: int, ack: int | None, *, is_newest: bool) -> bool:
         """Take the acknowledgement in the datagram of this number, None if it has none, so that the newest one still
         holds; returns whether the newest update is known to have arrived.
@@ -206,11 +200,11 @@ class OutgoingStream:
         if ack is None:
             if not is_newest:
                 return True
-            ack = self._last_ack
+            ack = self.last_ack
         elif sequence > self._acknowledged_by:
-            if ack not in (0, self._last_ack):
+            if ack not in (0, self.last_ack):
                 self._hold(self._newest - (self._newest - ack & ACKNOWLEDGEMENT_MASK))
-            self._last_ack, self._acknowledged_by = ack, sequence
+            self.last_ack, self._acknowledged_by = ack, sequence
         if self.is_pending:
             return False
         self.is_forgotten |= is_newest and ack == 0 and self.update is not None

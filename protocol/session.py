@@ -42,6 +42,7 @@ class Session:
             (`Liveness.is_fresh`), and whether none that was sent after it was accepted before it.
         is_confirmed: whether the peer was heard under the keys of this session.
         said_encoding: whether our newest datagram said that our encoder runs.
+        copies: how often to send at once, on this link, what must not be lost.
         is_proven: whether an update of each stream of either end is known to have arrived at the other, or need not be;
             needed after an interruption, so that nobody gets a new limit's worth of motion by each.
     """
@@ -94,6 +95,7 @@ class Session:
         protection.begin(now, first_sequence, end.rekey_after)
         self._reported = (0.0, 0.0, 0.0)
         self._lost = 0
+        self.copies = copies_needed(end.statistics.outgoing_loss, end.statistics.outgoing_burst)
 
     @property
     def expires_at(self) -> float:
@@ -177,6 +179,7 @@ class Session:
         self._newest_report = self.sequence
         statistics.outgoing_loss = report.loss_65535 / wire.LOSS_UNITS
         statistics.outgoing_burst = report.burst_256 / wire.BURST_UNITS
+        self.copies = copies_needed(statistics.outgoing_loss, statistics.outgoing_burst)
         lost = (report.lost - self._lost + 0x8000 & 0xFFFF) - 0x8000
         self._allowance.adapt(lost, self._next_sequence, clock.outgoing_jitter, now)
         self._lost = report.lost
@@ -281,18 +284,19 @@ class Session:
         Raises ValueError, naming the field that cannot be sent; nothing has changed then."""
         if update.tick < 0:
             raise ValueError(f"tick must not be negative, not {update.tick}")
-        own, statistics = self._streams[stream], self._statistics
+        own = self._streams[stream]
         own.layout.check(update)
         own.update = update
         sequence, datagram = self._seal_update(own, update, now)
-        own.begin(sequence, now, copies_needed(statistics.outgoing_loss, statistics.outgoing_burst))
+        own.begin(sequence, now, self.copies)
         self._watch_streams()
         self.said_encoding = True
-        statistics.updates_sent[stream] += 1
+        self._statistics.updates_sent[stream] += 1
         return datagram
 
     def _seal_update(self, stream: OutgoingStream, update: Update, now: float) -> tuple[int, bytes]:
-        self._next_sequence = stream.unambiguous(self._next_sequence)
+        while self._next_sequence & ACKNOWLEDGEMENT_MASK in (0, stream.last_ack):
+            self._next_sequence += 1  # else confused with an acknowledgement of nothing, or of 2^16 datagrams ago
         envelope, sequence = self._envelope(now)
         lag = round(self._departed / self._tick_period) - update.tick
         ticks = self._newest_ticks() if len(self._streams) > 1 else 0
