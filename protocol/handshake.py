@@ -27,15 +27,10 @@ has stopped. Neither needs an equal configuration.
 An answer opens a pending session. It becomes the session of the endpoint when the first datagram under its keys
 arrives, which only the sender of the HELLO can make: a replayed HELLO opens nothing.
 
-A HELLO is processed in this order, from cheap to expensive:
-
-1. Look up its stamp. If it is not above the newest one that this master has proven, it counts as a replay: the HELLO is
-   dropped, or answered with that stamp at a limited rate, because the master's clock may have gone back.
-2. Open its payload. A forgery is dropped, and changes nothing. From here on the stamp counts as proven.
-3. Make a key exchange, rate-limited for each master, or a refusal, rate-limited for all.
-
-A restarted listener knows no stamps, so replays pass step 1 until the first HELLO of the master itself is opened. Its
-stamp is above theirs. From then on they are dropped in step 1, and the master's next HELLO is within the rate limit.
+A HELLO is processed from cheap to expensive: its stamp is looked up, its payload opened, and an answer made at a
+limited rate. A restarted listener knows no stamps, so replays are opened until the first HELLO of the master itself is.
+Its stamp is above theirs: from then on they are dropped for the look-up, and the master's next HELLO is within the
+rate.
 """
 
 from collections import OrderedDict, deque
@@ -53,7 +48,6 @@ from weberlink.protocol.keys import Grant, Right, is_name
 from weberlink.protocol.local_end import PADDED_HELLO, LocalEnd
 from weberlink.protocol.negotiation import in_ms, rounded_up
 from weberlink.protocol.session import Session
-from weberlink.protocol.states import Role
 from weberlink.protocol.wire import Kind
 
 INSTANCE_BYTES: Final = 8
@@ -106,21 +100,17 @@ def read_map(packed: bytes) -> dict[str, object] | None:
     return body
 
 
-def differences(role: Role, mine: Mapping[str, object], theirs: Mapping[str, object]) -> str:
-    """Every key on which two agreements differ, with both values; "" if they are the same."""
+def differences(master: Mapping[str, object], slave: Mapping[str, object]) -> str:
+    """Every key on which the two ends differ, with both values, as a message to the user; "" if they are the same."""
+
+    def said(body: Mapping[str, object], key: str) -> str:
+        return repr(body[key]) if key in body else "nothing"
+
     return "; ".join(
-        difference(key, role, mine.get(key, _NOTHING), theirs.get(key, _NOTHING))
-        for key in sorted(mine.keys() | theirs.keys())
-        if mine.get(key, _NOTHING) != theirs.get(key, _NOTHING)
+        f"{key}: master has {said(master, key)}, slave has {said(slave, key)}"
+        for key in sorted(master.keys() | slave.keys())
+        if master.get(key, _NOTHING) != slave.get(key, _NOTHING)
     )
-
-
-def difference(key: str, role: Role, mine: object, theirs: object) -> str:
-    """Message to the user: what each end has for a key."""
-    held = {role: mine, role.other: theirs}
-    said = {side: "nothing" if value is _NOTHING else repr(value) for side, value in held.items()}
-    master, slave = Role.INITIATOR, Role.RESPONDER
-    return f"{key}: {master.value} has {said[master]}, {slave.value} has {said[slave]}"
 
 
 def _unexpected_slave(expected: str, name: str) -> str:
@@ -154,7 +144,7 @@ class Hello(NamedTuple):
     epoch: bytes = b""
 
 
-OPTIONAL: Final[Mapping[str, object]] = {"asks": Right.DRIVE.value, "epoch": b""}
+OPTIONAL: Final[Mapping[str, object]] = Hello._field_defaults
 
 
 def _is_clock(value: object) -> bool:
@@ -213,8 +203,13 @@ def pack_refusal(message: str, room: int) -> bytes:
 
 
 class Dialer:
-    """Calls the slave, again and again until it answers. The next HELLO is `due` then [s], infinity when not calling.
-    `expects` is the name of the slave that is called; the first one that answers sets it."""
+    """Calls the slave, again and again until it answers.
+
+    Attributes:
+        due: time of the next HELLO [s]; infinity when not calling.
+        expects: name of the slave that is called; the first one that answers sets it.
+        has_served: whether the slave has sent a datagram under the keys of a session to this run.
+    """
 
     def __init__(
         self,
@@ -251,7 +246,7 @@ class Dialer:
 
     def start(self, now: float) -> None:
         """Begin a new call; the first HELLO is due at once."""
-        self._open.clear()
+        self.stop()
         self._interval = self._first_interval
         self.due = now
 
@@ -261,7 +256,7 @@ class Dialer:
         self.due = inf
 
     def confirm(self) -> None:
-        """Note that the slave serves this master: it has sent a datagram under the keys of a session."""
+        """The slave serves this master: it has sent a datagram under the keys of a session."""
         self._takes_over = False
         self.has_served = True
         self._too_long_answers = 0
@@ -502,7 +497,7 @@ class Listener:
         """The content of a HELLO; why its master gets no session, for the user; or the reason to drop it."""
         end, body = self._end, read_map(payload)
         if body is not None and version != end.version:
-            return difference("protocol version", Role.INITIATOR, version, end.version)
+            return differences({"protocol version": version}, {"protocol version": end.version})
         fields = None if body is None else read_fields(body, HELLO_FIELDS)
         hello = None if fields is None else Hello(*fields)
         agreement = None if hello is None else read_map(hello.agreement)
@@ -517,7 +512,7 @@ class Listener:
         if end.expects and hello.name != end.expects:
             return f"slave {end.name!r} serves master {end.expects!r} only, and {hello.name!r} called"
         try:
-            message = differences(Role.RESPONDER, end.agreement, agreement)
+            message = differences(agreement, end.agreement)
         except RecursionError:  # at a value that is nested too deep to be shown
             return DropReason.MALFORMED
         if message:

@@ -11,10 +11,6 @@ class Role(Enum):
     INITIATOR = "master"
     RESPONDER = "slave"
 
-    @property
-    def other(self) -> "Role":
-        return Role.RESPONDER if self is Role.INITIATOR else Role.INITIATOR
-
 
 class State(Enum):
     """State of the conversation with the peer."""

@@ -106,6 +106,9 @@ class World(Pair):
     def of(self, role: Role) -> Side:
         return self.master if role is Role.INITIATOR else self.slave
 
+    def opposite(self, side: Side) -> Side:
+        return self.slave if side.endpoint.role is Role.INITIATOR else self.master
+
     # --- owners
 
     def own(self, now: float, tick: int) -> None:
@@ -350,7 +353,7 @@ class Endpoints(RuleBasedStateMachine):
     def deliver_again(self, back: int, count: int, moved: bool) -> None:
         """A datagram that had arrived, or had not, comes now; and once more."""
         for _, side, data in self.world.tap[-1 - back :][:count]:
-            to = self.world.of(side.endpoint.role.other)
+            to = self.world.opposite(side)
             for _ in range(2):
                 source = STRANGER if moved and to is self.world.slave else side.address
                 self.world.deliver(to, data, source)
@@ -364,7 +367,7 @@ class Endpoints(RuleBasedStateMachine):
             altered = bytearray(data)
             altered[bit // 8 % len(data)] ^= 1 << bit % 8
             data = bytes(altered)
-        to = side if reflected else self.world.of(side.endpoint.role.other)
+        to = side if reflected else self.world.opposite(side)
         if kind_of(data) not in HANDSHAKE:
             self.world.deliver(to, data, self.world.master.address if to is self.world.slave else SLAVE)
 
