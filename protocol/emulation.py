@@ -70,7 +70,11 @@ class EmulatedLink(Generic[T]):
         self._in_burst = self._in_burst and emulation.loss > 0.0
 
     def send(self, data: bytes, tag: T, now: float) -> None:
-        if self._is_lost() or self._is_blacked_out(now):
+        since = now - self._epoch
+        if self._is_lost() or any(
+            since >= start and (since - start) % (period[0] if period else inf) < duration
+            for start, duration, *period in self._emulation.blackouts
+        ):
             return
         due = self._due(len(data), now)
         if due is None:
@@ -108,13 +112,6 @@ class EmulatedLink(Generic[T]):
         if self._happens(change):
             self._in_burst = not self._in_burst
         return self._in_burst
-
-    def _is_blacked_out(self, now: float) -> bool:
-        since = now - self._epoch
-        for start, duration, *period in self._emulation.blackouts:
-            if since >= start and (since - start) % (period[0] if period else inf) < duration:
-                return True
-        return False
 
     def _due(self, size: int, now: float) -> float | None:
         """When a datagram that is sent now arrives [s]; None if the queue of the link is full."""

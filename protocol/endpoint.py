@@ -407,9 +407,9 @@ class Endpoint:
             self._establish(answer, address)
             self._post(answer.send_heartbeat(now))
         elif isinstance(answer, events.Told):
-            self._close(answer)
+            self._leave(answer, now, for_good=True)
         elif answer is not None:
-            self._close(events.Refused(one_line(answer, wire.LONGEST_DATAGRAM)))
+            self._leave(events.Refused(one_line(answer, wire.LONGEST_DATAGRAM)), now, for_good=True)
 
     def _on_foreign(self, data: bytes, address: Address, now: float) -> None:
         """Take a datagram that is not of the present session: the first of a pending one makes that the present one."""
@@ -480,9 +480,9 @@ class Endpoint:
                 self.peer = self._address.address
         elif isinstance(outcome, events.PeerClosed):
             if self._calls and outcome.reason.startswith(TAKEN_OVER):  # calling again would take the slave back
-                self._close(events.TakenOver(outcome.reason.removeprefix(TAKEN_OVER)))
+                self._leave(events.TakenOver(outcome.reason.removeprefix(TAKEN_OVER)), now, for_good=True)
             elif self._calls and outcome.reason == WITHDRAWN:
-                self._close(events.Refused(outcome.reason))
+                self._leave(events.Refused(outcome.reason), now, for_good=True)
             else:
                 self._leave(outcome, now)
         else:
@@ -506,18 +506,13 @@ class Endpoint:
         self.events.clear()  # what has not been read of the session before is void
         self.events.append(events.Connected(address, self._end.agreement))
 
-    def _leave(self, why: events.SessionExpired | events.PeerClosed, now: float) -> None:
-        """End the session, and call or listen again."""
-        self.state = moved(self.state, State.IDLE)
+    def _leave(self, why: Event, now: float, *, for_good: bool = False) -> None:
+        """End the session, because of the peer; call or listen again, unless it is for good."""
+        self.state = moved(self.state, State.CLOSED if for_good else State.IDLE)
         self._end_session()
         self._tell(why)
-        self.connect(now)
-
-    def _close(self, why: events.Refused | events.TakenOver | events.Told) -> None:
-        """End for good, because of the peer."""
-        self.state = moved(self.state, State.CLOSED)
-        self._end_session()
-        self._tell(why)
+        if not for_good:
+            self.connect(now)
 
     def _end_session(self) -> None:
         self._dialer.stop()

@@ -57,12 +57,10 @@ def paths_of(described: Mapping[str, Any] | None) -> list[LinkPath]:
 
 def path_in(facts: Mapping[str, Any]) -> LinkPath:
     """The path that some facts tell, each value of its type."""
-    names = ("route", "via", "interface", "remote", "note")
-    texts = {name: text[:LONGEST] if isinstance(text := facts.get(name), str) else "" for name in names}
-    place, changes, dscp = (
-        number if isinstance(number := facts.get(name), int) else None for name in ("place", "changes", "dscp")
-    )
-    return LinkPath(place=place or 0, changes=changes or 0, dscp=dscp, **texts)
+    texts, numbers = ("route", "via", "interface", "remote", "note"), ("place", "changes", "dscp")
+    told: dict[str, Any] = dict.fromkeys(texts, "")
+    told |= {name: text[:LONGEST] for name in texts if isinstance(text := facts.get(name), str)}
+    return LinkPath(**told | {name: each for name in numbers if isinstance(each := facts.get(name), int)})
 
 
 def notable(before: Sequence[LinkPath], now: Sequence[LinkPath]) -> Iterator[str]:

@@ -144,13 +144,10 @@ class Path:
             self._peer.close()
         self._open.close()
 
-    def on_datagram(self, data: bytes, source: Address, now: float) -> None:
-        self._owner.on_datagram(data, source, now)
-
     def _take_from_anywhere(self, data: bytes, source: Address, ancillary: Ancillary, now: float) -> None:
         if ancillary:
             self._called[:1] = [(source, *answering(ancillary))]
-        self.on_datagram(data, source, now)
+        self._owner.on_datagram(data, source, now, self)
 
     def _take_from_peer(self, data: bytes, source: Address, ancillary: Ancillary, now: float) -> None:
         if ancillary:
@@ -159,7 +156,7 @@ class Path:
             if dscp != self._dscp:
                 self._dscp = dscp
                 self._owner.tell()
-        self.on_datagram(data, source, now)
+        self._owner.on_datagram(data, source, now, self)
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -200,8 +197,8 @@ class Paths:
             was_any = path.read() or was_any
         return was_any
 
-    def on_datagram(self, data: bytes, source: Address, now: float) -> None:
-        """Take a datagram that came on the path."""
+    def on_datagram(self, data: bytes, source: Address, now: float, path: Path) -> None:  # noqa: ARG002 - of several
+        """Take a datagram that came on a path."""
         peer = self.endpoint.peer if source == self._numeric else None
         self.endpoint.receive_datagram(data, source if peer is None else peer, now)
 

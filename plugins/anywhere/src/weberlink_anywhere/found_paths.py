@@ -54,16 +54,12 @@ class FoundPath(Path):
         self.budgets = [WorkBudget(share, STUN_BURST_S, owner.shell.now()) for share in (STRANGER_SHARE, PEER_SHARE)]
         self.is_replaced = False
         self.missing_since: float | None = None
-        self._paths = owner
         self.guard(found.remote)
 
     def send(self, data: bytes) -> None:
         """Send to the peer, through the relay if there is one."""
         if self.remote is not None:
             self.send_to(self.channel + len(data).to_bytes(2, "big") + data if self.channel else data, self.remote)
-
-    def on_datagram(self, data: bytes, source: Address, now: float) -> None:
-        self._paths.take_found(data, source, now, self)
 
 
 class FoundPaths(Paths):
@@ -106,8 +102,9 @@ class FoundPaths(Paths):
 
     # --- the endpoint
 
-    def take_found(self, data: bytes, source: Address, now: float, path: FoundPath) -> None:
+    def on_datagram(self, data: bytes, source: Address, now: float, path: Path) -> None:
         """Take what came on a path: a datagram of the session, or a STUN message, which is for the finder."""
+        assert isinstance(path, FoundPath)
         is_peer, channel = source == path.remote, path.channel
         if hand_over.is_stun(data) or (channel and hand_over.is_stun(data[_HEADER:])):
             budget = path.budgets[is_peer]
