@@ -9,12 +9,12 @@ from collections.abc import Callable, Mapping
 from math import inf
 from typing import Final
 
-from weberlink.protocol import events, handshake, wire
+from weberlink.protocol import events, wire
 from weberlink.protocol.address import AddressCheck
 from weberlink.protocol.counters import Credit
 from weberlink.protocol.events import Address, DropReason, Event
 from weberlink.protocol.handshake import Dialer, Hello, Listener
-from weberlink.protocol.keys import Grant, Right
+from weberlink.protocol.keys import Grant
 from weberlink.protocol.liveness import FADE_SHARE, Liveness
 from weberlink.protocol.local_end import LocalEnd
 from weberlink.protocol.session import Outcome, Session
@@ -70,23 +70,8 @@ class Endpoint:
             the question of `ask` that it answers, else b"".
     """
 
-    def __init__(
-        self,
-        end: LocalEnd,
-        *,
-        peer: Address | None = None,
-        take_over: bool = False,
-        stamp: Callable[[float], int] | None = None,
-        asks: Right = Right.DRIVE,
-    ) -> None:
-        """Compose an endpoint, the only one of `end`.
-
-        Args:
-            peer: whom an initiator calls; ValueError without one.
-            take_over: whether an initiator replaces another master that the slave serves, in its first session.
-            stamp: wall clock [ns] at `now` [s]; a responder remembers the stamps of calls. None to count `now`.
-            asks: what an initiator wants; other than to drive, it gets `Told` instead of a session.
-        """
+    def __init__(self, end: LocalEnd, peer: Address | None = None) -> None:
+        """Compose an endpoint, the only one of `end`. `peer` is whom an initiator calls; ValueError without one."""
         if end.calls and peer is None:
             raise ValueError("peer: an initiator must be told whom to call")
         self._end = end
@@ -115,14 +100,7 @@ class Endpoint:
         self._stopper: tuple[bytes, Address] | None = None  # the answer to who asked to stop, and where to
         self._is_peer_heard = False  # true while silent if datagrams of the peer still came as silence fell
         self._due: float | None = None  # read several times a tick; None when it may have changed
-        self._dialer = Dialer(
-            end,
-            end.entropy(handshake.INSTANCE_BYTES),
-            takes_over=take_over,
-            stamp=stamp or (lambda now: max(0, round(now * 1e9))),
-            asks=asks,
-        )
-        self._listener = Listener(end)
+        self._dialer, self._listener = Dialer(end), Listener(end)
 
     # --- what the owner reads
 
@@ -436,11 +414,8 @@ class Endpoint:
         self._establish(session, pending.address)
         self._on_authentic(session, outcome, address, now)
 
-    def _on_authentic(  # noqa: C901 - each kind of outcome
-        self, session: Session, outcome: Outcome, address: Address, now: float
-    ) -> None:
-        if not self._dialer.has_served:
-            self._dialer.confirm()
+    def _on_authentic(self, session: Session, outcome: Outcome, address: Address, now: float) -> None:
+        self._dialer.has_served = True
         session.measure()
         check = self._address
         if check is not None:

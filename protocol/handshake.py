@@ -208,26 +208,12 @@ class Dialer:
     Attributes:
         due: time of the next HELLO [s]; infinity when not calling.
         expects: name of the slave that is called; the first one that answers sets it.
-        has_served: whether the slave has sent a datagram under the keys of a session to this run.
+        has_served: whether the slave has sent this run a datagram under the keys of a session.
     """
 
-    def __init__(
-        self,
-        end: LocalEnd,
-        instance: bytes,
-        *,
-        stamp: Callable[[float], int],
-        takes_over: bool = False,
-        asks: Right = Right.DRIVE,
-    ) -> None:
-        """Prepare to call. `instance` are random bytes of this run. `stamp` gives the wall clock [ns] at `now` [s]; if
-        it goes back, stamps go on rising by one. `asks` says for what.
-
-        `takes_over` is to replace a master that the slave serves, until `confirm`: otherwise two masters would take the
-        slave from each other for ever. A slave that has served this run ignores it in any case."""
+    def __init__(self, end: LocalEnd) -> None:
         self._end = end
-        self._instance = instance
-        self._stamp = stamp
+        self._instance = end.entropy(INSTANCE_BYTES)  # of this run
         self._newest = 0
         self._open: OrderedDict[int, Any] = OrderedDict()
         # Pauses grow from a twentieth to a fifth of the largest loop age, so that the listener still holds the pending
@@ -239,8 +225,6 @@ class Dialer:
         self._too_long_answers = 0
         self.has_served = False
         self.expects = end.expects
-        self._takes_over = takes_over
-        self._asks = asks.value
         self._epoch = b""
         self.due = inf
 
@@ -255,29 +239,25 @@ class Dialer:
         self._open.clear()
         self.due = inf
 
-    def confirm(self) -> None:
-        """The slave serves this master: it has sent a datagram under the keys of a session."""
-        self._takes_over = False
-        self.has_served = True
-        self._too_long_answers = 0
-
     def hello(self, now: float) -> bytes:
         """The next HELLO of this call, and schedule the one after it."""
         self.due = now + self._interval
         self._interval = min(2.0 * self._interval, max(LONGEST_INTERVAL, 4.0 * self._first_interval))
-        self._newest = max(self._stamp(now), self._newest + 1)
-        end, security = self._end, self._end.security
-        is_too_long = self._too_long_answers >= TOO_LONG_ANSWERS and now - self._too_long_since >= TOO_LONG_AFTER
+        end, security, is_first = self._end, self._end.security, not self.has_served
+        stamp = max(0, round(now * 1e9)) if end.stamp is None else end.stamp(now)
+        self._newest = max(stamp, self._newest + 1)  # if the clock goes back, stamps go on rising by one
+        is_long = self._too_long_answers >= TOO_LONG_ANSWERS and now - self._too_long_since >= TOO_LONG_AFTER
         hello = Hello(
             end.packed,
             round((now - end.epoch) * 1e6),
             end.name,
             self._instance,
             expects=self.expects,
-            takes_over=self._takes_over,
+            # Once at most: two masters would take the slave from each other for ever.
+            takes_over=end.take_over and is_first,
             longest_round_trip_us=round(end.longest_round_trip * 1e6),
-            round_trip_us=round(self._too_long * 1e6) if is_too_long else 0,
-            asks=self._asks,
+            round_trip_us=round(self._too_long * 1e6) if is_long and is_first else 0,
+            asks=end.asks.value,
             epoch=self._epoch,
         )
         header = HELLO_HEADER.pack(Kind.HELLO, end.version, identity_of(end.name), self._newest)
@@ -313,7 +293,7 @@ class Dialer:
             self._newest = newest
             self.due = -inf
             return None
-        if self._asks != Right.DRIVE:
+        if self._end.asks is not Right.DRIVE:
             return self._on_told(body)
         welcome = read_fields(body, WELCOME_FIELDS)
         if welcome is None:

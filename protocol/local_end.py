@@ -7,7 +7,7 @@ from typing import Final
 import msgpack
 
 from weberlink.protocol.events import Statistics
-from weberlink.protocol.keys import check_name
+from weberlink.protocol.keys import Right, check_name
 from weberlink.protocol.negotiation import LONGEST
 from weberlink.protocol.security import REKEY_AFTER, Security
 from weberlink.protocol.states import Role
@@ -42,6 +42,9 @@ class LocalEnd:
         expects: name of the only peer that is accepted; "" for any. An initiator keeps to the first that answers.
         version: of the protocol; another one than this code's only to study a mismatch.
         rekey_after: datagrams after which a key is replaced, if it was not by time.
+        take_over: whether an initiator replaces another master that the slave serves, in its first session.
+        stamp: wall clock [ns] at `now` [s]; a responder remembers the stamps of calls. None to count `now`.
+        asks: what an initiator wants; other than to drive, it gets `Told` instead of a session.
 
     Raises:
         ValueError: naming the argument.
@@ -62,6 +65,9 @@ class LocalEnd:
     expects: str = ""
     version: int = PROTOCOL_VERSION
     rekey_after: int = REKEY_AFTER
+    take_over: bool = False
+    stamp: Callable[[float], int] | None = None
+    asks: Right = Right.DRIVE
     calls: bool = field(init=False)  # whether this end begins the sessions
     packed: bytes = field(init=False)  # the agreement
     sends: DirectionLayout = field(init=False)

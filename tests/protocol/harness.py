@@ -124,9 +124,8 @@ def local_end(role: Role = Role.INITIATOR, *, seed: int = 0, **changes: object) 
 
 
 def make_endpoint(role: Role, *, seed: int = 0, **changes: object) -> Endpoint:
-    own: dict[str, object] = {"peer": SLAVE if role is Role.INITIATOR else None}
-    own |= {name: changes.pop(name) for name in ("peer", "take_over", "stamp", "asks") if name in changes}
-    return Endpoint(local_end(role, seed=seed, **changes), **own)  # type: ignore[arg-type]
+    peer = changes.pop("peer", SLAVE if role is Role.INITIATOR else None)
+    return Endpoint(local_end(role, seed=seed, **changes), peer)  # type: ignore[arg-type]
 
 
 def exchanged(security: Security, seed: int = 1, prologue: bytes = b"") -> tuple[Protection, Protection]:

@@ -348,8 +348,7 @@ def test_a_master_keeps_to_the_first_slave_that_answered(security: Security) -> 
 @by_suite
 def test_each_answer_to_a_call_has_its_outcome(security: Security) -> None:
     """The peer has the key, and may say anything; it may ignore the name that the master expects."""
-    end = local_end(security=security, name="ann@operator", expects="robot:47000")
-    dialer = Dialer(end, bytes(INSTANCE_BYTES), stamp=lambda now: 1)
+    dialer = Dialer(local_end(security=security, name="ann@operator", expects="robot:47000", stamp=lambda now: 1))
     welcome = {"clock_us": 0, "delta_us": 0, "name": "robot:47000", "longest_round_trip_us": 400_000}
     for payload, outcome in (
         (b"\xc1", DropReason.MALFORMED),

@@ -14,7 +14,6 @@ from weberlink.protocol.handshake import (
     EXCHANGE_PACE,
     EXCHANGE_PACE_ENGAGED,
     HELLO_HEADER,
-    INSTANCE_BYTES,
     KNOWN_MASTERS,
     REFUSAL_PACE,
     STALE_PACE,
@@ -28,8 +27,8 @@ from weberlink.protocol.wire import Kind
 def recorded(count: int, *, name: str = "master", first: int = 1, step: int = 1) -> list[bytes]:
     """HELLOs of earlier runs of a master: proven, with rising stamps."""
     stamps = iter(range(first, first + count * step, step))
-    end = local_end(name=name, entropy=Random(f"{name} {first}").randbytes)
-    dialer = Dialer(end, bytes(INSTANCE_BYTES), stamp=lambda now: next(stamps))
+    entropy = Random(f"{name} {first}").randbytes
+    dialer = Dialer(local_end(name=name, entropy=entropy, stamp=lambda now: next(stamps)))
     dialer.start(0.0)
     return [dialer.hello(0.0) for _ in range(count)]
 

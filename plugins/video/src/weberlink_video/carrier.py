@@ -114,9 +114,9 @@ class Carrier:
         peer = peer_address(expects) if self._configuration.finds_path else self._address(link.slave)
         operator = LocalEnd(
             Role.INITIATOR, outgoing=reports, incoming=pictures, security=security, name=link.names.master or own,
-            expects=link.names.slave or expects, **common,
+            expects=link.names.slave or expects, take_over=self._place == 0, stamp=lambda _now: time_ns(), **common,
         )  # fmt: skip
-        return Endpoint(operator, peer=peer, take_over=self._place == 0, stamp=lambda _now: time_ns())
+        return Endpoint(operator, peer)
 
     def _address(self, of_link: str) -> tuple[str, int]:
         return split_address(of_link)[0], self._options.port + self._place

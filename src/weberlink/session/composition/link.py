@@ -205,8 +205,11 @@ def build_endpoint(system: System, side: str, context: Context) -> Endpoint:
         carries_credit=SCHEMES[system.control.scheme].carries_credit and system.codec.joints is None,
         name=own or context.name,
         expects=other or context.expects,
+        take_over=context.take_over,
+        stamp=context.stamp,
+        asks=context.asks,
     )
-    return Endpoint(end, peer=context.peer, take_over=context.take_over, stamp=context.stamp, asks=context.asks)
+    return Endpoint(end, context.peer)
 
 
 @with_file_name
