@@ -56,7 +56,6 @@ class Session:
         *,
         longest_round_trip: float,
         confirmed_at: float = -inf,
-        first_sequence: int = 1,
     ) -> None:
         """Begin with a handshake datagram of the peer, which left at `peer_clock` on its clock and arrived at `now`.
         `confirmed_at` is the departure of our datagram that it answers; -inf if it answers none."""
@@ -90,9 +89,9 @@ class Session:
         # What this end sends.
         self._allowance = Allowance()
         self._streams = tuple(OutgoingStream(layout, self._allowance, end.silence) for layout in end.sends.updates)
-        self._next_sequence = first_sequence
+        self._next_sequence = 1
         _, self._departed = self.clock.stamp(now)
-        protection.begin(now, first_sequence, end.rekey_after)
+        protection.begin(now, self._next_sequence, end.rekey_after)
         self._reported = (0.0, 0.0, 0.0)
         self._lost = 0
         self.copies = copies_needed(end.statistics.outgoing_loss, end.statistics.outgoing_burst)

@@ -468,31 +468,25 @@ class DirectionLayout:
                 ack = bits >> left & ACKNOWLEDGEMENT_MASK
             acks.append(ack)
         kind, mark, selector = first & _KIND_MASK, first & MARK != 0, first >> _SELECTOR_SHIFT & MAX_SELECTOR
-        update: Update | None = None
-        credit: int | None = None
-        report: Report | None = None
-        round_trip_ms: int | None = None
-        tick, data = 0, b""
+        head = kind, mark, selector, generation, sent, echo, tuple(acks)
         if kind in (UPDATE, SECOND_UPDATE):
             stream = int(kind == SECOND_UPDATE)
             if stream >= len(self.updates):
                 raise ValueError(f"stream {stream} of {len(self.updates)}")
-            update, tick, credit = self.updates[stream].read(bits, left, selector, mark=mark)
-        elif kind == HEARTBEAT:
-            tick, credit, report, round_trip_ms = self._read_heartbeat(bits, left, selector)
-        elif kind in (BYE, CHANGE, PATH):
-            if kind == CHANGE:
-                left -= CHANGE_TICK_BITS
-                tick = bits >> left & (1 << CHANGE_TICK_BITS) - 1
-            data = read_rest(bits, left)
-            least, most = _DATA_BYTES[kind]
-            if not least <= len(data) <= most:
-                raise ValueError(f"{len(data)} bytes in a datagram of kind {kind}")
-        else:
+            return Content(*head, *self.updates[stream].read(bits, left, selector, mark=mark))
+        if kind == HEARTBEAT:
+            return Content(*head, None, *self._read_heartbeat(bits, left, selector))
+        if kind not in _DATA_BYTES:
             raise ValueError(f"kind {kind}")
-        return Content(
-            kind, mark, selector, generation, sent, echo, tuple(acks), update, tick, credit, report, round_trip_ms, data
-        )
+        tick = 0
+        if kind == CHANGE:
+            left -= CHANGE_TICK_BITS
+            tick = bits >> left & (1 << CHANGE_TICK_BITS) - 1
+        data = read_rest(bits, left)
+        least, most = _DATA_BYTES[kind]
+        if not least <= len(data) <= most:
+            raise ValueError(f"{len(data)} bytes in a datagram of kind {kind}")
+        return Content(*head, tick=tick, data=data)
 
     def _read_heartbeat(self, bits: int, left: int, selector: int) -> tuple[int, int | None, Report | None, int | None]:
         credit: int | None = None
