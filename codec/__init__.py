@@ -6,8 +6,7 @@ HAVE 2011 ("the paper" throughout this package).
 """
 
 from weberlink.codec.channel import Channel, force_channel, position_channel
-from weberlink.codec.decoder import Decoder
-from weberlink.codec.encoder import Encoder
+from weberlink.codec.coder import Decoder, Encoder
 from weberlink.update import Update
 
 __all__ = ["Channel", "Decoder", "Encoder", "Update", "force_channel", "position_channel"]

@@ -17,26 +17,6 @@ from weberlink.update import MAX_SELECTOR, UpdateForm
 ROUNDING = 0.5 * (1.0 + 1e-9)  # Largest rounding error of the wire [steps], with that of the arithmetic
 
 
-@dataclass(frozen=True, slots=True)
-class Smoothing:
-    """The ramp of smooth updates, which replaces part of the jump that an update makes, within the deadband.
-
-    When an update arrives, the displayed value jumps by the error of the old model, at least one just noticeable
-    difference. Smoothing holds part of the jump back and removes it in equal steps. The encoder's mirror does the same,
-    so the law of the encoder still holds. The held part lags by the length of the ramp at most; the rest does not lag.
-    ValueError for a number out of range.
-    """
-
-    ticks: int  # length of the ramp, >= 1
-    share: float = 0.4  # largest ramp, of the deadband, 0 to 0.9; the rest is for the error of the new model meanwhile
-
-    def __post_init__(self) -> None:
-        if self.ticks < 1:
-            raise ValueError(f"ticks must be at least 1, not {self.ticks!r}")
-        if not 0.0 <= self.share <= 0.9:
-            raise ValueError(f"share must be 0 to 0.9, not {self.share!r}")
-
-
 @mypyc_attr(allow_interpreted_subclasses=True)
 @dataclass(frozen=True)
 class Channel:
@@ -48,8 +28,7 @@ class Channel:
     The receiver needs neither `choice` nor `rate`.
 
     Raises:
-        ValueError: for a negative look-ahead; for an unknown, repeated or missing predictor, or one that does not suit
-            the channel.
+        ValueError: for a number out of range; for an unknown, repeated or missing predictor, or one that does not suit.
     """
 
     bank: tuple[str, ...]  # names of the predictors; a selector is an index in it
@@ -59,7 +38,7 @@ class Channel:
     rest: Vector | None = None  # value before the first update; None if unknown: the first sample is always sent
     fit_limits: FitLimits = field(default_factory=FitLimits)  # the range in which a fitted contact is accepted
     choice: str = HYBRID  # name in `CHOICES` of how the sender chooses among the bank, and makes models of parameters
-    smoothing: Smoothing | None = None  # the ramp over which an update changes the value; None for a step
+    smoothing: int = 0  # length of the ramp over which an update changes the value [ticks], >= 0; 0 for a step
     rate: UpdateRate | None = None  # largest rate of updates; None for no limit
     every_position: bool = False  # whether every update carries the position: others than predictors read it
     tick_period: float = 1e-3  # time between ticks [s], > 0
@@ -68,8 +47,9 @@ class Channel:
     more: tuple["Channel", ...] = ()  # further parts of an arm, of other axes and thresholds; one unit for all errors
 
     def __post_init__(self) -> None:
-        if self.lookahead < 0:
-            raise ValueError(f"lookahead must be >= 0 ticks, not {self.lookahead!r}")
+        for name, ticks in (("lookahead", self.lookahead), ("smoothing", self.smoothing)):
+            if ticks < 0:
+                raise ValueError(f"{name} must be >= 0 ticks, not {ticks!r}")
         if len(self.bank) > MAX_SELECTOR + 1:
             raise ValueError(f"bank must name at most {MAX_SELECTOR + 1} predictors, not {len(self.bank)}")
         unknown = [name for name in self.bank if name not in PREDICTORS]
@@ -100,7 +80,7 @@ class Channel:
         if self.joints:
             sizes = (grid.value.size, *[part.value_quantizer.size for part in self.more])
             return tuple(UpdateForm(sizes, sizes) for _ in predictors)
-        everywhere = self.every_position or (self.smoothing is not None and any(each.geometric for each in predictors))
+        everywhere = self.every_position or (self.smoothing > 0 and any(each.geometric for each in predictors))
         return tuple(
             UpdateForm(grid.groups if everywhere else each.groups(grid), None if each.estimated else each.groups(grid))
             for each in predictors

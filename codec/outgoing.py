@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from weberlink.codec.encoder import Encoder
+from weberlink.codec.coder import Encoder
 from weberlink.compiled import mypyc_attr
 from weberlink.geometry.vector import Vector
 from weberlink.update import Update

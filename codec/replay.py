@@ -3,8 +3,7 @@
 from collections.abc import Callable, Iterable
 
 from weberlink.codec.channel import Channel
-from weberlink.codec.decoder import Decoder
-from weberlink.codec.encoder import Encoder
+from weberlink.codec.coder import Decoder, Encoder
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.update import Update

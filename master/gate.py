@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from math import copysign, dist, hypot, inf, isfinite
 from typing import Any
 
-from weberlink.codec.decoder import Decoder
+from weberlink.codec.coder import Decoder
 from weberlink.codec.sample import Sample
 from weberlink.control.contract import UNREACHED_S, SentCommands
 from weberlink.geometry.joints import Joints

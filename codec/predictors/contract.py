@@ -9,7 +9,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from weberlink.codec.sample import UNKNOWN, Sample, SampleGrid
 from weberlink.compiled import mypyc_attr
-from weberlink.geometry.vector import Vector, distance, norm
+from weberlink.geometry.vector import Vector
 from weberlink.update import ModelParameters, Payload, PreviousSample
 
 
@@ -106,21 +106,11 @@ class FitLimits:
 
     stiffness: tuple[float, float] = (1.0, 1e6)  # of the contact [N/m], lowest and highest, > 0
     radius: tuple[float, float] = (1e-3, 10.0)  # of a sphere [m], lowest and highest, > 0
-    # Sine of the angle below which two directions count as parallel, 0 to 1: the forces of a sphere (a wire step of
-    # 1 mN turns a force of 1 N by 1e-3) and the columns of its equations.
-    least_angle_sine: float = 1e-3
-    # Largest error of a fit at its own newest sample, as a share of that force, > 0. If no sphere passes through both
-    # samples, the least-squares sphere may push in the wrong direction.
-    misfit: float = 0.25
 
     def __post_init__(self) -> None:
         for name, (low, high) in (("stiffness", self.stiffness), ("radius", self.radius)):
             if not 0.0 < low < high:
                 raise ValueError(f"{name} must be a rising pair of positive numbers, not [{low!r}, {high!r}]")
-        if not 0.0 <= self.least_angle_sine <= 1.0:
-            raise ValueError(f"least_angle_sine must be 0 to 1, not {self.least_angle_sine!r}")
-        if not self.misfit > 0.0:
-            raise ValueError(f"misfit must be positive, not {self.misfit!r}")
 
     def accepts_compliance(self, compliance: float) -> bool:
         """Whether the stiffness 1 / compliance [N/m] is positive and in range; False for NaN."""
@@ -129,10 +119,6 @@ class FitLimits:
     def accepts_radius(self, radius: float) -> bool:
         """Whether the magnitude of a radius [m] is in range; a concave one is negative."""
         return self.radius[0] <= abs(radius) <= self.radius[1]
-
-    def accepts_fit(self, model: Model, newest: Sample) -> bool:
-        """Whether a model passes its own newest sample within `misfit`."""
-        return distance(model.at(newest.tick, newest.position), newest.value) <= self.misfit * norm(newest.value)
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

@@ -10,7 +10,14 @@ from typing import ClassVar
 from weberlink.codec.predictors.contract import FitLimits, FittedPredictor, Model, ModelKind, ModelRecord
 from weberlink.codec.sample import Sample
 from weberlink.compiled import mypyc_attr
-from weberlink.geometry.vector import ZERO, Vector, dot, norm, subtract
+from weberlink.geometry.vector import ZERO, Vector, distance, dot, norm, subtract
+
+# Sine of the angle below which two directions count as parallel: the forces of a sphere (a wire step of 1 mN turns a
+# force of 1 N by 1e-3) and the columns of its equations.
+PARALLEL = 1e-3
+# Largest error of a sphere at its own newest sample, as a share of that force. If none passes through both samples, the
+# least-squares sphere may push in the wrong direction.
+MISFIT = 0.25
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -116,13 +123,13 @@ class SpherePredictor(ContactPredictor):
         # Least-squares r, c of a r + b c = y. A column that is (nearly) 0, or parallel to the other, tells nothing.
         a, b, y = subtract(u, v), subtract(g, f), subtract(p, q)
         a_norm, b_norm = norm(a), norm(b)
-        if not (a_norm > limits.least_angle_sine and b_norm > 0.0):
+        if not (a_norm > PARALLEL and b_norm > 0.0):
             return None
         first = (a[0] / a_norm, a[1] / a_norm, a[2] / a_norm)
         along = dot(first, b)
         across = (b[0] - first[0] * along, b[1] - first[1] * along, b[2] - first[2] * along)
         across_norm = norm(across)
-        if not across_norm > limits.least_angle_sine * b_norm:
+        if not across_norm > PARALLEL * b_norm:
             return None
         second = (across[0] / across_norm, across[1] / across_norm, across[2] / across_norm)
         c = dot(second, y) / across_norm
@@ -135,7 +142,7 @@ class SpherePredictor(ContactPredictor):
             ((p[2] - u[2] * r + f[2] * c) + (q[2] - v[2] * r + g[2] * c)) * 0.5,
         )
         sphere = Sphere(centre, r, 1.0 / c, f)
-        return sphere if limits.accepts_fit(sphere, newest) else None
+        return sphere if distance(sphere.at(newest.tick, p), f) <= MISFIT * size else None
 
 
 SPHERE = SpherePredictor()

@@ -11,6 +11,7 @@ from tests.codec.signals import contact_stream, rubbing_stream
 from weberlink.codec import Channel, Decoder, Encoder, Update, force_channel, position_channel
 from weberlink.codec.channel import joint_channel
 from weberlink.codec.choice import CHOICES
+from weberlink.codec.coder import RAMP
 from weberlink.codec.deadband import DEADBANDS, Deadband, DeadbandSetup, Reference
 from weberlink.codec.predictors import PREDICTORS, suits
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, scale
@@ -215,10 +216,10 @@ class Law:
         assert all(map(eq, channel.value_quantizer.confine(shown), shown))  # NaN is not equal to itself
         near = max(half_step(channel), band.error(channel.value_quantizer.quantize(actual)[1], actual))
         if update is not None:
-            if self.smoothing is not None:
+            if self.smoothing:
                 # The ramp takes a share of the deadband at the sample, which is rounded.
                 newest = self.encoder.mirror.newest.value
-                ramp = self.smoothing.share * band.bound(newest, newest, newest, 0.0) + near
+                ramp = RAMP * band.bound(newest, newest, newest, 0.0) + near
                 bound = max(band.bound(actual, shown, newest, 0.0), bound, ramp)
             elif self.decoder.first == self.decoder.newest.value:  # a model may begin elsewhere in the deadband
                 bound = near

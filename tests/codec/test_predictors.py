@@ -9,7 +9,7 @@ from tests.codec.law import FITTED
 from tests.examples import examples
 from weberlink.codec.predictors import PREDICTORS, FitLimits, FittedPredictor
 from weberlink.codec.predictors.contract import Hold
-from weberlink.codec.predictors.geometry_based import Plane, Sphere
+from weberlink.codec.predictors.geometry_based import MISFIT, Plane, Sphere
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
 
@@ -56,7 +56,7 @@ def test_every_model_passes_through_its_newest_sample(
         Sample(0, scale(forces[1], 50.0), positions[1]),
     )
     model = FITS[name].model(newest, previous, LIMITS)
-    allowed = LIMITS.misfit * norm(newest.value) if isinstance(model, Sphere) else 1e-9 + 1e-9 * 1e6 * 0.2
+    allowed = MISFIT * norm(newest.value) if isinstance(model, Sphere) else 1e-9 + 1e-9 * 1e6 * 0.2
     assert distance(model.at(gap, newest.position), newest.value) <= allowed
 
 

@@ -13,7 +13,6 @@ import pytest
 from tests.codec.law import FITTED
 from tests.codec.signals import GodObject, Stream, contact, stroke, up
 from weberlink.codec import Channel, Encoder, force_channel
-from weberlink.codec.channel import Smoothing
 from weberlink.codec.choice import NOTHING, DueSample
 from weberlink.codec.deadband import ForceDeadband
 from weberlink.codec.predictors import PREDICTORS, FitLimits
@@ -47,7 +46,7 @@ def test_a_hybrid_takes_no_estimated_predictor() -> None:
     [
         ({}, [(3,), (3, 3), (3,), (3, 3)]),
         ({"every_position": True}, [(3, 3)] * 4),
-        ({"smoothing": Smoothing(9)}, [(3, 3)] * 4),
+        ({"smoothing": 9}, [(3, 3)] * 4),
     ],
 )
 def test_an_update_carries_what_is_read_and_no_sample_beside_parameters(

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 from weberlink.codec import Channel, force_channel, position_channel
-from weberlink.codec.channel import Smoothing, joint_channel
+from weberlink.codec.channel import joint_channel
 from weberlink.codec.deadband import Deadband, DeadbandSetup, ForceDeadband
 from weberlink.codec.predictors import FitLimits
 from weberlink.codec.rate import UpdateRate
@@ -76,7 +76,6 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         )
         return tuple(angles), tuple(_torques(group.torque, count, system) for _, group, count in codec.arm)
     force, position = codec.force, codec.position
-    smoothing = _ticks(force.smooth_ms, system)
     forward = _motion(position, system, bound=position.bound_m, axes=system.axes, position_step=position.step_m)
     backward = _effort(
         force,
@@ -90,7 +89,7 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
     backward = replace(
         backward,
         fit_limits=FitLimits(force.trust.stiffness_n_m, force.trust.radius_m),
-        smoothing=Smoothing(smoothing) if smoothing else None,
+        smoothing=_ticks(force.smooth_ms, system),
         every_position=SCHEMES[system.control.scheme].reads_position,
         lookahead=_ticks(force.lookahead_ms, system),
     )
