@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
-from tests.safety.test_unfounded import check_that_the_hand_is_left, session
+from tests.safety.test_unfounded import DELAY_S, LINK, check_that_the_hand_is_left
 from tests.session.systems import configuration
 from tests.slave.test_unreached import check_that_it_takes_the_contact_back
-from trials.safety.unfounded import run
+from trials.safety.unfounded import Cell, found, run
 from weberlink.cli.shipped import find
 from weberlink.control.contract import UNREACHED_S
 from weberlink.session.simulation import build_simulation
 from weberlink.telemetry.record import TORQUE
+from weberlink_figures.session import score_of
 
 DAMPED = "slave.scene=[{shape: plane, stiffness_n_m: 500, damping_n_s_m: 1.0}]"
 FORMER = 7
@@ -36,11 +37,15 @@ def test_a_robot_that_has_backed_off_leaves_the_hand(predictor: str, scheme: str
 def test_a_damped_wall_that_is_taken_for_a_moving_one_leaves_the_hand(predictor: str) -> None:
     """The damping is fitted as motion, and an extrapolated motion would carry the wall after the hand."""
     overrides = (DAMPED, f"codec.force.predictor={predictor}")
-    finding, summary = session(*overrides, file=find("scene-plane"), seconds=4.0)
+    loaded = configuration(*LINK, *overrides, file=find("scene-plane"))
+    score, records = score_of(loaded.system), build_simulation(loaded).advance(4000)
+    score.add(*records)
+    finding, figures = found(Cell(0, overrides, (DELAY_S, DELAY_S)), *records, 1e-3), score.figures()
     assert finding.contact > 0.3
     assert (finding.ticks, finding.faults) == (0, 0)
-    assert summary["energy"]["bound_share"] < 1.0  # 0.59 J came out when the wall was carried along
-    assert summary["limited"]["force_ticks"] < 100
+    assert figures.energy.bound_share is not None
+    assert figures.energy.bound_share < 1.0  # 0.59 J came out when the wall was carried along
+    assert figures.limited.force_ticks < 100
 
 
 STICK = (
