@@ -18,7 +18,7 @@ def parse(data: bytes, longest: int) -> Any:
         value = json.loads(data.decode(), parse_constant=_number, parse_float=_number, parse_int=_integer)
     except RecursionError:
         raise ValueError(_TOO_DEEP) from None
-    if _depth_exceeds(value, DEEPEST):
+    if _is_deeper(value, DEEPEST):
         raise ValueError(_TOO_DEEP)
     return value
 
@@ -39,15 +39,6 @@ def _number(text: str) -> float:
     return value
 
 
-def _depth_exceeds(value: object, most: int) -> bool:
-    level = [value]
-    for _ in range(most):
-        level = [
-            inner
-            for each in level
-            if isinstance(each, dict | list)
-            for inner in (each.values() if isinstance(each, dict) else each)
-        ]
-        if not level:
-            return False
-    return any(isinstance(each, dict | list) for each in level)
+def _is_deeper(value: object, most: int) -> bool:
+    within = value.values() if isinstance(value, dict) else value if isinstance(value, list) else None
+    return within is not None and (most == 0 or any(_is_deeper(each, most - 1) for each in within))

@@ -5,12 +5,10 @@ The parts are built as the daemons build them; nothing is opened or sent.
 
 from collections.abc import Iterator
 from time import perf_counter
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from weberlink.codec import Channel
 from weberlink.config import Configuration, System
-from weberlink.config.joints import AngleCodecSettings, JointTorqueCodecSettings
-from weberlink.config.settings import PredictedSettings
 from weberlink.control.table import SCHEMES
 from weberlink.master.devices.contract import Device
 from weberlink.protocol.wire import UpdateLayout
@@ -23,16 +21,6 @@ if TYPE_CHECKING:
     from weberlink.arms.contract import ArmSpec
 
 UDP_IP_BYTES = 28
-
-
-class Stream(NamedTuple):
-    """A coded signal: title and name of its line, its settings, its thresholds in words, and its channel."""
-
-    title: str
-    name: str
-    settings: PredictedSettings | AngleCodecSettings | JointTorqueCodecSettings
-    thresholds: str
-    channel: Channel
 
 
 def describe(configuration: Configuration) -> Iterator[str]:
@@ -162,20 +150,21 @@ def _link(system: System) -> Iterator[str]:
 # --- how the signals are coded
 
 
-def _streams(system: System) -> Iterator[Stream]:
+def _streams(system: System) -> Iterator[tuple[str, str, Any, str, Channel]]:
+    """Of each coded signal: title and name of its line, its settings, its thresholds in words, and its channel."""
     codec, (forward, backward) = system.codec, streams(system)
     if codec.joints is None:
         force, shape = codec.force, backward[0].deadband.describe()
         thresholds = f"k = {force.weber:g}, floor {force.floor_n:g} N, reference {force.reference}"
         thresholds += "" if shape == "isotropic" else f"; {shape}"
-        yield Stream("force", "", force, thresholds, backward[0])
-        yield Stream("position", "", codec.position, f"bound {1e3 * codec.position.bound_m:g} mm", forward[0])
+        yield ("force", "", force, thresholds, backward[0])
+        yield ("position", "", codec.position, f"bound {1e3 * codec.position.bound_m:g} mm", forward[0])
     if codec.rotation is not None:
         torque, turn = codec.rotation.torque, codec.rotation.orientation
         thresholds = f"k = {torque.weber:g}, floor {torque.floor_nm:g} N m, reference {torque.reference}"
-        yield Stream("rotation", "torque ", torque, thresholds, backward[1])
-        yield Stream("", "orientation ", turn, f"bound {turn.bound_rad:g} rad", forward[1])
+        yield ("rotation", "torque ", torque, thresholds, backward[1])
+        yield ("", "orientation ", turn, f"bound {turn.bound_rad:g} rad", forward[1])
     for (title, arm, _), angles, torques in zip(codec.arm, forward, backward, strict=False):
-        yield Stream(title, "angles ", arm.angle, f"bound {_each(arm.angle.bound_rad)} rad", angles)
+        yield (title, "angles ", arm.angle, f"bound {_each(arm.angle.bound_rad)} rad", angles)
         thresholds = f"k = {arm.torque.weber:g}, floor {_each(arm.torque.floor_nm)} N m"
-        yield Stream("", "torques ", arm.torque, thresholds, torques)
+        yield ("", "torques ", arm.torque, thresholds, torques)

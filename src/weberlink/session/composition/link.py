@@ -28,7 +28,6 @@ from weberlink.session.composition.channels import account, felt_deadbands, long
 from weberlink.session.tuning import LiveSettings, Tuning
 
 Entropy = Callable[[int], bytes]
-Stopwatch = Callable[[], float]
 
 
 class Context(NamedTuple):
@@ -37,15 +36,15 @@ class Context(NamedTuple):
     security: Security  # suite, with the key
     entropy: Entropy  # gives random bytes
     epoch: float  # time of tick 0 [s]
-    stopwatch: Stopwatch = float  # a clock [s], for the time spent in the codec; by default always 0.0
+    # A clock [s] for the time spent in the codec, and in the steps of a simulated robot, which then publishes its pose;
+    # None in virtual time, where nothing depends on the host.
+    stopwatch: Callable[[], float] | None = None
     peer: Address | None = None  # address of the slave; None at its own end
     name: str = ""  # where the file sets none; "" for that of the role
     expects: str = ""  # name of the only peer, where the file sets none; "" for any
     take_over: bool = False  # whether a master replaces another one that the slave serves
     asks: Right = Right.DRIVE  # what a caller wants
     stamp: Callable[[float], int] | None = None  # wall clock [ns] at `now` [s]; None to count `now`
-    # Whether a simulated robot publishes its pose and measures its steps: nothing in virtual time depends on the host.
-    live: bool = False
 
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -181,7 +180,6 @@ def live_context(
         take_over,
         asks,
         stamp=lambda _now: time_ns(),
-        live=True,
     )
 
 

@@ -25,7 +25,7 @@ def build_side(configuration: Configuration, side: str, context: Context) -> Sid
     else:
         from weberlink.session.composition.slave import build_led  # noqa: PLC0415
 
-        parts = build_led(configuration, endpoint, context.stopwatch if context.live else None)
+        parts = build_led(configuration, endpoint, context.stopwatch)
     patience_ms = system.master.limits.device_ms if side == MASTER else system.slave.limits.robot_ms
     return Side(
         parts,
@@ -33,6 +33,6 @@ def build_side(configuration: Configuration, side: str, context: Context) -> Sid
         tick_period=system.tick_period,
         horizon=HORIZON_SHARE * system.link.silence_ms * 1e-3,
         patience=patience_ms * 1e-3,
-        stopwatch=context.stopwatch,
+        stopwatch=context.stopwatch or float,
         playout=playout_ticks(system),
     )

@@ -1,5 +1,6 @@
 """Builds the teleoperator's end with robot and scene, from a configuration."""
 
+from collections.abc import Callable
 from typing import Any
 
 from weberlink.codec import Decoder, Encoder
@@ -12,7 +13,6 @@ from weberlink.session.channels import IncomingChannel
 from weberlink.session.composition.channels import check_span, least_contact, streams
 from weberlink.session.composition.coupling import STATED, coupling, press_limit
 from weberlink.session.composition.link import (
-    Stopwatch,
     build_control,
     build_driver,
     build_tuning,
@@ -30,17 +30,14 @@ DAMPING_MOST = 100.0
 """Largest damping of a surface that the press limit provides for [N s/m]. Chosen."""
 
 
-def build_led(configuration: Configuration, endpoint: Endpoint, live: Stopwatch | None) -> Parts:
-    """The port of a robot that a hand leads, its channels out and in, and the settings that may change.
-
-    Args:
-        live: with it, a simulated robot measures its steps, and publishes its pose; None for neither.
-    """
+def build_led(configuration: Configuration, endpoint: Endpoint, stopwatch: Callable[[], float] | None) -> Parts:
+    """The port of a robot that a hand leads, its channels out and in, and the settings that may change; `stopwatch` as
+    of `Context`."""
     system, robot = configuration.system, build_robot(configuration)
-    if live is not None and hasattr(robot, "publish_pose"):
+    if stopwatch is not None and hasattr(robot, "publish_pose"):
         robot.publish_pose()
-    if live is not None and hasattr(robot, "measure_steps"):
-        robot.measure_steps(live)
+    if stopwatch is not None and hasattr(robot, "measure_steps"):
+        robot.measure_steps(stopwatch)
     forward, backward = streams(system)
     limits, spec, rotation = system.slave.limits, robot.spec, system.codec.rotation
     ramp = limits.ramp_ms * 1e-3
