@@ -6,7 +6,7 @@ The options of a device or robot driver belong to the driver, and are validated 
 from collections.abc import Iterator
 from ipaddress import ip_address, ip_network
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
@@ -34,13 +34,8 @@ from weberlink.update import MAX_SELECTOR
 if TYPE_CHECKING:
     from weberlink.protocol.emulation import Emulation
 
-_BANK_SIZE = Field(min_length=1, max_length=MAX_SELECTOR + 1)
-ForceBank = Annotated[tuple[Annotated[str, PredictorFor("force")], ...], _BANK_SIZE]
-TorqueBank = Annotated[tuple[Annotated[str, PredictorFor("torque")], ...], _BANK_SIZE]
-PositionBank = Annotated[tuple[Annotated[str, PredictorFor("position")], ...], _BANK_SIZE]
-ForcePredictor = Annotated[str, PredictorFor("force", chosen=True)]
-TorquePredictor = Annotated[str, PredictorFor("torque", chosen=True)]
-PositionPredictor = Annotated[str, PredictorFor("position", chosen=True)]
+_T = TypeVar("_T")
+Bank = Annotated[tuple[_T, ...], Field(min_length=1, max_length=MAX_SELECTOR + 1)]
 
 Axes = Literal["x", "y", "z", "xy", "xz", "yz", "xyz"]
 Positive = Annotated[float, Field(gt=0, le=1e9)]
@@ -58,8 +53,8 @@ def split_address(text: str) -> tuple[str, int]:
     return host.strip("[]"), int(port)
 
 
+# Addresses for documentation (RFC 5737, RFC 3849), which nobody has: placeholders of shipped files.
 EXAMPLES = [ip_network(text) for text in ("192.0.2.0/24", "198.51.100.0/24", "203.0.113.0/24", "2001:db8::/32")]
-"""Addresses for documentation (RFC 5737, RFC 3849), which nobody has: placeholders of shipped files."""
 
 
 def is_placeholder(host: str) -> bool:
@@ -71,28 +66,16 @@ def is_placeholder(host: str) -> bool:
     return any(address in network for network in EXAMPLES)
 
 
-def _host_and_port(text: str) -> str:
-    split_address(text)
-    return text
-
-
-Address = Annotated[str, AfterValidator(_host_and_port)]  # host:port
+Address = Annotated[str, AfterValidator(lambda text: split_address(text) and text)]  # host:port
 Probability = Annotated[float, Field(ge=0, le=1)]
 Start = Annotated[float, Field(ge=0)]
 Duration = Annotated[float, Field(gt=0)]
-Blackout = tuple[Start, Duration]
-Flap = tuple[Start, Duration, Duration]
 
-PERCEPTUAL_WEBER_LIMIT = 0.27
-"""Above this Weber factor published task performance falls (Chaudhari 2011); `check` warns."""
-
-
+PERCEPTUAL_WEBER_LIMIT = 0.27  # above it published task performance falls (Chaudhari 2011); `check` warns
 LONGEST_LOOKAHEAD_MS = 100.0
-LOOKAHEAD_SHARE = 0.5
-"""Largest look-ahead as a share of the silence limit: a sample must be coded, and repeated once, before it is stale."""
 LookaheadMs = Annotated[float, Field(ge=0, le=LONGEST_LOOKAHEAD_MS)]
-
-
+# Largest look-ahead as a share of the silence limit: a sample must be coded, and repeated once, before it is stale.
+LOOKAHEAD_SHARE = 0.5
 JOINT_SCHEMES = ("none", "bounded")  # control schemes for arms led joint by joint
 
 
@@ -115,7 +98,7 @@ class DirectionFaults(Settings):
     """Share of datagrams with bits flipped."""
     rate_kbit_s: float | None = Field(default=None, gt=0)
     """Capacity of the link; none for no limit."""
-    blackouts_s: tuple[Blackout | Flap, ...] = ()
+    blackouts_s: tuple[tuple[Start, Duration] | tuple[Start, Duration, Duration], ...] = ()
     """Times in which nothing arrives: pairs of start and duration, or triples of start, duration and period for a link
     that flaps: [2, 0.1, 0.2] drops everything for the first 100 ms of every 200 ms, from 2 s on."""
 
@@ -241,9 +224,9 @@ class ForceCodecSettings(PredictedSettings):
 
     signal = "force"
 
-    predictor: ForcePredictor = "hybrid"
+    predictor: Annotated[str, PredictorFor("force", chosen=True)] = "hybrid"
     """What both ends predict with."""
-    bank: ForceBank = ("zoh", "linear", "plane", "sphere")
+    bank: Bank[Annotated[str, PredictorFor("force")]] = ("zoh", "linear", "plane", "sphere")
     """What `hybrid` or another choice chooses among, the first of equals first. The default is that of `hybrid`."""
     weber: float = Field(default=0.10, ge=0, lt=1)
     """Weber factor k: the relative error that stays unsent. At 1, all of a force would."""
@@ -278,9 +261,9 @@ class MotionCodecSettings(PredictedSettings):
 
     signal = "position"
 
-    predictor: PositionPredictor = "linear"
+    predictor: Annotated[str, PredictorFor("position", chosen=True)] = "linear"
     """What both ends predict with."""
-    bank: PositionBank = ("zoh", "linear")
+    bank: Bank[Annotated[str, PredictorFor("position")]] = ("zoh", "linear")
     """What `hybrid` or another choice chooses among; the default is that of `hybrid`."""
     weber: float = Field(default=0.10, ge=0, le=1)
     """Weber factor of velocity, linear or angular."""
@@ -302,9 +285,9 @@ class TorqueCodecSettings(PredictedSettings):
 
     signal = "torque"
 
-    predictor: TorquePredictor = "hybrid"
+    predictor: Annotated[str, PredictorFor("torque", chosen=True)] = "hybrid"
     """What both ends predict with."""
-    bank: TorqueBank = ("zoh", "linear")
+    bank: Bank[Annotated[str, PredictorFor("torque")]] = ("zoh", "linear")
     """What `hybrid` or another choice chooses among; the default is that of `hybrid`."""
     weber: float = Field(default=0.13, ge=0, lt=1)
     """Weber factor of torque: 12.7 % of 60 mN m was found with two fingers (Jandura and Srinivasan, 1994)."""
@@ -540,18 +523,22 @@ class System(Settings):
         """[s]."""
         return 1.0 / self.rate_hz
 
+    @property
+    def delays_ms(self) -> dict[str, float]:
+        """What the file adds to the delay of the signals, by its field [ms]; arms have no look-ahead."""
+        delays = {"link.playout_ms": self.link.playout_ms}
+        if self.codec.joints is None:
+            delays["codec.force.lookahead_ms"] = self.codec.force.lookahead_ms
+            delays["codec.position.lookahead_ms"] = self.codec.position.lookahead_ms
+        return delays
+
     def contradictions(self) -> Iterator[str]:
         link, force = self.link, self.codec.force
         longest = 1e3 * MOST_TICKS / self.rate_hz
         if link.silence_ms > longest:
             yield f"link.silence_ms: at most {longest:.0f} at rate_hz {self.rate_hz:g}"
-        delays = {
-            "link.playout_ms": link.playout_ms,
-            "codec.force.lookahead_ms": force.lookahead_ms,
-            "codec.position.lookahead_ms": self.codec.position.lookahead_ms,
-        }
         most = LOOKAHEAD_SHARE * link.silence_ms
-        for name, delay in delays.items():
+        for name, delay in self.delays_ms.items():
             if delay > most:
                 yield f"{name}: at most {most:g}, half of link.silence_ms; a later sample is stale"
         pressed, floor = self.slave.limits.contact_n, force.floor_n

@@ -1,9 +1,9 @@
 """Advice before a run: what is allowed in a file and yet hinders what is felt, as a list of rules.
 
 `check` prints it as warnings; `master`, `slave`, `loopback`, `simulate` and `try` say it once. A rule is one function:
-it gets the parts of the file, and for a setting that hinders it yields one line of field, value, reason and remedy. To
-add one, write the function and name it in `RULES`. A setting that is wrong whatever the parts are is refused by the
-model of the file instead.
+it gets the file and the parts that it needs, and for a setting that hinders it yields one line of field, value, reason
+and remedy. To add one, write the function and name it in `RULES`. A setting that is wrong whatever the parts are is
+refused by the model of the file instead.
 
 A wall is displayed a tick after the position that it answers, so the passivity bound is that of a delay of one tick
 (`weberlink.control.account`).
@@ -18,7 +18,7 @@ from math import ceil, floor, inf, isinf, log10
 from operator import mul, truediv
 from statistics import median
 from timeit import repeat
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import urlsplit
 
 from weberlink.codec.choice import CHOICES
@@ -51,7 +51,6 @@ from weberlink.text import is_loopback
 if TYPE_CHECKING:
     from weberlink.arms.contract import ArmSpec
 
-AHEAD = ("force", "position")  # channels that may look ahead
 LOOP_TICKS = 1  # delay of the loop without a network, in ticks
 ROUNDING = 1.0 + 1e-9
 SILENCE_TICKS = 5  # ticks that the silence limit should span: both ends look at the link in ticks
@@ -90,12 +89,24 @@ def dry_run(configuration: Configuration) -> DryRun:
     build_security(configuration)
     if scheme not in SCHEMES.built_in:
         build_driver("control.scheme", ends_of, scheme)
-    parts = _build(configuration)
-    absent = [configuration.robot is None, configuration.device is None]
-    for field, address, is_alone in zip(("link.slave", "link.listen"), (link.slave, link.listen), absent, strict=True):
+    has_device, has_robot = configuration.device is not None, configuration.robot is not None
+    if configuration.system.codec.joints is not None:
+        from weberlink.session.composition.arms import build_follower, build_leader  # noqa: PLC0415 - for arms alone
+
+        leader = build_leader(configuration).spec if has_device else None
+        parts = DryRun(configuration, None, None, leader, build_follower(configuration).spec if has_robot else None)
+    else:
+        device = build_device(configuration) if has_device else None
+        parts = DryRun(configuration, device, build_robot(configuration) if has_robot else None)
+        if parts.robot is not None:
+            workspace_of(configuration, parts.robot)
+    for field, address, is_alone in (
+        ("link.slave", link.slave, not has_robot),
+        ("link.listen", link.listen, not has_device),
+    ):
         if is_alone and split_address(address)[1] == 0:
             raise ConfigurationError(f"{field}: port 0 is for loopback; expected the port that both sides know")
-    if link.security == "session" and any(absent):
+    if link.security == "session" and not (has_device and has_robot):
         raise ConfigurationError(
             "link.security: session is for weberlink loopback, which runs both sides; "
             "for one side write psk, with key_file (weberlink keygen KEYFILE)"
@@ -103,35 +114,20 @@ def dry_run(configuration: Configuration) -> DryRun:
     return parts
 
 
-def _build(configuration: Configuration) -> DryRun:
-    has_device, has_robot = configuration.device is not None, configuration.robot is not None
-    if configuration.system.codec.joints is not None:
-        from weberlink.session.composition.arms import build_follower, build_leader  # noqa: PLC0415 - for arms alone
-
-        leader = build_leader(configuration).spec if has_device else None
-        return DryRun(configuration, None, None, leader, build_follower(configuration).spec if has_robot else None)
-    device = build_device(configuration) if has_device else None
-    robot = build_robot(configuration) if has_robot else None
-    if robot is not None:
-        workspace_of(configuration, robot)
-    return DryRun(configuration, device, robot)
-
-
-Rule = Callable[[DryRun], Iterator[str]]
-
-
 def advise(parts: DryRun) -> list[str]:
     """What to say of a file before a run, one line each."""
-    return [line for rule in RULES for line in rule(parts)]
+    lines: list[str] = []
+    for rule, *needs in RULES:
+        needed = [getattr(parts, need) for need in needs]
+        lines += [] if None in needed else rule(parts, *needed)
+    return lines
 
 
 # --- what device and robot cannot do
 
 
-def _device(parts: DryRun) -> Iterator[str]:
-    if parts.device is None:
-        return
-    spec, turns = parts.device.spec, parts.system.codec.rotation is not None
+def _device(parts: DryRun, device: Device) -> Iterator[str]:
+    spec, turns = device.spec, parts.system.codec.rotation is not None
     if spec.push_n > 0.0 or not spec.force_feedback:
         pushes = f"the force resists its rate, and a full deflection holds {spec.push_n:g} N"
         felt = pushes if spec.push_n > 0.0 else "nothing is felt"
@@ -142,27 +138,25 @@ def _device(parts: DryRun) -> Iterator[str]:
         yield f"master.device: {spec.note}"
 
 
-def _robot(parts: DryRun) -> Iterator[str]:
-    if parts.robot is None:
-        return
-    spec = parts.robot.spec
+def _robot(parts: DryRun, robot: Robot) -> Iterator[str]:
+    spec, trip = robot.spec, parts.system.slave.limits.trip_n
     if not spec.force_sensing:
         yield f"slave.robot: {spec.name} senses no force; nothing is felt"
     if spec.note:
         yield f"slave.robot: {spec.note}"
     if isinf(spec.stiffness_n_m):
         yield f"slave.robot: {spec.name} states no stiffness, so slave.limits.contact_n cannot act"
+    if trip is not None and trip > spec.force_n:
+        yield f"slave.limits.trip_n {trip:g}: {spec.name} measures at most {spec.force_n:g} N and never trips"
 
 
 def _arms(parts: DryRun) -> Iterator[str]:
-    for where, spec, cannot in (
-        ("master.device", parts.leader, "displays no torque"),
-        ("slave.robot", parts.follower, "measures no torque"),
-    ):
+    arms = (("master.device", parts.leader, "displays"), ("slave.robot", parts.follower, "measures"))
+    for where, spec, cannot in arms:
         if spec is None:
             continue
         if not spec.force_feedback:
-            yield f"{where}: {spec.name} {cannot}; nothing is felt"
+            yield f"{where}: {spec.name} {cannot} no torque; nothing is felt"
         elif not spec.calibrated:
             yield f"{where}: the torques of {spec.name} follow from data sheets, not from a calibration"
         if spec.note:
@@ -172,37 +166,31 @@ def _arms(parts: DryRun) -> Iterator[str]:
 # --- what device, robot and rate cannot display
 
 
-def _limits(parts: DryRun) -> Iterator[str]:
-    """Limits of the file above those of the parts, which therefore protect nobody; and walls that are too stiff."""
-    limits, mapping, trip = parts.system.master.limits, parts.system.master.mapping, parts.system.slave.limits.trip_n
-    if parts.device is not None:
-        spec = parts.device.spec
-        scale = parts.system.master.frame_map.force_scale
-        for name, unit, limit, most in (
-            ("force_n", "N", limits.force_n, spec.force_n * scale),
-            ("torque_nm", "N m", limits.torque_nm, spec.torque_n_m * scale),
-        ):
-            if name in limits.model_fields_set and 0.0 < most * ROUNDING < limit:
-                yield (
-                    f"master.limits.{name} {limit:g}: {spec.name} displays at most {most:.3g} {unit}, so this limit "
-                    f"does nothing; use at most {most:.3g}"
-                )
-        if mapping is not None and mapping.walls is not None:
-            stiffness, most = mapping.walls.stiffness_n_m, spec.stiffness_n_m * mapping.scale * mapping.force_scale
-            if stiffness > most * ROUNDING:
-                yield (
-                    f"master.mapping.walls.stiffness_n_m {stiffness:g}: {spec.name} displays at most {_at_most(most)} "
-                    f"N/m; use at most {_at_most(most)}"
-                )
-    if parts.robot is not None and trip is not None and trip > parts.robot.spec.force_n:
-        name, most = parts.robot.spec.name, parts.robot.spec.force_n
-        yield f"slave.limits.trip_n {trip:g}: {name} measures at most {most:g} N and never trips"
+def _limits(parts: DryRun, device: Device) -> Iterator[str]:
+    """Limits of the file above those of the device, which therefore protect nobody; and walls that are too stiff."""
+    master, spec = parts.system.master, device.spec
+    limits, mapping, scale = master.limits, master.frame_map, master.frame_map.force_scale
+    for name, unit, limit, most in (
+        ("force_n", "N", limits.force_n, spec.force_n * scale),
+        ("torque_nm", "N m", limits.torque_nm, spec.torque_n_m * scale),
+    ):
+        if name in limits.model_fields_set and 0.0 < most * ROUNDING < limit:
+            yield (
+                f"master.limits.{name} {limit:g}: {spec.name} displays at most {most:.3g} {unit}, so this limit does "
+                f"nothing; use at most {most:.3g}"
+            )
+    most = spec.stiffness_n_m * mapping.scale * scale
+    if mapping.walls is not None and mapping.walls.stiffness_n_m > most * ROUNDING:
+        yield (
+            f"master.mapping.walls.stiffness_n_m {mapping.walls.stiffness_n_m:g}: {spec.name} displays at most "
+            f"{_at_most(most)} N/m; use at most {_at_most(most)}"
+        )
 
 
-def _contact(parts: DryRun) -> Iterator[str]:
+def _contact(parts: DryRun, device: Device, robot: Robot) -> Iterator[str]:
     """A robot or a scene that is stiffer or more damped than what the device displays at the file's rate."""
-    configuration, system, device, robot = parts.configuration, parts.system, parts.device, parts.robot
-    if device is None or robot is None or isinf(robot.spec.stiffness_n_m):
+    configuration, system = parts.configuration, parts.system
+    if isinf(robot.spec.stiffness_n_m):
         return
     stiffness, damping, passive = robot.spec.stiffness_n_m, _device_damping(configuration), inf
     if damping == 0.0:
@@ -255,12 +243,12 @@ def _wall_damping(system: System, stiffness: float) -> float:
 # --- what the coding of positions and forces costs
 
 
-def _positions(parts: DryRun) -> Iterator[str]:
+def _positions(parts: DryRun, robot: Robot) -> Iterator[str]:
     """Errors of position that the robot turns into more force than may stay unsent."""
-    robot, codec = parts.robot, parts.system.codec
-    if robot is None or isinf(robot.spec.stiffness_n_m):
+    codec, stiffness = parts.system.codec, robot.spec.stiffness_n_m
+    if isinf(stiffness):
         return
-    stiffness, floor_n = robot.spec.stiffness_n_m, codec.force.floor_n
+    floor_n = codec.force.floor_n
     largest = max(codec.force.weber * parts.system.master.limits.force_n, floor_n)
     bound, step = codec.position.bound_m, codec.position.step_m
     if bound * stiffness > largest * ROUNDING:
@@ -276,11 +264,8 @@ def _positions(parts: DryRun) -> Iterator[str]:
         )
 
 
-def _angles(parts: DryRun) -> Iterator[str]:
+def _angles(parts: DryRun, spec: "ArmSpec") -> Iterator[str]:
     """The coupling in the file, beside that of the follower."""
-    spec = parts.follower
-    if spec is None:
-        return
     for part, group, count in parts.system.codec.arm:
         own = spec.stiffness_nm_rad[:count] if part == "joints" else spec.stiffness_nm_rad[-count:]
         stated, bounds = group.angle.coupling_nm_rad, per_axis(group.angle.bound_rad, count)
@@ -348,13 +333,11 @@ def _delay(parts: DryRun) -> Iterator[str]:
 
 def added_delays(parts: DryRun) -> dict[str, str]:
     """By their fields, delays of the file that its control scheme does not control, and what is to be said of them."""
-    system = parts.system
-    delays = {"link.playout_ms": system.link.playout_ms}
-    if not parts.is_of_arms:
-        delays |= {f"codec.{name}.lookahead_ms": getattr(system.codec, name).lookahead_ms for name in AHEAD}
+    if parts.system.control.scheme != "none":
+        return {}
+    delays = {field: ms for field, ms in parts.system.delays_ms.items() if ms > 0.0}
     why = "control.scheme none leaves this delay uncontrolled, and a contact may oscillate"
-    is_controlled = system.control.scheme != "none"
-    return {} if is_controlled else {field: f"{field} {ms:g}: {why}" for field, ms in delays.items() if ms > 0.0}
+    return {field: f"{field} {ms:g}: {why}" for field, ms in delays.items()}
 
 
 def uncontrolled_delay(parts: DryRun, round_trip: float) -> str | None:
@@ -471,9 +454,11 @@ def _polling(parts: DryRun) -> Iterator[str]:
         )
 
 
-RULES: tuple[Rule, ...] = (
-    _device, _robot, _arms, _limits, _contact, _positions, _angles, _coding, _delay, placeholders, tick_rate, _polling,
+RULES: tuple[tuple[Any, ...], ...] = (
+    (_device, "device"), (_robot, "robot"), (_arms,), (_limits, "device"), (_contact, "device", "robot"),
+    (_positions, "robot"), (_angles, "follower"), (_coding,), (_delay,), (placeholders,), (tick_rate,), (_polling,),
 )  # fmt: skip
+"""Each rule with the parts of a `DryRun` that it needs: it is asked where all of them are there."""
 
 
 def _at_most(value: float) -> str:

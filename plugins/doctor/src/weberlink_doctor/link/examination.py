@@ -19,7 +19,7 @@ from weberlink.protocol.liveness import HeartbeatSchedule
 from weberlink.protocol.local_end import LONGEST_SILENCE
 from weberlink.protocol.negotiation import LONGEST, in_ms, rounded_up
 from weberlink.protocol.timing import LONGEST_RTT
-from weberlink.session.advice import AHEAD, DryRun, added_delays, uncontrolled_delay
+from weberlink.session.advice import DryRun, added_delays, uncontrolled_delay
 from weberlink_doctor.host.trial import nearest_rank
 from weberlink_doctor.link.trial import Heard, LinkTrial, build_probe, run_link_trial
 from weberlink_doctor.report import DoctorReport, Finding, Needs, advice, ok, problem
@@ -285,9 +285,8 @@ def _silence(figures: LinkFigures, system: System) -> Finding:
 
 def _lookahead(configuration: Configuration) -> Iterator[Finding]:
     """Whether the look-ahead of the file suits its control scheme (docs/prediction.md)."""
-    codec, uncontrolled = configuration.system.codec, added_delays(DryRun(configuration))
-    used = {f"codec.{name}.lookahead_ms": getattr(codec, name).lookahead_ms for name in AHEAD}
-    used = {field: ms for field, ms in used.items() if ms > 0.0}
+    uncontrolled, delays = added_delays(DryRun(configuration)), configuration.system.delays_ms
+    used = {field: ms for field, ms in delays.items() if field != "link.playout_ms" and ms > 0.0}
     if not used:
         yield ok("look-ahead 0 ms", "look-ahead")
     for field, ms in used.items():
