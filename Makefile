@@ -136,8 +136,7 @@ figures: $(DEV)  ## every figure and table of README and docs, with its numbers 
 	$(BIN)/python -m trials.pictures docs/figures
 
 schema: $(DEV)  ## the JSON Schema of configuration files, for editors, and the list of guests
-	$(BIN)/python -m weberlink.installation plugins src/weberlink/guests.json
-	$(BIN)/python -m weberlink.config.schema configs/weberlink.schema.json
+	$(BIN)/python docs/generated.py
 
 docs: $(DEV)  ## the documentation as a site, in docs/_build
 	$(BIN)/python -m sphinx -q -W -b html docs docs/_build

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from docs.generated import as_text, list_guests, schema
 from weberlink.compiled import is_compiled
-from weberlink.config.schema import as_text, schema
-from weberlink.installation import GUESTS, all_guests, list_guests
+from weberlink.installation import GUESTS, all_guests
 
 ROOT = Path(__file__).parents[1]
 KERNEL = ("codec", "protocol", "master", "slave", "src/weberlink")

@@ -1,13 +1,9 @@
-"""How this program was installed: its guests (distributions that add to it), and the command of pip that adds one.
-
-`python -m weberlink.installation PLUGINS OUT` lists the guests of a folder of distributions in a file.
-"""
+"""How this program was installed: its guests (distributions that add to it), and the command of pip that adds one."""
 
 import json
 import os
 import sys
-import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
 from importlib.util import find_spec
@@ -106,24 +102,3 @@ def _short(path: Path) -> str:
     """A path below the present directory as it is typed there; any other one whole."""
     here = Path.cwd()
     return os.path.relpath(path, here) if path.is_relative_to(here) else str(path)
-
-
-def list_guests(plugins: Path) -> str:
-    """The content of `GUESTS` for a folder that has one folder for each guest."""
-    found: dict[str, dict[str, str]] = {}
-    for path in sorted(plugins.glob("*/pyproject.toml")):
-        project = tomllib.loads(path.read_text(encoding="utf-8"))["project"]
-        for group, entries in project.get("entry-points", {}).items():
-            names: Iterable[str] = entries
-            if group == CONFIGS:  # configurations by their stem, other files and folders by name
-                own = (each for each in path.parent.glob("configs/[!_]*") if not each.is_symlink())
-                names = sorted(each.stem if each.suffix == ".yaml" else each.name for each in own)
-            found.setdefault(group, {}).update(dict.fromkeys(names, path.parent.name))
-        ours = (each for each in project["dependencies"] if each.startswith("weberlink-"))
-        if needed := " ".join(each.removeprefix("weberlink-").partition("=")[0] for each in ours):
-            found.setdefault(NEEDED, {})[path.parent.name] = needed
-    return json.dumps(found, indent=1, sort_keys=True) + "\n"
-
-
-if __name__ == "__main__":
-    Path(sys.argv[2]).write_text(list_guests(Path(sys.argv[1])), encoding="utf-8")

@@ -1,12 +1,11 @@
-"""The JSON Schema of configuration files, for editors: completion, ranges and explanations while one types.
-
-`python -m weberlink.config.schema OUT` writes it; a test holds the shipped one against the code.
+"""Writes what the wheel has of the code and of the guests: the JSON Schema of configuration files, for completion,
+ranges and explanations in editors, and the list of guests. `make schema` runs it; tests hold both against the code.
 """
 
 import ast
 import json
-import sys
-from collections.abc import Iterator
+import tomllib
+from collections.abc import Iterable, Iterator
 from inspect import cleandoc, getsource
 from itertools import pairwise
 from pathlib import Path
@@ -17,7 +16,7 @@ from weberlink.codec.deadband import DEADBANDS
 from weberlink.config.loading import DRIVERS
 from weberlink.config.model import System
 from weberlink.config.settings import Settings, settings_of
-from weberlink.installation import guests
+from weberlink.installation import CONFIGS, GUESTS, NEEDED, guests
 
 
 def schema() -> dict[str, Any]:
@@ -78,5 +77,24 @@ def as_text(document: dict[str, Any]) -> str:
     return "{\n" + ",\n".join([f' "$defs": {{\n{definitions}\n }}', *others]) + "\n}\n"
 
 
+def list_guests(plugins: Path) -> str:
+    """The content of `GUESTS` for a folder that has one folder for each guest."""
+    found: dict[str, dict[str, str]] = {}
+    for path in sorted(plugins.glob("*/pyproject.toml")):
+        project = tomllib.loads(path.read_text(encoding="utf-8"))["project"]
+        for group, entries in project.get("entry-points", {}).items():
+            names: Iterable[str] = entries
+            if group == CONFIGS:  # configurations by their stem, other files and folders by name
+                own = (each for each in path.parent.glob("configs/[!_]*") if not each.is_symlink())
+                names = sorted(each.stem if each.suffix == ".yaml" else each.name for each in own)
+            found.setdefault(group, {}).update(dict.fromkeys(names, path.parent.name))
+        ours = (each for each in project["dependencies"] if each.startswith("weberlink-"))
+        if needed := " ".join(each.removeprefix("weberlink-").partition("=")[0] for each in ours):
+            found.setdefault(NEEDED, {})[path.parent.name] = needed
+    return json.dumps(found, indent=1, sort_keys=True) + "\n"
+
+
 if __name__ == "__main__":
-    Path(sys.argv[1]).write_text(as_text(schema()), encoding="utf-8")
+    root = Path(__file__).parents[1]
+    GUESTS.write_text(list_guests(root / "plugins"), encoding="utf-8")
+    (root / "configs" / "weberlink.schema.json").write_text(as_text(schema()), encoding="utf-8")
