@@ -123,25 +123,14 @@ class ThreadedDevice(ThreadedDriver[Any, DeviceReading]):
         )
         x, y, z = (float(axis in spec.axes) for axis in "xyz")
         self._mask: Vector = (x, y, z)
-        self._answer: tuple[float, DeviceReading] | None = None
 
     @property
     def round_trip_s(self) -> float:
         """Time that the last exchange took [s]."""
         return self._worker.round_trip
 
-    def latest(self, now: float) -> DeviceReading:
-        self._check()
-        if self._answer is None or self._answer[0] != now:
-            self._answer = (now, self._worker.newest[0])
-        return self._answer[1]
-
     def command(self, force: Vector, now: float) -> None:
         self._worker.command(self._displayable(force), now)
-
-    def close(self) -> None:
-        self._answer = None
-        super().close()
 
     def _displayable(self, force: Vector) -> Vector:
         """The force along the axes of the device, cut to its limit; raises ValueError for one that is not finite."""

@@ -227,7 +227,7 @@ class Worker(Generic[Command, Sample]):
 
 
 class ThreadedDriver(Generic[Command, Sample]):
-    """A driver whose exchange a `Worker` runs; times are of `time.monotonic` [s]. A subclass makes readings of samples.
+    """A driver whose exchange a `Worker` runs; times are of `time.monotonic` [s].
 
     An exchange with a method `start_afresh` keeps its state over reconnections, but not over sessions: it is called
     before the first `open` of each session. `options` are those of the worker."""
@@ -239,6 +239,8 @@ class ThreadedDriver(Generic[Command, Sample]):
         self.guarded = getattr(exchange, "guardian", None) is not None  # by a process, when this one stops
         self._worker: Worker[Command, Sample] = Worker(exchange, **options)
         self._is_open = False
+        self._asked_at = -inf
+        self._last: Any = None  # the reading of that time
 
     @property
     def trouble(self) -> str | None:
@@ -252,17 +254,25 @@ class ThreadedDriver(Generic[Command, Sample]):
             self._worker.start()
         except HardwareFault as fault:
             raise self._fault(str(fault)) from None
-        self._is_open = True
+        self._is_open, self._asked_at = True, -inf
+
+    def latest(self, now: float) -> Any:
+        """The newest reading; the same one for the same `now`. Raises the fault of a driver that is not open, or that
+        cannot go on."""
+        if not self._is_open:
+            raise self._fault("not open")
+        self._worker.check(self._fault)
+        if now > self._asked_at:
+            self._asked_at, self._last = now, self._measured(now)
+        return self._last
+
+    def _measured(self, now: float) -> Any:  # noqa: ARG002
+        """The reading of now: the newest sample, unless a subclass makes another of it."""
+        return self._worker.newest[0]
 
     def close(self) -> None:
         self._is_open = False
         self._worker.stop()
-
-    def _check(self) -> None:
-        """Raise the fault of a driver that is not open, or that cannot go on."""
-        if not self._is_open:
-            raise self._fault("not open")
-        self._worker.check(self._fault)
 
     def _fault(self, why: str) -> Exception:
         """The fault with the driver's name in front, once."""

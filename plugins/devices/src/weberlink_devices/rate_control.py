@@ -139,22 +139,19 @@ class RateDevice(ThreadedDriver[Vector, Deflection]):
 
     def _begin(self, now: float, buttons: int) -> None:
         self._position, self._orientation = self._options.home_m, IDENTITY
-        self._felt, self._asked_at = ZERO, now
+        self._felt = ZERO
         self._reading = self._reading_at(now, buttons)
 
     def open(self, now: float) -> None:
         super().open(now)
         self._begin(now, self._worker.newest[0].buttons)
 
-    def latest(self, now: float) -> DeviceReading:
-        self._check()
-        if now > self._asked_at:
-            self._asked_at = now
-            deflection, seen_at = self._worker.newest
-            until, at = min(now, seen_at + LIVE_S), self._reading.at
-            if until > at:
-                self._advance(deflection, min(until - at, self._longest_step))
-                self._reading = self._reading_at(until, deflection.buttons)
+    def _measured(self, now: float) -> DeviceReading:
+        deflection, seen_at = self._worker.newest
+        until, at = min(now, seen_at + LIVE_S), self._reading.at
+        if until > at:
+            self._advance(deflection, min(until - at, self._longest_step))
+            self._reading = self._reading_at(until, deflection.buttons)
         return self._reading
 
     def command(self, force: Vector, now: float) -> None:

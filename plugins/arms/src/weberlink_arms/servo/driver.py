@@ -126,19 +126,11 @@ class BusDriver(ThreadedDriver[Command, Sample]):
             reconnect=options.reconnect_s,
             scale=scale,
         )
-        self._answer: tuple[float, Any] | None = None
 
     def _reading(self, at: float, values: tuple[float, ...], sampled_at: float) -> Any:
         """A reading of interpolated values."""
         raise NotImplementedError
 
-    def latest(self, now: float) -> Any:
-        self._check()
-        if self._answer is None or now > self._answer[0]:
-            at, values = self._interpolation.at(now)
-            self._answer = (now, self._reading(min(at, now), values, self._interpolation.newest_at))
-        return self._answer[1]
-
-    def close(self) -> None:
-        self._answer = None
-        super().close()
+    def _measured(self, now: float) -> Any:
+        at, values = self._interpolation.at(now)
+        return self._reading(min(at, now), values, self._interpolation.newest_at)
