@@ -3,7 +3,7 @@
 import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -17,7 +17,6 @@ from weberlink.session.targets import STANDARD_OUTPUT
 
 if TYPE_CHECKING:
     from weberlink.session.advice import DryRun
-    from weberlink.session.report import SessionLog
     from weberlink.telemetry.reader import Records
 
 PeerLabel = Annotated[str | None, typer.Option("--peer", metavar="NAME", help="Meet this known peer only.")]
@@ -242,8 +241,14 @@ def _live(
     from weberlink.session.waiting import WaitingDaemon  # noqa: PLC0415
 
     sides: Any = [name] if name in SIDES else SIDES
+    if log == json_out == STANDARD_OUTPUT:
+        fail("--log -: standard output is taken by --json -; write one of them to a file", MISCONFIGURED)
     with ExitStack() as stack:
-        opened = None if log is None else stack.enter_context(open_log(log, json_out))
+        opened = None
+        if log is not None:
+            from weberlink.session.report import REPORTS, chosen_report  # noqa: PLC0415
+
+            opened = stack.enter_context(REPORTS[chosen_report()].open_log(log))
         # Their imports take as long as ours, which follow.
         waiting = {side: stack.enter_context(WaitingDaemon(side)) for side in sides}
         from weberlink.config import load  # noqa: PLC0415
@@ -294,12 +299,3 @@ def status_display() -> Iterator[Any]:
         return
     with Live(Text("starting"), console=console, refresh_per_second=10, transient=True) as live:
         yield lambda line: live.update(Text(line))
-
-
-def open_log(log: Path, json_out: Path | None) -> "AbstractContextManager[SessionLog]":
-    """Open the log of a session."""
-    from weberlink.session.report import REPORTS, chosen_report  # noqa: PLC0415
-
-    if log == json_out == STANDARD_OUTPUT:
-        fail("--log -: standard output is taken by --json -; write one of them to a file", MISCONFIGURED)
-    return REPORTS[chosen_report()].open_log(log)
