@@ -1,11 +1,11 @@
 """The kernel's own report of a session: how it ended, updates by stream, loss, round trip, missed ticks and faults."""
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from weberlink.config import MASTER, SIDES, SLAVE, Configuration, ConfigurationE
 from weberlink.environment import environment, footer
 from weberlink.installation import absence
 from weberlink.protocol.states import State
-from weberlink.session.ending import URGENT, ConnectionTimes, failures
+from weberlink.session.ending import URGENT, Connection, ConnectionTimes, failures
 from weberlink.session.report import CHOSEN_BY, MEASURED_S, REPORTS, SUMMARY, Ended, Facts, SessionLog, exit_status
 from weberlink.telemetry.fault import Fault, name_of
 from weberlink.telemetry.reader import Records
@@ -37,19 +37,18 @@ def streams(system: System) -> dict[str, tuple[str, ...]]:
     return {SLAVE: ("force", "torque")[:count], MASTER: ("position", "orientation")[:count]}
 
 
-class _Side:
+class SideCounts:
     """What is counted of the records of one side."""
 
     def __init__(self) -> None:
         self.ticks = self.engaged = 0
         self.last: Any = None
         self.connection = ConnectionTimes()
-        self.faults: dict[str, int] = {}
+        self.faults: dict[str, int] = {}  # how often each began
         self.round_trips_us: deque[float] = deque(maxlen=PIECES)
 
     def add(self, records: Records) -> None:
-        if not len(records):
-            return
+        """Take the next records, one or more."""
         engaged = records["state"] == State.ENGAGED.value
         self.ticks += len(records)
         self.engaged += int(engaged.sum())
@@ -68,13 +67,66 @@ class _Side:
         return 0 if self.last is None else int(self.last[name])
 
 
-class Summary:
+Counts = TypeVar("Counts", bound=SideCounts)
+
+
+class SessionCounts(Generic[Counts]):
+    """The sides of a session, on one clock; `make` makes what counts one."""
+
+    def __init__(self, tick_period: float, make: Callable[[], Counts]) -> None:
+        self.tick_period = tick_period
+        self.sides = {side: make() for side in SIDES}
+        self._first, self._until = inf, 0.0
+
+    def add(self, master: Records, slave: Records) -> None:
+        """Take the next records of both sides, each in order of time; either may be empty or run ahead."""
+        for side, records in zip(SIDES, (master, slave), strict=True):
+            if len(records):
+                self.sides[side].add(records)
+                self._first = min(self._first, float(records["at"][0]))
+                self._until = max(self._until, float(records["at"][-1]))
+
+    @property
+    def duration_s(self) -> float:
+        return self._until - self._first + self.tick_period if self._first < inf else 0.0
+
+    @property
+    def faults(self) -> dict[str, dict[str, int]]:
+        """How often each fault began, by side that has records and name."""
+        return {name: side.faults for name, side in self.sides.items() if side.ticks}
+
+    @property
+    def connections(self) -> dict[str, Connection | None]:
+        """How long each side was connected; None of one without records."""
+        return {name: side.connection.figures() for name, side in self.sides.items()}
+
+    @property
+    def round_trip_us(self) -> float | None:
+        """Median of the newest, of the master where it runs here."""
+        found = next((side.round_trips_us for side in self.sides.values() if side.round_trips_us), None)
+        return float(np.median(found)) if found else None
+
+    @property
+    def round_trip_s(self) -> float | None:
+        """The same; None before a side was connected for `MEASURED_S`."""
+        is_measured = any(each is not None and each.connected_s >= MEASURED_S for each in self.connections.values())
+        return 1e-6 * self.round_trip_us if is_measured and self.round_trip_us is not None else None
+
+    def failures(self, facts: Facts) -> dict[str, str]:
+        """As of `weberlink.session.ending`."""
+        return failures({"faults": self.faults, **facts}, self.connections)
+
+    def urgent(self, facts: Facts) -> dict[str, str]:
+        """Those of them that a person can remove while the session runs."""
+        return {name: text for name, text in self.failures(facts).items() if name in URGENT}
+
+
+class Summary(SessionCounts[SideCounts]):
     """A `weberlink.session.report.Report`."""
 
     def __init__(self, configuration: Configuration, sides: Sequence[str] = (), log: Any = None) -> None:  # noqa: ARG002
+        super().__init__(configuration.system.tick_period, SideCounts)
         self._system = configuration.system
-        self._sides = {side: _Side() for side in SIDES}
-        self._first, self._until = inf, 0.0
 
     @staticmethod
     def open_log(target: Path) -> AbstractContextManager[SessionLog]:
@@ -82,56 +134,34 @@ class Summary:
         why = absence("--log", next(iter(others.values()))) if others else f"{CHOSEN_BY}={SUMMARY} writes no log"
         raise ConfigurationError(f"{why} (--log {target})")
 
-    def add(self, master: Records, slave: Records) -> None:
-        for side, records in zip(SIDES, (master, slave), strict=True):
-            self._sides[side].add(records)
-            if len(records):
-                self._first = min(self._first, float(records["at"][0]))
-                self._until = max(self._until, float(records["at"][-1]))
-
     def close(self) -> None:
         pass
 
-    @property
-    def round_trip_s(self) -> float | None:
-        found = [side.connection.figures() for side in self._sides.values()]
-        is_measured = any(each is not None and each.connected_s >= MEASURED_S for each in found)
-        return 1e-6 * self._round_trip_us if is_measured and self._round_trip_us is not None else None
-
-    @property
-    def _round_trip_us(self) -> float | None:
-        """Median of the newest; of the slave where the master runs elsewhere."""
-        found = next((side.round_trips_us for side in self._sides.values() if side.round_trips_us), None)
-        return float(np.median(found)) if found else None
-
-    def urgent(self, facts: Facts) -> Mapping[str, str]:
-        return {name: text for name, text in self._failures(facts).items() if name in URGENT}
-
     def status_line(self, facts: Facts) -> str:
-        present = {name: State(side.counter("state")) for name, side in self._sides.items() if side.ticks}
+        present = {name: State(side.counter("state")) for name, side in self.sides.items() if side.ticks}
         states = [f"{name} {state.name.lower()}" for name, state in present.items()]
-        parts = [f"{self._duration:6.1f} s", "; ".join(states) or "starting"]
+        parts = [f"{self.duration_s:6.1f} s", "; ".join(states) or "starting"]
         recording = facts.get("recording")
         if recording is not None and not recording.get("running", False):
             parts.insert(1, "NOT RECORDING")
-        if self._round_trip_us is not None:
-            parts.append(f"rtt {1e-3 * self._round_trip_us:.2f} ms")
+        if self.round_trip_us is not None:
+            parts.append(f"rtt {1e-3 * self.round_trip_us:.2f} ms")
         return "  ".join(parts)[:79]
 
     def end(self, facts: Facts) -> Ended:
-        failed, packets = self._failures(facts), self._packets()
+        failed, packets = self.failures(facts), self._packets()
         word = "failed" if failed else "ended"
         ticks = {
-            name: {"count": side.ticks, "missed": side.counter("ticks_missed")} for name, side in self._sides.items()
+            name: {"count": side.ticks, "missed": side.counter("ticks_missed")} for name, side in self.sides.items()
         }
         names = ("sent", "received", "lost", "dropped")
-        link = {name: sum(side.counter(f"datagrams_{name}") for side in self._sides.values()) for name in names}
+        link = {name: sum(side.counter(f"datagrams_{name}") for side in self.sides.values()) for name in names}
         faults, found = facts.get("faults", {}), environment()
         document = {
-            "duration_s": self._duration,
+            "duration_s": self.duration_s,
             "ticks": ticks,
             **packets,
-            "link": {"rtt_us": {"p50": self._round_trip_us}, **link},
+            "link": {"rtt_us": {"p50": self.round_trip_us}, **link},
             "faults": faults,
             **{name: facts[name] for name in TOLD if name in facts},  # type: ignore[literal-required]
             "verdict": {
@@ -143,10 +173,10 @@ class Summary:
 
         def show(title: str, console: "Console") -> None:
             by_side = (f"{side} {name} {count}" for side, named in faults.items() for name, count in named.items())
-            trip = "unknown" if self._round_trip_us is None else f"{1e-3 * self._round_trip_us:.2f} ms"
+            trip = "unknown" if self.round_trip_us is None else f"{1e-3 * self.round_trip_us:.2f} ms"
             lines = [
                 f"{word}: {'; '.join(failed.values()) or facts.get('outcome', '')}",
-                f"{title}  {self._duration:.1f} s",
+                f"{title}  {self.duration_s:.1f} s",
                 *(
                     f"{name.replace('_', ' ')}: {each['packets']} updates"
                     + ("" if each["reduction"] is None else f", {100.0 * each['reduction']:.1f} % fewer than ticks")
@@ -161,20 +191,11 @@ class Summary:
 
         return Ended(exit_status(facts, failed=bool(failed)), document, show)
 
-    @property
-    def _duration(self) -> float:
-        return self._until - self._first + self._system.tick_period if self._first < inf else 0.0
-
-    def _failures(self, facts: Facts) -> dict[str, str]:
-        so_far = {"faults": {name: side.faults for name, side in self._sides.items()}}
-        connections = {name: side.connection.figures() for name, side in self._sides.items()}
-        return failures({**so_far, **facts}, connections)  # type: ignore[typeddict-item]
-
     def _packets(self) -> dict[str, dict[str, Any]]:
         """Updates of each stream, as its receiver counts them where the sender runs elsewhere."""
         found = {}
         for name, names in streams(self._system).items():
-            sender, receiver = self._sides[name], self._sides[MASTER if name == SLAVE else SLAVE]
+            sender, receiver = self.sides[name], self.sides[MASTER if name == SLAVE else SLAVE]
             seen, how = (sender, "sent") if sender.ticks else (receiver, "received")
             for place, stream in enumerate(names):
                 count = seen.counter(f"{SECOND if place else ''}updates_{how}")

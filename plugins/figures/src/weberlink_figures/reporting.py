@@ -11,7 +11,6 @@ from weberlink.config import MASTER, SLAVE, Configuration, System
 from weberlink.environment import environment
 from weberlink.order import COMPLETED
 from weberlink.session.composition.channels import streams
-from weberlink.session.ending import URGENT, failures
 from weberlink.session.report import Ended, Facts, exit_status
 from weberlink.session.simulation import Observer, simulate
 from weberlink.telemetry.reader import Records
@@ -63,8 +62,7 @@ class FiguresReport:
 
     def urgent(self, facts: Facts) -> Mapping[str, str]:
         self._log(facts)
-        found = failures({"faults": self.score.faults, **facts}, self.score.connections)
-        return {name: text for name, text in found.items() if name in URGENT}
+        return self.score.urgent(facts)
 
     def status_line(self, facts: Facts) -> str:
         return status_line(self.score.state, self._figures(facts))

@@ -5,19 +5,17 @@ histograms take bounded memory, so a session may have any length.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.codec.deadband import Measures
-from weberlink.config import SIDES, System
+from weberlink.config import System
 from weberlink.control.contract import AccountParameters
 from weberlink.session.composition.channels import banks
-from weberlink.session.ending import Connection, ConnectionTimes
-from weberlink.session.report import MEASURED_S
-from weberlink.telemetry.fault import Fault, name_of
+from weberlink.session.summary import SessionCounts, SideCounts
 from weberlink.telemetry.reader import Records
 from weberlink.telemetry.record import AXES, TURNS
 from weberlink_figures.channel import (
@@ -28,10 +26,8 @@ from weberlink_figures.channel import (
     angles_between,
     arm_streams,
     distances,
-    engaged,
     in_session,
     measures_in,
-    tally,
 )
 from weberlink_figures.distribution import Distribution
 from weberlink_figures.energy import EnergyBound, PortWork, accounts_in
@@ -124,44 +120,23 @@ class Layout:
         return np.hstack([stream.deadbands(slave) for stream in self.from_slave])
 
 
-@dataclass
-class _SideScore:
+class _SideScore(SideCounts):
     """The figures of the records of one side."""
 
-    ticks: int = 0
-    engaged: int = 0
-    limited: int = 0
-    missed_in_a_row: int = 0
-    last: Any = None
-    lateness: Distribution = field(default_factory=Distribution)
-    work: Distribution = field(default_factory=Distribution)
-    codec: Distribution = field(default_factory=Distribution)
-    rtt: Distribution = field(default_factory=Distribution)
-    one_way: Distribution = field(default_factory=Distribution)
-    faults: dict[int, int] = field(default_factory=dict)
-    connection: ConnectionTimes = field(default_factory=ConnectionTimes)
-    ways: WayScore = field(default_factory=WayScore)
+    def __init__(self) -> None:
+        super().__init__()
+        self.limited = self.missed_in_a_row = 0
+        self.lateness, self.work, self.codec, self.rtt, self.one_way = (Distribution() for _ in range(5))
+        self.ways = WayScore()
 
     def add(self, records: Records) -> None:
-        if not len(records):
-            return
-        self.ticks += len(records)
-        self.engaged += int(engaged(records).sum())
         self.limited += int((records["clipped"] > 0).sum())
         missed = np.diff(records["ticks_missed"].astype(np.int64), prepend=self.counter("ticks_missed"))
         self.missed_in_a_row = max(self.missed_in_a_row, int(missed.max()))
-        fault = records["fault"]
-        begins = np.diff(fault, prepend=np.uint8(self.counter("fault"))) != 0
-        tally(self.faults, fault[begins & (fault > 0)])
-        self.connection.add(records)
         self.ways.add(records)
-        self.last = records[-1]
         for name in ("lateness", "work", "codec", "rtt", "one_way"):
             getattr(self, name).add(records[f"{name}_us"])
-
-    def counter(self, name: str) -> int:
-        """The last value of a cumulative field."""
-        return 0 if self.last is None else int(self.last[name])
+        super().add(records)
 
     def figures(self, period: float) -> Ticks:
         return Ticks(
@@ -174,7 +149,7 @@ class _SideScore:
         )
 
 
-class SessionScore:
+class SessionScore(SessionCounts[_SideScore]):
     """Joins the records of master and slave tick by tick, and sums up.
 
     The felt error of a slave tick is the force commanded to the device of the operator at the master tick nearest in
@@ -185,8 +160,8 @@ class SessionScore:
 
     def __init__(self, layout: Layout) -> None:
         self._period = period = 1.0 / layout.rate_hz
+        super().__init__(period, _SideScore)
         self._pairs = TickPairs(layout.rate_hz)
-        self._sides = (_SideScore(), _SideScore())
         directions = (layout.from_slave, layout.from_master)
         self._from_slave, self._from_master = ([ChannelScore(each) for each in streams] for streams in directions)
         self._felt = self._from_slave[0]
@@ -196,17 +171,12 @@ class SessionScore:
         self._on_its_way = UpdatesOnTheirWay(period)
         self._bound = EnergyBound(layout.accounts) if layout.accounts else None
         self._port = PortWork(rotates=len(layout.from_slave) > 1 and not self._is_arm, bound=self._bound)
-        self._first: float | None = None
-        self._until = 0.0
 
     def add(self, master: Records, slave: Records) -> None:
-        """Take the next records of both sides, each in order of time; either may be empty or run ahead."""
-        for index, (records, channels) in enumerate(((master, self._from_master), (slave, self._from_slave))):
+        super().add(master, slave)
+        for records, channels in ((master, self._from_master), (slave, self._from_slave)):
             if not len(records):
                 continue
-            self._sides[index].add(records)
-            self._first = min(self._first if self._first is not None else np.inf, float(records["at"][0]))
-            self._until = max(self._until, float(records["at"][-1]))
             counted = records[in_session(records)]
             for channel in channels:  # what the sender tells needs no records of the other side
                 channel.add_sender(records, counted)
@@ -234,47 +204,14 @@ class SessionScore:
             channel.compare(matched, now)
 
     @property
-    def faults(self) -> dict[str, dict[str, int]]:
-        """How often each fault began, by side that has records and name."""
-        return {
-            name: {name_of(Fault, number): count for number, count in sorted(side.faults.items())}
-            for name, side in zip(SIDES, self._sides, strict=True)
-            if side.ticks
-        }
-
-    @property
     def state(self) -> dict[str, Any]:
         """The newest record of each side, for a status line; None before the first."""
-        master, slave = self._sides
-        return {"master": master.last, "slave": slave.last}
-
-    @property
-    def duration_s(self) -> float:
-        return self._until - self._first + self._period if self._first is not None else 0.0
-
-    @property
-    def connections(self) -> dict[str, Connection | None]:
-        """How long each side was connected; None of one without records."""
-        return {name: side.connection.figures() for name, side in zip(SIDES, self._sides, strict=True)}
-
-    @property
-    def round_trip_s(self) -> float | None:
-        """The median; None before a side was connected for `MEASURED_S`."""
-        is_measured = any(each is not None and each.connected_s >= MEASURED_S for each in self.connections.values())
-        median_us = self._heard.rtt.median().p50
-        return 1e-6 * median_us if is_measured and median_us is not None else None
-
-    @property
-    def _heard(self) -> _SideScore:
-        """The side that tells of the link."""
-        master, slave = self._sides
-        return master if master.ticks else slave
+        return {name: side.last for name, side in self.sides.items()}
 
     def figures(self) -> Figures:
         """All figures."""
-        master, slave = self._sides
-        duration, heard = self.duration_s, self._heard
-        sides = {"master": master, "slave": slave}
+        master, slave = self.sides.values()
+        duration, heard = self.duration_s, master if master.ticks else slave
         counters = ("datagrams_sent", "datagrams_received", "datagrams_lost", "datagrams_dropped", "repeats")
         counts = (master.counter(name) + slave.counter(name) for name in counters)
         link = Link(heard.rtt.median(), heard.one_way.median(), *counts)
@@ -297,7 +234,7 @@ class SessionScore:
         channels[name] = replace(channels[name], felt=Felt(self._quality.figures(), self._on_its_way.share, *lag))
         return Figures(
             duration_s=duration,
-            ticks={name: side.figures(self._period) for name, side in sides.items()},
+            ticks={name: side.figures(self._period) for name, side in self.sides.items()},
             channels=channels,
             link=link,
             ways=ways_of(master.ways, slave.ways),
