@@ -31,8 +31,8 @@ from weberlink.config import ConfigurationError
 from weberlink.config.errors import require_package
 from weberlink.environment import environment, footer
 from weberlink.protocol.keys import generate
-from weberlink.session.interruption import Interruption
 from weberlink_doctor.report import Needs
+from weberlink_studies.interruption import Interruption
 from weberlink_studies.result import StudyResult, how_much
 
 KIND = "weberlink bench"

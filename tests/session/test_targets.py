@@ -1,14 +1,16 @@
-"""Around a run: targets that are tried before it, Ctrl-C in the middle, JSON that nobody vouches for."""
+"""Around a run: targets that are tried before it, Ctrl-C in virtual time, JSON that nobody vouches for."""
 
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from tests.session.systems import configuration
 from weberlink.bounded_json import DEEPEST, parse
-from weberlink.session.interruption import Interruption
+from weberlink.session.simulation import simulate
 from weberlink.session.targets import TargetError, check_file, check_folder
 
 
@@ -42,52 +44,21 @@ def test_bad_targets_say_what_to_do(check: Callable[[Path], None], name: str, to
         check(tmp_path / name)
 
 
-@pytest.fixture(params=[signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
-def number(request: pytest.FixtureRequest) -> Iterator[signal.Signals]:
-    """A signal with the handler of a program; a test runner may have its own."""
-    before = signal.signal(request.param, signal.default_int_handler)
-    yield request.param
-    signal.signal(request.param, before)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
+def test_a_signal_ends_a_run_in_virtual_time_and_what_is_done_is_kept(number: signal.Signals) -> None:
+    done = []
 
+    def observe(master: Any, _slave: Any) -> None:
+        os.kill(os.getpid(), number)
+        done.append(len(master))
 
-def work(interrupted_at: int, number: signal.Signals = signal.SIGINT) -> Iterator[int]:
-    for piece in range(5):
-        if piece == interrupted_at:
-            os.kill(os.getpid(), number)
-            signal.pause()
-        yield piece
-
-
-def test_signal_in_a_piece_keeps_finished_ones(number: signal.Signals) -> None:
-    interruption = Interruption()
-    assert list(interruption.pieces(work(3, number))) == [0, 1, 2]
-    assert interruption.noted
-    assert list(interruption.pieces(work(9))) == [], "all loops of the run are over"
-
-
-def test_signal_between_pieces_waits_for_their_use(number: signal.Signals) -> None:
-    interruption, used = Interruption(), []
-    for piece in interruption.pieces(work(9)):
-        if piece == 2:
-            os.kill(os.getpid(), number)
-        used.append(piece)
-    assert used == [0, 1, 2]
-    assert interruption.noted
-
-
-def test_what_the_signal_breaks_is_part_of_the_end(number: signal.Signals) -> None:
-    """A worker process that got the signal too is gone; without a signal the same is an error."""
-
-    def broken(at: int) -> Iterator[int]:
-        try:
-            yield from work(at, number)
-        finally:
-            raise RuntimeError("a worker has gone")
-
-    interruption = Interruption()
-    assert list(interruption.pieces(broken(2))) == [0, 1]
-    with pytest.raises(RuntimeError):
-        list(Interruption().pieces(broken(9)))
+    before = signal.signal(number, signal.default_int_handler)
+    try:
+        facts = simulate(configuration(), 5.0, [observe])
+        assert signal.getsignal(number) is signal.default_int_handler
+    finally:
+        signal.signal(number, before)
+    assert (facts["outcome"], facts["interrupted"], done) == ("interrupted", True, [1000])
 
 
 @pytest.mark.parametrize("depth", [1, DEEPEST - 1, DEEPEST])

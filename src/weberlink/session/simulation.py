@@ -4,9 +4,12 @@ The same seed gives the same run, bit for bit.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 from random import Random
+from signal import SIGINT, SIGTERM, default_int_handler, getsignal, signal
+from threading import current_thread, main_thread
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -20,7 +23,6 @@ from weberlink.protocol.states import State
 from weberlink.registry import fault_of, is_hardware
 from weberlink.session.composition.link import Context, build_security
 from weberlink.session.composition.sides import build_side
-from weberlink.session.interruption import Interruption
 from weberlink.session.report import Facts
 from weberlink.session.side import Side
 from weberlink.telemetry.reader import Records
@@ -56,16 +58,15 @@ class Simulation:
         self._tick_period = tick_period
         self._index = 0
 
-    def run(self, duration: float, observers: Sequence[Observer], interruption: Interruption | None = None) -> None:
-        """Run to the end of the duration [s], or of the device's motion where that comes first, or to Ctrl-C, which
-        costs less than a piece where `interruption` notes it, and else raises KeyboardInterrupt."""
-        chunks = self._chunks(duration)
-        for records in chunks if interruption is None else interruption.pieces(chunks):
+    def run(self, duration: float, observers: Sequence[Observer], signals: Sequence[int] = ()) -> None:
+        """Run to the end of the duration [s], or of the device's motion where that comes first, or until there are
+        signals."""
+        for records in self._chunks(duration, signals):
             for observer in observers:
                 observer(*records)
 
-    def _chunks(self, duration: float) -> Iterator[tuple[Records, Records]]:
-        ticks = self._ticks(duration)
+    def _chunks(self, duration: float, signals: Sequence[int]) -> Iterator[tuple[Records, Records]]:
+        ticks = self._ticks(duration, signals)
         error = None
         while error is None:
             chunk = []
@@ -86,9 +87,9 @@ class Simulation:
         masters, slaves = zip(*(self.step() for _ in range(ticks)), strict=True)
         return as_array(masters), as_array(slaves)
 
-    def _ticks(self, duration: float) -> Iterator[tuple[Values, Values]]:
+    def _ticks(self, duration: float, signals: Sequence[int]) -> Iterator[tuple[Values, Values]]:
         last = self._index + round(duration / self._tick_period)
-        while not self.master.stopped:
+        while not (self.master.stopped or signals):
             if self._index == last:
                 self.master.stop(self._index * self._tick_period, "completed")
             yield self.step()
@@ -180,6 +181,23 @@ def refuse_live(configuration: Configuration) -> None:
             )
 
 
+@contextmanager
+def _noted() -> Iterator[list[int]]:
+    """The signals that have come of those that would raise KeyboardInterrupt, and do not: what is done is kept."""
+    signals: list[int] = []
+    if current_thread() is not main_thread():  # which alone handles signals
+        yield signals
+        return
+    taken = [number for number in (SIGINT, SIGTERM) if getsignal(number) is default_int_handler]
+    try:
+        for number in taken:
+            signal(number, lambda number, _: signals.append(number))
+        yield signals
+    finally:
+        for number in taken:
+            signal(number, default_int_handler)
+
+
 def simulate(
     configuration: Configuration,
     duration: float | None = None,
@@ -197,11 +215,12 @@ def simulate(
     Raises:
         ConfigurationError: if a part cannot be made as the file asks.
     """
-    simulation, interruption = build_simulation(configuration), Interruption()
+    simulation = build_simulation(configuration)
     began = perf_counter()
     fault = None
     try:
-        simulation.run(DEFAULT_DURATION if duration is None else duration, observers, interruption)
+        with _noted() as signals:
+            simulation.run(DEFAULT_DURATION if duration is None else duration, observers, signals)
     except Exception as error:
         fault = fault_of(error)
         if fault is None or not fault.is_foreign:
@@ -211,7 +230,7 @@ def simulate(
     run_time = perf_counter() - began
     master, slave = simulation.master, simulation.slave
     failures = [why for why in (fault and fault.text, master.failure, slave.failure) if why is not None]
-    ended = "interrupted" if interruption.noted else "completed"
+    ended = "interrupted" if signals else "completed"
     facts = Facts(
         faults={"master": master.faults, "slave": slave.faults},
         drops={"master": master.drops, "slave": slave.drops},
@@ -220,7 +239,7 @@ def simulate(
         run_time_s=run_time,
         seed=(configuration.system.link.emulate or EmulationSettings()).seed,
     )
-    if interruption.noted:
+    if signals:
         facts["interrupted"] = True
     return facts
 

@@ -9,7 +9,7 @@ from multiprocessing import active_children, get_context
 from typing import TypeVar
 
 from weberlink.realtime.process import die_with_parent
-from weberlink.session.interruption import Interruption
+from weberlink_studies.interruption import Interruption
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
