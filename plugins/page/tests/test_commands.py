@@ -15,8 +15,8 @@ from tests.test_operation import assert_accepted_and_little_exposed, assert_star
 from weberlink.session.simulation import TraceRecorder
 from weberlink_figures.reporting import simulated
 from weberlink_page import program
+from weberlink_page.launcher import SCENES
 from weberlink_page.program import end_when_left
-from weberlink_page.scenes import SCENES
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 UNIT = CONFIGS / "weberlink-monitor.service"

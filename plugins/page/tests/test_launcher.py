@@ -13,8 +13,7 @@ from typing import Any
 import pytest
 
 from tests.wait import in_loop
-from weberlink_page.launcher import SessionLauncher, TryOrder
-from weberlink_page.scenes import SceneChoice
+from weberlink_page.launcher import SceneChoice, SessionLauncher, TryOrder
 
 SCENES = {"dome": SceneChoice("A dome", ()), "box": SceneChoice("A box", ("slave.scene=box",))}
 # Notes its arguments, and runs until it is told to end, or as long as --duration says.

@@ -19,8 +19,7 @@ from plugins.page.tests.scripted_server import Message, ScriptedServer
 from plugins.page.tests.test_scripts import MODULES
 from plugins.recording.tests import arm_sessions as arms
 from tests.session.systems import system
-from weberlink_page.rows import samples_message
-from weberlink_page.session import PageSession
+from weberlink_page.session import PageSession, samples_message
 
 TOKEN = "t0ken"
 DESK, PHONE = (1400, 900), (390, 844)
@@ -274,7 +273,7 @@ def test_pointer_and_keys_drive(page: Browser, server: ScriptedServer) -> None:
     drives = lambda: asked(server, "drive")  # noqa: E731
     scene = page.driver.find_element("id", "scene")
     chain(page).move_to_element(scene).click_and_hold().perform()
-    page.wait(lambda: page.data("handle-state") == "held", "the hold")
+    page.wait(lambda: page.data("handle-state") == "held" and drives(), "the hold")
     assert drives()[0] == {"target": [0.0, 0.0, 0.0], "held": True}
     chain(page).move_by_offset(40, -30).perform()
     page.wait(lambda: hypot(*drives()[-1]["target"]) > 0.005, "the target to move")

@@ -14,10 +14,18 @@ from weberlink.protocol.paths import LinkPath
 from weberlink.telemetry.fault import Fault
 from weberlink_figures.session import Layout
 from weberlink_figures.verdict import verdict
-from weberlink_page.hello import hello
 from weberlink_page.report import figures_of
-from weberlink_page.rows import CARTESIAN, COLUMNS, SECOND_STREAM, Thinning, samples_message
-from weberlink_page.session import BACKLOG_S, PageSession, ways_now
+from weberlink_page.session import (
+    BACKLOG_S,
+    CARTESIAN,
+    COLUMNS,
+    SECOND_STREAM,
+    PageSession,
+    Thinning,
+    hello,
+    samples_message,
+    ways_now,
+)
 
 HAND = Layout.hand(RATE, BANK)
 

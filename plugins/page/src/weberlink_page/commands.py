@@ -135,8 +135,7 @@ def try_order(
     file: Path | None, scene: str | None, overrides: list[str], duration: float | None, *, scripted: bool
 ) -> "TryOrder":
     """The sessions to run: those of the scenes of the shipped file, or of another file, which has one scene."""
-    from weberlink_page.launcher import TryOrder  # noqa: PLC0415
-    from weberlink_page.scenes import SCENES  # noqa: PLC0415
+    from weberlink_page.launcher import SCENES, TryOrder  # noqa: PLC0415
 
     if file is not None:
         if scene is not None:

@@ -14,13 +14,12 @@ from dataclasses import dataclass, field
 from math import inf
 from signal import SIGINT, SIGKILL, Signals
 from time import monotonic
-from typing import Any
+from typing import Any, NamedTuple
 
 from weberlink.child_process import python
 from weberlink.order import COMPLETED, EMERGENCY, FAILED, NOTE
 from weberlink_figures.watching.control import Answer, refusal
 from weberlink_page.messages import Rooms
-from weberlink_page.scenes import SceneChoice
 
 STOP_LIMIT_S = 20.0  # time from the request to stop to a kill; the launcher gives its daemons 15 s
 SAME_PRESS_S = 1.0  # within this time, stops are the two ways of one press
@@ -30,6 +29,48 @@ _PROGRAM = (
     "import sys; from signal import SIGTERM; from weberlink.realtime.process import die_with_parent; "
     "die_with_parent(SIGTERM, int(sys.argv.pop(1))); from weberlink.cli import main; main()"
 )
+
+
+class SceneChoice(NamedTuple):
+    """A scene to choose."""
+
+    title: str  # in plain words
+    overrides: tuple[str, ...]  # of try.yaml, as of `--set`; none for the scene of the file itself
+
+
+def _scene(*shapes: str) -> tuple[str, ...]:
+    return (f"slave.scene=[{', '.join(f'{{{shape}, stiffness_n_m: 1500}}' for shape in shapes)}]",)
+
+
+SCENES: Mapping[str, SceneChoice] = {
+    "dome": SceneChoice("A dome on a table", ()),
+    "plane": SceneChoice(
+        "A rough table: it sticks, then slides", _scene("shape: plane, friction: {static: 0.3, dynamic: 0.2}")
+    ),
+    "box": SceneChoice(
+        "A box with sharp edges on a table",
+        _scene(
+            "shape: box, center_m: [0, 0, 0], size_m: [0.05, 0.05, 0.03], rotation_deg: [0, 0, 30]",
+            "shape: plane, point_m: [0, 0, -0.015]",
+        ),
+    ),
+    "bumps": SceneChoice(
+        "A field of round bumps", _scene("shape: height_field, bumps: {amplitude_m: 0.003, wavelength_m: 0.03}")
+    ),
+    "cavity": SceneChoice(
+        "A hollow ball, touched from inside",
+        _scene("shape: sphere, side: inside, center_m: [0, 0, 0.045], radius_m: 0.05"),
+    ),
+    "moving": SceneChoice(
+        "A plate that rises and falls",
+        _scene(
+            "shape: box, center_m: [-0.1, 0, -0.05], size_m: [0.2, 0.4, 0.1],"
+            " motion: {direction: [0, 0, 1], amplitude_m: 0.01, frequency_hz: 0.4}",
+            "shape: plane, point_m: [0, 0, -0.005]",
+        ),
+    ),
+}
+"""By name, in the order in which they are shown; the first is that of the file."""
 
 
 @dataclass(frozen=True)

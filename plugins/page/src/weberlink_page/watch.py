@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any
 from weberlink.session.emergency import EmergencyStop, Scope
 from weberlink_figures.watching.control import Answer, ask_daemon, refusal
 from weberlink_figures.watching.rings import RingOpener, RingSource, find_rings
-from weberlink_page.control import SessionControl
 from weberlink_page.driving import Driving
 from weberlink_page.front import ANSWER_S, LONGEST_AGE_MS, LOOK_S as LOOK_STOP_S
 from weberlink_page.launcher import SessionLauncher
 from weberlink_page.messages import Rooms
-from weberlink_page.requests import Requests
+from weberlink_page.requests import Requests, SessionControl
 from weberlink_page.session import PageSession, events_message
 from weberlink_page.viewer import Topic, Viewer, put_all
 

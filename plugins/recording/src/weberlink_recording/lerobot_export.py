@@ -1,10 +1,13 @@
 """`record export --to lerobot`: a session as a LeRobotDataset of format v3.0, which lerobot 0.4 and later open.
 
 The layout follows `lerobot/datasets` of release 0.4.4: meta/info.json, meta/stats.json, meta/tasks.parquet, a table of
-the episodes, and one of the frames. The JPEG pictures of each camera become the frames of one video, undecoded.
+the episodes, and one of the frames. The JPEG pictures of each camera become the frames of one video (MJPEG in MP4):
+nothing is encoded again, and every frame is a key frame, so that training reads any of them without its neighbours.
 """
 
 import json
+from fractions import Fraction
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +16,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from weberlink_recording.lerobot_frames import Frames
-from weberlink_recording.lerobot_video import VIDEO, write_video
+from weberlink_recording.lerobot_frames import Frames, Video
 
 VERSION = "v3.0"
 DATA, EPISODES = "data/chunk-000/file-000.parquet", "meta/episodes/chunk-000/file-000.parquet"
+VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
+SAMPLES = 20  # pictures of which the statistics are taken
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 Table = dict[str, NDArray[Any]]
 
@@ -33,12 +37,13 @@ def write_dataset(frames: Frames, task: str, robot: str | None, folder: Path) ->
 
     Raises:
         OSError: it cannot be written.
+        ValueError: the pictures of a camera differ in size.
     """
     table = _table(frames)
     for path in (DATA, EPISODES):
         (folder / path).parent.mkdir(parents=True)
     pq.write_table(_arrow(table), folder / DATA)
-    videos = {video.camera: write_video(video, frames.fps, folder) for video in frames.videos}
+    videos = {video.camera: _write_video(video, frames.fps, folder) for video in frames.videos}
     pq.write_table(_episodes(frames, table, task), folder / EPISODES)
     pq.write_table(_tasks(task), folder / "meta/tasks.parquet")
     stats: dict[str, Any] = {key: _stats(values) for key, values in table.items()}
@@ -136,6 +141,39 @@ def _info(frames: Frames, table: Table, robot: str | None) -> dict[str, Any]:
         "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
         "splits": {"train": f"0:{len(frames.lengths)}"},
     }
+
+
+def _write_video(video: Video, fps: int, folder: Path) -> tuple[dict[str, Any], NDArray[np.uint8]]:
+    """Write the video; returns its feature, and some of its pictures, shape (n, height, width, 3)."""
+    import av  # noqa: PLC0415 - an optional library
+
+    places = np.unique(np.linspace(0, len(video.jpegs) - 1, SAMPLES).astype(int))
+    pixels = [_decoded(av, video.jpegs[place]) for place in places]
+    height, width, _ = pixels[0].shape
+    if any(each.shape != pixels[0].shape for each in pixels):
+        raise ValueError(f"{video.camera}: its pictures differ in size")
+    path = folder / VIDEO.format(video_key=video.camera, chunk_index=0, file_index=0)
+    path.parent.mkdir(parents=True)
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("mjpeg", rate=fps)
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuvj420p"
+        for place, jpeg in enumerate(video.jpegs):
+            packet = av.Packet(jpeg)
+            packet.stream, packet.time_base = stream, Fraction(1, fps)
+            packet.pts = packet.dts = place
+            packet.duration, packet.is_keyframe = 1, True
+            container.mux(packet)
+    told = {"height": height, "width": width, "codec": "mjpeg", "pix_fmt": "yuvj420p", "fps": fps, "channels": 3}
+    info = {f"video.{name}": value for name, value in told.items()} | {"video.is_depth_map": False, "has_audio": False}
+    names = ["height", "width", "channels"]
+    return {"dtype": "video", "shape": [height, width, 3], "names": names, "info": info}, np.stack(pixels)
+
+
+def _decoded(av: Any, jpeg: bytes) -> NDArray[np.uint8]:
+    """The pixels of a JPEG, shape (height, width, 3)."""
+    with av.open(BytesIO(jpeg), format="mjpeg") as container:
+        pixels: NDArray[np.uint8] = next(container.decode(video=0)).to_ndarray(format="rgb24")
+        return pixels
 
 
 def _told(frames: Frames) -> str:
