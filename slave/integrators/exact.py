@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from weberlink.geometry.vector import ZERO, Vector, add
-from weberlink.slave.integrators.contract import ControlledMass, MassState
+from weberlink.slave.integrators import ControlledMass, MassState
 from weberlink.slave.integrators.linear_contact import Drag, LinearContact
 from weberlink.slave.integrators.problem import MassInContact, Stage, contact_force
 from weberlink.slave.integrators.stick_slip import StickSlip

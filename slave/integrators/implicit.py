@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from math import inf, sqrt
 
 from weberlink.geometry.vector import ZERO, Vector, add, dot, scale, subtract
-from weberlink.slave.integrators.contract import ControlledMass, MassState
+from weberlink.slave.integrators import ControlledMass, MassState
 from weberlink.slave.integrators.problem import MassInContact, Stage, contact_force, pushes
 from weberlink.slave.scenes.proxy import multipliers
 from weberlink.slave.scenes.scene import Scene, SceneState, Touch

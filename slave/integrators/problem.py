@@ -12,7 +12,7 @@ from math import sqrt
 from typing import NamedTuple
 
 from weberlink.geometry.vector import ZERO, Vector, dot, scale, subtract
-from weberlink.slave.integrators.contract import ControlledMass, MassState
+from weberlink.slave.integrators import ControlledMass, MassState
 from weberlink.slave.integrators.oscillation import Oscillation
 from weberlink.slave.scenes.proxy import multipliers
 from weberlink.slave.scenes.scene import Scene, SceneState, Touch

@@ -1,7 +1,7 @@
 """Semi-implicit (symplectic) Euler: the cheapest step, for contacts that the step resolves."""
 
 from weberlink.geometry.vector import Vector
-from weberlink.slave.integrators.contract import ControlledMass, MassState
+from weberlink.slave.integrators import ControlledMass, MassState
 from weberlink.slave.integrators.problem import contact_force
 from weberlink.slave.scenes.scene import Scene
 

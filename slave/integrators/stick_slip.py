@@ -20,7 +20,7 @@ from math import atan, atan2, exp, sqrt, tan
 from typing import NamedTuple
 
 from weberlink.geometry.vector import ZERO, Vector, scale, subtract, unit
-from weberlink.slave.integrators.contract import MassState
+from weberlink.slave.integrators import MassState
 from weberlink.slave.integrators.linear_contact import EVENTS_MOST
 from weberlink.slave.integrators.oscillation import Oscillation
 from weberlink.slave.integrators.problem import MassInContact, Stage, contact_force

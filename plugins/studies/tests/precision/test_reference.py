@@ -4,7 +4,7 @@ import pytest
 
 pytest.importorskip("scipy")
 
-from weberlink.slave.integrators.contract import ControlledMass
+from weberlink.slave.integrators import ControlledMass
 from weberlink_studies.precision.problems import PROBLEMS, TICK, CoulombFriction, HalfSpace, Problem, ProblemSurface
 from weberlink_studies.precision.reference import (
     AGREEMENT,

@@ -7,8 +7,7 @@ import pytest
 pytest.importorskip("scipy")
 pytest.importorskip("pandas")
 
-from weberlink.slave.integrators import INTEGRATORS
-from weberlink.slave.integrators.contract import ControlledMass
+from weberlink.slave.integrators import INTEGRATORS, ControlledMass
 from weberlink_studies.frame import FrameResult, data_frame
 from weberlink_studies.precision.problems import HalfSpace, Problem, ProblemSurface
 from weberlink_studies.precision.study import Effort, recommendation, run

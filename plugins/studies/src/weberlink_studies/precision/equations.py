@@ -13,7 +13,7 @@ from math import sqrt
 from typing import NamedTuple, Protocol
 
 from weberlink.geometry.vector import Vector, dot, norm, scale, subtract, unit
-from weberlink.slave.integrators.contract import ControlledMass
+from weberlink.slave.integrators import ControlledMass
 from weberlink_studies.precision.problems import CoulombFriction, HalfSpace, Problem, ProblemSurface
 
 MotionState = Sequence[float]  # position [m] and velocity [m/s], six numbers

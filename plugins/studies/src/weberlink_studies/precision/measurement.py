@@ -8,7 +8,7 @@ from statistics import median_low
 from time import process_time
 
 from weberlink.geometry.vector import ZERO, Vector, distance, dot, is_finite, scale, subtract
-from weberlink.slave.integrators.contract import IntegrationScheme, MassState
+from weberlink.slave.integrators import IntegrationScheme, MassState
 from weberlink.slave.integrators.problem import stored_energy
 from weberlink_studies.frame import Row
 from weberlink_studies.precision.problems import TICK, Problem

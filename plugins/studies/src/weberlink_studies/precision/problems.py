@@ -8,7 +8,7 @@ from math import exp, pi, sqrt
 from typing import Literal
 
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.slave.integrators.contract import ControlledMass
+from weberlink.slave.integrators import ControlledMass
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
 from weberlink.slave.scenes.scene import FrictionCone, Scene, SceneObject
 from weberlink.slave.scenes.shape import PlaneShape, SphereShape

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from rich.console import Group, RenderableType
 
-from weberlink.slave.integrators import INTEGRATORS
-from weberlink.slave.integrators.contract import IntegrationScheme, MassState
+from weberlink.slave.integrators import INTEGRATORS, IntegrationScheme, MassState
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
 from weberlink_studies.frame import FrameResult, Row, Study, data_frame, records
 from weberlink_studies.parallel import Progress
