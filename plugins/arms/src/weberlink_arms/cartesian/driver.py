@@ -8,9 +8,7 @@ from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 from weberlink.slave.scenes.scene import Scene
 from weberlink_arms.cartesian.exchange import ArmExchange, TipSample
 from weberlink_arms.cartesian.options import DynamixelOptions, OnClose, worst_force_error
-from weberlink_arms.dynamixel import registers
-from weberlink_arms.dynamixel.bus import USB, latency_advice
-from weberlink_arms.dynamixel.motors import watchdog_units
+from weberlink_arms.dynamixel.bus import USB
 from weberlink_arms.servo.driver import BusDriver
 from weberlink_arms.servo.position import LowPass
 
@@ -83,7 +81,6 @@ def _spec(options: DynamixelOptions) -> RobotSpec:
         f"the force is estimated from motor currents, at rest within {error[0]:.1f} N and {error[1]:.0%}, and lags "
         f"{lag_ms:.1f} ms more than the position"
     )
-    advice = latency_advice(options.port) if options.port is not None else None
     return RobotSpec(
         name=NAME,
         axes="xyz",
@@ -94,6 +91,6 @@ def _spec(options: DynamixelOptions) -> RobotSpec:
         force_sensing=True,
         lag_s=options.lag_s,
         force_error=error,
-        watchdog_s=registers.WATCHDOG_UNIT_S * watchdog_units(options.watchdog_s),
-        note=note if advice is None else f"{note}; {advice}",
+        watchdog_s=options.lets_go_s,
+        note=options.note(note),
     )

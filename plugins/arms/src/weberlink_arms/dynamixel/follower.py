@@ -12,13 +12,11 @@ from pydantic import Field, model_validator
 from weberlink.arms.contract import ArmSpec
 from weberlink.geometry.joints import Joints
 from weberlink_arms.cartesian.arm import COULOMB_N_M, VISCOUS_N_M_S
-from weberlink_arms.dynamixel.bus import ARM_USB, latency_advice
+from weberlink_arms.dynamixel.bus import ARM_USB
 from weberlink_arms.dynamixel.exchange import PositionExchange
 from weberlink_arms.dynamixel.layouts import KOCH_FOLLOWER, OPEN_MANIPULATOR_X
-from weberlink_arms.dynamixel.motor_models import LOAD_FULL
-from weberlink_arms.dynamixel.motors import watchdog_units
 from weberlink_arms.dynamixel.options import DynamixelArmOptions
-from weberlink_arms.dynamixel.registers import GOAL_POSITION, WATCHDOG_UNIT_S
+from weberlink_arms.dynamixel.registers import GOAL_POSITION
 from weberlink_arms.servo.arm import ServoFollower, spec_of
 from weberlink_arms.servo.exchange import gravity_of
 from weberlink_arms.servo.layout import ArmLayout
@@ -79,18 +77,6 @@ class DynamixelFollowerOptions(DynamixelArmOptions):
         """Of the position control [N m/rad]."""
         axes = zip(self.ratios, self.LAYOUT.motors, self.gains, strict=True)
         return tuple(ratio * model.stiffness(gain) for ratio, model, gain in axes)
-
-    @property
-    def most(self) -> Joints:
-        """Largest torques measured [N m]."""
-        return tuple(
-            ratio
-            * model.torque(
-                round(1e-3 * self.max_current_ma / model.a_per_count) if model.controls_current else round(LOAD_FULL),
-                law,
-            )
-            for ratio, model, law in zip(self.ratios, self.LAYOUT.motors, self.laws, strict=True)
-        )
 
     @property
     def torque_error(self) -> Joints:
@@ -164,13 +150,12 @@ def _spec(options: DynamixelFollowerOptions) -> ArmSpec:
     parts = [f"torques are estimated from motor currents, at rest within {listed} N m"]
     if blind:
         parts.append(f"{' and '.join(blind)} measure no current, only a load: take their torques as a hint")
-    advice = latency_advice(options.port) if options.port is not None else None
     return spec_of(
         options,
         torque_nm=options.most,
         stiffness_nm_rad=options.stiffness,
         calibrated=options.torque_ratio is not None,
         torque_error_nm=max(error),
-        watchdog_s=WATCHDOG_UNIT_S * watchdog_units(options.watchdog_s),
-        note="; ".join(parts if advice is None else [*parts, advice]),
+        watchdog_s=options.lets_go_s,
+        note=options.note(*parts),
     )

@@ -10,13 +10,12 @@ from pydantic import Field
 
 from weberlink.arms.contract import ArmSpec
 from weberlink.geometry.joints import Joints
-from weberlink_arms.dynamixel.bus import ARM_USB, latency_advice
+from weberlink_arms.dynamixel.bus import ARM_USB
 from weberlink_arms.dynamixel.exchange import TorqueExchange
 from weberlink_arms.dynamixel.layouts import KOCH_LEADER, OMX_LEADER
-from weberlink_arms.dynamixel.motor_models import CurrentLaw, MotorModel
-from weberlink_arms.dynamixel.motors import watchdog_units
+from weberlink_arms.dynamixel.motor_models import CurrentLaw
 from weberlink_arms.dynamixel.options import DynamixelArmOptions
-from weberlink_arms.dynamixel.registers import GOAL_CURRENT, WATCHDOG_UNIT_S
+from weberlink_arms.dynamixel.registers import GOAL_CURRENT
 from weberlink_arms.servo.arm import ServoLeader, spec_of
 from weberlink_arms.servo.exchange import gravity_of
 from weberlink_arms.servo.layout import ArmLayout
@@ -34,14 +33,6 @@ class DynamixelLeaderOptions(DynamixelArmOptions):
     max_current_ma: float = Field(
         default=600.0, ge=20.0, le=1750.0, description="largest goal current of a motor, with that for the weight"
     )
-
-    @property
-    def most(self) -> Joints:
-        """Largest torques [N m]."""
-        return tuple(
-            ratio * model.torque(round(1e-3 * self.max_current_ma / model.a_per_count), law)
-            for ratio, model, law in zip(self.ratios, self.LAYOUT.motors, self.laws, strict=True)
-        )
 
     @property
     def stiffest(self) -> Joints:
@@ -89,18 +80,7 @@ class OmxLeader(DynamixelLeader):
 
 
 def _spec(options: DynamixelLeaderOptions) -> ArmSpec:
-    return spec_of(
-        options,
-        torque_nm=options.most,
-        stiffness_nm_rad=options.stiffest,
-        calibrated=options.torque_ratio is not None,
-        watchdog_s=WATCHDOG_UNIT_S * watchdog_units(options.watchdog_s),
-        note=_note(options, options.LAYOUT.motors[0]),
-    )
-
-
-def _note(options: DynamixelLeaderOptions, model: MotorModel) -> str:
-    """By the motor of the first joint."""
+    model = options.LAYOUT.motors[0]  # the note is by that of the first joint
     sheet = f"torques are those of the data sheet, {model.constant:.3g} N m/A within {model.constant_error:.0%}"
     parts = [
         *([sheet] if options.torque_ratio is None else []),
@@ -110,5 +90,11 @@ def _note(options: DynamixelLeaderOptions, model: MotorModel) -> str:
         parts.append("the motors measure the current of their supply, and small torques are the least certain")
     if options.gravity:
         parts.append("gravity compensation by a model: check sign and offset_rad first")
-    advice = latency_advice(options.port) if options.port is not None else None
-    return "; ".join(parts if advice is None else [*parts, advice])
+    return spec_of(
+        options,
+        torque_nm=options.most,
+        stiffness_nm_rad=options.stiffest,
+        calibrated=options.torque_ratio is not None,
+        watchdog_s=options.lets_go_s,
+        note=options.note(*parts),
+    )

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
-from math import ceil, floor
+from math import floor
 
 from weberlink.hardware.fault import HardwareFault
 from weberlink_arms.dynamixel import registers
@@ -10,11 +10,6 @@ from weberlink_arms.dynamixel.bus import MotorBus
 from weberlink_arms.dynamixel.motor_models import MotorModel
 from weberlink_arms.dynamixel.registers import NAMES, WITHOUT_CURRENT_CONTROL, Register
 from weberlink_arms.servo.bus import Servos
-
-
-def watchdog_units(watchdog_s: float) -> int:
-    """Register value of a bus watchdog of at least this time [s]."""
-    return min(max(1, ceil(watchdog_s / registers.WATCHDOG_UNIT_S - 1e-9)), registers.WATCHDOG_MOST)
 
 
 class Motors(Servos[MotorBus]):
@@ -39,7 +34,7 @@ class Motors(Servos[MotorBus]):
     ) -> None:
         super().__init__(bus)
         self._watchdog_s = watchdog_s
-        self._watchdog = watchdog_units(watchdog_s)
+        self._watchdog = registers.watchdog_units(watchdog_s)
         self._models = tuple(models)
         self._arm, self._reversible = arm, reversible
         self._limits = [floor(current / each.a_per_count) if each.controls_current else 0 for each in self._models]

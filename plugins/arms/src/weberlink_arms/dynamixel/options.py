@@ -5,10 +5,10 @@ from typing import ClassVar, Literal, Self
 from pydantic import Field, model_validator
 
 from weberlink.geometry.joints import Joints
-from weberlink_arms.dynamixel.bus import MotorBus
-from weberlink_arms.dynamixel.motor_models import CurrentLaw
+from weberlink_arms.dynamixel.bus import MotorBus, latency_advice
+from weberlink_arms.dynamixel.motor_models import LOAD_FULL, CurrentLaw
 from weberlink_arms.dynamixel.packet import HIGHEST_ID
-from weberlink_arms.dynamixel.registers import BAUD_RATES
+from weberlink_arms.dynamixel.registers import BAUD_RATES, WATCHDOG_UNIT_S, watchdog_units
 from weberlink_arms.servo.options import BusOptions, ServoOptions
 
 
@@ -30,6 +30,16 @@ class MotorBusOptions(BusOptions):
     def watchdog_s(self) -> float:
         return 1e-3 * self.bus_watchdog_ms
 
+    @property
+    def lets_go_s(self) -> float:
+        """The watchdog's time as the motors have it [s]."""
+        return WATCHDOG_UNIT_S * watchdog_units(self.watchdog_s)
+
+    def note(self, *parts: str) -> str:
+        """What a person should know before a run, with an advice for a slow adapter."""
+        advice = latency_advice(self.port) if self.port is not None else None
+        return "; ".join(parts if advice is None else [*parts, advice])
+
     @model_validator(mode="after")
     def check_watchdog(self) -> Self:
         if self.bus_watchdog_ms < 2.0 * self.timeout_ms:
@@ -42,6 +52,7 @@ class DynamixelArmOptions(MotorBusOptions, ServoOptions):
 
     LISTS = (*ServoOptions.LISTS, "torque_ratio")
 
+    max_current_ma: float
     gravity: bool = Field(default=False, description="use a model of the arm's weight; needs right sign and offset_rad")
     current_law: Literal["motor", "supply"] | None = Field(
         default=None, description="what the motors' current means: that of the motor, or of its supply (XL330)"
@@ -61,6 +72,15 @@ class DynamixelArmOptions(MotorBusOptions, ServoOptions):
         """What each motor's current register means."""
         chosen = None if self.current_law is None else CurrentLaw(self.current_law)
         return tuple(each.law if chosen is None or not each.controls_current else chosen for each in self.LAYOUT.motors)
+
+    @property
+    def most(self) -> Joints:
+        """Largest torques displayed or measured [N m]."""
+        amperes = 1e-3 * self.max_current_ma
+        return tuple(
+            ratio * model.torque(round(amperes / model.a_per_count if model.controls_current else LOAD_FULL), law)
+            for ratio, model, law in zip(self.ratios, self.LAYOUT.motors, self.laws, strict=True)
+        )
 
     @model_validator(mode="after")
     def check_ratios(self) -> Self:

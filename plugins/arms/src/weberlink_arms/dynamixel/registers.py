@@ -6,7 +6,7 @@ Source: ROBOTIS e-Manual, XM430-W350, "Control Table of EEPROM Area" and "of RAM
 below 64 are EEPROM: writable only with the torque off. Indirect addressing (168 and above) is left out.
 """
 
-from math import pi
+from math import ceil, pi
 from typing import Final, NamedTuple
 
 EEPROM_END: Final = 64
@@ -156,6 +156,11 @@ NAMES: Final = {  # by model number, those of the vendor's own software
     1200: "XL330-M288",
 }
 WITHOUT_CURRENT_CONTROL: Final = {1060, 1070, 1080, 1160}
+
+
+def watchdog_units(watchdog_s: float) -> int:
+    """Register value of a bus watchdog of at least this time [s]."""
+    return min(max(1, ceil(watchdog_s / WATCHDOG_UNIT_S - 1e-9)), WATCHDOG_MOST)
 
 
 def counts_of_current(amperes: float) -> int:
