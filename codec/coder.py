@@ -45,15 +45,6 @@ class Decoder:
     Its state depends only on the newest update that arrived and on the positions since. So after a loss, a reordering
     or a late start it agrees with the encoder from the next update on (with smoothing, from the end of the ramp on).
     With look-ahead a model is played as many ticks late as the encoder looks ahead.
-
-    Attributes:
-        newest: the newest sample received; None before the first.
-        model: the model of that sample; None before the first.
-        selected: index in the bank of the predictor in use.
-        first: value of that model at the tick of that sample, without a ramp.
-        record: the model in use, as telemetry records it.
-        is_arm: whether the values are those of an arm's joints.
-        parts: the decoders of the parts; this one is the first, and its other attributes are those of that part.
     """
 
     def __init__(self, channel: Channel) -> None:
@@ -66,9 +57,10 @@ class Decoder:
         forms = channel.forms
         self._sizes = [form.newest[0] if channel.more else sum(form.newest) for form in forms]
         self._late = channel.lookahead
-        self.is_arm = channel.joints > 0
+        self.is_arm = channel.joints > 0  # whether the values are those of an arm's joints
         self._places = channel.position_quantizer
         self._lowest, self._highest = channel.value_quantizer.lowest, channel.value_quantizer.highest
+        # The decoders of the parts; this one is the first, and its attributes are those of that part.
         self.parts: list[Decoder] = [self, *[Decoder(part) for part in channel.more]]
         # Levels of each part in those of an update; what the last part gets too much, it refuses.
         starts = range(0, PART * len(self.parts), PART)
@@ -78,15 +70,15 @@ class Decoder:
     def reset(self) -> None:
         """Forget the signal: `value` returns the channel's `rest` until the first update. The deadband stays."""
         self._former, self._since = self._deadband, -inf
-        self.model: Model | None = None
-        self.record: ModelRecord = UNFITTED
+        self.newest: Sample | None = None  # that was received
+        self.model: Model | None = None  # of that sample
+        self.selected = 0  # index in the bank of the predictor in use
+        self.first: Vector = ZERO  # value of the model at the tick of its sample, without a ramp
+        self.record: ModelRecord = UNFITTED  # the model as telemetry records it
         self._applied: Update | None = None
-        self.first: Vector = ZERO
         self._memory: Any = None
         self._noted: tuple[float, Any] | None = None
         self._ramp: Vector | None = None
-        self.newest: Sample | None = None
-        self.selected = 0
         for part in self.parts[1:]:
             part.reset()
 
@@ -259,15 +251,6 @@ class Encoder:
 
     With look-ahead the sample of L ticks ago is coded in a tick, and the law holds for the signal delayed by L: the
     mirror is evaluated at the tick and at the commanded position of the coded sample.
-
-    Attributes:
-        mirror: the state of the other end if no update was lost.
-        coded: the last coded sample as measured; before the first, what the other end starts from.
-        bound: its deadband in the unit of the error, widened by the rate limit; its error if no token was left.
-        widened: whether the rate of updates widened it.
-        predicted: the value at the other end for that sample, before any update; None if it had none.
-        held: what the other end holds after this tick if nothing was lost; None for nothing.
-        rejected: number of samples that were not finite, and so were not coded.
     """
 
     def __init__(self, channel: Channel) -> None:
@@ -279,7 +262,7 @@ class Encoder:
         self._predictors = channel.predictors
         self._sizes = [sum(form.newest) for form in channel.forms]
         self._reads = [sum(form.previous or ()) for form in channel.forms]
-        self.mirror = Decoder(channel)
+        self.mirror = Decoder(channel)  # the state of the other end if no update was lost
         self._parts = [
             Part(each, mirror) for each, mirror in zip((channel, *channel.more), self.mirror.parts, strict=True)
         ]
@@ -291,7 +274,7 @@ class Encoder:
             self._bucket = TokenBucket(channel.rate, max(at_rest, channel.value_quantizer.step))
         self._selectors = tuple(range(len(self._predictors)))
         self._pending: deque[PendingSample] = deque()
-        self.rejected = 0
+        self.rejected = 0  # number of samples that were not finite, and so were not coded
         self.reset()
 
     def reset(self) -> None:
@@ -307,12 +290,12 @@ class Encoder:
             part.newest, part.levels = None, ()
         self._last: Vector | None = None
         self._arrived: Vector | None = None
-        self.bound = 0.0
-        self.widened = False
+        self.bound = 0.0  # deadband of the last sample, widened by the rate limit; its error if no token was left
+        self.widened = False  # whether the rate limit widened it
         rest = self.mirror.joints(0.0) if self._joints else self._channel.rest
-        self.coded: Joints = rest or (0.0,) * (self._joints or 3)
-        self.predicted: Joints | None = None
-        self.held: Joints | None = None
+        self.coded: Joints = rest or (0.0,) * (self._joints or 3)  # the last coded sample as measured
+        self.predicted: Joints | None = None  # the value at the other end for it, before any update
+        self.held: Joints | None = None  # what the other end holds after this tick if nothing was lost
         self._forced = False
 
     def restart(self) -> None:

@@ -20,11 +20,6 @@ class Quantizer:
         axes: the axes that are sent, a subset of "xyz" in that order; the others are exactly 0.
         largest_level: saturation, symmetric; with infinity, `LARGEST` is the only limit.
 
-    Attributes:
-        used: indices of the axes that are sent, and `size` their number.
-        limit: largest magnitude on one axis, in the unit of the step.
-        lowest, highest: opposite corners of the box of all values in range.
-
     Raises:
         ValueError: for a step or axes that are not so.
     """
@@ -37,12 +32,12 @@ class Quantizer:
         if not axes or axes != "".join(axis for axis in "xyz" if axis in axes):
             raise ValueError(f"axes must be a non-empty subset of 'xyz' in that order, not {axes!r}")
         used = tuple("xyz".index(axis) for axis in axes)
-        self.used: Final = used
+        self.used: Final = used  # indices of the axes that are sent
         self.size: Final = len(used)
         self.step: Final = step
-        self.limit: Final = min(step * min(largest_level, LARGEST), LARGEST)
+        self.limit: Final = min(step * min(largest_level, LARGEST), LARGEST)  # largest magnitude on an axis
         x, y, z = (self.limit if axis in axes else 0.0 for axis in "xyz")
-        self.highest: Final = (x, y, z)
+        self.highest: Final = (x, y, z)  # with `lowest`, opposite corners of the box of all values in range
         self.lowest: Final = (-x if x else 0.0, -y if y else 0.0, -z if z else 0.0)
         # Every subset of three axes is a slice; the place of an axis that is not sent is that of a 0 behind the levels.
         self._sent: Final = slice(used[0], used[-1] + 1, used[1] - used[0] if len(used) > 1 else 1)
@@ -105,11 +100,7 @@ class Sample(NamedTuple):
 
 
 class SampleGrid:
-    """The grids of value and position (None if that is the value), and the time between ticks [s].
-
-    Attributes:
-        groups: numbers of levels of the value and of the position that travels with it; `size` is their sum, 1 to 6.
-    """
+    """The grids of value and position (None if that is the value), and the time between ticks [s]."""
 
     __slots__ = ("groups", "period", "position", "size", "value")
 
@@ -117,6 +108,7 @@ class SampleGrid:
         self.value: Final = value
         self.position: Final = position
         self.period: Final = period
+        # Numbers of levels of the value, and of the position that travels with it.
         self.groups: Final[tuple[int, ...]] = (value.size,) if position is None else (value.size, position.size)
         self.size: Final = sum(self.groups)
 

@@ -10,7 +10,7 @@ from hypothesis import given, strategies as st
 
 from tests.codec.law import make_channel
 from tests.codec.signals import Stream
-from tests.codec.test_lookahead import check_that_only_the_delay_is_left
+from tests.codec.test_coder import check_that_only_the_delay_is_left
 from tests.examples import examples
 from weberlink.codec import Decoder, Update, force_channel
 from weberlink.codec.sample import Sample
