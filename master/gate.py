@@ -119,14 +119,19 @@ class ContactWatch:
 
     def end(self) -> bool:
         """End a tick; whether a force is displayed or asked for that is at fault."""
-        # A scheme cannot let go of what it has not heard of: no fault while the other end stands still.
         if not self.limiter.doubtful:
             self._doubted_at = self._answered_at = inf
-        elif self._doubted_at == inf:
+            return False
+        # A scheme cannot let go of what it has not heard of: no fault while the other end stands still.
+        if self._doubted_at == inf:
             self._doubted_at = self._now
+            self._doubt()
         elif self._answered_at == inf and self._endpoint.liveness.encoder_heard_at > self._doubted_at:
             self._answered_at = self._now
         return self.limiter.unfounded and self._now - self._answered_at >= GRACE
+
+    def _doubt(self) -> None:
+        """The bound begins to fall."""
 
     def bound(self, asked: float, decoded: Joints, elapsed: float) -> float:
         """The largest force or torque that may leave now; inf for no bound. `asked`: the largest before fade and slew
@@ -183,25 +188,22 @@ class HandContact(ContactWatch):
 
     def begin(self, tick: float, now: float) -> None:
         self._sent.add(self._hand.sampled)
-        super().begin(tick, now)
-        self._tick = tick
+        self._tick, self._now = tick, now
         newest = self._decoder.newest
-        self._is_stated = (
-            newest is not None and newest is not self._newest_sample and hypot(*newest.value) > self._least_force
-        )
-        self._newest_sample = newest
+        self._is_stated = False
+        if newest is not self._newest_sample:
+            self._newest_sample = newest
+            self._is_stated = newest is not None and hypot(*newest.value) > self._least_force
         if self._is_stated:
             self._since = -inf  # of this contact all is heard
         elif self._hand.felt.asked <= self._least_force:
             self._since, self._asked = now, 0
 
-    def end(self) -> bool:
+    def _doubt(self) -> None:
         # The scheme lets go of a model whose force lasts without a contact. The robot's end is silent while the model
         # of its newest update is right, which is lost by this: so it is asked for a complete one.
-        if self.limiter.doubtful and self._doubted_at == inf:
-            self._hand.control.refute()
-            self._endpoint.request_full_state()
-        return super().end()
+        self._hand.control.refute()
+        self._endpoint.request_full_state()
 
     def _heard(self, decoded: Joints, elapsed: float, round_trip: float | None) -> tuple[float, float]:  # noqa: ARG002
         if self._is_stated:
@@ -313,7 +315,11 @@ class Bound:
         if goal == held:
             self.held, self.arrived = held, True
             return held
-        moved: Joints = ()
+        if arrived and faded is None and len(self.slew) == 1:  # the force of a hand follows: most ticks
+            self.held = moved = toward(held, goal, self.slew[0] * step)
+            self.held_back = moved != goal
+            return moved
+        moved = ()
         for slew, growth in zip(self.slew, self._growth):  # noqa: B905 - strict costs as much as the loop
             here, there, way = held[first : first + width], goal[first : first + width], slew * step
             if faded is not None:

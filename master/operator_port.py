@@ -84,10 +84,13 @@ class Display:
             value = values[index]
             decoded += nothing if value is None or not hypot(*value) < inf else value
         wanted: Joints = self.control.render(decoded)
-        for index, nothing in enumerate(self._nothing, first):
-            last = axis + len(nothing)
-            output += gate.passed(index, wanted[axis:last], decoded[axis:last], step)
-            axis = last
+        if len(self._nothing) == 1:
+            output = gate.passed(first, wanted, decoded, step)
+        else:
+            for index, nothing in enumerate(self._nothing, first):
+                last = axis + len(nothing)
+                output += gate.passed(index, wanted[axis:last], decoded[axis:last], step)
+                axis = last
         self.decoded, self.output, self.asked = decoded, output, gate.bounds[first].asked
         self.control.displayed(output)
         if self._write is not None:

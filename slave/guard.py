@@ -64,8 +64,11 @@ class Approach:
             return held
         way = (self.speed if self.arrived else self.approach_speed) * step
         moved: Joints = ()
-        for first, last in self.spans:
-            moved += self._step_toward(held[first:last], goal[first:last], way)
+        if len(self.spans) == 1:
+            moved = self._step_toward(held, goal, way)
+        else:
+            for first, last in self.spans:
+                moved += self._step_toward(held[first:last], goal[first:last], way)
         self.held = moved
         self.arrived = self.arrived or moved == goal
         return moved
