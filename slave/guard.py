@@ -117,9 +117,10 @@ class Follower(Approach):
     def pursue(self, commanded: Joints, step: float) -> Joints:
         """The command of a tick in session: the one given, bounded by the speed."""
         held = self.advance(commanded, step)
-        share = step / self._ramp
-        is_shown = self.arrived or self.touches
-        self.share = min(1.0, self.share + share) if is_shown else max(0.0, self.share - share)
+        if not (self.arrived or self.touches):
+            self.share = max(0.0, self.share - step / self._ramp)
+        elif self.share < 1.0:
+            self.share = min(1.0, self.share + step / self._ramp)
         self.clipped = self.arrived and held != commanded
         return held
 
@@ -402,13 +403,17 @@ class Guard(Follower):
         if not hypot(*commanded) < inf:
             return self.hold(step)
         bounded: Joints = ()
-        held = self.held
-        self.touches = False
-        for (first, last), press in zip(self.spans, self._presses):  # noqa: B905 - strict costs as much as the loop
-            bounded += press.bounded(
-                commanded[first:last], held[first:last], where[first:last], force[first:last], step
-            )
-            self.touches = self.touches or press.touches
+        held, presses = self.held, self._presses
+        if len(presses) == 1:
+            bounded = presses[0].bounded(commanded, held, where, force, step)
+            self.touches = presses[0].touches
+        else:
+            self.touches = False
+            for (first, last), press in zip(self.spans, presses, strict=True):
+                bounded += press.bounded(
+                    commanded[first:last], held[first:last], where[first:last], force[first:last], step
+                )
+                self.touches = self.touches or press.touches
         self.contact_ticks += bounded != commanded
         goal = self._inside(bounded)
         if self._way_out is not None:
@@ -425,11 +430,5 @@ class Guard(Follower):
     def _inside(self, place: Joints) -> Joints:
         for value, low, high in zip(place, self.lower, self.upper):  # noqa: B905 - strict costs as much as the loop
             if value < low or value > high:
-                break
-        else:
-            return place
-        inside = [
-            low if value < low else high if value > high else value
-            for value, low, high in zip(place, self.lower, self.upper)  # noqa: B905 - strict costs as much as the loop
-        ]
-        return tuple(inside)
+                return tuple([min(max(x, a), b) for x, a, b in zip(place, self.lower, self.upper, strict=True)])
+        return place
