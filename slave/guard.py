@@ -291,16 +291,15 @@ class Guard(Follower):
     sags lies below a command that is no deeper. It follows again once `TRIP_PAUSE` has passed and the command has left
     the contact: as far along the force as the robot has backed off.
 
-    `lower` and `upper` bound what is commanded on each axis [m, or rad]. `contact_ticks`: in which the press limit held
-    the robot back.
+    `workspace` has the least and the largest that is commanded on each axis [m, or rad]. `contact_ticks`: in which the
+    press limit held the robot back.
     """
 
     def __init__(
         self,
         presses: Sequence[PressLimit],
         *,
-        lower: Joints,
-        upper: Joints,
+        workspace: tuple[Joints, Joints],
         trips: Joints,
         speed: float,
         approach_speed: float,
@@ -310,6 +309,7 @@ class Guard(Follower):
     ) -> None:
         if len(presses) != len(trips):
             raise ValueError(f"{len(presses)} press limits, but {len(trips)} of a trip")
+        lower, upper = workspace
         start, width = (0.0,) * len(lower), len(lower) // len(presses)
         super().__init__(start, width, speed=speed, approach_speed=approach_speed, ramp=ramp)
         if not all(low <= high for low, high in zip(lower, upper, strict=True)):

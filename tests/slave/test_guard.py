@@ -220,7 +220,7 @@ both = pytest.mark.parametrize("kind", TRIPS)
 
 def guard(kind: str, **options: Any) -> Guard:
     """Without a press limit, unless `presses` are given."""
-    limits = {"presses": [tip(inf) for _ in TRIPS[kind]], "lower": LOWER, "upper": UPPER, "trips": TRIPS[kind]}
+    limits = {"presses": [tip(inf) for _ in TRIPS[kind]], "workspace": (LOWER, UPPER), "trips": TRIPS[kind]}
     pace = {"speed": SPEED, "approach_speed": APPROACH, "ramp": RAMP, "trip_retract": TRIP_RETRACT}
     return Guard(**limits | pace | options)  # type: ignore[arg-type]
 
@@ -392,7 +392,7 @@ def test_each_part_presses_with_no_more_than_its_limit_and_ticks_that_it_bounds_
 @pytest.mark.parametrize(("lower", "upper"), [((1.0, 0.0, 0.0), (0.0,) * 3), ((nan, 0.0, 0.0), (1.0,) * 3)])
 def test_a_range_that_is_none_is_refused(lower: Joints, upper: Joints) -> None:
     with pytest.raises(ValueError, match="range"):
-        guard("arm", lower=lower, upper=upper)
+        guard("arm", workspace=(lower, upper))
     with pytest.raises(ValueError, match="2 press limits, but 1 of a trip"):
         guard("hand", presses=[tip(), tip()])
 

@@ -58,7 +58,7 @@ def tapped(
 ) -> Outcome:
     """The loop of `RobotPort`, with a hand in place of the link."""
     guard = Guard(
-        [limit], lower=(-1.0,) * 3, upper=(1.0,) * 3, trips=(inf,), speed=SPEED, approach_speed=SPEED,
+        [limit], workspace=((-1.0,) * 3, (1.0,) * 3), trips=(inf,), speed=SPEED, approach_speed=SPEED,
         ramp=0.05, trip_retract=0.01,
     )  # fmt: skip
     robot.open(0.0)

@@ -120,7 +120,7 @@ class FollowingTip(Following):
 
     def __init__(self, at: Vector = ZERO, *, most: float = inf, retract: float = RETRACT) -> None:
         guard = Guard(
-            [PressLimit(most, COUPLING, damping=100.0, contact=LEAST_CONTACT)], lower=LOW, upper=HIGH, trips=(TRIP_N,),
+            [PressLimit(most, COUPLING, damping=100.0, contact=LEAST_CONTACT)], workspace=(LOW, HIGH), trips=(TRIP_N,),
             speed=SPEED, approach_speed=APPROACH, ramp=RAMP, trip_retract=TRIP_RETRACT, retract=retract,
         )  # fmt: skip
         tool = ToolOrientation(speed=TURN, approach_speed=TURN_APPROACH, ramp=RAMP)
@@ -137,7 +137,7 @@ class FollowingArm(Following):
         arm = Servos(**how)
         presses = [axis_press_limit(m, k, 0.0) for m, k in zip((0.8, 0.8, 0.4), arm.spec.stiffness_nm_rad, strict=True)]
         guard = Guard(
-            presses, lower=(-1.8, -1.2, 0.0), upper=(1.8, 1.2, 0.9), trips=(2.0, 2.0, 1.0),
+            presses, workspace=((-1.8, -1.2, 0.0), (1.8, 1.2, 0.9)), trips=(2.0, 2.0, 1.0),
             speed=4.0, approach_speed=0.5, ramp=0.05, trip_retract=TRIP_RETREAT,
         )  # fmt: skip
         super().__init__(arm, guard, sensors("torques", arm.spec), fault=ArmFault)

@@ -106,8 +106,7 @@ class Side:
         self._opened_at = 0.0
         self._session = 0  # number of the session, as the endpoint counts them; 0 before the first
         self._encodes = False
-        self._is_fresh = self._is_first = True
-        self._is_paused = False
+        self._is_fresh, self._is_paused = True, False
         self._is_unfounded, self._undelivered = False, 0
         self._last_reading_at = nan
         self._sensed_at = inf  # when a usable reading came last, or the first was asked for; inf before that
@@ -356,10 +355,13 @@ class Side:
             case StopAsked(name):
                 self.emergency(now, name)
             case TakenOver(name):
-                self._give_up(Fault.TAKEN_OVER, f"taken over by {name}", now)
+                self._faults.meet(Fault.TAKEN_OVER)
+                self.give_up(now, f"taken over by {name}")
             case Refused(message):
                 self.peer = self.peer._replace(refusal=message)
-                self._give_up(Fault.REFUSED, f"refused: {message}", now)
+                self._faults.meet(Fault.REFUSED)
+                if self._leads:  # a slave waits for another call
+                    self.give_up(now, f"refused: {message}")
 
     def _guarded(self, take: Callable[..., Any], *contents: Any) -> Any:
         """Let something take contents of the peer; None if they made it raise."""
@@ -388,37 +390,26 @@ class Side:
 
     def _begin(self) -> None:
         """Begin a new session: nothing of the last one holds but a trip, which concerns the robot's contact."""
-        self._session = self.endpoint.sessions
-        grant = self.endpoint.peer_grant
-        self.peer = PeerFacts(
-            self.endpoint.peer_name, key=grant.number, right=grant.right.value if grant.number else ""
-        )
-        self._forget()
-        self._is_fresh = True
+        endpoint, is_first = self.endpoint, self._session == 0
+        grant = endpoint.peer_grant
+        self.peer = PeerFacts(endpoint.peer_name, key=grant.number, right=grant.right.value if grant.number else "")
+        self._forget(is_first=is_first)
+        self._session, self._is_fresh = endpoint.sessions, True
         for control in self.port.controls:
             control.reset()
         self.tuning.reset()
         self._faults.clear(*(fault for fault in Fault if fault is not Fault.TRIPPED))
 
-    def _forget(self) -> None:
+    def _forget(self, *, is_first: bool = False) -> None:
         self._waiting.clear()
         for outgoing in self.outgoing:
             outgoing.encoder.reset()
-            if not self._is_first:  # the peer must prove that it holds something: send it, even if it is nothing
+            if not is_first:  # the peer must prove that it holds something: send it, even if it is nothing
                 outgoing.encoder.restart()
-        self._is_first = False
         for incoming in self.incoming:
             incoming.decoder.reset()
         self.port.reset()
         self._encodes = self.engaged = self._is_paused = False
-
-    def _give_up(self, fault: Fault, why: str, now: float) -> None:
-        """The slave does not serve this master: fade out, and end the run as failed."""
-        self._faults.meet(fault)
-        if not self._leads:  # the slave waits for another call
-            return
-        self.failure = self.failure or why
-        self.stop(now, fault.name.lower().replace("_", " "))
 
     # --- the parts of a tick
 
@@ -466,8 +457,7 @@ class Side:
         self._faults.meet(Fault.DEVICE)
         self._encodes = False
         self.port.restart()
-        self.failure = f"{self.port.kind} fault: {complaint}"
-        self.stop(now, self.failure)
+        self.give_up(now, f"{self.port.kind} fault: {complaint}")
 
     def _engage(self, now: float) -> None:
         """Decide whether this tick may encode, and act on the peer's updates; begin afresh when either begins again."""

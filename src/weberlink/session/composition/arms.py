@@ -66,7 +66,7 @@ def build_following(configuration: Configuration, endpoint: Endpoint) -> Parts:
     system, follower = configuration.system, build_follower(configuration)
     spec, limits = follower.spec, system.slave.limits
     own = limits.joints or FollowerLimits()
-    lower, upper = angle_limits(system, spec)
+    workspace = angle_limits(system, spec)
     presses = within("slave.limits.joints.press_nm", own.press_nm, spec.torque_nm)
     received, sent = streams(system)
     sensors = sensors_of(spec, "torques", sent)
@@ -75,8 +75,7 @@ def build_following(configuration: Configuration, endpoint: Endpoint) -> Parts:
             axis_press_limit(most, stiffness, spec.torque_error_nm)
             for most, stiffness in zip(presses, spec.stiffness_nm_rad, strict=True)
         ],
-        lower=lower,
-        upper=upper,
+        workspace=workspace,
         trips=within("slave.limits.joints.trip_nm", own.trip_nm, spec.torque_nm),
         speed=own.speed_rad_s,
         approach_speed=own.approach_rad_s,
@@ -85,7 +84,7 @@ def build_following(configuration: Configuration, endpoint: Endpoint) -> Parts:
     )
     by_button = system.master.engage is not None
     port = RobotPort(follower, guard=guard, sensors=sensors, endpoint=endpoint, by_button=by_button, fault=ArmFault)
-    port.angle_range = lower, upper
+    port.angle_range = workspace
     incoming = [IncomingChannel(Decoder(each)) for each in received]
     return Parts(port, sensors, incoming, build_tuning(system, sensors[0].encoder))
 

@@ -46,15 +46,13 @@ def build_led(configuration: Configuration, endpoint: Endpoint, stopwatch: Calla
         from weberlink.slave.rotation import ToolOrientation, ToolTorque  # noqa: PLC0415 - for six degrees of freedom
 
         tool = ToolOrientation(speed=limits.turn_rad_s, approach_speed=limits.approach_turn_rad_s, ramp=ramp)
-    lower, upper = workspace_of(configuration, robot)
     force = ContactForce(Encoder(backward[0]), spec.stiffness_n_m)
     press = PressLimit(press_limit(system, robot), spec.stiffness_n_m, damping=DAMPING_MOST, contact=LEAST_CONTACT)
     port = RobotPort(
         robot,
         guard=Guard(
             [press],
-            lower=lower,
-            upper=upper,
+            workspace=workspace_of(configuration, robot),
             trips=(spec.force_n if limits.trip_n is None else limits.trip_n,),
             speed=limits.speed_m_s,
             approach_speed=limits.approach_speed_m_s,
