@@ -82,10 +82,9 @@ class Liveness:
         silent_at: when one of the limits is passed if nothing more is heard.
         round_trip, generation: R that this end uses now, and its parity.
         limit: largest loop age, S + R; nothing is executed, and nothing is repeated, that is older.
-        is_agreed: whether there is a round trip; a responder learns it from the first datagrams of the initiator.
         is_opening: whether nothing that left in this session was confirmed yet, and the path is so long that the first
             confirmation cannot be there in time. Then the session is given time for one round trip, but must not drive.
-        opened_at: when the session had a round trip.
+        opened_at: since when there is a round trip; a responder learns it from the first datagrams of the initiator.
         generation_heard_at: arrival of the first datagram that used the present round trip.
     """
 
@@ -100,7 +99,7 @@ class Liveness:
         self.round_trip = 0.0
         self._round_trips = [0.0, 0.0]
         self.generation = 0
-        self.is_agreed = self.is_opening = False
+        self.is_opening = False
         self.opened_at = -inf
         self.generation_heard_at = inf
         self._departure = departure
@@ -117,7 +116,6 @@ class Liveness:
     def agree(self, round_trip: float, now: float) -> None:
         """Begin with this round trip [s], as generation 0."""
         self._round_trips = [round_trip, round_trip]
-        self.is_agreed = True
         self.is_opening = 2.0 * round_trip > self._silence
         self.opened_at = self.generation_heard_at = now
         self._counts_from = inf if self.is_opening else self._counts_from

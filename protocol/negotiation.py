@@ -86,8 +86,9 @@ class Negotiation:
         self._repeat_at = self.due = now + max(PACE, PACE_SHARE * rtt)
         return self._proposal
 
-    def on_proposal(self, number: int, tick: int, body: bytes) -> ChangeProposed | None:
-        """Receive a proposal with its full tick; None for a repeated one, which is answered again if it is the newest.
+    def on_proposal(self, number: int, tick: int, body: bytes, at: float) -> ChangeProposed | None:  # noqa: ARG002
+        """Receive a proposal with its full tick, which begins `at` by the mapped clocks, or now if that is past [s];
+        None for a repeated one, which is answered again if it is the newest.
 
         A proposer goes on to the next number only when the last one is answered, so any other number is of the past."""
         if self._answering == (number, tick):
@@ -99,7 +100,7 @@ class Negotiation:
         self._proposed = ChangeProposed(tick, body)
         return self._proposed
 
-    def on_answer(self, number: int, body: bytes) -> ChangeAnswered | None:
+    def on_answer(self, number: int, body: bytes, now: float) -> ChangeAnswered | None:  # noqa: ARG002
         """Receive an answer; None if it answers no present proposal of ours."""
         if self._proposal is None or number != self._proposal[0] or not body:
             return None
@@ -164,9 +165,9 @@ class RoundTripAgreement(Negotiation):
         liveness.expect(milliseconds * 1e-3)  # as the peer will, to the last bit
         self.propose(ceil((tick_at + ahead) / self._tick_period), milliseconds.to_bytes(_BYTES, "big"), now)
 
-    def answer_proposal(self, number: int, tick: int, body: bytes, ahead: float, now: float) -> None:
-        """Answer a proposal of the initiator; `ahead` is how far its tick is from now, by the mapped clocks [s]."""
-        proposed = self.on_proposal(number, tick, body)
+    def on_proposal(self, number: int, tick: int, body: bytes, at: float) -> None:
+        """Answer a proposal of the initiator."""
+        proposed = super().on_proposal(number, tick, body, at)
         if proposed is None:
             return
         milliseconds = int.from_bytes(body, "big")
@@ -174,11 +175,11 @@ class RoundTripAgreement(Negotiation):
             self.answer(proposed, "")
             return
         self._liveness.expect(milliseconds * 1e-3)
-        self.switch_at = now + max(ahead, 0.0)
+        self.switch_at = at
         self.answer(proposed, None)
 
-    def take_answer(self, number: int, body: bytes, now: float) -> None:
-        answer = self.on_answer(number, body)
+    def on_answer(self, number: int, body: bytes, now: float) -> None:
+        answer = super().on_answer(number, body, now)
         if answer is not None and answer.refusal is None:
             self.switch_at = max(now, self._switches_at)
 

@@ -26,7 +26,6 @@ EXPIRY: Final = 3.0  # how long a session may be silent without a break [s]; tim
 SLACK: Final = 0.001  # added to the measured bound on delays, because both ends work in ticks [s]
 UNMEASURED_RTT: Final = 0.2  # assumed round trip until it is measured [s]
 LOSS_STEP: Final = 0.02  # change of the measured loss that is reported with the next heartbeat
-_CHANGE_TICK_MASK: Final = (1 << wire.CHANGE_TICK_BITS) - 1
 _TICK_MASK: Final = (1 << wire.TICK_BITS) - 1
 
 Outcome = UpdateReceived | PeerClosed | ChangeProposed | ChangeAnswered | PathProbe | DropReason | None
@@ -40,7 +39,6 @@ class Session:
         silent_since: when the present silence began [s]; inf without one.
         sequence, is_fresh, is_newest: of the authentic datagram that came last: its number, whether it was fresh
             (`Liveness.is_fresh`), and whether none that was sent after it was accepted before it.
-        is_confirmed: whether the peer was heard under the keys of this session.
         said_encoding: whether our newest datagram said that our encoder runs.
         copies: how often to send at once, on this link, what must not be lost.
         is_proven: whether an update of each stream of either end is known to have arrived at the other, or need not be;
@@ -73,7 +71,7 @@ class Session:
         self.round_trip = RoundTripAgreement(self.liveness, longest_round_trip, end.tick_period, proposes=end.calls)
         self.silent_since = inf
         self.sequence = 0
-        self.is_fresh = self.is_newest = self.is_confirmed = self.said_encoding = False
+        self.is_fresh = self.is_newest = self.said_encoding = False
         self.is_proven = True
         self._loss = LossMeter()
         # What the peer sends.
@@ -133,7 +131,6 @@ class Session:
         if now - self._marked_at >= self._silence:
             self._floor, self._mark, self._marked_at = self._mark, newest, now
         self._statistics.lost += self._loss.record(sequence)
-        self.is_confirmed = True
         try:
             content = self._incoming.read(said)
         except ValueError:
@@ -145,7 +142,7 @@ class Session:
         if sequence <= self._floor:
             return DropReason.STALE
         clock.record(departure, now)
-        if not self.liveness.is_agreed:  # a responder learns the round trip, if the user allows it
+        if self.liveness.opened_at == -inf:  # a responder learns the round trip, if the user allows it
             round_trip_ms = content.round_trip_ms
             if round_trip_ms is None or round_trip_ms > in_ms(self.round_trip.longest):
                 return DropReason.UNTIMED
@@ -239,21 +236,16 @@ class Session:
 
     def _deliver_change(self, content: Content, departure: float, now: float) -> Outcome:
         number, body = content.selector, content.data
+        negotiation = self.negotiation if number < NUMBERS else self.round_trip
         if content.mark:
-            if number < NUMBERS:
-                return self.negotiation.on_answer(number, body)
-            self.round_trip.take_answer(number, body, now)
-            return None
+            return negotiation.on_answer(number, body, now)
         sent_tick = departure / self._tick_period
         tick = expand_counter(content.tick, wire.CHANGE_TICK_BITS, int(sent_tick))
         if abs(tick - sent_tick) * self._tick_period > CHANGE_AHEAD:
             return DropReason.IMPLAUSIBLE
-        if number < NUMBERS:
-            return self.negotiation.on_proposal(number, tick, body)
         peer_time = self.clock.peer_time(now)
-        if peer_time is not None:
-            self.round_trip.answer_proposal(number, tick, body, tick * self._tick_period - peer_time, now)
-        return None
+        at = now if peer_time is None else now + (tick * self._tick_period - peer_time)
+        return negotiation.on_proposal(number, tick, body, max(now, at))
 
     def _acknowledge(self, stream: int, number: int, tick: int) -> None:
         """Acknowledge an update of the peer from now on; with 0, that this end holds none."""
@@ -333,11 +325,11 @@ class Session:
 
     def send_heartbeat(self, now: float, *, is_encoding: bool = False) -> bytes:
         """The datagram of a heartbeat, which may report our measurements and ask for an answer."""
-        asks = self.heartbeats.asks(now)
+        asks, is_confirmed = self.heartbeats.asks(now), self._replay.newest >= 0
         report = self._report(must=self.heartbeats.reports(now))
         envelope, sequence = self._envelope(now)
         self.heartbeats.sent(now, self.liveness.heard_at)
-        self.heartbeats.sent_heartbeat(now, has_reported=report is not None, is_confirmed=self.is_confirmed)
+        self.heartbeats.sent_heartbeat(now, has_reported=report is not None, is_confirmed=is_confirmed)
         self._statistics.heartbeats += 1
         self.said_encoding = is_encoding
         clear = wire.pack_heartbeat(
@@ -345,7 +337,7 @@ class Session:
             self._newest_ticks(),
             report,
             self.credit.granted if self._end.carries_credit else None,
-            round_trip_ms=None if self.is_confirmed or not self._end.calls else in_ms(self.liveness.round_trip),
+            round_trip_ms=None if is_confirmed or not self._end.calls else in_ms(self.liveness.round_trip),
             asks=asks,
             is_encoding=is_encoding,
         )
@@ -385,8 +377,7 @@ class Session:
         if message is None:
             return None
         number, tick, body, is_answer = message
-        body, tick = body[: wire.LONGEST_CHANGE], tick & _CHANGE_TICK_MASK
-        return self.send(now, wire.CHANGE, body, mark=is_answer, selector=number, tick=tick)
+        return self.send(now, wire.CHANGE, body[: wire.LONGEST_CHANGE], mark=is_answer, selector=number, tick=tick)
 
     def _envelope(self, now: float) -> tuple[Envelope, int]:
         """Envelope of the next datagram, which leaves now, and its number in full."""

@@ -265,9 +265,9 @@ def pack_heartbeat(
 def pack(
     envelope: Envelope, kind: int, data: bytes, *, mark: bool = False, selector: int = 0, tick: int | None = None
 ) -> bytes:
-    """A farewell, a path, or a change with its tick, which is truncated already."""
+    """A farewell, a path, or a change with its tick."""
     head = _pack_head(kind | mark * MARK | selector << _SELECTOR_SHIFT, envelope)
-    return to_bytes(head if tick is None else head << CHANGE_TICK_BITS | tick) + data
+    return to_bytes(head if tick is None else head << CHANGE_TICK_BITS | tick & (1 << CHANGE_TICK_BITS) - 1) + data
 
 
 def cut(reason: str) -> bytes:

@@ -50,7 +50,7 @@ def test_one_proposal_at_a_time() -> None:
 def test_only_a_new_proposal_is_told_and_only_the_present_one_answered() -> None:
     negotiation, former = Negotiation(), None
     for number in range(1, 3 * NUMBERS):
-        proposal = negotiation.on_proposal(number % NUMBERS, 100 + number, BODY)
+        proposal = negotiation.on_proposal(number % NUMBERS, 100 + number, BODY, 0.0)
         assert proposal is not None
         if former is not None:
             negotiation.answer(former, None)
@@ -59,17 +59,17 @@ def test_only_a_new_proposal_is_told_and_only_the_present_one_answered() -> None
         assert negotiation.due == -inf and (negotiation.take(0.0, 0.0) or BODY)[0] == number % NUMBERS
         former = proposal
         for past in range(1, min(number, NUMBERS - 2)):
-            assert negotiation.on_proposal((number - past) % NUMBERS, 100 + number - past, BODY) is None
+            assert negotiation.on_proposal((number - past) % NUMBERS, 100 + number - past, BODY, 0.0) is None
 
 
 def test_only_an_answer_to_the_present_proposal_counts_once() -> None:
     negotiation = Negotiation()
-    assert negotiation.on_answer(3, b"\x01") is None
+    assert negotiation.on_answer(3, b"\x01", 0.0) is None
     negotiation.propose(10, BODY, 0.0)
-    assert negotiation.on_answer(7, b"\x01") is None
-    assert negotiation.on_answer(1, b"") is None
-    assert negotiation.on_answer(1, b"\x01") == ChangeAnswered(10, BODY, None)
-    assert negotiation.on_answer(1, b"\x00late") is None
+    assert negotiation.on_answer(7, b"\x01", 0.0) is None
+    assert negotiation.on_answer(1, b"", 0.0) is None
+    assert negotiation.on_answer(1, b"\x01", 0.0) == ChangeAnswered(10, BODY, None)
+    assert negotiation.on_answer(1, b"\x00late", 0.0) is None
 
 
 @pytest.mark.parametrize("rtt", [0.0, 0.005, 0.1, 1.0])
@@ -220,7 +220,7 @@ def test_next_value_waits_until_no_datagram_of_the_one_before_counts() -> None:
 
     assert not proposes(0.05, SILENCE) and not proposes(0.015, 1.0)
     assert proposes(0.05, 1.0) and agreement.switch_at == inf
-    agreement.take_answer(agreement.take(1.0, 0.0)[0], ACCEPTED, 1.1)
+    agreement.on_answer(agreement.take(1.0, 0.0)[0], ACCEPTED, 1.1)
     assert not agreement.advance(1.149) and agreement.advance(1.0 + 2.0 * 0.05 + SWITCH_AHEAD)
     assert liveness.round_trip == pytest.approx(0.05)
     assert not proposes(0.2, 2.0), "the other end has not switched yet"
