@@ -80,6 +80,7 @@ class Liveness:
         proven_at: by stream of the peer, when this end was last known to hold all its updates.
         in_touch_at: the end is in touch until then, and fades as time passes since then.
         silent_at: when one of the limits is passed if nothing more is heard.
+        silence: S.
         round_trip, generation: R that this end uses now, and its parity.
         limit: largest loop age, S + R; nothing is executed, and nothing is repeated, that is older.
         is_opening: whether nothing that left in this session was confirmed yet, and the path is so long that the first
@@ -95,7 +96,7 @@ class Liveness:
         `confirmed_at` is the departure of our datagram that it answers; -inf if it answers none. The peer sends so many
         streams."""
         self._epoch = epoch
-        self._silence = self.limit = silence
+        self.silence = self.limit = silence
         self.round_trip = 0.0
         self._round_trips = [0.0, 0.0]
         self.generation = 0
@@ -116,7 +117,7 @@ class Liveness:
     def agree(self, round_trip: float, now: float) -> None:
         """Begin with this round trip [s], as generation 0."""
         self._round_trips = [round_trip, round_trip]
-        self.is_opening = 2.0 * round_trip > self._silence
+        self.is_opening = 2.0 * round_trip > self.silence
         self.opened_at = self.generation_heard_at = now
         self._counts_from = inf if self.is_opening else self._counts_from
         self._use(round_trip)
@@ -132,30 +133,30 @@ class Liveness:
         self._use(self._round_trips[self.generation])
 
     def _use(self, round_trip: float) -> None:
-        self.round_trip, self.limit = round_trip, self._silence + round_trip
+        self.round_trip, self.limit = round_trip, self.silence + round_trip
         self._update()
 
     def _update(self) -> None:
         loop_from, heard_at = self.confirmed_at + self.round_trip, self.encoder_heard_at
         held_from = max(self._unheld_since, self._counts_from) + self.round_trip
         self.in_touch_at = min(loop_from, heard_at, held_from)
-        self.held_until = held_from + self._silence if self._is_proven else -inf
+        self.held_until = held_from + self.silence if self._is_proven else -inf
         self.undelivered_at = min(held_from, max(heard_at, self._runs_from) + self.round_trip) + self.limit
         if self.is_opening:
             self.silent_at = self.opened_at + self.limit
         else:
-            self.silent_at = min(self.heard_at, loop_from) + self._silence
+            self.silent_at = min(self.heard_at, loop_from) + self.silence
 
     def is_fresh(self, age: float | None, generation: int) -> bool:
         """Whether a datagram of this age by the mapped clocks counts [s]; also while they are not mapped (None).
 
         The mapping errs by at most half the round trip, so the true age of a fresh datagram is at most S + R. R is the
         smaller one of both ends: otherwise an echo could wrap as R rises."""
-        return age is None or age <= self._silence + 0.5 * min(self.round_trip, self._round_trips[generation])
+        return age is None or age <= self.silence + 0.5 * min(self.round_trip, self._round_trips[generation])
 
     def echo(self, now: float) -> int:
         """The echo of a datagram that leaves now."""
-        if now - self.heard_at > self._silence:
+        if now - self.heard_at > self.silence:
             return DEAF
         return floor(self._departure / (self.limit / UNITS)) % _MODULUS
 
@@ -172,7 +173,7 @@ class Liveness:
             self.generation_heard_at = now
         confirmed = -inf  # departure of our newest datagram that the sender of this echo had heard
         if echo != DEAF:
-            unit = (self._silence + self._round_trips[generation]) / UNITS
+            unit = (self.silence + self._round_trips[generation]) / UNITS
             latest = floor((now - self._epoch) / unit) + 1  # a rounding may put an echo of just now ahead of now
             confirmed = self._epoch + (latest - (latest - echo) % _MODULUS) * unit
             confirmed = confirmed if confirmed < now else now
@@ -201,7 +202,7 @@ class Liveness:
             self.proven_at[stream] = now
             proven_at = min(max(self.proven_at), min(self.proven_at) + self.round_trip)
             if proven_at > -inf:
-                self.encoder_heard_at, self.encodes_until = proven_at, proven_at + self._silence
+                self.encoder_heard_at, self.encodes_until = proven_at, proven_at + self.silence
         self._update()
 
     def hold(self, unheld_since: float, *, is_proven: bool) -> None:
@@ -230,28 +231,27 @@ class HeartbeatSchedule:
     Any datagram tells what is wanted: new credit (`is_credit_wanted`), or that this end is there (`is_answer_wanted`).
     """
 
-    def __init__(self, now: float, *, silence: float, tick_period: float) -> None:
+    def __init__(self, liveness: Liveness, now: float, tick_period: float) -> None:
         """Begin with one that is due. A heartbeat may be late by a tick period."""
-        self._fade = FADE_SHARE * silence
-        self._horizon = HORIZON_SHARE * silence
+        silence = liveness.silence
+        self._liveness, self._tick_period = liveness, tick_period
+        self._fade, self._horizon = FADE_SHARE * silence, HORIZON_SHARE * silence
         self._limits = (self._fade, CHANCE_FADES_PER_S, 0), (silence, FALSE_ALARMS_PER_S, LEAST_QUESTIONS)
-        self._silence, self._tick_period = silence, tick_period
         self._introductions = INTRODUCTIONS
         self.is_answer_wanted = self.is_credit_wanted = self._must_ask = False
-        self._confirmed_at = self._heard_at = self._echoed_at = now
-        self._round_trip = 0.0
+        self._echoed_at = now
         self._asked_at = -inf
         self._sent_at = self._heartbeat_at = self._reported_at = now - REPORT_INTERVAL
-        self.adapt(0.0, 0.0, inf, 0.0, 0.0)
+        self.adapt(0.0, 0.0, inf, 0.0)
 
-    def adapt(self, outgoing: float, incoming: float, rtt: float, jitter: float, round_trip: float) -> None:
-        """Take new measurements of the link: loss of each direction, 0..1; measured round trip, infinite while unknown,
-        and its jitter; the round trip that both ends have agreed on [s]."""
-        path = (0.0 if rtt == inf else rtt) + jitter
+    def adapt(self, outgoing: float, incoming: float, rtt: float, jitter: float) -> None:
+        """Take new measurements of the link, and the round trip that both ends have agreed on: loss of each direction,
+        0..1; measured round trip, infinite while unknown, and its jitter [s]."""
+        path, round_trip = (0.0 if rtt == inf else rtt) + jitter, self._liveness.round_trip
         late = LATE_TICKS * self._tick_period
-        overhead = path + late + (self._silence + round_trip) / UNITS
+        overhead = path + late + self._liveness.limit / UNITS
         unanswered = 1.0 - (1.0 - outgoing) * (1.0 - incoming)
-        shortest = LEAST_SHARE * self._silence
+        shortest = LEAST_SHARE * self._liveness.silence
         age = min(LONGEST_ECHO_AGE, self._fade + round_trip - overhead)
         for limit, rate, least in self._limits:
             needed = max(least, questions_needed(unanswered, rate * shortest))
@@ -259,7 +259,6 @@ class HeartbeatSchedule:
         self.max_echo_age = max(min(DENSEST, 2.0 * shortest) if unanswered > 0.0 else 2.0 * shortest, age)
         self.credit_interval = max(shortest, 0.5 * self.max_echo_age)
         self.max_gap = self._longest_gap(outgoing, unanswered, shortest, path, jitter)
-        self._round_trip = round_trip
         self._ask_after = self.max_echo_age + overhead
         self._ask_after_quiet = self._longest_gap(incoming, unanswered, shortest, path, jitter) + jitter + late
         self._answered_in = rtt + jitter + 2.0 * self._tick_period
@@ -281,13 +280,9 @@ class HeartbeatSchedule:
             gap = min(gap, self._longest_pause(limit - jitter - late, losses, questions, path))
         return min(self.max_echo_age, max(shortest, gap))
 
-    def heard(self, now: float, confirmed_at: float) -> None:
-        """A fresh datagram of the peer came, and the peer is known to have heard what left at `confirmed_at` [s]."""
-        self._heard_at, self._confirmed_at = now, confirmed_at
-
-    def sent(self, now: float, heard_at: float) -> None:
-        """A datagram of any kind went out, with the present credit and the echo of one that came at `heard_at`."""
-        self._sent_at, self._echoed_at = now, heard_at
+    def sent(self, now: float) -> None:
+        """A datagram of any kind went out, with the present credit and the echo of the newest one that was heard."""
+        self._sent_at, self._echoed_at = now, self._liveness.heard_at
         self.is_answer_wanted = self.is_credit_wanted = False
 
     def sent_heartbeat(self, now: float, *, has_reported: bool, is_confirmed: bool) -> None:
@@ -306,8 +301,9 @@ class HeartbeatSchedule:
 
     def asks(self, now: float) -> bool:
         """Whether a heartbeat sent now asks for an answer: a datagram is missing, and an answer can be in time."""
-        last = max(self._confirmed_at + self._round_trip, self._heard_at) + self._silence - self._answered_in
-        return self._must_ask or self._ask_due() <= now <= last
+        liveness = self._liveness
+        last = max(liveness.confirmed_at + liveness.round_trip, liveness.heard_at) + liveness.silence
+        return self._must_ask or self._ask_due() <= now <= last - self._answered_in
 
     def reports(self, now: float) -> bool:
         """Whether a heartbeat sent now must report."""
@@ -320,7 +316,7 @@ class HeartbeatSchedule:
         if self.is_answer_wanted:
             return self._sent_at
         due = min(self._reported_at + REPORT_INTERVAL, self._sent_at + self.max_gap, self._ask_due())
-        if self._heard_at > self._echoed_at:
+        if self._liveness.heard_at > self._echoed_at:
             due = min(due, self._echoed_at + self.max_echo_age)
         if self.is_credit_wanted:
             due = min(due, self._sent_at + self.credit_interval)
@@ -328,10 +324,10 @@ class HeartbeatSchedule:
 
     def _ask_due(self) -> float:
         """When a datagram is missing that was due by either limit, if an answer can come before that limit."""
-        paced, silence = self._asked_at + ASK_PACE, self._silence
-        loop = max(self._confirmed_at + self._ask_after, paced)
-        quiet = max(self._heard_at + self._ask_after_quiet, paced)
-        loop_ends, quiet_ends = self._confirmed_at + silence + self._round_trip, self._heard_at + silence
+        liveness, paced = self._liveness, self._asked_at + ASK_PACE
+        confirmed_at, heard_at = liveness.confirmed_at, liveness.heard_at
+        loop, quiet = max(confirmed_at + self._ask_after, paced), max(heard_at + self._ask_after_quiet, paced)
+        loop_ends, quiet_ends = confirmed_at + liveness.limit, heard_at + liveness.silence
         return min(
             loop if loop + self._answered_in <= loop_ends else inf,
             quiet if quiet + self._answered_in <= quiet_ends else inf,

@@ -66,7 +66,7 @@ class Session:
         self.credit = Credit()
         streams = len(end.receives.updates)
         self.liveness = Liveness(end.epoch, end.silence, peer_clock, now, confirmed_at, streams)
-        self.heartbeats = HeartbeatSchedule(now, silence=end.silence, tick_period=end.tick_period)
+        self.heartbeats = HeartbeatSchedule(self.liveness, now, end.tick_period)
         self.negotiation = Negotiation()
         self.round_trip = RoundTripAgreement(self.liveness, longest_round_trip, end.tick_period, proposes=end.calls)
         self.silent_since = inf
@@ -186,14 +186,8 @@ class Session:
 
     def _pace(self) -> None:
         """Send heartbeats as the present measurements and the agreed round trip need them."""
-        clock = self.clock
-        self.heartbeats.adapt(
-            self._statistics.outgoing_loss,
-            self._loss.fraction,
-            inf if clock.rtt is None else clock.rtt,
-            clock.jitter,
-            self.liveness.round_trip,
-        )
+        rtt, jitter = self.clock.rtt, self.clock.jitter
+        self.heartbeats.adapt(self._statistics.outgoing_loss, self._loss.fraction, inf if rtt is None else rtt, jitter)
 
     def _deliver(self, content: Content, departure: float, now: float) -> Outcome:  # noqa: PLR0911 - as above
         kind, liveness = content.kind, self.liveness
@@ -202,7 +196,6 @@ class Session:
             return DropReason.STALE
         self.is_fresh = True
         is_current = liveness.hear(departure, content.echo, content.generation, now)
-        self.heartbeats.heard(now, liveness.confirmed_at)
         if kind == wire.HEARTBEAT:
             runs = content.selector & wire.ENCODES != 0
             liveness.hear_encoder(self.sequence, now, runs=runs, streams=self._current(content.tick))
@@ -291,7 +284,7 @@ class Session:
         envelope, sequence = self._envelope(now)
         lag = round(self._departed / self._tick_period) - update.tick
         ticks = self._newest_ticks() if len(self._streams) > 1 else 0
-        self.heartbeats.sent(now, self.liveness.heard_at)
+        self.heartbeats.sent(now)
         clear = stream.layout.pack(envelope, lag, update, self.credit.granted, ticks)
         return sequence, self._protection.seal(sequence, clear, now)
 
@@ -328,7 +321,7 @@ class Session:
         asks, is_confirmed = self.heartbeats.asks(now), self._replay.newest >= 0
         report = self._report(must=self.heartbeats.reports(now))
         envelope, sequence = self._envelope(now)
-        self.heartbeats.sent(now, self.liveness.heard_at)
+        self.heartbeats.sent(now)
         self.heartbeats.sent_heartbeat(now, has_reported=report is not None, is_confirmed=is_confirmed)
         self._statistics.heartbeats += 1
         self.said_encoding = is_encoding

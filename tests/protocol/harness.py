@@ -29,7 +29,7 @@ from weberlink.protocol import (
     UpdateReceived,
 )
 from weberlink.protocol.emulation import EmulatedLink, Emulation
-from weberlink.protocol.liveness import HeartbeatSchedule
+from weberlink.protocol.liveness import HeartbeatSchedule, Liveness
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Checksum, Protection, Security
 from weberlink.protocol.wire import Kind
@@ -44,7 +44,7 @@ AGREEMENT = {"rate_hz": 1000, "codec.force.weber": 0.1, "codec.force.predictor":
 TICK = 0.001
 CLEAR = Emulation(delay_s=0.001)
 SILENCE = 0.1
-GAP = HeartbeatSchedule(0.0, silence=SILENCE, tick_period=TICK).max_gap  # between datagrams, without delay [s]
+GAP = HeartbeatSchedule(Liveness(0.0, SILENCE, 0.0, 0.0), 0.0, TICK).max_gap  # between datagrams, without delay [s]
 MENDED_WITHIN = 0.16
 """Time after the last loss, if nobody fell silent, in which the newest update arrives: one gap of the other end for the
 evidence, and the longest pace between two repeats [s]."""

@@ -132,8 +132,8 @@ def test_heartbeats_keep_their_gap() -> None:
     pair = Pair().engage().run(1.0)
     before = len(pair.tap)
     pair.run(10.0)
-    schedule = HeartbeatSchedule(0.0, silence=SILENCE, tick_period=0.001)
-    schedule.adapt(0.0, 0.0, 0.002, 0.0, pair.master.endpoint.liveness.round_trip)  # 1 ms each way
+    schedule = HeartbeatSchedule(pair.master.endpoint.liveness, 0.0, TICK)
+    schedule.adapt(0.0, 0.0, 0.002, 0.0)  # 1 ms each way
     assert len(pair.tap) - before == pytest.approx(10.0 * 3.0 / schedule.max_echo_age, rel=0.05)
     for side in pair.sides:
         times = [at for at, sender, _ in pair.tap[before:] if sender is side]

@@ -133,21 +133,27 @@ def test_age_counts_against_the_smaller_of_the_two_round_trips() -> None:
 # --- heartbeats
 
 
-def introduced(now: float = 0.0, silence: float = SILENCE) -> HeartbeatSchedule:
-    schedule = HeartbeatSchedule(now, silence=silence, tick_period=TICK)
-    for _ in range(INTRODUCTIONS):
-        pulse(schedule, now)
+def introduced(silence: float = SILENCE, round_trip: float = 0.0, beats: int = INTRODUCTIONS) -> HeartbeatSchedule:
+    end = Liveness(0.0, silence, 0.0, 0.0, confirmed_at=0.0)
+    end.agree(round_trip, 0.0)
+    schedule = HeartbeatSchedule(end, 0.0, TICK)
+    for _ in range(beats):
+        pulse(schedule, 0.0)
     return schedule
 
 
-def pulse(schedule: HeartbeatSchedule, now: float, *, heard_at: float = 0.0, is_confirmed: bool = True) -> None:
+def hear(schedule: HeartbeatSchedule, now: float, confirmed_at: float) -> None:
+    schedule._liveness.heard_at, schedule._liveness.confirmed_at = now, confirmed_at
+
+
+def pulse(schedule: HeartbeatSchedule, now: float, *, is_confirmed: bool = True) -> None:
     """Send a heartbeat, which reports if it must."""
     schedule.sent_heartbeat(now, has_reported=schedule.reports(now), is_confirmed=is_confirmed)
-    schedule.sent(now, heard_at)
+    schedule.sent(now)
 
 
 def test_introductions_go_on_until_the_peer_was_heard() -> None:
-    schedule = HeartbeatSchedule(0.0, silence=SILENCE, tick_period=TICK)
+    schedule = introduced(beats=0)
     for _ in range(50):
         pulse(schedule, 0.0, is_confirmed=False)
     assert schedule.due(is_engaged=True) == INTRODUCTION_INTERVAL and schedule.reports(0.0)
@@ -158,20 +164,21 @@ def test_introductions_go_on_until_the_peer_was_heard() -> None:
 def test_a_heartbeat_is_due_after_a_gap_or_for_an_old_echo_or_credit_or_an_answer_or_a_report() -> None:
     """An echo is too old when the loop age of the peer is; if nothing new has come, only the gap counts."""
     schedule = introduced()
-    schedule.adapt(0.0, 0.0, 0.001, 0.0, 0.0)
-    schedule.heard(0.519, 0.51)
-    schedule.sent(0.52, 0.519)
+    schedule.adapt(0.0, 0.0, 0.001, 0.0)
+    hear(schedule, 0.519, 0.51)
+    schedule.sent(0.52)
     assert (idle := schedule.due(is_engaged=True)) == 0.52 + schedule.max_gap
     schedule.is_credit_wanted = True
     assert schedule.due(is_engaged=True) == 0.52 + schedule.credit_interval < idle
-    schedule.sent(0.52, 0.5)
-    schedule.heard(0.54, 0.52)
+    hear(schedule, 0.5, 0.5)
+    schedule.sent(0.52)
+    hear(schedule, 0.54, 0.52)
     assert schedule.due(is_engaged=True) == 0.5 + schedule.max_echo_age < idle
     schedule.is_answer_wanted = True
     assert schedule.due(is_engaged=True) <= 0.54
     for step in range(54, 100):  # any datagram postpones it, except for a report
-        schedule.heard(0.01 * step, 0.01 * step)
-        schedule.sent(0.01 * step, 0.01 * step)
+        hear(schedule, 0.01 * step, 0.01 * step)
+        schedule.sent(0.01 * step)
     assert schedule.due(is_engaged=True) == schedule.due(is_engaged=False) == REPORT_INTERVAL
     assert schedule.reports(REPORT_INTERVAL)
 
@@ -190,8 +197,8 @@ def test_questions_are_as_few_as_possible(unanswered: float, rate: float) -> Non
 def test_reach_and_gap_leave_room_for_the_path_and_for_losses(
     rtt: float, jitter: float, loss: float, round_trip: float
 ) -> None:
-    schedule = introduced()
-    schedule.adapt(loss, loss, rtt, jitter, round_trip)
+    schedule = introduced(round_trip=round_trip)
+    schedule.adapt(loss, loss, rtt, jitter)
     shortest = LEAST_SHARE * SILENCE
     unanswered = 1.0 - (1.0 - loss) ** 2
     alone = rtt + jitter + LATE + (SILENCE + round_trip) / UNITS  # the loop age without any wait
@@ -215,7 +222,7 @@ def test_reach_and_gap_leave_room_for_the_path_and_for_losses(
 def test_a_false_alarm_is_rarer_than_one_an_hour(loss: float, silence: float) -> None:
     """It needs the loss of a datagram or of what it echoes, and then of all questions that fit, or of their answers."""
     schedule = introduced(silence=silence)
-    schedule.adapt(loss, loss, 0.001, 0.0, 0.0)
+    schedule.adapt(loss, loss, 0.001, 0.0)
     unanswered = 1.0 - (1.0 - loss) ** 2
     room = silence - schedule.max_echo_age - 2 * 0.001 - LATE - silence / UNITS
     questions = room / (ASK_PACE + TICK)
@@ -227,8 +234,7 @@ def test_a_false_alarm_is_rarer_than_one_an_hour(loss: float, silence: float) ->
 @pytest.mark.parametrize("rtt", [0.001, 0.02, 0.06, inf])
 def test_asks_only_while_an_answer_can_be_in_time(rtt: float) -> None:
     schedule = introduced()
-    schedule.heard(0.0, 0.0)
-    schedule.adapt(0.0, 0.0, rtt, 0.0, 0.0)
+    schedule.adapt(0.0, 0.0, rtt, 0.0)
     asked = []
     for tick in range(1, 200):
         now = tick * TICK
@@ -244,11 +250,11 @@ def test_asks_only_while_an_answer_can_be_in_time(rtt: float) -> None:
 
 def test_a_confirmed_peer_is_not_asked_and_an_absent_owner_causes_no_storm() -> None:
     schedule = introduced()
-    schedule.adapt(0.0, 0.0, 0.001, 0.0, 0.0)
+    schedule.adapt(0.0, 0.0, 0.001, 0.0)
     assert schedule.asks(0.085)
-    schedule.heard(0.05, 0.05)
+    hear(schedule, 0.05, 0.05)
     assert not schedule.asks(0.085)
-    schedule.heard(0.0, 0.0)
+    hear(schedule, 0.0, 0.0)
     for _ in range(2):
         assert not schedule.asks(0.5)
         pulse(schedule, 0.5)
@@ -257,7 +263,7 @@ def test_a_confirmed_peer_is_not_asked_and_an_absent_owner_causes_no_storm() -> 
 
 @pytest.mark.parametrize(("heard_at", "now"), [(0.205, 0.242), (0.16, 0.245)])
 def test_questions_of_the_loop_age_count_with_the_agreed_round_trip(heard_at: float, now: float) -> None:
-    schedule = introduced()
-    schedule.adapt(0.0, 0.0, 0.05, 0.0, 0.2)
-    schedule.heard(heard_at, 0.0)
+    schedule = introduced(round_trip=0.2)
+    schedule.adapt(0.0, 0.0, 0.05, 0.0)
+    hear(schedule, heard_at, 0.0)
     assert schedule.asks(now)

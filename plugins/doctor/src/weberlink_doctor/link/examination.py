@@ -15,7 +15,7 @@ from weberlink.config import MASTER, Configuration, System, load
 from weberlink.config.finders import finder_of
 from weberlink.config.model import LinkSettings, split_address
 from weberlink.protocol.aio.sockets import numeric
-from weberlink.protocol.liveness import HeartbeatSchedule
+from weberlink.protocol.liveness import HeartbeatSchedule, Liveness
 from weberlink.protocol.local_end import LONGEST_SILENCE
 from weberlink.protocol.negotiation import LONGEST, in_ms, rounded_up
 from weberlink.protocol.timing import LONGEST_RTT
@@ -308,10 +308,12 @@ def silence_needs(figures: LinkFigures, tick_period: float) -> tuple[float, floa
     longest = max(0.0, 1e-3 * figures.loop_age_ms - round_trip)
     for step in range(1, round(1e3 * LONGEST_SILENCE / SILENCE_STEP_MS) + 1):
         limit = 1e-3 * SILENCE_STEP_MS * step
-        schedule = HeartbeatSchedule(0.0, silence=limit, tick_period=tick_period)
-        schedule.adapt(*loss, LONGEST_RTT, 0.0, 0.0)
+        liveness = Liveness(0.0, limit, 0.0, 0.0)
+        schedule = HeartbeatSchedule(liveness, 0.0, tick_period)
+        schedule.adapt(*loss, LONGEST_RTT, 0.0)
         densest = schedule.max_echo_age
-        schedule.adapt(*loss, 1e-3 * figures.rtt_ms.p50, 1e-3 * figures.jitter_ms.p99, round_trip)
+        liveness.agree(round_trip, 0.0)
+        schedule.adapt(*loss, 1e-3 * figures.rtt_ms.p50, 1e-3 * figures.jitter_ms.p99)
         if schedule.max_echo_age > densest:  # else it would need more heartbeats than it may send
             return limit, longest
     return 2.0 * LONGEST_SILENCE, longest
