@@ -11,8 +11,8 @@ from plugins.recording.tests.records import FACTS, MONOTONIC_S, WALL_S, noise, o
 from tests.records import ticks
 from weberlink.protocol.states import State
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.recorders import BEGUN, DURING
 from weberlink_figures.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT
+from weberlink_recording.configuration import BEGUN, DURING
 from weberlink_recording.marks import Mark, pack_mark, read_mark, shortened
 from weberlink_recording.reader import dtype_of, read_recording
 from weberlink_recording.session import put_together

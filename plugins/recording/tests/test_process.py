@@ -16,7 +16,7 @@ from weberlink.config import SIDES
 from weberlink.master.trace import TraceError, read_motion, read_trace
 from weberlink.protocol.states import State
 from weberlink.session.launcher import LiveRun
-from weberlink.session.recorder import failure
+from weberlink.session.recorder import described, failure
 from weberlink_figures.message import Origin
 from weberlink_recording import mcap_format
 from weberlink_recording.mcap_format import Recorder
@@ -42,7 +42,7 @@ def test_a_recorder_told_to_finish_before_there_is_telemetry_has_recorded_nothin
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(mcap_format, "FINISH_LIMIT_S", PATIENCE)
-    recording = Recorder({}, {"master": str(tmp_path / "none.ring")}, tmp_path / "none.mcap")
+    recording = Recorder(described(configuration()), {"master": str(tmp_path / "none.ring")}, tmp_path / "none.mcap")
     recording.stop()
     assert failure(recording) == "the recording failed: no telemetry of master"
     assert not recording.path.exists()

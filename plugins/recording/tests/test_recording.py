@@ -15,7 +15,7 @@ from tests.program import ENGAGED, PATIENT, Program, document, weberlink
 from tests.session.systems import CONFIGS, configuration
 from tests.wait import until
 from weberlink.config import load
-from weberlink.session.recorder import VirtualRecording
+from weberlink.session.recorder import virtual_recording
 from weberlink.session.simulation import simulate
 from weberlink.telemetry.record import COUNTERS
 from weberlink_figures.message import ENCAPSULATION, TOPICS
@@ -89,7 +89,7 @@ def test_so_it_does_with_a_bounded_rate(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     settings = configuration(*RATES, file="rotation.yaml")
     report = FiguresReport(settings)
-    recording = VirtualRecording(settings, path, print)
+    recording = virtual_recording(settings, path, print)
     summary = report.end(simulate(settings, 2.2, [report.add, recording.add])).document
     assert recording.finish()["outcome"] == "complete"
     found = describe([path]).document

@@ -208,9 +208,9 @@ def simulate(
     observers = [report.add] if trace is None else [report.add, recorder.add]
     recording, length = None, DEFAULT_DURATION if duration is None else duration
     if record is not None:
-        from weberlink.session.recorder import VirtualRecording  # noqa: PLC0415
+        from weberlink.session.recorder import virtual_recording  # noqa: PLC0415
 
-        recording = VirtualRecording(configuration, record, tell)
+        recording = virtual_recording(configuration, record, tell)
         observers.append(recording.add)
     with progress_bar() as progress:
 

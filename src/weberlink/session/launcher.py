@@ -156,10 +156,10 @@ class LiveRun:
         for ring in rings.values():  # left by an earlier process with this process id
             ring.unlink(missing_ok=True)
         if self.record is not None:  # before the daemons, so that it sees their rings appear
-            from weberlink.session.recorder import facts, format_for  # noqa: PLC0415
+            from weberlink.session.recorder import described, format_for  # noqa: PLC0415
 
             by_side = {side: str(ring) for side, ring in rings.items()}
-            self._recorder = format_for(self.record).start(facts(self.configuration), by_side, self.record)
+            self._recorder = format_for(self.record).start(described(self.configuration), by_side, self.record)
         self._start_cameras(rings)
         for side in sorted(self.sides, reverse=True):  # the slave first: it listens when the master calls
             order = DaemonOrder(

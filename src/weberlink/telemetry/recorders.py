@@ -1,6 +1,6 @@
 """What writes and reads recordings: formats of other distributions, named by the suffix of their files."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from weberlink.installation import absence
 from weberlink.registry import Registry, check_contract
 
-BEGUN, DURING = "begun", "during the session"
-"""A fact of a recording that leaves out the beginning of its session, so that counters do not start at 0."""
 COMPLETE = "complete"  # the outcome of a recording that nothing has cut short
 
 
@@ -41,25 +39,14 @@ class Recorder(Protocol):
         """
 
 
-class RecordingWriter(Protocol):
-    """A recording that this process writes. After a failed write, every call but `close` raises OSError."""
+class VirtualRecording(Protocol):
+    """A recording of a session in virtual time, which this process writes."""
 
-    @property
-    def records(self) -> dict[str, int]:
-        """How many records of each side are in the file."""
+    def add(self, master: NDArray[np.void], slave: NDArray[np.void]) -> None:
+        """Write the next records of both sides. A full disk ends the recording alone, and is told."""
 
-    @property
-    def lost(self) -> dict[str, int]: ...
-
-    @property
-    def size(self) -> int:
-        """Of the file [bytes]."""
-
-    def write(self, side: str, records: NDArray[np.void]) -> None: ...
-
-    def flush(self) -> None: ...
-
-    def close(self) -> None: ...
+    def finish(self) -> dict[str, Any]:
+        """End the file; returns what `Recorder.finish` does."""
 
 
 class Recording(Protocol):
@@ -81,16 +68,19 @@ class RecordingFormat(Protocol):
     """Starts recorders, writes and reads files; an entry of `RECORDERS`."""
 
     @staticmethod
-    def start(facts: Mapping[str, str], rings: Mapping[str, str], out: Path, *, since: float | None = None) -> Recorder:
+    def start(
+        described: Mapping[str, Any], rings: Mapping[str, str], out: Path, *, since: float | None = None
+    ) -> Recorder:
         """Record a running session to a file.
 
         Args:
+            described: the session, as of `weberlink.session.description` or `weberlink.session.recorder`.
             rings: path of each side's ring; they need not exist yet.
             since: moment on the clock of the records from which on to record [s]; None for all that the rings hold.
         """
 
     @staticmethod
-    def create(path: Path, facts: Mapping[str, str], rate_hz: float) -> RecordingWriter:
+    def create(path: Path, described: Mapping[str, Any], tell: Callable[[str], None]) -> VirtualRecording:
         """Begin a recording of both sides on a clock that starts at 0. Raises OSError if it cannot be made."""
 
     @staticmethod

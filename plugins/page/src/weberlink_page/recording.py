@@ -10,7 +10,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from weberlink.session.recorder import FINISH_LIMIT_S, facts_of
+from weberlink.session.recorder import FINISH_LIMIT_S
 from weberlink.telemetry.recorders import COMPLETE, RECORDERS, Recorder, format_of
 from weberlink_figures.watching.control import Answer, refusal
 from weberlink_figures.watching.session import WatchedSession
@@ -163,7 +163,7 @@ class RecordingService:
         self._failures.pop(session.name, None)
         rings = {side: str(source.ring) for side, source in session.sources.items()}
         began = monotonic()
-        recorder = format_of(path, "recording").start(facts_of(session.description), rings, path, since=began)
+        recorder = format_of(path, "recording").start(session.description, rings, path, since=began)
         self._recordings[session.name] = _Recording(recorder, path, began)
         session.log.note(began, None, Words(INFO, f"recording begins: {path.name}"))
         self._publish(session.name)

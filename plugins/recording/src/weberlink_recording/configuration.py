@@ -1,16 +1,39 @@
-"""The configuration in a file that anybody may have made."""
+"""The facts of a recording: what they are made of, and the configuration in a file that anybody may have made."""
 
+import json
 from collections.abc import Mapping
 from typing import Any
 
 import yaml
 
+from weberlink.environment import environment
+from weberlink.protocol.states import State
+from weberlink.session.description import RANGE
+from weberlink.telemetry.fault import Fault
 from weberlink_figures.channel import joints_in
 
 LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 LONGEST_FOREIGN = 1 << 16  # characters of it; those of all shipped files have 5,000
 DEEPEST_FOREIGN = 32
 CONFIGURATION = "configuration"  # the fact with the configuration, as YAML
+TORQUE_BANK = "torque_bank"  # that with the predictors of the torque channel; absent with three degrees of freedom
+BEGUN, DURING = "begun", "during the session"
+"""That of a recording which leaves out the beginning of its session, so that counters do not start at 0."""
+
+
+def facts_of(described: Mapping[str, Any], *, virtual: bool = False) -> dict[str, str]:
+    """What is said of a session, as of `weberlink.telemetry.recorders`, and the names of numbers in the records."""
+    torque = described.get(TORQUE_BANK)
+    return {
+        CONFIGURATION: yaml.safe_dump(dict(described["system"]), sort_keys=False),
+        "bank": " ".join(described["bank"]),
+        **({} if torque is None else {TORQUE_BANK: " ".join(torque)}),
+        "states": " ".join(f"{state.value}={state.name.lower()}" for state in State),
+        "faults": " ".join(f"{fault.value}={fault.name.lower()}" for fault in Fault),
+        "clock": "virtual" if virtual else "real",
+        "environment": json.dumps(environment()),
+        **{name: " ".join(map(str, described[name])) for name in RANGE if name in described},
+    }
 
 
 def parse_foreign(text: str) -> Any:

@@ -21,13 +21,13 @@ from weberlink.master.trace import COLUMNS, TraceError, read_trace
 from weberlink.session.description import RANGE
 from weberlink.telemetry.reader import Records
 from weberlink.telemetry.record import AXES, MOST_AXES, SECOND
-from weberlink.telemetry.recorders import BEGUN, COMPLETE
+from weberlink.telemetry.recorders import COMPLETE
 from weberlink_figures.log_file import LONGEST_LINE
 from weberlink_figures.report import session_report
 from weberlink_figures.session import Layout
 from weberlink_figures.tree import Figures
 from weberlink_figures.verdict import verdict
-from weberlink_recording.configuration import CONFIGURATION, parse_foreign
+from weberlink_recording.configuration import BEGUN, CONFIGURATION, parse_foreign
 from weberlink_recording.lerobot_frames import NoFramesError, frames_of
 from weberlink_recording.reader import Recording, RecordingError, read_recording
 from weberlink_recording.ros_export import RATE_HZ, write_ros

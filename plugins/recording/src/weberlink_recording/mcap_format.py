@@ -1,7 +1,7 @@
 """The format of recordings: starts the recorder of a live session, writes and reads files."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from signal import SIGTERM
 from subprocess import PIPE
@@ -9,9 +9,11 @@ from time import monotonic
 from typing import Any
 
 from weberlink.child_process import Child, python
-from weberlink.session.recorder import FINISH_LIMIT_S
-from weberlink.telemetry.recorders import BEGUN, DURING
-from weberlink_figures.message import TOPICS, Origin
+from weberlink.config import MASTER, SIDES, SLAVE
+from weberlink.session.recorder import FINISH_LIMIT_S, recording_ended
+from weberlink.telemetry.recorders import COMPLETE
+from weberlink_figures.message import Origin, Rows
+from weberlink_recording.configuration import BEGUN, DURING, facts_of
 from weberlink_recording.marks import shortened
 from weberlink_recording.reader import read_recording
 from weberlink_recording.recorder import RecordingOrder
@@ -22,10 +24,10 @@ class Recorder:
     """The child process; as of `weberlink.telemetry.recorders.Recorder`."""
 
     def __init__(
-        self, facts: Mapping[str, str], rings: Mapping[str, str], out: Path, *, since: float | None = None
+        self, described: Mapping[str, Any], rings: Mapping[str, str], out: Path, *, since: float | None = None
     ) -> None:
         self.path = out
-        told = dict(facts) | ({} if since is None else {BEGUN: DURING})
+        told = facts_of(described) | ({} if since is None else {BEGUN: DURING})
         order = RecordingOrder(dict(rings), str(out), told, since=since)
         command = python("-m", "weberlink_recording.recorder", order.to_json())
         self._process = Child(command, stdin=PIPE, stdout=PIPE)  # ends when the rings end
@@ -59,15 +61,37 @@ class Recorder:
         return dict(self._summary or {})
 
 
+class VirtualRecording:
+    """As of `weberlink.telemetry.recorders.VirtualRecording`."""
+
+    def __init__(self, path: Path, described: Mapping[str, Any], tell: Callable[[str], None]) -> None:
+        self._outcome, self._tell = COMPLETE, tell
+        self._writer = RecordingWriter.create(path, facts_of(described, virtual=True))
+        for side in SIDES:
+            self._writer.add_side(Origin(side, described["system"]["rate_hz"], 0.0, 0.0))
+
+    def add(self, master: Rows, slave: Rows) -> None:
+        if self._outcome == COMPLETE:
+            try:
+                self._writer.write(MASTER, master)
+                self._writer.write(SLAVE, slave)
+                self._writer.flush()
+            except OSError as error:
+                self._outcome = error.strerror or str(error)
+                self._tell(recording_ended(self._writer.path, self._outcome))
+
+    def finish(self) -> dict[str, Any]:
+        writer = self._writer
+        try:
+            writer.close()
+        except OSError as error:
+            self._outcome = error.strerror or str(error)
+        figures = {"path": str(writer.path), "bytes": writer.size, "records": writer.records, "lost": writer.lost}
+        return figures | {"outcome": self._outcome}
+
+
 class McapFormat:
     """MCAP files, whose messages ROS 2 tools know; as of `weberlink.telemetry.recorders.RecordingFormat`."""
 
-    start = Recorder
+    start, create = Recorder, VirtualRecording
     read = staticmethod(read_recording)
-
-    @staticmethod
-    def create(path: Path, facts: Mapping[str, str], rate_hz: float) -> RecordingWriter:
-        writer = RecordingWriter.create(path, facts)
-        for side in TOPICS:
-            writer.add_side(Origin(side, rate_hz, 0.0, 0.0))
-        return writer

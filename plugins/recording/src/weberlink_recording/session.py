@@ -14,16 +14,14 @@ from weberlink.config import MASTER, SIDES, SLAVE
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE, Records
 from weberlink.telemetry.record import COUNTERS, FINITE
-from weberlink.telemetry.recorders import BEGUN
 from weberlink_figures.session import MARGIN_S, Layout, SessionScore
 from weberlink_figures.tree import Figures
-from weberlink_recording.configuration import CONFIGURATION, parse_foreign
+from weberlink_recording.configuration import BEGUN, CONFIGURATION, TORQUE_BANK, parse_foreign
 from weberlink_recording.reader import Recording, RecordingError
 
 ANOTHER_CLOCK_S = 0.1  # a larger jump of the clock of the peer means another peer, or a restart of it
 LATEST_S = 1e10  # upper limit of plausible times and durations [s]: three centuries
 LEAST_OVERLAP_S = 0.1  # two files with less time in common are not two sides of one session
-TORQUE_BANK = "torque_bank"  # the fact with the predictors of the torque channel; absent with three degrees of freedom
 PIECE = 1000  # records of a side that are scored at a time; fewer than the score keeps waiting
 RATES_HZ = (1.0, 1e5)  # plausible ones
 
