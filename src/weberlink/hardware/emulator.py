@@ -11,8 +11,8 @@ from typing import Any, ClassVar
 from weberlink.registry import Registry
 
 BUILT_IN = {
-    "polhem_hid": "weberlink.master.emulators.polhem.hid_board:PolhemHidEmulator",
-    "polhem_serial": "weberlink.master.emulators.polhem.serial_board:PolhemSerialEmulator",
+    "polhem_hid": "weberlink.master.emulators.polhem.boards:PolhemHidEmulator",
+    "polhem_serial": "weberlink.master.emulators.polhem.boards:PolhemSerialEmulator",
 }
 EMULATORS: Registry[Any] = Registry("emulated device", BUILT_IN, "weberlink.emulators")
 """Each by the name of its driver; entry points of `weberlink.emulators` add more.

@@ -18,8 +18,12 @@ from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.master.devices.polhem.mechanism import Board, Counts, Mechanism, Signs, Triple, Wiring
 from weberlink.master.devices.polhem.parameters import PARAMETERS, PolhemHidOptions, PolhemSerialOptions
 from weberlink.master.devices.polhem.protocol import LONG, SHORT, decode_sensors, encode_command
-from weberlink.master.emulators.polhem.hid_board import PolhemHidEmulator, PolhemHidEmulatorOptions
-from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
+from weberlink.master.emulators.polhem.boards import (
+    PolhemHidEmulator,
+    PolhemHidEmulatorOptions,
+    PolhemSerialEmulator,
+    PolhemSerialEmulatorOptions,
+)
 
 
 class Host(NamedTuple):

@@ -25,7 +25,7 @@ from weberlink.master.devices.polhem.protocol import (
     encode_status,
 )
 from weberlink.master.devices.polhem.serial_device import BracketExchange
-from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
+from weberlink.master.emulators.polhem.boards import PolhemSerialEmulator, PolhemSerialEmulatorOptions
 from weberlink.testing.devices import armed, drive, fault_of, refusal
 from weberlink.testing.serving import PtyDevice
 from weberlink.testing.stepping import VirtualPort, VirtualTime
