@@ -121,32 +121,31 @@ class Clutch:
         """Whether the robot follows the hand."""
         return self._held is None
 
-    def pass_through(self, position: Vector, buttons: int, keep: Vector | None) -> Vector:
-        """The position for the robot, given that of the hand, mapped, without any indexing [m].
+    def pass_through(
+        self, position: Vector, orientation: Quaternion | None, buttons: int, last: DeviceReading | None
+    ) -> tuple[Vector, Quaternion | None]:
+        """The pose for the robot, given that of the hand, mapped, without any indexing [m].
 
-        `keep` is where the robot was last, and what it stays at while disengaged; None before the first reading, which
+        `last` was that of the robot, and what it stays at while disengaged; None before the first reading, which
         engages whatever is pressed.
         """
-        if buttons >> self._button & 1 and keep is not None:
+        if buttons >> self._button & 1 and last is not None:
             if self._held is None:
-                self._held = keep
-            return self._held
-        if self._held is not None:
-            self._index = subtract(self._held, position)
-            self._held = None
-        return add(position, self._index)
-
-    def pass_orientation(self, orientation: Quaternion, keep: Quaternion | None) -> Quaternion:
-        """The orientation for the tool, likewise; call after `pass_through`, which evaluates the button."""
-        if self._held is not None:
+                self._held = last.position
+            if orientation is None:
+                return self._held, None
             if self._held_turn is None:
-                self._held_turn = orientation if keep is None else keep
-            return self._held_turn
-        if self._held_turn is not None:
-            # On the right, so that a turn of the hand about an axis stays one of the tool about the same axis.
-            self._turn = product(inverse(orientation), self._held_turn)
-            self._held_turn = None
-        return orientation if self._turn == IDENTITY else product(orientation, self._turn)
+                self._held_turn = last.orientation or orientation
+            return self._held, self._held_turn
+        if self._held is not None:
+            self._index, self._held = subtract(self._held, position), None
+        if orientation is not None:
+            if self._held_turn is not None:
+                # On the right, so that a turn of the hand about an axis stays one of the tool about the same axis.
+                self._turn, self._held_turn = product(inverse(orientation), self._held_turn), None
+            if self._turn != IDENTITY:
+                orientation = product(orientation, self._turn)
+        return add(position, self._index), orientation
 
 
 class MappedDevice:
@@ -203,18 +202,15 @@ class MappedDevice:
         reading, last, clutch = self._device.latest(now), self._mapped, self._clutch
         if last is not None and reading == self._read:
             return last
-        position = self._frame.position(reading.position)
+        position, orientation = self._frame.position(reading.position), reading.orientation
+        if orientation is not None:
+            orientation = self._frame.orientation(orientation)
         if clutch is not None:
-            position = clutch.pass_through(position, reading.buttons, None if last is None else last.position)
+            position, orientation = clutch.pass_through(position, orientation, reading.buttons, last)
         if self._walls is not None and is_finite(position):
             inside = confined(position, self._walls.box)
             self._beyond = self._frame.way(subtract(position, inside))
             position = inside
-        orientation = None
-        if reading.orientation is not None:
-            orientation = self._frame.orientation(reading.orientation)
-            if clutch is not None:
-                orientation = clutch.pass_orientation(orientation, None if last is None else last.orientation)
         self._read = reading
         self._mapped = mapped = reading._replace(position=position, orientation=orientation)
         return mapped
