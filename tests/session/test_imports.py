@@ -57,7 +57,7 @@ OBSERVERS = {
 }
 """What watches a daemon, and what is of other systems and makers; none of these files names one."""
 WEB_AND_TERMINAL = {"aiohttp", "http.server", "typer", "click", "rich"}
-HARDWARE = {"serial", "hid", "hidraw", "weberlink.hardware", "weberlink.master.emulators"}
+HARDWARE = {"serial", "hid", "hidraw", "weberlink.hardware"}
 
 
 @pytest.fixture(scope="module")

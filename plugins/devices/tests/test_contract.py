@@ -1,9 +1,10 @@
-"""Every driver of this distribution keeps the contract of devices, before an emulated device."""
+"""Every driver of hardware, of this distribution and of the kernel, keeps the contract, before an emulated device."""
 
 import os
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
+from importlib.metadata import entry_points
 from itertools import chain
 from pathlib import Path
 from typing import Any, ClassVar
@@ -15,6 +16,7 @@ from plugins.devices.tests.pads.test_gamepad import Pad
 from plugins.devices.tests.touch import fake_hd
 from weberlink.geometry.vector import ZERO, distance
 from weberlink.hardware.worker import LOST_S
+from weberlink.master.devices import BUILT_IN, DEVICES
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.testing.devices import PUSH, DeviceBench, DeviceContract, ForceDeviceContract, StoppedHostContract, armed
 from weberlink.testing.time import TICK, real_time, running_time, until
@@ -25,7 +27,60 @@ from weberlink_devices.inverse3.websocket_device import WebSocketDevice
 from weberlink_devices.rate_control import RateDevice
 from weberlink_devices.spacemouse.device import PuckExchange, SpaceMouseOptions
 
+NINE_BYTES = {"parameters": "aluhaptics_v2"}
 SERIAL_FAULTS = ("unplug", "silent", "garbled", "restart", "guardian")
+
+
+def test_every_kind_of_hardware_is_tested() -> None:
+    tested = {each.NAME for each in globals().values() if isinstance(each, type) and each.__name__.startswith("Test")}
+    ours = {entry.name for entry in entry_points(group="weberlink.devices") if "weberlink_devices" in entry.value}
+    assert tested == ours | {name for name in BUILT_IN if hasattr(DEVICES.load(name), "plugged")}
+
+
+@pytest.mark.realtime
+class TestPolhemHid(ForceDeviceContract):
+    NAME = "polhem_hid"
+    FAULTS = ("unplug", "silent", "late", "restart")
+    SIGNS = (
+        {"encoder_directions": (1, -1, 1)},
+        {"motor_directions": (1, -1, 1)},
+        {"report_bytes": 8},
+        {"home_counts": (0, 0, -5999)},
+        {"parameters": "woodenhaptics_2019"},
+        {"parameters": "polhem_v3"},
+    )
+    REFUSED = (
+        (NINE_BYTES, "published for 8-byte reports, not for 14-byte reports: set encoder_dir"),
+        ({**NINE_BYTES, "encoder_directions": (1, 1, 1)}, "published for 8-byte reports"),
+        ({"parameters": "vintage_phantom", "encoder_directions": (1, 1, 1)}, "published for the serial board"),
+        ({"parameters": "vintage_phantom_2021", "gravity_compensation": True}, "no masses are published"),
+        ({"force_n": 5.01}, "force_n: expected at most 5 N"),
+    )
+    TAKEN = ({"force_n": 5.0},)
+
+    @contextmanager
+    def make_bench(self, folder: Path, /, **options: Any) -> Iterator[DeviceBench]:
+        wire = HidWire(emulated("polhem_hid"))
+        with closing(armed("polhem_hid", wire, port="/dev/hidraw9", **options)) as device:
+            yield wire.bench(device)
+
+
+class PolhemSerial:
+    NAME = "polhem_serial"
+
+    def make_bench(self, folder: Path, /, **options: Any) -> Any:
+        return on_a_pty("polhem_serial", folder, model="vintage_phantom", **options)
+
+
+@pytest.mark.realtime
+class TestPolhemSerial(PolhemSerial, ForceDeviceContract):
+    FAULTS = ("unplug", "silent", "late", "garbled", "restart")
+    OPTIONS: ClassVar = {"model": "woodenhaptics"}
+    SIGNS = ({"model": "polhem"}, {"model": "auto"})
+
+
+@pytest.mark.realtime
+class TestHostOfPolhemSerial(PolhemSerial, StoppedHostContract): ...
 
 
 @pytest.mark.realtime

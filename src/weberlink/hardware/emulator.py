@@ -10,12 +10,8 @@ from typing import Any, ClassVar
 
 from weberlink.registry import Registry
 
-BUILT_IN = {
-    "polhem_hid": "weberlink.master.emulators.polhem.boards:PolhemHidEmulator",
-    "polhem_serial": "weberlink.master.emulators.polhem.boards:PolhemSerialEmulator",
-}
-EMULATORS: Registry[Any] = Registry("emulated device", BUILT_IN, "weberlink.emulators")
-"""Each by the name of its driver; entry points of `weberlink.emulators` add more.
+EMULATORS: Registry[Any] = Registry("emulated device", {}, "weberlink.emulators")
+"""Each by the name of its driver, of the entry points of `weberlink.emulators`.
 
 An entry is an `Emulator`, with the pydantic class of its `Options` and the name of its `transport`: serial, hid, evdev,
 or one of its own. For a device of the kernel (hid, evdev) it has `identity`, a

@@ -1,26 +1,22 @@
-"""The contract that every device driver keeps, of those of the kernel; boards are emulated."""
+"""The contract that every device driver keeps, of the computed ones; those of boards are beside the emulators."""
 
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
-import pytest
-
-from weberlink.master.devices import BUILT_IN
-from weberlink.testing.devices import DeviceBench, DeviceContract, ForceDeviceContract, StoppedHostContract, armed
+from weberlink.master.devices import BUILT_IN, DEVICES
+from weberlink.testing.devices import DeviceBench, DeviceContract, armed
 from weberlink.testing.time import virtual_time
-from weberlink.testing.wires import HidWire, emulated, on_a_pty
 
 REACH = {"motion": "reach", "to_m": [0.2, 0, 0]}
 REST = {"motion": "rest"}
 TURN = {"motion": "turn", "turn_deg": [0, 0, 9]}
-NINE_BYTES = {"parameters": "aluhaptics_v2"}
 
 
-def test_every_driver_is_tested() -> None:
+def test_every_computed_driver_is_tested() -> None:
     tested = {each.NAME for each in globals().values() if isinstance(each, type) and each.__name__.startswith("Test")}
-    assert tested == set(BUILT_IN)
+    assert tested == {name for name in BUILT_IN if not hasattr(DEVICES.load(name), "plugged")}
 
 
 class TestOperator(DeviceContract):
@@ -60,49 +56,3 @@ class TestReplay(DeviceContract):
         rows = [f"{i * 0.01},{0.001 * (i % 7)},{0.0005 * i},{-0.0001 * i},0,0,0" for i in range(101)]
         path.write_text("\n".join(["t,px,py,pz,fx,fy,fz", *rows]) + "\n")
         yield DeviceBench(armed("replay", trace=path, **options), virtual_time(), options={"trace": path})
-
-
-@pytest.mark.realtime
-class TestPolhemHid(ForceDeviceContract):
-    NAME = "polhem_hid"
-    FAULTS = ("unplug", "silent", "late", "restart")
-    SIGNS = (
-        {"encoder_directions": (1, -1, 1)},
-        {"motor_directions": (1, -1, 1)},
-        {"report_bytes": 8},
-        {"home_counts": (0, 0, -5999)},
-        {"parameters": "woodenhaptics_2019"},
-        {"parameters": "polhem_v3"},
-    )
-    REFUSED = (
-        (NINE_BYTES, "published for 8-byte reports, not for 14-byte reports: set encoder_dir"),
-        ({**NINE_BYTES, "encoder_directions": (1, 1, 1)}, "published for 8-byte reports"),
-        ({"parameters": "vintage_phantom", "encoder_directions": (1, 1, 1)}, "published for the serial board"),
-        ({"parameters": "vintage_phantom_2021", "gravity_compensation": True}, "no masses are published"),
-        ({"force_n": 5.01}, "force_n: expected at most 5 N"),
-    )
-    TAKEN = ({"force_n": 5.0},)
-
-    @contextmanager
-    def make_bench(self, folder: Path, /, **options: Any) -> Iterator[DeviceBench]:
-        wire = HidWire(emulated("polhem_hid"))
-        with closing(armed("polhem_hid", wire, port="/dev/hidraw9", **options)) as device:
-            yield wire.bench(device)
-
-
-class PolhemSerial:
-    NAME = "polhem_serial"
-
-    def make_bench(self, folder: Path, /, **options: Any) -> Any:
-        return on_a_pty("polhem_serial", folder, model="vintage_phantom", **options)
-
-
-@pytest.mark.realtime
-class TestPolhemSerial(PolhemSerial, ForceDeviceContract):
-    FAULTS = ("unplug", "silent", "late", "garbled", "restart")
-    OPTIONS: ClassVar = {"model": "woodenhaptics"}
-    SIGNS = ({"model": "polhem"}, {"model": "auto"})
-
-
-@pytest.mark.realtime
-class TestHostOfPolhemSerial(PolhemSerial, StoppedHostContract): ...

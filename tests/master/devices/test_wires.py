@@ -20,7 +20,6 @@ from weberlink.master.devices.polhem.protocol import (
     encode_status,
 )
 from weberlink.testing.messages import Message, MessageContract
-from weberlink.testing.wires import emulated
 
 
 def integers(bits: int) -> st.SearchStrategy[int]:
@@ -77,14 +76,6 @@ class TestMessages(MessageContract):
 
 
 # --- the Polhem's serial board: its commands, and its answers in a stream
-
-
-@given(three(st.integers(-6000, 6000)))
-def test_currents_flow_as_commanded(currents: Any) -> None:
-    board = emulated("polhem_serial")
-    board.receive(encode_currents(currents), 1.0)
-    board.advance(1.05)
-    assert (board.currents_ma, board.errors) == (currents, 0)
 
 
 @pytest.mark.parametrize("currents", [(6001, 0, 0), (0, -6001, 0)])

@@ -11,7 +11,6 @@ from typing import Any
 
 import pytest
 
-from tests.wait import until
 from weberlink.geometry.vector import ZERO, norm
 from weberlink.hardware.emulator import Emulator
 from weberlink.master.devices.polhem.parameters import PARAMETERS, PolhemHidOptions, PolhemSerialOptions
@@ -25,7 +24,6 @@ from weberlink.master.devices.polhem.protocol import (
     encode_status,
 )
 from weberlink.master.devices.polhem.serial_device import BracketExchange
-from weberlink.master.emulators.polhem.boards import PolhemSerialEmulator, PolhemSerialEmulatorOptions
 from weberlink.testing.devices import armed, drive, fault_of, refusal
 from weberlink.testing.serving import PtyDevice
 from weberlink.testing.stepping import VirtualPort, VirtualTime
@@ -182,27 +180,6 @@ def test_broken_gimbal_loses_orientation_not_force(serial: Make, teensy: Any) ->
     sent = len(teensy.currents)
     drive(device, lambda: device.latest(monotonic()).orientation is not None, PUSH)
     assert len(teensy.currents) >= sent + 3, "the firmware reads one of three sensors per message"
-
-
-@pytest.mark.parametrize("checked", [True, False])
-def test_weight_is_carried_only_while_loop_commands(serial: Make, tmp_path: Path, checked: bool) -> None:
-    still = {"script": [{"motion": "rest", "duration_s": 100.0}], "tremor_m": 0.0}
-    options = {"model": "polhem", "handle": still, "weight": True}
-    emulator = PolhemSerialEmulator(PolhemSerialEmulatorOptions.model_validate(options))
-    with PtyDevice(emulator, tmp_path / "heavy") as pty:
-        device = serial(port=str(pty.path), model="polhem", gravity_compensation=True, checked=checked)
-        device.open(monotonic())
-        assert emulator.currents_ma == (0.0, 0.0, 0.0)
-        messages = emulator.messages
-        if checked:
-            drive(device, lambda: norm(emulator.force) < 0.03)
-            until(lambda: emulator.currents_ma == (0.0, 0.0, 0.0), "the end of the force of a silent loop")
-            drive(device, lambda: emulator.currents_ma != (0.0, 0.0, 0.0))
-        else:
-            drive(device, lambda: emulator.messages > messages + 80)
-            assert emulator.currents_ma == (0.0, 0.0, 0.0)
-        device.close()
-        until(lambda: emulator.currents_ma == (0.0, 0.0, 0.0), "the end of the force")
 
 
 # --- with reports

@@ -12,8 +12,8 @@ from pydantic import BaseModel, Field
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.emulator import Emulator
 from weberlink.master.devices.operator import CircleStep, ReachStep, RestStep, Script, SlideStep
-from weberlink.master.emulators.handle import Handle, HandleOptions
 from weberlink.options import Options
+from weberlink_devices.handle import Handle, HandleOptions
 from weberlink_devices.haply.board import Pair
 from weberlink_devices.haply.linkage import MOST_TORQUE_N_M, VERSIONS, HaplyFrame, Unreachable, degrees, radians
 

@@ -15,8 +15,8 @@ from pydantic import BaseModel, Field
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale
 from weberlink.hardware.emulator import Emulator
 from weberlink.hardware.fault import BadReply
-from weberlink.master.emulators.handle import Handle, HandleOptions
 from weberlink.options import Options
+from weberlink_devices.handle import Handle, HandleOptions
 from weberlink_devices.inverse3.protocol import decode, listed, ours, theirs
 from weberlink_devices.inverse3.websocket_device import WebSocketDevice
 

@@ -35,7 +35,7 @@ from weberlink.master.devices.polhem.protocol import (
     encode_sensors,
     encode_status,
 )
-from weberlink.master.emulators.polhem.board import FAULTS, OFF, BoardOptions, Currents, PolhemBoard
+from weberlink_devices.polhem.board import FAULTS, OFF, BoardOptions, Currents, PolhemBoard
 
 VENDOR, PRODUCT = 0x1234, 0x0006
 FRAME_S = 0.001  # frame period of full-speed USB [s]

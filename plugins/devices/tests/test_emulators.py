@@ -82,3 +82,12 @@ def test_a_board_that_hears_nothing_switches_its_motors_off_until_the_next_messa
         emulator.advance(heard + watchdog_s + 0.005)
         assert (emulator.enabled, emulator.currents_ma, emulator.watchdog_trips) == (False, (0.0, 0.0, 0.0), turn + 1)
         heard += 10.0
+
+
+@given(st.tuples(*[st.integers(-6000, 6000)] * 3))
+def test_currents_flow_as_commanded(currents: Any) -> None:
+    kind: Any = EMULATORS.load("polhem_serial")
+    board = kind(kind.Options())
+    board.receive(encode_currents(currents), 1.0)
+    board.advance(1.05)
+    assert (board.currents_ma, board.errors) == (currents, 0)

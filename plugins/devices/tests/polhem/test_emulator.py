@@ -1,96 +1,26 @@
-"""Signs and home counts of the Polhem boards: those of the published hosts, and a device with its driver.
+"""The emulated boards of the Polhem and their driver, in virtual time: signs, forces, and the weight of the links."""
 
-The table uses the terms of its sources (flags, calibration counts) and is independent of `parameters.yaml`:
-
-- `hfabapi` (forsslund/hfabapi, 2026-06-10, serial): configurations in hfab_math.h, home counts in hfab_api.cpp.
-- `haptikfabrikenapi` (forsslund/haptikfabrikenapi, 2021-06-10): configurations in haptikfabrikenapi.h; its USB thread
-  takes the counts of 14-byte boards as they are, and negates those of 8-byte boards.
-- `woody_experimental` (WoodenHaptics/woody-experimental, 8 bytes): CWoodenDevice.cpp, getPosition and
-  setForceAndTorqueAndGripperForce.
-"""
-
-from math import pi, tau
-from typing import Any, NamedTuple
+from pathlib import Path
+from time import monotonic
+from typing import Any
 
 import pytest
 
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
-from weberlink.master.devices.polhem.mechanism import Board, Counts, Mechanism, Signs, Triple, Wiring
+from weberlink.master.devices.polhem.mechanism import Board, Counts, Mechanism, Signs
 from weberlink.master.devices.polhem.parameters import PARAMETERS, PolhemHidOptions, PolhemSerialOptions
 from weberlink.master.devices.polhem.protocol import LONG, SHORT, decode_sensors, encode_command
-from weberlink.master.emulators.polhem.boards import (
+from weberlink.testing.devices import armed, drive
+from weberlink.testing.serving import PtyDevice
+from weberlink.testing.time import until
+from weberlink_devices.polhem.emulator import (
     PolhemHidEmulator,
     PolhemHidEmulatorOptions,
     PolhemSerialEmulator,
     PolhemSerialEmulatorOptions,
 )
 
-
-class Host(NamedTuple):
-    """angle = encoder * (2 pi count / N) c / b + zero, and torque on the body = motor * torque of the motor * b / c.
-
-    `zero_counts` are added before the host multiplies by the sign of the motor, `zero_rad` afterwards.
-    """
-
-    encoder: Signs
-    motor: Signs
-    zero_counts: Counts = (0, 0, 0)
-    zero_rad: Triple = (0.0, 0.0, 0.0)
-    gimbal: Signs = (1, 1, 1)
-    gimbal_zero: Counts = (0, 0, 0)
-
-
-def flagged(
-    flags: str, zero: Counts, gimbal: Signs = (1, 1, 1), gimbal_zero: Counts = (0, 0, 0), sign: int = 1
-) -> Host:
-    """From the flags `motor_and_body_aligned` of the newer hosts, which may multiply the counts by a `sign`."""
-    a, b, c = (-1 if flag == "1" else 1 for flag in flags)
-    return Host((sign * a, sign * b, sign * c), (a, b, c), zero, gimbal=gimbal, gimbal_zero=gimbal_zero)
-
-
-PUBLISHED: dict[tuple[str, Board, str], Host] = {
-    ("hfabapi", "serial", "woodenhaptics_2015"): flagged("011", (0, 0, -6000)),
-    ("hfabapi", "serial", "woodenhaptics_2019"): flagged("000", (0, 0, 6000)),
-    # getRot: roll is +count, the other two by enc_and_body_aligned (+ where it is set).
-    ("hfabapi", "serial", "vintage_phantom"): flagged("101", (0, 7700, 0), (-1, 1, 1)),
-    ("hfabapi", "serial", "polhem_v1"): flagged("111", (0, 0, -5000), (-1, 1, 1)),
-    ("hfabapi", "serial", "polhem_v2"): flagged("010", (8327, -10926, 27140), (-1, -1, 1), (0, 30, 0)),
-    ("hfabapi", "serial", "polhem_v3"): flagged("010", (8312, -10366, 19764), (-1, -1, 1), (0, 30, 0)),
-    ("haptikfabrikenapi", "hid14", "woodenhaptics_2015"): flagged("000", (0, 0, 6000)),
-    # The configuration is in hfab_math.h.
-    ("haptikfabrikenapi", "hid14", "woodenhaptics_2019"): flagged("000", (0, 0, 6000)),
-    # The home pose is that of vintage_phantom: it names none.
-    ("haptikfabrikenapi", "hid14", "vintage_phantom_2021"): flagged("000", (0, 7700, 0)),
-    # computeRotation: all three by their flags.
-    ("haptikfabrikenapi", "hid14", "polhem_v1"): flagged("111", (0, 0, -5000), (-1, 1, -1)),
-    ("haptikfabrikenapi", "hid14", "polhem_v2"): flagged("010", (8327, -10926, 27140), (-1, -1, -1), (0, 30, 0)),
-    ("haptikfabrikenapi", "hid14", "polhem_v3"): flagged("010", (8312, -10366, 19764), (-1, -1, -1), (0, 30, 0)),
-    ("haptikfabrikenapi", "hid8", "woodenhaptics_2015"): flagged("000", (0, 0, 6000), sign=-1),
-    # tA = -a, tB = -b, tC = pi/2 - c; currents +A, -B, -C.
-    ("woody_experimental", "hid8", "woodenhaptics_2015"): Host((-1, -1, -1), (1, -1, -1), zero_rad=(0, 0, 0.5 * pi)),
-    # With ALUHAPTICS: tA = +a, tB = pi/2 - b, tC = +c; currents +A, -B, +C.
-    ("woody_experimental", "hid8", "aluhaptics_v2"): Host((1, -1, 1), (1, -1, 1), zero_rad=(0, 0.5 * pi, 0)),
-}
 SETS = [(board, name) for name, parameters in PARAMETERS.items() for board in parameters.wirings]
-
-
-def test_signs_and_home_counts_are_those_of_the_hosts() -> None:
-    for (name_of_host, board, name), host in PUBLISHED.items():
-        drive, home = PARAMETERS[name], list[int]()
-        for axis in range(3):
-            per_count = tau / drive.counts_per_turn[axis] * drive.capstan_m[axis] / drive.body_m[axis]
-            angle = host.motor[axis] * host.zero_counts[axis] * per_count + host.zero_rad[axis]
-            home.append(round(angle / (host.encoder[axis] * per_count)))
-        a, b, c = home
-        # Of the two hosts of the 8-byte board, the motors of the other count.
-        motor = (1, -1, -1) if (name_of_host, board) == ("haptikfabrikenapi", "hid8") else host.motor
-        expected = Wiring(host.encoder, motor, (a, b, c), host.gimbal, host.gimbal_zero)
-        assert PARAMETERS[name].wirings[board] == expected, (name_of_host, board, name)
-    assert {(board, name) for _, board, name in PUBLISHED} == set(SETS)
-
-
-# --- a device and its driver, in virtual time
-
 STILL = {"script": [{"motion": "rest", "duration_s": 100.0}], "tremor_m": 0.0, "hand": {"stiffness_n_m": 3000.0}}
 FORCES: tuple[Vector, ...] = ((0.8, 0.0, 0.0), (0.0, 0.8, 0.0), (0.0, 0.0, 0.8))
 
@@ -179,3 +109,25 @@ def test_the_weight_of_the_links_is_felt_at_rest_unless_it_is_carried(name: str)
     for force, is_carried in ((ZERO, False), (mechanism.carrying_force(counts), True)):
         rig.command(mechanism.limited_currents_ma(force, counts, 5.0, 3000.0))
         assert (norm(rig.emulator.force) < 0.02) == is_carried
+
+
+@pytest.mark.parametrize("checked", [True, False])
+def test_weight_is_carried_only_while_loop_commands(tmp_path: Path, checked: bool) -> None:
+    options = {"model": "polhem", "handle": STILL, "weight": True}
+    emulator = PolhemSerialEmulator(PolhemSerialEmulatorOptions.model_validate(options))
+    with PtyDevice(emulator, tmp_path / "heavy") as pty:
+        device: Any = armed(
+            "polhem_serial", port=str(pty.path), model="polhem", gravity_compensation=True, checked=checked
+        )
+        device.open(monotonic())
+        assert emulator.currents_ma == (0.0, 0.0, 0.0)
+        messages = emulator.messages
+        if checked:
+            drive(device, lambda: norm(emulator.force) < 0.03)
+            until(lambda: emulator.currents_ma == (0.0, 0.0, 0.0), "the end of the force of a silent loop")
+            drive(device, lambda: emulator.currents_ma != (0.0, 0.0, 0.0))
+        else:
+            drive(device, lambda: emulator.messages > messages + 80)
+            assert emulator.currents_ma == (0.0, 0.0, 0.0)
+        device.close()
+        until(lambda: emulator.currents_ma == (0.0, 0.0, 0.0), "the end of the force")

@@ -12,8 +12,8 @@ from weberlink.hardware.emulator import Emulator
 from weberlink.master.devices.polhem.mechanism import Board
 from weberlink.master.devices.polhem.parameters import BOARDS, PARAMETERS, Directions, SetName
 from weberlink.master.devices.polhem.protocol import Counts
-from weberlink.master.emulators.handle import Handle, HandleOptions
 from weberlink.options import Options
+from weberlink_devices.handle import Handle, HandleOptions
 
 Currents = tuple[float, float, float]
 

@@ -1,0 +1,1 @@
+"""The emulated boards of the Polhem; their drivers are of the kernel."""
