@@ -1,6 +1,6 @@
 """How long a side was connected, and why a session failed."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import pytest
@@ -8,7 +8,7 @@ import pytest
 from tests.records import ticks
 from weberlink.protocol.session import EXPIRY
 from weberlink.protocol.states import State
-from weberlink.session.ending import AWAY, CONNECTED, UNCONNECTED, WAITING, Connection, ConnectionTimes, failures
+from weberlink.session.ending import AWAY, CONNECTED, UNCONNECTED, WAITING, Connection, failures
 
 PERIOD = 0.01
 LISTENING, CONNECTING, ENGAGED, SILENT, CLOSED = (
@@ -43,9 +43,9 @@ Stretch = tuple[State, float]
 )
 def test_states_are_counted_by_what_they_mean(stretches: list[Stretch], ended: str, expected: dict[str, float]) -> None:
     states = [state.value for state, seconds in stretches for _ in range(round(seconds / PERIOD))]
-    times = ConnectionTimes()
+    times = Connection()
     times.add(ticks(len(states), every=PERIOD, state=states))
-    found = vars(times.figures())
+    found = asdict(times)
     assert found["ended"] == ended
     for key, value in expected.items():
         assert found[key] == pytest.approx(value, abs=2 * PERIOD), key

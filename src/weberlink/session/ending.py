@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 WAITING, CONNECTED, UNCONNECTED, AWAY = "waiting", "connected", "unconnected", "away"
 """No session yet; in session and hearing each other; silent, or lost by silence; left by the peer in order."""
+_SECONDS = {WAITING: "waited_s", CONNECTED: "connected_s", UNCONNECTED: "unconnected_s", AWAY: "away_s"}
 LEAVE_S = 0.8 * EXPIRY
 """A session that ends sooner after a tick in which it was heard was left by the peer; silence ends it later [s]."""
 
@@ -46,58 +47,31 @@ PEERS = {MASTER: SLAVE, SLAVE: MASTER}
 _ENGAGED, _SILENT, _CLOSED = State.ENGAGED.value, State.SILENT.value, State.CLOSED.value
 
 
-@dataclass(frozen=True)
+@dataclass
 class Connection:
     """How long a side waited for its first session, was connected, unconnected, and away (left by the peer in order).
-
-    `ended` names which of these it was at the end, and `last_s` says for how long.
-    """
-
-    waited_s: float
-    connected_s: float
-    unconnected_s: float
-    interruptions: int
-    away_s: float
-    ended: str
-    last_s: float
-
-
-class ConnectionTimes:
-    """Running figures of one side; a few numbers, whatever the length of the session.
 
     A state counts until the next record. Nothing counts from the tick on in which the side closed its end.
     """
 
-    def __init__(self) -> None:
-        self._phase = WAITING  # the present one, or that before the end
-        self._seconds = dict.fromkeys((WAITING, CONNECTED, UNCONNECTED, AWAY), 0.0)
-        self._last: tuple[float, int] | None = None
+    waited_s: float = 0.0
+    connected_s: float = 0.0
+    unconnected_s: float = 0.0
+    interruptions: int = 0
+    away_s: float = 0.0
+    ended: str = WAITING  # the present one of these, or that before the end
+    last_s: float = 0.0  # for how long
+
+    def __post_init__(self) -> None:
+        self._last: tuple[float, int] | None = None  # moment and state of the newest record
         self._heard_at = -inf
-        self._since = 0.0  # duration of the present phase [s]
-        self._interruptions = 0
 
     def add(self, records: "Records") -> None:
-        """Take the next records, in order."""
-        if not len(records):
-            return
+        """Take the next records, one or more, in order."""
         at, states = records["at"], records["state"]
         starts = (states[1:] != states[:-1]).nonzero()[0] + 1
         for index in sorted({0, *(starts - 1).tolist(), *starts.tolist(), len(records) - 1}):
             self._enter(float(at[index]), int(states[index]))
-
-    def figures(self) -> Connection | None:
-        """None before the first record."""
-        if self._last is None:
-            return None
-        return Connection(
-            waited_s=self._seconds[WAITING],
-            connected_s=self._seconds[CONNECTED],
-            unconnected_s=self._seconds[UNCONNECTED],
-            interruptions=self._interruptions,
-            away_s=self._seconds[AWAY],
-            ended=self._phase,
-            last_s=self._since,
-        )
 
     def _enter(self, at: float, state: int) -> None:
         """Count up to a record, and take its state."""
@@ -105,19 +79,20 @@ class ConnectionTimes:
             before, last = self._last
             if last == _CLOSED:
                 return
-            self._seconds[self._phase] += at - before
-            self._since += at - before
+            seconds = _SECONDS[self.ended]
+            setattr(self, seconds, getattr(self, seconds) + at - before)
+            self.last_s += at - before
             if last == _ENGAGED:
                 self._heard_at = before
         self._last = (at, state)
-        phase = self._phase
+        phase = self.ended
         if state in (_ENGAGED, _SILENT):
             phase = CONNECTED if state == _ENGAGED else UNCONNECTED
         elif state != _CLOSED and phase not in (WAITING, AWAY):
             phase = AWAY if at - self._heard_at < LEAVE_S else UNCONNECTED
-        if phase != self._phase:
-            self._interruptions += phase == UNCONNECTED
-            self._phase, self._since = phase, 0.0
+        if phase != self.ended:
+            self.interruptions += phase == UNCONNECTED
+            self.ended, self.last_s = phase, 0.0
 
 
 def known_of_peer(facts: Facts, side: str, fact: str) -> str:

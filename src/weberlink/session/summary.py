@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -13,7 +14,7 @@ from weberlink.config import MASTER, SIDES, SLAVE, Configuration, ConfigurationE
 from weberlink.environment import environment, footer
 from weberlink.installation import absence
 from weberlink.protocol.states import State
-from weberlink.session.ending import URGENT, Connection, ConnectionTimes, failures
+from weberlink.session.ending import URGENT, Connection, failures
 from weberlink.session.report import CHOSEN_BY, MEASURED_S, REPORTS, SUMMARY, Ended, Facts, SessionLog, exit_status
 from weberlink.telemetry.fault import Fault, name_of
 from weberlink.telemetry.reader import Records
@@ -43,7 +44,7 @@ class SideCounts:
     def __init__(self) -> None:
         self.ticks = self.engaged = 0
         self.last: Any = None
-        self.connection = ConnectionTimes()
+        self.connection = Connection()
         self.faults: dict[str, int] = {}  # how often each began
         self.round_trips_us: deque[float] = deque(maxlen=PIECES)
 
@@ -98,7 +99,7 @@ class SessionCounts(Generic[Counts]):
     @property
     def connections(self) -> dict[str, Connection | None]:
         """How long each side was connected; None of one without records."""
-        return {name: side.connection.figures() for name, side in self.sides.items()}
+        return {name: replace(side.connection) if side.ticks else None for name, side in self.sides.items()}
 
     @property
     def round_trip_us(self) -> float | None:
