@@ -99,7 +99,7 @@ def dry_run(configuration: Configuration) -> DryRun:
         device = build_device(configuration) if has_device else None
         parts = DryRun(configuration, device, build_robot(configuration) if has_robot else None)
         if parts.robot is not None:
-            workspace_of(configuration, parts.robot)
+            workspace_of(configuration.system, parts.robot)
     for field, address, is_alone in (
         ("link.slave", link.slave, not has_robot),
         ("link.listen", link.listen, not has_device),

@@ -12,7 +12,7 @@ from weberlink.geometry.joints import Joints
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.session.channels import IncomingChannel
 from weberlink.session.composition.channels import account, check_span, longest_round_trip, signal_delay, streams
-from weberlink.session.composition.link import build_driver, build_tuning, with_file_name
+from weberlink.session.composition.link import build_driver, build_tuning
 from weberlink.session.side import Parts
 
 SLEW_S = 0.05  # time in which the torque of a leader may rise to its largest, where the file does not say otherwise [s]
@@ -89,7 +89,6 @@ def build_following(configuration: Configuration, endpoint: Endpoint) -> Parts:
     return Parts(port, sensors, incoming, build_tuning(system, sensors[0].encoder))
 
 
-@with_file_name
 def build_leader(configuration: Configuration) -> Arm:
     """The leader in the frame of the follower, not yet open; raises ConfigurationError if it cannot be made of its
     options, has other joints than the file, or the wire cannot say its angles."""
@@ -111,7 +110,6 @@ def build_leader(configuration: Configuration) -> Arm:
     return leader
 
 
-@with_file_name
 def build_follower(configuration: Configuration) -> Arm:
     """The follower, not yet open; raises ConfigurationError as `build_leader`."""
     system, part = configuration.system, configuration.robot

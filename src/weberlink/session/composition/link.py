@@ -48,7 +48,7 @@ class Context(NamedTuple):
 
 
 F = TypeVar("F", bound=Callable[..., Any])
-ControlEnd = TypeVar("ControlEnd")
+T = TypeVar("T")
 
 
 def with_file_name(build: F) -> F:
@@ -210,13 +210,9 @@ def build_endpoint(system: System, side: str, context: Context) -> Endpoint:
     return Endpoint(end, context.peer)
 
 
-@with_file_name
-def build_control(
-    configuration: Configuration, build: Callable[[str, SchemeParameters], ControlEnd], coupling: float
-) -> ControlEnd:
+def build_control(system: System, build: Callable[[str, SchemeParameters], T], coupling: float) -> T:
     """One end of the control scheme; `coupling` is the stiffness of the robot towards its command [N/m]. Raises
     ConfigurationError if the scheme is of another distribution and broken."""
-    system = configuration.system
     settings = SchemeParameters(
         tick_period=system.tick_period,
         coupling=coupling,
@@ -224,7 +220,8 @@ def build_control(
         delay=signal_delay(system),
         longest=longest_round_trip(system),
     )
-    return cast(ControlEnd, build_driver("control.scheme", build, system.control.scheme, settings))
+    made: T = build_driver("control.scheme", build, system.control.scheme, settings)
+    return made
 
 
 def build_driver(where: str, driver: Any, *arguments: Any, contract: type | None = None) -> Any:

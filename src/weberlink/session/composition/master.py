@@ -30,7 +30,6 @@ from weberlink.session.composition.link import (
     build_driver,
     build_tuning,
     check_axes,
-    with_file_name,
 )
 from weberlink.session.side import Parts
 
@@ -62,7 +61,7 @@ def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
     force_limit = system.master.limits.force_n / system.master.frame_map.force_scale
     if device.spec.force_feedback:
         force_limit = min(force_limit, device.spec.force_n)
-    control = build_control(configuration, build_master_control, coupling(configuration, device))
+    control = build_control(system, build_master_control, coupling(configuration, device))
     force_decoder = Decoder(backward[0])
     # The largest force without a contact, in the robot's frame.
     free, longest = FREE_FORCE / system.master.frame_map.force_scale, longest_round_trip(system)
@@ -103,7 +102,6 @@ def build_hand(configuration: Configuration, endpoint: Endpoint) -> Parts:
     return Parts(operator_port(system, device, displays, bounds, endpoint), outgoing, incoming, tuning)
 
 
-@with_file_name
 def build_device(configuration: Configuration) -> Device:
     """The haptic device in the robot's frame, not yet open; raises ConfigurationError if it cannot be made of its
     options, or the wire cannot say its positions."""

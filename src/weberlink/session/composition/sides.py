@@ -3,10 +3,11 @@
 from weberlink.config import MASTER, Configuration
 from weberlink.protocol.liveness import HORIZON_SHARE
 from weberlink.session.composition.channels import playout_ticks
-from weberlink.session.composition.link import Context, build_endpoint
+from weberlink.session.composition.link import Context, build_endpoint, with_file_name
 from weberlink.session.side import Parts, Side
 
 
+@with_file_name
 def build_side(configuration: Configuration, side: str, context: Context) -> Side:
     """The operator's or the teleoperator's side, not yet open; raises ConfigurationError if device, robot or scene
     cannot be made as the file asks."""

@@ -5,7 +5,7 @@ from typing import Any
 
 from weberlink.codec import Decoder, Encoder
 from weberlink.codec.outgoing import OutgoingChannel
-from weberlink.config import Configuration, ConfigurationError
+from weberlink.config import Configuration, ConfigurationError, System
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.table import build_slave_control
 from weberlink.protocol.endpoint import Endpoint
@@ -17,13 +17,11 @@ from weberlink.session.composition.link import (
     build_driver,
     build_tuning,
     check_axes,
-    with_file_name,
 )
 from weberlink.session.side import Parts
 from weberlink.slave.guard import Guard, PressLimit, Workspace
 from weberlink.slave.robot_port import ContactForce, RobotPort, Unreached
 from weberlink.slave.robots.contract import OrientedRobot, Robot
-from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.settings import build
 
 DAMPING_MOST = 100.0
@@ -52,7 +50,7 @@ def build_led(configuration: Configuration, endpoint: Endpoint, stopwatch: Calla
         robot,
         guard=Guard(
             [press],
-            workspace=workspace_of(configuration, robot),
+            workspace=workspace_of(system, robot),
             trips=(spec.force_n if limits.trip_n is None else limits.trip_n,),
             speed=limits.speed_m_s,
             approach_speed=limits.approach_speed_m_s,
@@ -62,7 +60,7 @@ def build_led(configuration: Configuration, endpoint: Endpoint, stopwatch: Calla
         ),
         sensors=[force],
         endpoint=endpoint,
-        control=build_control(configuration, build_slave_control, spec.stiffness_n_m),
+        control=build_control(system, build_slave_control, spec.stiffness_n_m),
         tool=tool,
         by_button=system.master.engage is not None,
     )
@@ -77,7 +75,6 @@ def build_led(configuration: Configuration, endpoint: Endpoint, stopwatch: Calla
     return Parts(port, outgoing, incoming, build_tuning(system, force.encoder))
 
 
-@with_file_name
 def build_robot(configuration: Configuration) -> Robot:
     """The robot with the scene that it touches, not yet open; raises ConfigurationError if either cannot be made of its
     options, the wire cannot say its forces, or a limit of the file is beyond its range."""
@@ -86,7 +83,10 @@ def build_robot(configuration: Configuration) -> Robot:
     options = part.options
     if getattr(options, STATED, 0.0) is None:
         options = options.model_copy(update={STATED: coupling(configuration)})
-    scene = build_scene(configuration)
+    try:
+        scene = build(system.slave.scene) if system.slave.scene else None
+    except ValueError as error:
+        raise ConfigurationError(f"slave.scene: {error}") from None
     robot: Robot = build_driver("slave.robot", part.driver, options, scene, system.tick_period, contract=Robot)
     check_axes("slave.robot", robot.spec.axes, system)
     force, *torque = streams(system)[1]
@@ -103,21 +103,9 @@ def build_robot(configuration: Configuration) -> Robot:
     return robot
 
 
-@with_file_name
-def build_scene(configuration: Configuration) -> Scene | None:
-    """What there is to touch; None where the file names nothing. Raises ConfigurationError if an object of the scene
-    cannot be made."""
-    objects = configuration.system.slave.scene
-    try:
-        return build(objects) if objects else None
-    except ValueError as error:
-        raise ConfigurationError(f"slave.scene: {error}") from None
-
-
-@with_file_name
-def workspace_of(configuration: Configuration, robot: Robot) -> Workspace:
+def workspace_of(system: System, robot: Robot) -> Workspace:
     """Where the robot may be commanded to: its own workspace within that of the file."""
-    allowed = configuration.system.slave.limits.workspace_m
+    allowed = system.slave.limits.workspace_m
     spans = [
         (max(low, robot_low), min(high, robot_high))
         for (low, high), robot_low, robot_high in zip(allowed, *robot.spec.workspace_m, strict=True)
