@@ -153,15 +153,10 @@ def default_name(side: str, listen: str) -> str:
 
 
 def live_context(
-    configuration: Configuration,
-    side: str,
-    finder: PathFinder | None,
-    epoch: float,
-    *,
-    take_over: bool = False,
-    asks: Right = Right.DRIVE,
+    configuration: Configuration, side: str, finder: PathFinder | None, epoch: float, **asked: Any
 ) -> Context:
-    """That of a process that runs one side, or asks the slave; ConfigurationError as of `build_security`."""
+    """That of a process that runs one side, or asks the slave: `asked` are `take_over` and `asks`. ConfigurationError
+    as of `build_security`."""
     security, name, expects = acquaintance(configuration, side, finder)
     peer = None
     if side == MASTER:
@@ -169,28 +164,17 @@ def live_context(
 
         found, link = configuration.finds_path, configuration.system.link
         peer = peer_address(expects) if found else split_address(link.slave)
-    return Context(
-        security,
-        os.urandom,
-        epoch,
-        perf_counter,
-        peer,
-        name,
-        expects,
-        take_over,
-        asks,
-        stamp=lambda _now: time_ns(),
-    )
+    made = Context(security, os.urandom, epoch, perf_counter, peer, name, expects, stamp=lambda _now: time_ns())
+    return made._replace(**asked)
 
 
 def build_endpoint(system: System, side: str, context: Context) -> Endpoint:
-    forward, backward = streams(system)
-    outgoing, incoming = (forward, backward) if side == MASTER else (backward, forward)
-    own, other = system.link.names.master, system.link.names.slave
+    names = system.link.names
+    (outgoing, incoming), role, own, other = streams(system), Role.INITIATOR, names.master, names.slave
     if side == SLAVE:
-        own, other = other, own
+        outgoing, incoming, role, own, other = incoming, outgoing, Role.RESPONDER, other, own
     end = LocalEnd(
-        role=Role.INITIATOR if side == MASTER else Role.RESPONDER,
+        role=role,
         agreement=agreement(system),
         outgoing=[channel.forms for channel in outgoing],
         incoming=[channel.forms for channel in incoming],
