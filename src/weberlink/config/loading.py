@@ -113,7 +113,7 @@ def load_part(
     try:
         driver = table.load(name)
     except ValueError as error:
-        is_arm = any(name in each for each in DRIVERS[where][1:])
+        is_arm = any(name in each for each in DRIVERS[where][1:] if each is not table)
         why = f"{name} is an arm, and needs its joints: codec.joints (docs/arms/)" if is_arm else error
         raise ConfigurationError(f"{field}: {why}") from None
     except ImportError as error:
