@@ -19,7 +19,6 @@ from typing import Any, NamedTuple
 from weberlink.child_process import python
 from weberlink.order import COMPLETED, EMERGENCY, FAILED, NOTE
 from weberlink_figures.watching.control import Answer, refusal
-from weberlink_page.messages import Rooms
 
 STOP_LIMIT_S = 20.0  # time from the request to stop to a kill; the launcher gives its daemons 15 s
 SAME_PRESS_S = 1.0  # within this time, stops are the two ways of one press
@@ -178,10 +177,10 @@ class SessionLauncher:
         self.message: dict[str, Any] = self._told("idle", order.scene, None)
 
     @property
-    def rooms(self) -> Rooms:
+    def rooms(self) -> dict[str, Any]:
         """What a page may start."""
         scenes = [{"name": name, "title": scene.title} for name, scene in self._order.scenes.items()]
-        return {"start": True, "scenes": scenes, "scene": self.message["scene"]}  # type: ignore[typeddict-item]
+        return {"start": True, "scenes": scenes, "scene": self.message["scene"]}
 
     @property
     def is_starting(self) -> bool:
