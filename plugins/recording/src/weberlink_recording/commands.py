@@ -46,5 +46,5 @@ def export(
     from weberlink_recording import export as records  # noqa: PLC0415
 
     with failing(records.ExportError):
-        lines = records.export(recordings, to, out, records.DatasetOptions(fps, task))
+        lines = records.export(recordings, to, out, fps, task)
     typer.echo("\n".join(lines))

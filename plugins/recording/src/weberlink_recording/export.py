@@ -4,7 +4,7 @@ import csv
 import os
 import shutil
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from io import BytesIO
 from pathlib import Path
@@ -25,7 +25,6 @@ from weberlink.telemetry.recorders import COMPLETE
 from weberlink_figures.log_file import LONGEST_LINE
 from weberlink_figures.report import session_report
 from weberlink_figures.session import Layout
-from weberlink_figures.tree import Figures
 from weberlink_figures.verdict import verdict
 from weberlink_recording.configuration import BEGUN, CONFIGURATION, parse_foreign
 from weberlink_recording.lerobot_frames import NoFramesError, frames_of
@@ -43,75 +42,20 @@ class ExportError(Exception):
     """A file cannot be written."""
 
 
-class DatasetOptions(NamedTuple):
-    """What a LeRobot dataset takes beside the recording: frames per second, and what was done, in words."""
+class Description(NamedTuple):
+    """What recordings or logs contain: for JSON, whose lines are not as they were written, and what prints it."""
 
-    fps: int = 30
-    task: str = "teleoperation"
-
-
-DEFAULTS = DatasetOptions()
+    document: dict[str, Any]
+    broken: str | None
+    show: Callable[[Console], None]
 
 
-@dataclass(frozen=True)
-class RecordingDescription:
-    """What the recordings contain, and how it is shown."""
-
-    files: list[dict[str, Any]]
-    marks: list[dict[str, Any]]
-    figures: Figures
-
-    @property
-    def document(self) -> dict[str, Any]:
-        """For JSON."""
-        return {"files": self.files, "marks": self.marks} | self.figures.to_json()
-
-    @property
-    def broken(self) -> str | None:
-        """Whose journal is not as it was written; None for none."""
-        found = ((file["path"], file["journal"]) for file in self.files if file["journal"] is not None)
-        return next((f"the journal of {path} is {Verified(**told)}" for path, told in found if told["broken"]), None)
-
-    def show(self, console: Console) -> None:
-        """Print a line for each file, then the report of the session."""
-        for file in self.files:
-            console.print(Text(_file_line(file)))
-            if file["journal"] is not None:
-                console.print(Text(f"journal: {Verified(**file['journal'])}"), soft_wrap=True)
-        for mark in self.marks:
-            console.print(Text(f"mark at {mark['at_s']:.3f} s: {mark['text']}"))
-        session_report(self.figures, "weberlink record info " + " ".join(file["path"] for file in self.files), console)
-
-
-@dataclass(frozen=True)
-class LogDescription:
-    """What the chains of some logs say of themselves, by path, and how it is shown."""
-
-    logs: dict[str, Verified]
-
-    @property
-    def document(self) -> dict[str, Any]:
-        """For JSON."""
-        return {"logs": {path: found._asdict() for path, found in self.logs.items()}}
-
-    @property
-    def broken(self) -> str | None:
-        """Which file is not as it was written; None for none."""
-        return next((f"{path} {found}" for path, found in self.logs.items() if found.broken), None)
-
-    def show(self, console: Console) -> None:
-        for path, found in self.logs.items():
-            console.print(Text(f"{path}: {found}"), soft_wrap=True)
-
-
-def describe(paths: Sequence[Path]) -> RecordingDescription | LogDescription:
-    """Describe one recording, those of both sides, or logs.
-
-    Raises:
-        ConfigurationError: a file is not a recording, or the files are not of one session.
+def describe(paths: Sequence[Path]) -> Description:
+    """Describe one recording, those of both sides, or logs; raises ConfigurationError if a file is not a recording, or
+    the files are not of one session.
     """
     if all(map(_is_log, paths)):
-        return LogDescription({str(path): _verified(path) for path in paths})
+        return _describe_logs({str(path): _verified(path) for path in paths})
     recordings, session = _read(paths)
     files = [
         {
@@ -131,11 +75,32 @@ def describe(paths: Sequence[Path]) -> RecordingDescription | LogDescription:
     ]
     first = min(float(records["at"][0]) for records in session.sides.values())
     marks = [{"at_s": round(mark.at - first, 3), "text": mark.text} for mark in session.marks]
-    outcome = next(
-        (_ended(complete=False, outcome=str(file["outcome"])) for file in files if not file["complete"]), "completed"
-    )
+    outcome = next((_ended(each) for each in recordings if not each.complete), "completed")
     figures = replace(session.figures(), outcome=outcome)
-    return RecordingDescription(files, marks, replace(figures, verdict=verdict(figures)))
+    figures = replace(figures, verdict=verdict(figures))
+
+    def show(console: Console) -> None:
+        """A line for each file, then the report of the session."""
+        for file, recording in zip(files, recordings, strict=True):
+            console.print(Text(_file_line(file, recording)))
+            if recording.journal is not None:
+                console.print(Text(f"journal: {recording.journal}"), soft_wrap=True)
+        for mark in marks:
+            console.print(Text(f"mark at {mark['at_s']:.3f} s: {mark['text']}"))
+        session_report(figures, "weberlink record info " + " ".join(map(str, paths)), console)
+
+    journals = ((each.path, each.journal) for each in recordings if each.journal is not None)
+    broken = next((f"the journal of {path} is {journal}" for path, journal in journals if journal.broken), None)
+    return Description({"files": files, "marks": marks} | figures.to_json(), broken, show)
+
+
+def _describe_logs(logs: dict[str, Verified]) -> Description:
+    def show(console: Console) -> None:
+        for path, found in logs.items():
+            console.print(Text(f"{path}: {found}"), soft_wrap=True)
+
+    broken = next((f"{path} {found}" for path, found in logs.items() if found.broken), None)
+    return Description({"logs": {path: found._asdict() for path, found in logs.items()}}, broken, show)
 
 
 def _is_log(path: Path) -> bool:
@@ -152,11 +117,12 @@ def _verified(path: Path) -> Verified:
         return verify(line.rstrip(b"\n") for line in iter(lambda: file.readline(LONGEST_LINE + 1), b""))
 
 
-def export(paths: Sequence[Path], to: str, folder: Path | None, dataset: DatasetOptions = DEFAULTS) -> list[str]:
+def export(paths: Sequence[Path], to: str, folder: Path | None, fps: int, task: str) -> list[str]:
     """Write files beside the first recording, or into the folder; returns a line for each.
 
     `csv` and `parquet` are a table for each side; with `csv` also the signal that `evaluate` reads, what the robot was
-    commanded and felt while engaged. `ros` is one MCAP file for ROS tools, `lerobot` the folder of a LeRobot dataset.
+    commanded and felt while engaged. `ros` is one MCAP file for ROS tools, `lerobot` the folder of a LeRobot dataset
+    with so many frames per second, of what was done in words.
 
     Raises:
         ConfigurationError: for a format or a file that cannot be used, or a file that exists already.
@@ -170,7 +136,7 @@ def export(paths: Sequence[Path], to: str, folder: Path | None, dataset: Dataset
     if session.pictures:
         require_package("av", "recording[video]", f"--to {to} with pictures")
     target = folder if folder is not None else paths[0].parent
-    outputs = dict(_outputs(recordings, session, to, dataset))
+    outputs = dict(_outputs(recordings, session, to, fps, task))
     outs = {name: target / f"{paths[0].stem}-{name}" for name in outputs}
     for out in outs.values():
         if out.exists():
@@ -187,14 +153,14 @@ Output = Callable[[Path], str]  # writes a file that is not there yet, and says 
 
 
 def _outputs(
-    recordings: Sequence[Recording], session: RecordedSession, to: str, dataset: DatasetOptions
+    recordings: Sequence[Recording], session: RecordedSession, to: str, fps: int, task: str
 ) -> Iterator[tuple[str, Output]]:
     """The end of the name of each file, and what writes it."""
     if to == "ros":
         yield "ros.mcap", lambda path: _write_ros(recordings, session, path)
         return
     if to == "lerobot":
-        yield "lerobot", _lerobot(recordings, session, dataset)
+        yield "lerobot", _lerobot(recordings, session, fps, task)
         return
     times = time_axis(session)
     for side, records in session.sides.items():
@@ -233,25 +199,19 @@ def _write_ros(recordings: Sequence[Recording], session: RecordedSession, path: 
     return f"{count} messages; {what} at {RATE_HZ:g} Hz"
 
 
-def _lerobot(recordings: Sequence[Recording], session: RecordedSession, dataset: DatasetOptions) -> Output:
+def _lerobot(recordings: Sequence[Recording], session: RecordedSession, fps: int, task: str) -> Output:
     from weberlink_recording.lerobot_export import write_dataset  # noqa: PLC0415 - writes with an optional library
 
-    if not 1 <= dataset.fps <= session.layout.rate_hz:
-        raise ConfigurationError(
-            f"--fps: {dataset.fps} is not within 1 and the {session.layout.rate_hz:g} Hz of the ticks"
-        )
+    if not 1 <= fps <= session.layout.rate_hz:
+        raise ConfigurationError(f"--fps: {fps} is not within 1 and the {session.layout.rate_hz:g} Hz of the ticks")
     try:
-        frames = frames_of(session, dataset.fps, _gripper_range(recordings))
+        frames = frames_of(session, fps, _gripper_range(recordings))
     except NoFramesError as error:
         raise ConfigurationError(f"{', '.join(str(each.path) for each in recordings)}: {error}") from None
-    notes = [
-        f"{each.path} is {_ended(complete=each.complete, outcome=each.outcome)}"
-        for each in recordings
-        if not each.complete
-    ]
+    notes = [f"{each.path} is {_ended(each)}" for each in recordings if not each.complete]
 
     def output(path: Path) -> str:
-        return "; ".join([write_dataset(frames, dataset.task, _robot(recordings), path), *notes])
+        return "; ".join([write_dataset(frames, task, _robot(recordings), path), *notes])
 
     return output
 
@@ -307,7 +267,7 @@ def _date(recording: Recording) -> str | None:
     return datetime.fromtimestamp(began, UTC).isoformat(timespec="milliseconds")
 
 
-def _file_line(file: dict[str, Any]) -> str:
+def _file_line(file: dict[str, Any], recording: Recording) -> str:
     sides = ", ".join(f"{side} {count} records" for side, count in file["records"].items())
     began = (
         f"began {' '.join(filter(None, (file['began'], file['begun'])))}" if file["began"] else f"{file['clock']} time"
@@ -317,14 +277,14 @@ def _file_line(file: dict[str, Any]) -> str:
         f"{file['path']}: {sides}",
         f"{file['bytes'] / 1e6:.1f} MB",
         began,
-        _ended(complete=file["complete"], outcome=file["outcome"]),
+        _ended(recording),
     ]
     return ", ".join(parts + ([f"{lost} records lost"] if lost else []))
 
 
-def _ended(*, complete: bool, outcome: str) -> str:
+def _ended(recording: Recording) -> str:
     """The number of lost records is shown beside it."""
-    return "whole" if complete else "not whole" if outcome == COMPLETE else outcome
+    return "whole" if recording.complete else "not whole" if recording.outcome == COMPLETE else recording.outcome
 
 
 def _columns(records: Records, layout: Layout) -> Columns:
