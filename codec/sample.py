@@ -1,6 +1,5 @@
 """A sample as both ends hold it, and its conversion to and from wire levels."""
 
-from collections.abc import Sequence
 from math import isfinite
 from typing import Final, NamedTuple
 
@@ -72,16 +71,6 @@ class Quantizer:
         if -limit <= x <= limit and -limit <= y <= limit and -limit <= z <= limit:
             return (x, y, z)
         return self.confine((x, y, z))
-
-    def components(self, vector: Vector) -> list[float]:
-        """The `size` components of a vector on the axes that are sent."""
-        components: tuple[float, ...] = vector
-        return list(components[self._sent])
-
-    def vector(self, components: Sequence[float]) -> Vector:
-        """The vector with these `size` components, and 0 on the other axes; neither rounded nor saturated."""
-        (i, j, k), padded = self._places, (*components, 0.0)
-        return (padded[i], padded[j], padded[k])
 
 
 def _clip(component: float, low: float, high: float) -> float:

@@ -17,6 +17,7 @@ from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, distance, dot, norm, scale, unit
 from weberlink_predictors.affine import AFFINE, SLOWEST, SOFTEST, WIDEST, Affine, LocalAffine
 from weberlink_predictors.estimation import EncodeContext, History, Signal
+from weberlink_predictors.parameters import components, vector_of
 
 S = 800.0
 coordinates = st.floats(-0.02, 0.02)
@@ -72,7 +73,7 @@ def test_a_model_survives_the_wire_towards_zero(axes: str, elements: list[float]
         tuple(kept[row] * kept[column] * elements[3 * row + column] for column in range(3)) for row in range(3)
     )
     levels = tuple(range(1, 1 + grid.size))
-    newest, drift = grid.sample(6, levels), quantizer.vector(quantizer.components(slope))
+    newest, drift = grid.sample(6, levels), vector_of(components(slope, quantizer), quantizer)
     model = Affine(newest.value, newest.position, 6, rows, drift)  # type: ignore[arg-type]
     decoder.apply(Update(6, 0, levels, AFFINE.packed(model, newest, grid)))
     decoded = decoder.model

@@ -11,7 +11,6 @@ from math import ceil
 from typing import Any
 
 from weberlink.compiled import mypyc_attr
-from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import Vector
 
 CREDIT_STEP = 1e-4
@@ -99,8 +98,36 @@ class Control:
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class MasterControl(Control):
-    """The operator's end of a scheme.
+class AxesMaster(Control):
+    """The operator's end of a scheme for axes that turn: the joints of an arm, or the three of a handle.
+
+    Calls in a tick: `observe`, `render`, `displayed`.
+    """
+
+    __slots__ = ()
+
+    def observe(self, position: Any, elapsed: float, tick: float, peer_credit: int, rtt: float | None) -> None:
+        """Book the work of the last tick.
+
+        Args:
+            position: angles of all axes [rad], of which only the changes count; of a hand, its position [m].
+            elapsed: time since the last call [s].
+            tick: the tick of the other side from which an update can have arrived by now.
+            peer_credit: credit of the other side so far, in units of `CREDIT_STEP`.
+            rtt: round-trip time [s]; None while unknown.
+        """
+
+    def render(self, force: Any) -> Any:
+        """The torques [N m] to display, or the force [N], given what was decoded."""
+        return force
+
+    def displayed(self, force: Any) -> None:
+        """Take in what the device was commanded, and holds until the next tick."""
+
+
+@mypyc_attr(allow_interpreted_subclasses=True)
+class MasterControl(AxesMaster):
+    """The operator's end of a scheme for the force on a hand.
 
     Calls in a tick: `learn` for each update, `observe`, `command`, `render`, `displayed`; and `refute` if that lasts
     without a contact.
@@ -137,27 +164,9 @@ class MasterControl(Control):
         """
         self._model_stiffness = self._coupling if surface is None else surface.stiffness
 
-    def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, rtt: float | None) -> None:
-        """Book the work of the last tick.
-
-        Args:
-            position: position of the device [m].
-            elapsed: time since the last call [s].
-            tick: the tick of the other side from which an update can have arrived by now.
-            peer_credit: credit of the other side so far, in units of `CREDIT_STEP`.
-            rtt: round-trip time [s]; None while unknown.
-        """
-
     def command(self, position: Vector) -> Vector:
         """The position [m] to send to the robot for this position of the device [m]."""
         return position
-
-    def render(self, force: Vector) -> Vector:
-        """The force to display [N], given the decoded one [N]."""
-        return force
-
-    def displayed(self, force: Vector) -> None:
-        """Take in the commanded force of the device [N], which is held until the next tick."""
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -187,24 +196,3 @@ class SlaveControl(Control):
             position: commanded position [m].
             force: force of the environment on the robot [N].
         """
-
-
-@mypyc_attr(allow_interpreted_subclasses=True)
-class AxesMaster(Control):
-    """The operator's end of a scheme for axes that turn: the joints of an arm, or the three of a handle.
-
-    Calls in a tick: `observe`, `render`, `displayed`.
-    """
-
-    __slots__ = ()
-
-    def observe(self, position: Joints, elapsed: float, tick: float, peer_credit: int, rtt: float | None) -> None:
-        """Book the work of the last tick; as of `MasterControl`, but for the angles of all axes [rad]: only their
-        changes count."""
-
-    def render(self, torque: Joints) -> Joints:
-        """The torques to display [N m], given the decoded ones [N m]."""
-        return torque
-
-    def displayed(self, torque: Joints) -> None:
-        """Take in the commanded torques [N m], which are held until the next tick."""

@@ -33,8 +33,3 @@ def joined(vectors: Sequence[Vector], count: int) -> Joints:
     for vector in vectors:
         flat.extend(vector)
     return tuple(flat[:count])
-
-
-def widths(count: int) -> list[int]:
-    """How many axes each part of so many values has."""
-    return [min(PART, count - start) for start in range(0, count, PART)]

@@ -15,7 +15,7 @@ from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale, subtract
 from weberlink.update import ModelParameters
 from weberlink_predictors.estimation import Candidate, CandidatePredictor, EncodeContext, Signal
-from weberlink_predictors.parameters import Block, pack, unpack
+from weberlink_predictors.parameters import Block, components, pack, unpack, vector_of
 
 WINDOW_S = 0.014  # Length of the regression window [s]
 STEP_S = 0.001  # Time from one sample of the window to the next, where the ticks allow [s]
@@ -107,22 +107,25 @@ class AffinePredictor(CandidatePredictor):
 
     def packed(self, model: Affine, newest: Sample, grid: SampleGrid) -> ModelParameters:  # noqa: ARG002
         stiffness, slope = _blocks(grid)
-        components = grid.value.components
-        elements = [element for axis in grid.value.used for element in components(model.stiffness[axis])]
-        levels = stiffness.levels(elements) + slope.levels(components(model.slope))
+        sent = grid.value
+        elements = [element for axis in sent.used for element in components(model.stiffness[axis], sent)]
+        levels = stiffness.levels(elements) + slope.levels(components(model.slope, sent))
         return ModelParameters(pack(levels, stiffness.widths + slope.widths))
 
     def unpacked(self, data: bytes, newest: Sample, grid: SampleGrid, limits: FitLimits) -> Affine | None:
         stiffness, slope = _blocks(grid)
         fields = unpack(data, stiffness.widths + slope.widths)
         first = len(stiffness.widths)
-        size, vector = grid.value.size, grid.value.vector
+        sent = grid.value
         elements = stiffness.numbers(fields[:first])
-        rows = iter([vector(elements[start : start + size]) for start in range(0, size * size, size)])
-        x, y, z = (next(rows) if axis in grid.value.used else ZERO for axis in range(3))
+        starts = range(0, sent.size * sent.size, sent.size)
+        rows = iter([vector_of(elements[start : start + sent.size], sent) for start in starts])
+        x, y, z = (next(rows) if axis in sent.used else ZERO for axis in range(3))
         if norm((norm(x), norm(y), norm(z))) > limits.stiffness[1]:
             return None
-        return Affine(newest.value, newest.position, newest.tick, (x, y, z), vector(slope.numbers(fields[first:])))
+        return Affine(
+            newest.value, newest.position, newest.tick, (x, y, z), vector_of(slope.numbers(fields[first:]), sent)
+        )
 
 
 AFFINE = AffinePredictor()

@@ -4,6 +4,9 @@ from collections.abc import Sequence
 from math import frexp, ldexp
 from typing import NamedTuple
 
+from weberlink.codec.sample import Quantizer
+from weberlink.geometry.vector import Vector
+
 EXPONENT_BITS = 5
 _LARGEST_EXPONENT = (1 << EXPONENT_BITS) - 1
 
@@ -33,6 +36,17 @@ def unpack(data: bytes, widths: Sequence[int]) -> list[int]:
         bits >>= width
     values.reverse()
     return values
+
+
+def components(vector: Vector, quantizer: Quantizer) -> list[float]:
+    """Those of a vector on the axes that are sent."""
+    return [vector[axis] for axis in quantizer.used]
+
+
+def vector_of(components: Sequence[float], quantizer: Quantizer) -> Vector:
+    """The vector with these components on the axes that are sent, and 0 on the others."""
+    sent = dict(zip(quantizer.used, components, strict=True))
+    return (sent.get(0, 0.0), sent.get(1, 0.0), sent.get(2, 0.0))
 
 
 class Block(NamedTuple):

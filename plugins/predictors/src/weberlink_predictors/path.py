@@ -21,7 +21,7 @@ from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, add, distance, subtract
 from weberlink.update import MOST_PARAMETER_BYTES, ModelParameters
 from weberlink_predictors.estimation import Candidate, CandidatePredictor, EncodeContext, Signal
-from weberlink_predictors.parameters import Float, pack, unpack
+from weberlink_predictors.parameters import Float, components, pack, unpack, vector_of
 
 STEP_S = 0.004  # Time from one sample that is learned to the next [s]
 HORIZONS = (1, 2, 4, 8, 16, 32)  # Moments of the knots, in steps after the sample
@@ -177,8 +177,8 @@ class PathPredictor(CandidatePredictor):
             stiffness = _stiffness(grid, fields[numbers:])
             if newest.value == ZERO or not _is_accepted(stiffness, limits):
                 return None
-        size, vector = grid.value.size, grid.value.vector
-        displacements = tuple(vector(path[start : start + size]) for start in range(0, numbers, size))
+        sent, size = grid.value, grid.value.size
+        displacements = tuple(vector_of(path[start : start + size], sent) for start in range(0, numbers, size))
         return Path(newest, knots[:count], displacements, exponent, stiffness, known)
 
 
@@ -202,7 +202,7 @@ ELASTIC = ElasticPredictor()
 def _layout(model: Path, grid: SampleGrid) -> tuple[list[int], list[int]]:
     """The fields of a path and their widths, without the stiffness."""
     digit = ldexp(grid.value.step, model.exponent)
-    levels = [round(each / digit) for vector in model.displacements for each in grid.value.components(vector)]
+    levels = [round(each / digit) for vector in model.displacements for each in components(vector, grid.value)]
     width = max([each.bit_length() for each in levels], default=0) + 1
     fields, widths = [len(model.knots), width, model.exponent], [*_HEAD]
     if model.known:

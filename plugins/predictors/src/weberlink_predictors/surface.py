@@ -24,7 +24,7 @@ from weberlink.geometry.vector import ZERO, Vector, dot, is_finite, norm, scale,
 from weberlink.update import ModelParameters
 from weberlink_predictors.contact import ContactEstimator
 from weberlink_predictors.estimation import Candidate, CandidatePredictor, EncodeContext, History, Signal
-from weberlink_predictors.parameters import Float, Uniform, pack, unpack
+from weberlink_predictors.parameters import Float, Uniform, components, pack, unpack, vector_of
 from weberlink_predictors.trigonometry import cosine, sine
 
 LEAST_CURVATURE = 0.5  # A smaller curvature is set to 0, which costs less run time [1/m]
@@ -265,7 +265,7 @@ class SurfacePredictor(CandidatePredictor):
     def packed(self, model: SurfacePatch, newest: Sample, grid: SampleGrid) -> ModelParameters:  # noqa: ARG002
         damps = model.damping > 0.0
         normal, *others = _LAYOUTS[grid.value.size]
-        levels = [int(damps), *(normal.level(each) for each in grid.value.components(model.normal))]
+        levels = [int(damps), *(normal.level(each) for each in components(model.normal, grid.value))]
         levels += [field.level(getattr(model, name)) for name, field in others[damps].items()]
         return ModelParameters(pack(levels, widths_of(grid)))
 
@@ -273,7 +273,7 @@ class SurfacePredictor(CandidatePredictor):
         each, *layouts = _LAYOUTS[grid.value.size]
         damps, *fields = unpack(data, widths_of(grid))
         others, size = layouts[damps], grid.value.size
-        x, y, z = grid.value.vector([each.number(field) for field in fields[:size]])
+        x, y, z = vector_of([each.number(field) for field in fields[:size]], grid.value)
         length = sqrt(x * x + y * y + z * z)
         if not length > 0.0:
             return None

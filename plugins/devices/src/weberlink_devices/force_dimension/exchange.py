@@ -5,13 +5,13 @@ from math import isfinite
 from time import monotonic, sleep
 from typing import NoReturn
 
-from weberlink.geometry.rotation import of_matrix
 from weberlink.hardware.discovery import UsbId
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.contract import DeviceReading
 from weberlink_devices.discovery import usb_devices
 from weberlink_devices.force_dimension import library as dhd
 from weberlink_devices.force_dimension.options import MODELS, ForceDimensionOptions
+from weberlink_devices.rotation_matrix import of_matrix
 from weberlink_devices.threaded_torque import NO_WRENCH, Wrench
 
 USB = (UsbId(0x1451), UsbId(0x0403, 0xCB48))

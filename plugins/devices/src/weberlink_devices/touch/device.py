@@ -8,13 +8,14 @@ from typing import ClassVar
 
 from pydantic import BaseModel
 
-from weberlink.geometry.rotation import IDENTITY, Quaternion, of_matrix
+from weberlink.geometry.rotation import IDENTITY, Quaternion
 from weberlink.geometry.vector import ZERO, Vector, cube, is_finite, within
 from weberlink.hardware.discovery import PluggedDevice, UsbId, serial_ports
 from weberlink.hardware.fault import HardwareFault
 from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.devices.hardware_device import RAMP_S, STALE_S, fingerprint, force_spec
 from weberlink.registry import Tier
+from weberlink_devices.rotation_matrix import of_matrix
 from weberlink_devices.touch.exchange import ServoState
 from weberlink_devices.touch.hdapi import HdError
 from weberlink_devices.touch.options import TouchOptions
