@@ -241,13 +241,6 @@ class Bound:
         ramp: time in which a part may grow to its largest after an engagement or a silence [s], > 0.
         width: axes of each part: three for a hand, one for an arm, whose axes are limited one by one.
         contact: ends what no contact founds; None for what is displayed as it is decoded.
-
-    Attributes:
-        asked: largest length of what is wanted, within its limit, before fade and slew limit.
-        clipped: whether a limit of size has shortened it.
-        held: what left last.
-        arrived: whether the approach is over.
-        held_back: whether the slew limit held back what is not in the approach.
     """
 
     def __init__(
@@ -262,9 +255,10 @@ class Bound:
         self.most, self.slew, self.width, self.contact = most, slew, width, contact
         self._nothing: Joints = (0.0,) * (width * len(most))
         self._growth = [max(limit, 1e-300) * ROUNDING / ramp for limit in most]
-        self.held = self._nothing
-        self.asked = 0.0
-        self.clipped = self.arrived = self.held_back = False
+        self.held = self._nothing  # what left last
+        self.asked = 0.0  # largest length of what is wanted, within its limit, before fade and slew limit
+        self.arrived = False  # whether the approach is over
+        self.clipped = self.held_back = False  # by a limit of size; by the slew limit, and not in the approach
 
     def reset(self) -> None:
         """Nothing has left last; a gate that opens approaches what comes next."""

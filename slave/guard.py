@@ -33,10 +33,6 @@ class Approach:
         speed: of each part while it follows [m/s, or rad/s], > 0; may be infinite.
         approach_speed: the same until it has arrived.
         step_toward: the point on the way to the second value that is so far from the first.
-
-    Attributes:
-        held: what left last.
-        arrived: whether the approach is over.
     """
 
     def __init__(
@@ -53,8 +49,8 @@ class Approach:
             raise ValueError(f"speeds must be positive, not {speed!r} and {approach_speed!r}")
         self.spans = [(first, first + width) for first in range(0, len(start), width)]
         self.speed, self.approach_speed, self._step_toward = speed, approach_speed, step_toward
-        self.held = start
-        self.arrived = False
+        self.held = start  # what left last
+        self.arrived = False  # whether the approach is over
 
     def advance(self, goal: Joints, step: float) -> Joints:
         """Go on towards a goal, as far as the time `step` [s] allows."""

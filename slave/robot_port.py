@@ -122,6 +122,10 @@ class RobotPort(Port):
             sensor.shown = self.shown
 
     @property
+    def tripped(self) -> bool:
+        return self.guard.tripped
+
+    @property
     def follows(self) -> bool:
         """Whether no contact that was too strong keeps the robot from following."""
         return not (self.is_overloaded or self.tripped)
@@ -143,7 +147,6 @@ class RobotPort(Port):
         if not self.is_overloaded or self.guard.tripped:
             return False
         self.guard.trip(self.felt, self.where)
-        self.tripped = True
         return True
 
     def settle(self, now: float) -> None:
@@ -213,7 +216,6 @@ class RobotPort(Port):
             self.applied = self.guard.hold(step)
         else:
             self.applied = self.guard.follow(wanted, self.where, self.felt, step)
-            self.tripped = self.guard.tripped
         self._command(self.applied, now)
         if self.tool is not None:
             self.tool.touches = self.guard.touches

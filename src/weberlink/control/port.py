@@ -20,18 +20,10 @@ class Port:
         source: the device, robot or arm, not yet open.
         controls: this end of the control scheme: of the force and, with six degrees of freedom, of the torque.
         fault: what `open` and `latest` raise if the device or robot cannot continue.
-
-    Attributes:
-        kind: "device" or "robot", for messages.
-        leads: whether this is the operator's end.
-        enabled: whether the operator enables motion with the button of `master.engage`.
-        tripped: whether a contact force above its limit stops the robot from following.
-        angle_range: least and largest angles of an arm [rad]; None of a hand or its robot.
-        unfounded: whether a force is asked for that the other end has stated no contact for: it is faded out.
     """
 
-    kind: ClassVar[str] = "robot"
-    leads: ClassVar[bool] = False
+    kind: ClassVar[str] = "robot"  # or "device", for messages
+    leads: ClassVar[bool] = False  # whether this is the operator's end
 
     def __init__(self, source: Any, controls: Sequence[Control], fault: type[Exception]) -> None:
         self._source, self.fault = source, fault
@@ -39,9 +31,14 @@ class Port:
         self.latest: Callable[[float], Any] = source.latest
         self.name: str = source.spec.name
         self.controls = controls
-        self.enabled = True
-        self.angle_range: tuple[Joints, Joints] | None = None
-        self.tripped = self.unfounded = False
+        self.enabled = True  # whether the operator enables motion with the button of `master.engage`
+        self.angle_range: tuple[Joints, Joints] | None = None  # of an arm [rad]
+        self.unfounded = False  # whether a force is asked for that no contact was stated for: it is faded out
+
+    @property
+    def tripped(self) -> bool:
+        """Whether a contact force above its limit stops the robot from following."""
+        return False
 
     @property
     def trouble(self) -> str | None:
@@ -77,13 +74,8 @@ class Port:
         """Stop following the peer: hold, or retreat from a contact if configured."""
 
     def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:
-        """Book the work of a tick; returns the energy credit to send to the peer.
-
-        Args:
-            elapsed: time since the last tick [s].
-            tick: present time on the tick clock of the peer.
-            encodes: whether the channels are encoded in this tick.
-        """
+        """Book the work of a tick of `elapsed` [s], at a `tick` of the peer, in which the channels are encoded or not;
+        returns the energy credit to send to the peer."""
         raise NotImplementedError
 
     def actuate(self, values: Sequence[Any], now: float, elapsed: float, step: float, *, engaged: bool) -> None:
@@ -91,7 +83,7 @@ class Port:
 
         Args:
             values: one per incoming channel, a vector or the joints of an arm; None if nothing was decoded.
-            now: present time [s].
+            now: [s].
             elapsed: time since the last tick [s]; 0 after a stall.
             step: the same, bounded: the time by which ramps and speed limits advance [s].
             engaged: whether the values may be acted on.
@@ -99,12 +91,8 @@ class Port:
         raise NotImplementedError
 
     def report(self, row: Any, *, is_led: bool) -> None:
-        """Fill in what telemetry records of this end alone.
-
-        Args:
-            row: a `weberlink.telemetry.row.Row`.
-            is_led: False while a session lives and nothing else keeps the operator from leading: a button is not held.
-        """
+        """Fill in what a `weberlink.telemetry.row.Row` has of this end alone. `is_led`: False while a session lives and
+        nothing but a button that is not held keeps the operator from leading."""
         raise NotImplementedError
 
     def halt(self, now: float) -> None:

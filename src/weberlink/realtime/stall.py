@@ -13,26 +13,18 @@ class StallDetector:
 
     A process stalls when it is stopped (SIGSTOP), when its host is suspended, or when something blocks its loop.
     What the process knew before a stall is old: hand and robot may have moved meanwhile.
-
-    Args:
-        tick_period: [s], > 0.
-
-    Attributes:
-        limit: a tick that comes later than this after the last one ends a stall [s].
-        stalled: whether the newest tick ended a stall.
-        settling: whether it is one of the first `SETTLING_TICKS` from a stall on.
-        step: by how much ramps and limits may go on in the newest tick [s]; 0 if it is the first or ended a stall.
     """
 
     __slots__ = ("_last", "_longest_step", "_ticks_to_settle", "limit", "settling", "stalled", "step")
 
     def __init__(self, tick_period: float) -> None:
-        self.limit = max(LEAST_STALL, STALL_TICKS * tick_period)
+        self.limit = max(LEAST_STALL, STALL_TICKS * tick_period)  # a tick that is later after the last one ends a stall
         self._longest_step = LONGEST_STEP * tick_period
         self._last: float | None = None
         self._ticks_to_settle = 0
-        self.stalled = self.settling = False
-        self.step = 0.0
+        self.stalled = False  # whether the newest tick ended a stall
+        self.settling = False  # whether it is one of the first `SETTLING_TICKS` from a stall on
+        self.step = 0.0  # by how much ramps and limits may go on in the newest tick [s]; 0 if it is the first
 
     def tick(self, now: float) -> float:
         """Count a tick; returns the time since the last one [s], 0 if it is the first or ended a stall."""

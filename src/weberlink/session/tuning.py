@@ -56,11 +56,6 @@ class Tuning:
         apply: makes a change on this side; its second argument is the tick of the peer at which the peer makes it, as
             near as the clocks are known.
         is_master: whether this is the master.
-
-    Attributes:
-        generation: number of changes of `settings` since the session began.
-        agreed: changes that are not in effect yet: a tick, whether that is of the peer, and the change.
-        result: of the last change that this side's user proposed; None while it is open, or before the first one.
     """
 
     def __init__(
@@ -75,9 +70,11 @@ class Tuning:
         self.permitted = permitted
         self._apply = apply
         self._is_master = is_master
-        self.generation = 0
+        self.generation = 0  # number of changes since the session began
+        # Of the last change that this side's user proposed; None while it is open, or before the first one.
         self.result: ChangeResult | None = None
         self._proposes = False  # a proposal of this side has no answer yet
+        # Changes that are not in effect yet: a tick, whether that is of the peer, and the change.
         self.agreed: list[tuple[int, bool, Mapping[str, Any]]] = []
 
     @property

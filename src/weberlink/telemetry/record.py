@@ -116,13 +116,7 @@ FINITE = ("position", "raw", "decoded", "coded", "output")
 
 
 class Layout:
-    """The packed record of a side.
-
-    Attributes:
-        axes, streams: that it has, 1 to `MOST_AXES`, and 1 or 2.
-        fields: in the order of `FIELDS`.
-        values: gives the values of a row, flat, in the order of the fields.
-    """
+    """The packed record of a side; `fields` are those of `FIELDS` that it has."""
 
     def __init__(self, axes: int, streams: int) -> None:
         self.axes, self.streams = axes, streams
@@ -133,7 +127,7 @@ class Layout:
             (field.name, field.kind, (size,)) if field.axes > 1 else (field.name, field.kind)
             for field, size in zip(self.fields, sizes, strict=True)
         ]
-        # Written out as `namedtuple` does it: a loop over the fields takes several times as long.
+        # The values of a row, flat. Written out as `namedtuple` does it: a loop takes several times as long.
         vector = "*row.{0}, *FILL[len(row.{0}):]" if axes == MOST_AXES else "*row.{0}"  # virtual time fills up all axes
         form = {MOST_AXES: vector, 3: "*row.{0}", 1: "row.{0}"}
         items = ", ".join(form[field.axes].format(field.name) for field in self.fields)
