@@ -47,23 +47,16 @@ class Family:
 
 QUIET = {"current_noise_ma": 0.0}
 HELD = {"hand_rad": STILL, "hand_n_m_rad": 5.0, "friction_nm": 0.01}
+WEIGHT = gravity_of("open_manipulator_x", wanted=True)
+IN_HAND = QUIET | {"hand_rad": STILL}
 FAMILIES = {
-    "koch_leader": Family(
-        KochLeaderEmulator, QUIET | {"hand_rad": STILL}, KochLeaderOptions, TorqueExchange, STILL, 0.06, 0.004
-    ),
-    "omx_leader": Family(
-        OmxLeaderEmulator, QUIET | {"hand_rad": STILL}, OmxLeaderOptions, TorqueExchange, STILL, 0.06, 0.004
-    ),
+    "koch_leader": Family(KochLeaderEmulator, IN_HAND, KochLeaderOptions, TorqueExchange, STILL, 0.06, 0.004),
+    "omx_leader": Family(OmxLeaderEmulator, IN_HAND, OmxLeaderOptions, TorqueExchange, STILL, 0.06, 0.004),
     "so101_leader": Family(So101LeaderEmulator, HELD, So101LeaderOptions, _so101_leader, STILL, 0.15, 0.045),
     "koch_follower": Family(KochFollowerEmulator, QUIET, KochFollowerOptions, PositionExchange, None),
     "so101_follower": Family(FeetechEmulator, {}, So101FollowerOptions, FollowerExchange, None),
     "open_manipulator_x": Family(
-        DynamixelEmulator,
-        QUIET,
-        OpenManipulatorXOptions,
-        PositionExchange,
-        None,
-        gravity=gravity_of("open_manipulator_x", wanted=True),
+        DynamixelEmulator, QUIET, OpenManipulatorXOptions, PositionExchange, None, gravity=WEIGHT
     ),
 }
 LEADERS = [name for name, family in FAMILIES.items() if family.leads]
@@ -81,6 +74,8 @@ class Bench:
         self.port = VirtualPort(emulator, self.time, latency)
 
     def _connect(self) -> VirtualPort:
+        if self.port.broken is not None:
+            raise self.port.broken
         self.port.closed = False
         return self.port
 
@@ -167,22 +162,15 @@ def made(name: str, **options: Any) -> Any:
     return family.emulator(family.emulator.Options.model_validate(family.emulated | options))  # type: ignore[attr-defined]
 
 
-class Stepped:
+class Stepped(Bench):
     """A driver in virtual time, before an emulated arm."""
 
     def __init__(self, driver: Any, emulator: Any) -> None:
-        self.emulator, self.time = emulator, VirtualTime()
-        self.port = VirtualPort(emulator, self.time)
+        super().__init__(None, emulator)
         self._worker = SteppedWorker.of(driver, self.time.clock)
         exchange = self._worker.device
         exchange._connect, exchange._clock, exchange._pause = self._connect, self.time.clock, self.time.pause
         exchange._guardian = None
-
-    def _connect(self) -> VirtualPort:
-        if self.port.broken is not None:
-            raise self.port.broken
-        self.port.closed = False
-        return self.port
 
     def tick(self) -> float:
         self.time.now += TICK

@@ -21,36 +21,6 @@ BAUD, MARGIN_S, ADAPTER_S = 1_000_000, 0.01, 0.0002
 DYNAMIXEL, FEETECH = MotorBus.FRAMING, FeetechBus.FRAMING
 
 
-class AnsweringPort:
-    """Answers each request with what `answer` gives, read by read; an empty read is a timeout."""
-
-    path = "/dev/answering"
-
-    def __init__(self, reader: Any) -> None:
-        self.answer: Callable[[Any], Sequence[bytes]] = lambda _: ()
-        self.reads: deque[bytes] = deque()
-        self.heard: list[Any] = []
-        self.paused: list[float] = []
-        self.until: list[float] = []
-        self._reader = reader
-
-    def write(self, data: bytes) -> None:
-        for request in self._reader.feed(data):
-            self.heard.append(request)
-            self.reads += self.answer(request)
-
-    def read(self, until: float) -> bytes:
-        self.until.append(until)
-        return self.reads.popleft() if self.reads else b""
-
-    def drain(self) -> bytes:
-        drained = b"".join(self.reads)
-        self.reads.clear()
-        return drained
-
-    def close(self) -> None: ...
-
-
 class Kind(NamedTuple):
     """Of a bus."""
 
@@ -84,13 +54,34 @@ KINDS = {
 
 
 class Wired:
-    """A bus and its port; it answers well until a test changes that."""
+    """A bus and its port, which answers each request with what `reply` gives, well until a test changes that, read by
+    read; an empty read is a timeout."""
+
+    path = "/dev/answering"
 
     def __init__(self, kind: Kind) -> None:
         self.kind, self.framing = kind, kind.bus.FRAMING
-        self.port = AnsweringPort(self.framing.requests())
-        self.port.answer = self.good
-        self.bus = kind.bus(self.port, BAUD, IDS, NAMES, MARGIN_S, lambda: 5.0, self.port.paused.append)
+        self.reply: Callable[[Any], Sequence[bytes]] = self.good
+        self.reads: deque[bytes] = deque()
+        self.heard: list[Any] = []
+        self.paused: list[float] = []
+        self.until: list[float] = []
+        self._reader = self.framing.requests()
+        self.bus = kind.bus(self, BAUD, IDS, NAMES, MARGIN_S, lambda: 5.0, self.paused.append)
+
+    def write(self, data: bytes) -> None:
+        for request in self._reader.feed(data):
+            self.heard.append(request)
+            self.reads += self.reply(request)
+
+    def read(self, until: float) -> bytes:
+        self.until.append(until)
+        return self.reads.popleft() if self.reads else b""
+
+    def drain(self) -> bytes:
+        drained = b"".join(self.reads)
+        self.reads.clear()
+        return drained
 
     def answer(self, id_: int, error: int, data: bytes) -> bytes:
         return bytes(self.framing.encode(Status(id_, error, data)))
@@ -117,11 +108,11 @@ def wired(request: pytest.FixtureRequest) -> Wired:
 def test_all_are_measured_at_once_and_in_time(wired: Wired) -> None:
     """The host sleeps while the bytes are on the wire, and waits for the margin beyond that."""
     assert wired.measured()
-    (request,) = wired.port.heard
+    (request,) = wired.heard
     assert request.instruction == SYNC_READ and request.parameters[-len(IDS) :] == bytes(IDS)
     wire_s = (wired.kind.request + len(IDS) * 21) * 10 / BAUD
-    assert wired.port.paused == pytest.approx([wire_s + ADAPTER_S])
-    assert wired.port.until == pytest.approx([5.0 + wire_s + MARGIN_S] * len(IDS))
+    assert wired.paused == pytest.approx([wire_s + ADAPTER_S])
+    assert wired.until == pytest.approx([5.0 + wire_s + MARGIN_S] * len(IDS))
 
 
 def test_fragments_and_strays_are_tolerated(wired: Wired) -> None:
@@ -131,10 +122,10 @@ def test_fragments_and_strays_are_tolerated(wired: Wired) -> None:
         stream = b"\x00\xff\xff" + b"".join(wired.good(request))
         return [answer(15, 0, kind.data(15))] + [stream[i : i + 7] for i in range(0, len(stream), 7)]
 
-    wired.port.answer = in_pieces
+    wired.reply = in_pieces
     assert wired.measured()
-    wired.port.answer = wired.good
-    wired.port.reads += [answer(id_, 0, kind.data(1)) for id_ in IDS]  # of an earlier request
+    wired.reply = wired.good
+    wired.reads += [answer(id_, 0, kind.data(1)) for id_ in IDS]  # of an earlier request
     assert wired.measured()
 
 
@@ -148,23 +139,23 @@ def test_a_missing_or_garbled_answer_is_named_and_the_next_is_good(
         spoilt = parts[missing][:-1] + bytes((parts[missing][-1] ^ 0x10,))
         return [*parts[:missing], *([spoilt] if is_garbled else []), *parts[missing + 1 :]]
 
-    wired.port.answer = spoilt
+    wired.reply = spoilt
     complaint = "garbled" if is_garbled else "missing or late"
     with pytest.raises(BadReply, match=rf"^{NAMES[missing]} \(id {IDS[missing]}\): its answer was {complaint}"):
         wired.bus.present()
-    wired.port.answer = wired.good
+    wired.reply = wired.good
     assert wired.measured()
 
 
 def test_a_late_answer_is_not_taken_for_the_next(wired: Wired) -> None:
     """It arrives after the next request, and before the answer of a size of its own that ends the wait."""
-    answer, asked = wired.answer, wired.port.heard
-    wired.port.answer = lambda _: []
+    answer, asked = wired.answer, wired.heard
+    wired.reply = lambda _: []
     for _ in range(2):  # the answer of the unique size is missing too
         with pytest.raises(BadReply, match="late"):
             wired.one()
     late = answer(11, 0, b"\x01")
-    wired.port.answer = lambda request: (
+    wired.reply = lambda request: (
         [late, *wired.good(request)] if request is asked[-1] and len(asked) == 3 else [answer(11, 0, b"\x03")]
     )
     assert wired.one() == 3
@@ -179,7 +170,7 @@ def test_a_late_answer_is_not_taken_for_the_next(wired: Wired) -> None:
 )
 def test_a_refusal_is_a_fault_and_a_garbled_request_is_none(error: int, kind: type[Exception], says: str) -> None:
     wired = Wired(KINDS["dynamixel"])
-    wired.port.answer = lambda request: [DYNAMIXEL.encode(Status(request.id, error))]
+    wired.reply = lambda request: [DYNAMIXEL.encode(Status(request.id, error))]
     with pytest.raises(HardwareFault, match=says) as caught:
         wired.bus.write(14, dynamixel_registers.GOAL_CURRENT, 9)
     assert type(caught.value) is kind
@@ -189,12 +180,12 @@ def test_an_error_of_a_servo_is_a_fault_of_the_exchange_alone() -> None:
     """Of Feetech servos, which tell all of it in the error byte; a single register is read all the same."""
     wired = Wired(KINDS["feetech"])
     for error, says in ((32, "overload"), (1, r"7\.4 V"), (4, "overheating")):
-        wired.port.answer = lambda request, error=error: [
+        wired.reply = lambda request, error=error: [
             FEETECH.encode(Status(id_, error * (id_ == 12), servo_data(id_))) for id_ in IDS
         ]
         with pytest.raises(HardwareFault, match=rf"^lift \(id 12\): .*{says}"):
             wired.bus.present()
-    wired.port.answer = lambda request: [FEETECH.encode(Status(11, 32, b"\x03"))]
+    wired.reply = lambda request: [FEETECH.encode(Status(11, 32, b"\x03"))]
     assert wired.one() == 3
 
 
@@ -203,13 +194,13 @@ def test_orders_leave_before_the_request_and_alone_while_a_late_answer_may_come(
     wired = Wired(KINDS["feetech"])
     order = FEETECH.sync_write(40, 1, [(11, b"\0")])
     wired.bus.present(order)
-    assert [each.instruction for each in wired.port.heard] == [SYNC_WRITE, SYNC_READ]
-    wired.port.answer = lambda _: []
+    assert [each.instruction for each in wired.heard] == [SYNC_WRITE, SYNC_READ]
+    wired.reply = lambda _: []
     with pytest.raises(BadReply):
         wired.bus.present(order)
-    wired.port.answer, wired.port.heard = wired.good, []
+    wired.reply, wired.heard = wired.good, []
     wired.bus.present(order)
-    assert [each.instruction for each in wired.port.heard] == [SYNC_WRITE, READ, SYNC_READ]
+    assert [each.instruction for each in wired.heard] == [SYNC_WRITE, READ, SYNC_READ]
 
 
 @pytest.mark.parametrize(("text", "latency"), [("16\n", 16), ("1\n", 1), ("soon\n", None)])

@@ -109,13 +109,8 @@ def test_force_of_published_arms_is_within_stated_error(
 
 def test_the_lightest_and_strongest_arm_comes_to_rest_with_the_largest_gains() -> None:
     damping = fastest_damping(250.0, 0.045)
-    options = SWIFT.model_copy(
-        update={
-            "damping_rate_s": damping,
-            "stiffness_n_m": stiffest(damping, 250.0, 0.045),
-            "rotor_inertia_kg_m2": 0.045,
-        }
-    )
+    strongest = {"damping_rate_s": damping, "stiffness_n_m": stiffest(damping, 250.0, 0.045)}
+    options = SWIFT.model_copy(update={**strongest, "rotor_inertia_kg_m2": 0.045})
     arm = {"torque_constant_n_m_a": 2.48, "rotor_inertia_kg_m2": LEAST_ROTOR_INERTIA_KG_M2, "current_noise_ma": 0.0}
     bench = Bench(options, EmulatedOptions.model_validate(arm))
     bench.exchange.open()

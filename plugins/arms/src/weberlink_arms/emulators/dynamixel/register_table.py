@@ -42,12 +42,6 @@ class RegisterTable:
         low, high = -(1 << bits) if register.signed else 0, (1 << bits) - 1
         self.memory[register.address : register.address + register.size] = register.encode(min(high, max(low, value)))
 
-    def clear_ram(self) -> None:
-        """Reset all registers but EEPROM, as a power cycle does."""
-        for register in self._model.registers:
-            if register.address >= EEPROM_END:
-                self[register.name] = register.initial
-
     def unreadable(self, address: int, size: int) -> int:
         """Error number for a read of these addresses; 0 if it is allowed."""
         return 0 if size > 0 and self._has(address, size) else ACCESS_ERROR

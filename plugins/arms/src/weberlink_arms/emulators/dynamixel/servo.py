@@ -20,6 +20,7 @@ from weberlink_arms.dynamixel.registers import (
     ANY_16,
     BAUD_RATES,
     BY_NAME,
+    EEPROM_END,
     MODE_CURRENT,
     MODE_CURRENT_BASED_POSITION,
     MODE_POSITION,
@@ -214,7 +215,9 @@ class Servo:
 
     def restart(self, now: float) -> None:
         """As a power cycle: RAM as delivered, EEPROM kept, alarms cleared."""
-        self.registers.clear_ram()
+        for register in self.model.registers:
+            if register.address >= EEPROM_END:
+                self.registers[register.name] = register.initial
         self._deaf_until = now + REBOOT_S
         self._start()
 
