@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from contextlib import suppress
 from time import monotonic, sleep
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from weberlink.geometry.joints import Joints as Axes
 from weberlink.geometry.vector import Vector
@@ -17,7 +17,6 @@ from weberlink_arms.dynamixel.bus import MotorBus, MotorReading
 from weberlink_arms.dynamixel.exchange import MotorExchange
 from weberlink_arms.dynamixel.motor_models import XM430_W350
 from weberlink_arms.dynamixel.motors import Motors
-from weberlink_arms.servo.bus import ServoPort
 from weberlink_arms.servo.driver import TimedValues
 from weberlink_arms.servo.layout import CENTRE
 from weberlink_arms.servo.options import AngleScale
@@ -48,7 +47,7 @@ class ArmExchange(MotorExchange[Vector | None, TipSample]):
     def __init__(
         self,
         options: DynamixelOptions,
-        connect: Callable[[], ServoPort],
+        connect: Callable[[], Any],
         clock: Callable[[], float] = monotonic,
         pause: Callable[[float], None] = sleep,
     ) -> None:

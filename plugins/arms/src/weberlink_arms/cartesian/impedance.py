@@ -10,10 +10,11 @@ a; a damper at the tip that suits the heavy motions of the whole arm is, with th
 light ones of the wrist.
 """
 
-from math import hypot
+from math import hypot, inf
 from typing import Final, NamedTuple
 
-from weberlink.geometry.vector import ZERO, Vector, add, distance, scale, subtract
+from weberlink.geometry.vector import ZERO, Vector
+from weberlink.slave.guard import Approach
 from weberlink_arms.cartesian.arm import (
     LEAST_ROTOR_INERTIA_KG_M2,
     LOWER,
@@ -116,33 +117,21 @@ class TipGoal:
 
     def __init__(self, approach_speed: float, patience: float) -> None:
         self._approach_speed, self._patience = approach_speed, patience
-        self._point: Vector = ZERO
-        self._following, self._holding = False, True
-        self._heard_at = self._at = 0.0
-
-    @property
-    def holding(self) -> bool:
-        """Whether there is no command."""
-        return self._holding
+        self.place(ZERO, 0.0)
 
     def place(self, tip: Vector, now: float) -> None:
         """Hold here [m]."""
-        self._point, self._following, self._holding = tip, False, True
+        self._way = Approach(tip, 3, inf, self._approach_speed)
+        self.holding = True  # there is no command
         self._at = self._heard_at = now
 
     def next(self, command: Vector | None, tip: Vector, now: float) -> Vector:
         """The goal [m] at `now` [s], for a command or None, and the position of the tip [m]."""
         elapsed, self._at = max(0.0, now - self._at), now
-        if command is None:
-            if not self._holding and now - self._heard_at > self._patience:
-                self.place(tip, now)
-            return self._point
-        self._heard_at = now
-        self._holding = False
-        way, left = self._approach_speed * elapsed, distance(self._point, command)
-        self._following = self._following or left <= way
-        if self._following:
-            self._point = command
-        else:
-            self._point = add(self._point, scale(subtract(command, self._point), way / left))
-        return self._point
+        if command is not None:
+            self._heard_at, self.holding = now, False
+            self._way.advance(command, elapsed)
+        elif not self.holding and now - self._heard_at > self._patience:
+            self.place(tip, now)
+        x, y, z = self._way.held
+        return (x, y, z)

@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Callable
 from time import monotonic, sleep
-from typing import Final
+from typing import Any, Final
 
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import BadReply
@@ -13,7 +13,6 @@ from weberlink_arms.dynamixel.motor_models import CurrentLaw
 from weberlink_arms.dynamixel.motors import Motors
 from weberlink_arms.dynamixel.options import DynamixelArmOptions
 from weberlink_arms.servo.arm import ArmSample
-from weberlink_arms.servo.bus import ServoPort
 from weberlink_arms.servo.exchange import WATCH_EVERY, Command, Gravity, Sample, ServoExchange, no_gravity
 from weberlink_arms.servo.position import PositionControl
 
@@ -106,7 +105,7 @@ class PositionExchange(MotorExchange[Joints | None, ArmSample]):
     def __init__(
         self,
         options: DynamixelArmOptions,
-        connect: Callable[[], ServoPort],
+        connect: Callable[[], Any],
         gravity: Gravity = no_gravity,
         clock: Callable[[], float] = monotonic,
         pause: Callable[[float], None] = sleep,

@@ -1,6 +1,5 @@
 """An emulated OpenMANIPULATOR-X on its bus: five servos, the arm, and the scene that its tip touches."""
 
-from collections.abc import Sequence
 from typing import Annotated, Any, Self
 
 import numpy as np
@@ -72,10 +71,13 @@ class DynamixelEmulatorOptions(EmulatedBusOptions):
         return self
 
 
-class Mechanism:
+class DynamixelEmulator(DynamixelArmEmulator):
     """The arm in motion by MuJoCo: weight, rotors, friction, stops, and a scene that its tip touches."""
 
-    def __init__(self, options: DynamixelEmulatorOptions) -> None:
+    Options = DynamixelEmulatorOptions
+
+    def __init__(self, options: DynamixelEmulatorOptions | None = None) -> None:
+        options = DynamixelEmulatorOptions() if options is None else options
         path = MODELS[OPEN_MANIPULATOR_X.name]
         self._package = mujoco()
         model = self._model = compiled(read(path), path)
@@ -89,17 +91,21 @@ class Mechanism:
         model.dof_damping[:5] = (*options.viscous_n_m_s, GRIPPER_N_M_S)
         closed = OPEN_MANIPULATOR_X.offset_rad[4]
         self._data.qpos[:] = (*options.start_rad, closed, FINGER_M_RAD * closed, FINGER_M_RAD * closed)
-        self.force: Vector = ZERO  # of the scene on the tip during the last step [N]
+        self.tip_force: Vector = ZERO  # of the scene on the tip during the last step [N]
+        self.held = options.held  # a person holds joints 1 to 4 in their place
+        self._look()
+        super().__init__(
+            OPEN_MANIPULATOR_X, options.bus_ids, baud=options.baud, noise_a=1e-3 * options.current_noise_ma,
+            seed=options.seed, constant=options.torque_constant_n_m_a / XM430_W350.constant,
+        )  # fmt: skip
 
     @property
     def angles(self) -> list[float]:
-        """Of all axes, the gripper's 0 where it is closed [rad]."""
-        return self._data.qpos[:5].tolist()  # type: ignore[no-any-return]
+        return self._angles
 
     @property
     def velocities(self) -> list[float]:
-        """[rad/s]"""
-        return self._data.qvel[:5].tolist()  # type: ignore[no-any-return]
+        return self._velocities
 
     @property
     def tip(self) -> Vector:
@@ -108,20 +114,27 @@ class Mechanism:
         x, y, z = self._data.site_xpos[self._site].tolist()
         return x, y, z
 
-    def step(self, torques: Sequence[float], held: bool) -> None:
-        """Move on by `STEP` under torques on the axes [N m]; a person may hold joints 1 to 4 in their place."""
+    def _look(self) -> None:
+        self._angles: list[float] = self._data.qpos[:5].tolist()
+        self._velocities: list[float] = self._data.qvel[:5].tolist()
+
+    def _performed(self) -> None:
+        self.held = self.held and not all(servo.torque_on for servo in self.servos[:4])
+
+    def _move(self, time: float) -> None:  # noqa: ARG002
         package, model, data = self._package, self._model, self._data
         before = data.qpos[:4].copy()
         package.mj_step1(model, data)
-        data.qfrc_applied[:5] = torques
+        data.qfrc_applied[:5] = self.motor_nm
         data.qfrc_applied[:] += self._touched()
         package.mj_step2(model, data)
-        if held:
+        if self.held:
             data.qpos[:4], data.qvel[:4] = before, 0.0
+        self._look()
 
     def _touched(self) -> Any:
         """Torques of the scene on all degrees of freedom [N m]: springs and friction as they will be after the step."""
-        self.force = ZERO
+        self.tip_force = ZERO
         x, y, z = self._data.site_xpos[self._site].tolist()
         touches = () if self._scene is None else self._scene.touch((x, y, z))
         if not touches:
@@ -133,49 +146,5 @@ class Mechanism:
             push = max(0.0, touch.stiffness * (touch.depth - STEP * speed) - touch.damping * speed)
             slide = subtract((vx, vy, vz), scale(touch.normal, speed))
             rub = subtract(touch.drag, scale(slide, STEP * touch.grip))
-            self.force = add(self.force, add(scale(touch.normal, push), rub))
-        return self._jacobian.T @ self.force
-
-
-class DynamixelEmulator(DynamixelArmEmulator):
-    """See `weberlink_arms.emulators.dynamixel.arm`."""
-
-    Options = DynamixelEmulatorOptions
-
-    def __init__(self, options: DynamixelEmulatorOptions | None = None) -> None:
-        self._options = options = DynamixelEmulatorOptions() if options is None else options
-        self._mechanism = Mechanism(options)
-        self._look()
-        self.held = options.held  # by a person
-        super().__init__(
-            OPEN_MANIPULATOR_X, options.bus_ids, baud=options.baud, noise_a=1e-3 * options.current_noise_ma,
-            seed=options.seed, constant=options.torque_constant_n_m_a / XM430_W350.constant,
-        )  # fmt: skip
-
-    @property
-    def tip(self) -> Vector:
-        """In the frame of the foot [m]."""
-        return self._mechanism.tip
-
-    @property
-    def tip_force(self) -> Vector:
-        """Of the scene on the tip [N]."""
-        return self._mechanism.force
-
-    def _performed(self) -> None:
-        self.held = self.held and not all(servo.torque_on for servo in self.servos[:4])
-
-    @property
-    def angles(self) -> list[float]:
-        return self._angles
-
-    @property
-    def velocities(self) -> list[float]:
-        return self._velocities
-
-    def _move(self, time: float) -> None:  # noqa: ARG002
-        self._mechanism.step(self.motor_nm, self.held)
-        self._look()
-
-    def _look(self) -> None:
-        self._angles, self._velocities = self._mechanism.angles, self._mechanism.velocities
+            self.tip_force = add(self.tip_force, add(scale(touch.normal, push), rub))
+        return self._jacobian.T @ self.tip_force

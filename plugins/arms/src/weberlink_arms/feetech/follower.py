@@ -12,7 +12,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from math import copysign, pi
 from time import monotonic, sleep
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 from pydantic import Field
 
@@ -26,7 +26,6 @@ from weberlink_arms.feetech.bus import USB
 from weberlink_arms.feetech.packet import FRAMING
 from weberlink_arms.feetech.registers import FULL_LOAD, GOAL_POSITION, ORDER_ADDRESS, ORDER_SIZE, POSITION, Present
 from weberlink_arms.servo.arm import ArmSample, ServoFollower, spec_of
-from weberlink_arms.servo.bus import ServoPort
 from weberlink_arms.servo.exchange import WATCH_EVERY, Gravity, gravity_of
 from weberlink_arms.servo.layout import COUNTS_PER_TURN, RAD_PER_COUNT
 from weberlink_arms.servo.position import OnClose, PositionControl
@@ -126,7 +125,7 @@ class FollowerExchange(FeetechExchange[Joints | None, ArmSample]):
     def __init__(
         self,
         options: So101FollowerOptions,
-        connect: Callable[[], ServoPort],
+        connect: Callable[[], Any],
         gravity: Gravity,
         clock: Callable[[], float] = monotonic,
         pause: Callable[[float], None] = sleep,

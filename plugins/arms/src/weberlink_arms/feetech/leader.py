@@ -12,7 +12,7 @@ while a torque is displayed; at all other times the hand moves the unpowered arm
 from collections.abc import Callable
 from math import copysign
 from time import monotonic, sleep
-from typing import Final
+from typing import Any, Final
 
 from pydantic import Field
 
@@ -25,7 +25,6 @@ from weberlink_arms.feetech.bus import USB, FeetechBus, FeetechServos, torque_of
 from weberlink_arms.feetech.packet import FRAMING
 from weberlink_arms.feetech.registers import DUTY_PER_P_RAD, FULL_LOAD, ORDER_ADDRESS, ORDER_SIZE, Present
 from weberlink_arms.servo.arm import ArmSample, ServoLeader, spec_of
-from weberlink_arms.servo.bus import ServoPort
 from weberlink_arms.servo.layout import COUNTS_PER_TURN, RAD_PER_COUNT
 
 STALL_NM: Final[Six] = (2.16, 1.91, 2.16, 1.37, 1.37, 1.37)
@@ -102,7 +101,7 @@ class LeaderExchange(FeetechExchange[Joints, ArmSample]):
     def __init__(
         self,
         options: So101LeaderOptions,
-        connect: Callable[[], ServoPort],
+        connect: Callable[[], Any],
         guardian: Guardian,
         clock: Callable[[], float] = monotonic,
         pause: Callable[[float], None] = sleep,

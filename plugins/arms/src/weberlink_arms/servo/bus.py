@@ -17,20 +17,6 @@ TRIES: Final = 12  # at opening, where a late answer must not be fatal; together
 Reply = TypeVar("Reply")
 
 
-class ServoPort(Protocol):
-    """A serial port, such as `weberlink.hardware.serial_port.SerialPort`."""
-
-    path: str
-
-    def write(self, data: bytes) -> None: ...
-
-    def read(self, until: float) -> bytes: ...
-
-    def drain(self) -> bytes: ...
-
-    def close(self) -> None: ...
-
-
 class Register(Protocol):
     """Of a servo."""
 
@@ -46,7 +32,7 @@ class Register(Protocol):
 
 
 class ServoBus:
-    """Servos on one open port at their rate `baud` [bit/s], `ids` in the order of the axes.
+    """Servos on one open port, such as a `SerialPort`, at their rate `baud` [bit/s], `ids` in the order of the axes.
 
     `names` are those of the axes, for messages; numbers if empty. `margin` is the longest time of an answer beyond its
     time on the wire [s]: adapter, host and return delay. `pause` sleeps [s].
@@ -61,7 +47,7 @@ class ServoBus:
 
     def __init__(
         self,
-        port: ServoPort,
+        port: Any,
         baud: int,
         ids: Sequence[int],
         names: Sequence[str] = (),
@@ -72,16 +58,13 @@ class ServoBus:
         self.ids, self.baud = tuple(ids), baud
         self._names = dict(zip(ids, names or [f"joint {number + 1}" for number in range(len(ids))], strict=True))
         self._ask_present = self.FRAMING.sync_read(*self.PRESENT, self.ids)
+        self.path: str = port.path
         self._port, self._byte_s, self._margin = port, BITS_PER_BYTE / baud, margin
         self._clock, self._pause = clock, pause
         self._reader = self.FRAMING.answers()
         self._unsettled, self._marks = False, 0
         self.sent_at = clock()  # when the last request was sent [s]
         self.silence = 0.0  # longest time between two requests since this was set to 0 [s]
-
-    @property
-    def path(self) -> str:
-        return self._port.path
 
     def label(self, id_: int) -> str:
         """Name of a servo for messages."""

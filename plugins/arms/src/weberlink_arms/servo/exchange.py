@@ -7,7 +7,7 @@ from typing import Any, Final, Generic, TypeVar
 
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import HardwareFault
-from weberlink_arms.servo.bus import ServoBus, ServoPort, Servos
+from weberlink_arms.servo.bus import ServoBus, Servos
 from weberlink_arms.servo.options import AngleScale
 from weberlink_mujoco.arms.models import load
 
@@ -38,7 +38,7 @@ class ServoExchange(ABC, Generic[Command, Sample]):
     def __init__(
         self,
         options: Any,
-        connect: Callable[[], ServoPort],
+        connect: Callable[[], Any],
         gravity: Gravity = no_gravity,
         clock: Callable[[], float] = monotonic,
         pause: Callable[[float], None] = sleep,
@@ -46,7 +46,7 @@ class ServoExchange(ABC, Generic[Command, Sample]):
         self._options: Any = options  # of the arm: BusOptions at least
         self._connect, self._gravity, self._clock, self._pause = connect, gravity, clock, pause
         self._scale = AngleScale((), ())
-        self._port: ServoPort | None = None
+        self._port: Any = None
         self._group: Servos[Any] | None = None
         self._engaged = False
         self._cycle = 0
@@ -68,7 +68,7 @@ class ServoExchange(ABC, Generic[Command, Sample]):
             self.close()
             raise
 
-    def _begin(self, port: ServoPort) -> Sample:
+    def _begin(self, port: Any) -> Sample:
         options = self._options
         ids, names = options.bus_ids, options.axis_names
         bus = options.BUS(port, options.baud, ids, names, options.margin_s, self._clock, self._pause)
