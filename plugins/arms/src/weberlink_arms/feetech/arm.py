@@ -1,16 +1,14 @@
-"""The SO-101: its axes, the options of its bus, its cycle, and what load and speed mean as a torque."""
+"""The SO-101: its axes, the options of its bus, and its cycle."""
 
 from math import pi
 from typing import Annotated, ClassVar, Final
 
 from pydantic import Field
 
-from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import HardwareFault
-from weberlink_arms.feetech import registers
 from weberlink_arms.feetech.bus import FeetechBus, FeetechServos
 from weberlink_arms.feetech.packet import HIGHEST_ID
-from weberlink_arms.feetech.registers import BAUD_RATES, ORDER_SIZE, Present
+from weberlink_arms.feetech.registers import BAUD_RATES, ORDER_SIZE
 from weberlink_arms.servo.exchange import Command, Sample, ServoExchange
 from weberlink_arms.servo.layout import COUNTS_PER_TURN, LEROBOT_JOINTS, ArmLayout
 from weberlink_arms.servo.options import AngleScale, ServoOptions
@@ -62,19 +60,6 @@ class So101Options(ServoOptions):
     rated_v: float = Field(
         default=7.4, ge=4.0, le=14.0, description="supply at which the torques of the data sheet or calibration hold"
     )
-
-
-def motor_torques(present: list[Present], rates: Joints, options: So101Options, per_load: Joints) -> Joints:
-    """Torques of the motors along the axes [N m], by the duty of their bridges and their speed.
-
-    At a speed w, a motor with the duty d at a supply U has the torque stall * (d U / U0 - w / w0), with the stall
-    torque and the speed w0 without load at the rated supply U0.
-    """
-    torques = []
-    for each, rate, sign, unit in zip(present, rates, options.signs, per_load, strict=True):
-        supply = each.voltage * registers.V_PER_COUNT / options.rated_v
-        torques.append(unit * (sign * each.load * supply - registers.FULL_LOAD * rate / NO_LOAD_RAD_S))
-    return tuple(torques)
 
 
 class FeetechExchange(ServoExchange[Command, Sample]):

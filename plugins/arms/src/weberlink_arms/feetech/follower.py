@@ -21,7 +21,7 @@ from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.guardian import HoldingGuardian
 from weberlink_arms.feetech import registers
-from weberlink_arms.feetech.arm import REPEATS, SO101, FeetechExchange, SixPositive, So101Options, motor_torques
+from weberlink_arms.feetech.arm import NO_LOAD_RAD_S, REPEATS, SO101, FeetechExchange, SixPositive, So101Options
 from weberlink_arms.feetech.bus import USB
 from weberlink_arms.feetech.packet import FRAMING
 from weberlink_arms.feetech.registers import FULL_LOAD, GOAL_POSITION, ORDER_ADDRESS, ORDER_SIZE, POSITION, Present
@@ -143,13 +143,10 @@ class FollowerExchange(FeetechExchange[Joints | None, ArmSample]):
         goals = self._raised(angles)
         self.control.restart(goals)
         self._hold(goals)
-        orders = [
-            (id_, registers.order(True, goal, limit))
-            for id_, goal, limit in zip(
-                self._servos.bus.ids, self._counts(goals), self._options.torque_limit, strict=True
-            )
-        ]
-        self._servos.bus.send(FRAMING.sync_write(ORDER_ADDRESS, ORDER_SIZE, orders))
+        bus = self._servos.bus
+        axes = zip(bus.ids, self._counts(goals), self._options.torque_limit, strict=True)
+        orders = [(id_, registers.order(True, goal, limit)) for id_, goal, limit in axes]
+        bus.send(FRAMING.sync_write(ORDER_ADDRESS, ORDER_SIZE, orders))
 
     def exchange(self, command: Joints | None) -> ArmSample:
         self._hold(self._raised(self._here))
@@ -193,16 +190,22 @@ class FollowerExchange(FeetechExchange[Joints | None, ArmSample]):
         return ArmSample(at, angles, self.control.sensed(external, at))
 
     def _motor(self, present: list[Present]) -> Joints:
-        """Torques of the motors on the axes [N m]."""
+        """Torques of the motors on the axes [N m], by their currents, or the duty of their bridges and their speed.
+
+        At a speed w, a motor with the duty d at a supply U has the torque stall * (d U / U0 - w / w0), with the stall
+        torque and the speed w0 without load at the rated supply U0.
+        """
         options = self._options
-        if options.torque_per_amp_nm is None:
-            rates = tuple(
-                [sign * each.velocity * RAD_PER_COUNT for sign, each in zip(options.signs, present, strict=True)]
-            )
-            return motor_torques(present, rates, options, options.per_load)
-        axes = zip(present, options.signs, options.torque_per_amp_nm, strict=True)
-        unit = registers.A_PER_COUNT
-        return tuple([sign * copysign(per_amp * each.current * unit, each.load) for each, sign, per_amp in axes])
+        if options.torque_per_amp_nm is not None:
+            axes = zip(present, options.signs, options.torque_per_amp_nm, strict=True)
+            unit = registers.A_PER_COUNT
+            return tuple([sign * copysign(per_amp * each.current * unit, each.load) for each, sign, per_amp in axes])
+        torques = []
+        for each, sign, unit in zip(present, options.signs, options.per_load, strict=True):
+            supply = each.voltage * registers.V_PER_COUNT / options.rated_v
+            rate = sign * each.velocity * RAD_PER_COUNT
+            torques.append(unit * (sign * each.load * supply - FULL_LOAD * rate / NO_LOAD_RAD_S))
+        return tuple(torques)
 
     def _leave(self) -> None:
         """Leave the arm holding itself, or limp."""
