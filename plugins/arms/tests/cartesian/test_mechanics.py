@@ -18,12 +18,14 @@ from weberlink_arms.cartesian.arm import (
     inverse_nearest,
     within_limits,
 )
-from weberlink_arms.cartesian.external_force import JointFriction, force_error, tip_force
-from weberlink_arms.cartesian.impedance import LIMIT_MARGIN_RAD, ImpedanceGains, TipGoal, currents, joint_torques
+from weberlink_arms.cartesian.external_force import force_error, tip_force
+from weberlink_arms.cartesian.impedance import LIMIT_MARGIN_RAD, ImpedanceGains, TipGoal, joint_torques
+from weberlink_arms.dynamixel.motor_models import JointFriction
 from weberlink_mujoco.arms.models import load
 
 POSE = Mechanics().pose
 MODEL = load("open_manipulator_x")
+FRICTION = JointFriction(COULOMB_N_M, VISCOUS_N_M_S)
 STILL: Joints = (0.0, 0.0, 0.0, 0.0)
 
 
@@ -86,7 +88,7 @@ def balanced(joints: Joints, force: Vector, friction: Joints) -> Joints:
 @given(places, forces, four(-1.0, 1.0), st.floats(-0.4, 0.4))
 def test_estimate_stays_within_stated_error(place: Vector, force: Vector, sticking: Joints, wrong: float) -> None:
     joints = at_work(place)
-    here, friction = POSE(joints), JointFriction()
+    here, friction = POSE(joints), FRICTION
     e, f, g, h = (part * coulomb for part, coulomb in zip(sticking, COULOMB_N_M, strict=True))
     a, b, c, d = (torque / (1.0 + wrong) for torque in balanced(joints, force, (e, f, g, h)))  # as the currents say
     felt = tip_force(here, STILL, (a, b, c, d), friction)
@@ -102,7 +104,7 @@ def test_in_motion_the_friction_is_taken_out(place: Vector, force: Vector, speed
         coulomb * way + viscous * speed * way
         for coulomb, viscous, speed, way in zip(COULOMB_N_M, VISCOUS_N_M_S, speeds, ways, strict=True)
     )
-    felt = tip_force(POSE(joints), (a, b, c, d), balanced(joints, force, (e, f, g, h)), JointFriction())
+    felt = tip_force(POSE(joints), (a, b, c, d), balanced(joints, force, (e, f, g, h)), FRICTION)
     assert distance(felt, force) < 1e-9
 
 
@@ -146,13 +148,6 @@ def test_limit_springs_act_near_limits_only(joints: Joints) -> None:
             assert tau > 0.0
         elif q > high - LIMIT_MARGIN_RAD + 1e-6:
             assert tau < 0.0
-
-
-@given(four(-50.0, 50.0), st.floats(0.1, 3.0))
-def test_no_current_is_beyond_the_limit(torques: Joints, most: float) -> None:
-    given_ = currents(torques, 1.78, most)
-    assert given_ == pytest.approx([max(-most, min(most, tau / 1.78)) for tau in torques])
-    assert max(map(abs, given_)) <= most
 
 
 # --- the goal of the tip

@@ -10,7 +10,7 @@ from weberlink.geometry.vector import Vector
 from weberlink.hardware.fault import HardwareFault
 from weberlink_arms.cartesian.arm import ArmPose, Joints, Mechanics, four
 from weberlink_arms.cartesian.external_force import tip_force
-from weberlink_arms.cartesian.impedance import TipGoal, currents, joint_torques
+from weberlink_arms.cartesian.impedance import TipGoal, joint_torques
 from weberlink_arms.cartesian.options import DynamixelOptions
 from weberlink_arms.dynamixel import registers
 from weberlink_arms.dynamixel.bus import MotorBus, MotorReading
@@ -91,8 +91,8 @@ class ArmExchange(MotorExchange[Vector | None, TipSample]):
         self._servos.command(self._counts(self._arm.gravity))
 
     def _counts(self, torques: Joints) -> tuple[int, ...]:
-        amperes = currents(torques, self._options.torque_constant_n_m_a, self._current)
-        return tuple([registers.counts_of_current(each) for each in amperes])
+        constant = self._options.torque_constant_n_m_a
+        return tuple([registers.counts_of_current(torque / constant) for torque in torques])
 
     def _sample(self, present: list[MotorReading], angles: Axes, at: float) -> TipSample:  # noqa: ARG002
         arm = self._arm

@@ -10,27 +10,15 @@ not observable. The inertia of the links is not subtracted: it is felt, as that 
 
 from itertools import product
 from math import hypot, sqrt
-from typing import Final, NamedTuple
+from typing import Final
 
 from weberlink.geometry.vector import Vector
-from weberlink_arms.cartesian.arm import COULOMB_N_M, VISCOUS_N_M_S, ArmPose, Joints
+from weberlink_arms.cartesian.arm import ArmPose, Joints, four
+from weberlink_arms.dynamixel.motor_models import JointFriction
 
 # Smallest singular value of the planar Jacobian, and smallest reach, without damping [m]: below it a torque of
 # 0.02 N m, which is friction, would appear as more than 1 N.
 _FEELS_LEAST_M: Final = 0.02
-
-
-class JointFriction(NamedTuple):
-    """Coulomb [N m] and viscous friction [N m s], and the rate above which the Coulomb part is full [rad/s]."""
-
-    coulomb: Joints = COULOMB_N_M
-    viscous: Joints = VISCOUS_N_M_S
-    full_rate: float = 0.05
-
-    def torque(self, joint: int, rate: float) -> float:
-        """Opposing torque of a joint at this rate [N m]; at rest the Coulomb part is unknown, and taken as 0."""
-        share = min(max(rate / self.full_rate, -1.0), 1.0)
-        return self.coulomb[joint] * share + self.viscous[joint] * rate
 
 
 def tip_force(posture: ArmPose, rates: Joints, torques: Joints, friction: JointFriction) -> Vector:
@@ -77,7 +65,7 @@ def force_error(posture: ArmPose, friction: JointFriction, torque_constant_error
     have either sign in each joint; r is the same for all motors. The newtons are the worst case over these signs.
     `torque_constant_error` is the largest |r - 1|.
     """
-    p, q, r, s = friction.coulomb
+    p, q, r, s = four(friction.coulomb)
     rubs = ((p, 0.0, 0.0, 0.0), (0.0, q, 0.0, 0.0), (0.0, 0.0, r, 0.0), (0.0, 0.0, 0.0, s))
     a, b, c, d = [_pressing(posture, rub) for rub in rubs]
     g1, g2, g3, g4 = posture.gravity

@@ -22,7 +22,6 @@ from weberlink_arms.cartesian.arm import (
     UPPER,
     ArmPose,
     Joints,
-    four,
 )
 
 
@@ -101,11 +100,6 @@ def null_direction(posture: ArmPose) -> tuple[float, float, float]:
 def _short(q: float, low: float, high: float) -> float:
     """Distance that a joint has to move to be clear of its limits, with its sign [rad]."""
     return min(high - LIMIT_MARGIN_RAD - q, 0.0) + max(low + LIMIT_MARGIN_RAD - q, 0.0)
-
-
-def currents(torques: Joints, torque_constant: float, most: float) -> Joints:
-    """Motor currents [A] for joint torques [N m], each limited to +-`most`."""
-    return four([min(max(torque / torque_constant, -most), most) for torque in torques])
 
 
 class TipGoal:

@@ -22,8 +22,9 @@ from weberlink_arms.cartesian.arm import (
     Mechanics,
     inverse_nearest,
 )
-from weberlink_arms.cartesian.external_force import JointFriction, force_error
+from weberlink_arms.cartesian.external_force import force_error
 from weberlink_arms.cartesian.impedance import SLOWEST_HZ, ImpedanceGains, fastest_damping, stiffest
+from weberlink_arms.dynamixel.motor_models import JointFriction
 from weberlink_arms.dynamixel.options import MotorBusOptions
 from weberlink_arms.dynamixel.registers import GOAL_CURRENT
 

@@ -9,7 +9,7 @@ from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import BadReply
 from weberlink_arms.dynamixel import registers
 from weberlink_arms.dynamixel.bus import MotorBus, MotorReading, latency_advice
-from weberlink_arms.dynamixel.motor_models import CurrentLaw
+from weberlink_arms.dynamixel.motor_models import CurrentLaw, JointFriction
 from weberlink_arms.dynamixel.motors import Motors
 from weberlink_arms.dynamixel.options import DynamixelArmOptions
 from weberlink_arms.servo.arm import ArmSample
@@ -17,7 +17,6 @@ from weberlink_arms.servo.exchange import WATCH_EVERY, Command, Gravity, Sample,
 from weberlink_arms.servo.position import PositionControl
 
 GRAVITY_RAMP_S: Final = 0.5  # in which a leader begins to carry its own weight
-FULL_RATE_RAD_S: Final = 0.05  # speed from which on dry friction has its full value
 
 
 class MotorExchange(ServoExchange[Command, Sample]):
@@ -113,7 +112,7 @@ class PositionExchange(MotorExchange[Joints | None, ArmSample]):
         super().__init__(options, connect, gravity, clock, pause)
         given = self._options
         self.control = PositionControl(given.stiffness, given.dead_zone, given.torque_cutoff_hz)
-        self._coulomb, self._viscous = given.coulomb, given.viscous
+        self._friction = JointFriction(given.coulomb, given.viscous)
         self._goal_at = 0.0
 
     def _engage(self, angles: Joints, now: float) -> None:
@@ -140,10 +139,8 @@ class PositionExchange(MotorExchange[Joints | None, ArmSample]):
         for axis, each in enumerate(present):
             sign = self._signs[axis]
             rate = sign * each.velocity * registers.RAD_S_PER_COUNT
-            share = min(max(rate / FULL_RATE_RAD_S, -1.0), 1.0)
-            friction = self._coulomb[axis] * share + self._viscous[axis] * rate
             motor = sign * self._ratios[axis] * motors[axis].torque(each.current, self._laws[axis])
-            torques.append(weight[axis] + friction - motor)
+            torques.append(weight[axis] + self._friction.torque(axis, rate) - motor)
         return ArmSample(at, angles, self.control.sensed(tuple(torques), at))
 
     def _leave(self) -> None:

@@ -16,8 +16,9 @@ from dataclasses import KW_ONLY, dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from math import copysign, pi, sqrt
-from typing import Final
+from typing import Final, NamedTuple
 
+from weberlink.geometry.joints import Joints
 from weberlink_arms.dynamixel.registers import (
     A_PER_COUNT,
     MODE_CURRENT,
@@ -32,6 +33,7 @@ from weberlink_arms.servo.layout import RAD_PER_COUNT
 
 RPM: Final = 2.0 * pi / 60.0  # [rad/s]
 FULL_DUTY: Final = 885  # PWM register of the full supply voltage
+FULL_RATE_RAD_S: Final = 0.05  # speed from which on dry friction has its full value
 LOAD_FULL: Final = 1000.0  # load register of the largest torque
 XL330_TEETH: Final = 77.5 / 288.4  # gear ratio of an XL330-M077 over that of an XL330-M288, which has the same motor
 
@@ -119,6 +121,18 @@ class MotorModel:
     def counts(self, torque: float, law: CurrentLaw) -> int:
         """Register of the current for a torque [N m]."""
         return self.register_current(torque / self.constant, law)
+
+
+class JointFriction(NamedTuple):
+    """Coulomb [N m] and viscous friction [N m s] of all joints."""
+
+    coulomb: Joints
+    viscous: Joints
+
+    def torque(self, joint: int, rate: float) -> float:
+        """Opposing torque of a joint at this rate [N m]; at rest the Coulomb part is unknown, and taken as 0."""
+        share = min(max(rate / FULL_RATE_RAD_S, -1.0), 1.0)
+        return self.coulomb[joint] * share + self.viscous[joint] * rate
 
 
 _SMALL: Final[dict[str, tuple[int, int, int]]] = {
