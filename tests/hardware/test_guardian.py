@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from select import select
-from socket import AF_UNIX, SHUT_RDWR, SOCK_DGRAM, send_fds, socket, socketpair
+from socket import AF_UNIX, SOCK_DGRAM, send_fds, socket, socketpair
 from struct import pack
 from time import monotonic, monotonic_ns, sleep
 from types import SimpleNamespace
@@ -32,7 +32,7 @@ from tests.wait import PATIENCE, until
 from weberlink.child_process import isolated_python
 from weberlink.hardware import guardian_process
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.hardware.guardian import IN_A_CONTAINER, LEASE_S, SHARED, SILENT_S, Guardian, HoldingGuardian
+from weberlink.hardware.guardian import IN_A_CONTAINER, LEASE_S, SHARED, SILENT_S, Guardian
 from weberlink.hardware.guardian_process import (
     BEATS,
     HEAD,
@@ -154,13 +154,6 @@ def guardian_of_the_host(request: pytest.FixtureRequest, monkeypatch: pytest.Mon
 @pytest.fixture
 def wire(guardian_of_the_host: str) -> Iterator[Wire]:
     with guarded(Guardian(ZERO, (OTHER_ZERO,))) as wire:
-        yield wire
-
-
-@pytest.fixture
-def arm() -> Iterator[Wire]:
-    """Of an arm, which would drop without its torque."""
-    with guarded(HoldingGuardian(LEASE_S)) as wire:
         yield wire
 
 
@@ -442,49 +435,13 @@ def test_a_second_service_does_not_take_the_place_of_the_first(service: Service)
     assert (done.returncode, "serves there already" in done.stderr) == (1, True)
 
 
-# --- what leaves an arm that must not lose its torque
-
-
-def test_last_message_is_written_when_the_cycles_end(arm: Wire) -> None:
-    for number in range(50):
-        arm.guardian.hold(b"here %d\n" % number)
-        arm.port.write(b"there\n")
-    came = bytearray()
-    until(lambda: came.extend(arm.heard()) or b"here 49\n" in came, "the last message")
-    # Where a cycle came late, an earlier one was written before it.
-    assert came.count(b"there\n") == 50 and came.rindex(b"there\n") < came.index(b"here 49\n")
-
-
-def test_arm_that_is_safe_is_left_alone_and_one_within_a_cycle_is_made_safe(arm: Wire) -> None:
-    arm.guardian.hold(HERE)
-    arm.guardian.end()
-    assert arm.heard(LEASE_S + WHILE_S) == b""
-    arm.guardian.hold(HERE)
-    arm.port.close()
-    assert arm.heard(PATIENCE).startswith(HERE)
-
-
-def test_arm_that_was_left_safe_is_left_alone_when_its_host_dies(arm: Wire) -> None:
-    arm.guardian.hold(HERE)
-    arm.guardian.end()
-    arm.guardian._connection.shutdown(SHUT_RDWR)
-    assert arm.heard(WHILE_S) == b""
-
-
-def test_guardian_that_died_is_told_and_messages_still_pass(arm: Wire) -> None:
-    arm.signal_guardian(signal.SIGKILL)
-    arm.until_told(lambda: arm.guardian.hold(HERE))
-    arm.heard()
-    arm.port.write(b"there\n")
-    assert arm.heard(PATIENCE) == b"there\n"
-
-
-def test_a_message_that_just_has_room_is_kept_and_a_longer_one_refused(arm: Wire) -> None:
+def test_a_message_that_just_has_room_is_kept_and_a_longer_one_refused(wire: Wire) -> None:
     most = b"x" * (SLOT_SIZE - HEAD.size)
-    arm.guardian.hold(most)
+    wire.guardian.keep(most)
     with pytest.raises(ValueError, match="too long"):
-        arm.guardian.hold(most + b"x")
-    assert arm.heard(PATIENCE, size=len(most)).startswith(most)
+        wire.guardian.keep(most + b"x")
+    wire.push(LEASE_S / 2.0)
+    assert wire.heard(PATIENCE, size=len(FORCE + most)).startswith(FORCE + most)
 
 
 def test_a_message_that_is_seen_in_part_is_not_written() -> None:

@@ -9,13 +9,13 @@ import pytest
 from plugins.arms.tests.benches import FOLLOWERS, ArmBench, made, only, opened
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import HardwareFault
-from weberlink.hardware.guardian import DIED, HoldingGuardian
+from weberlink.hardware.guardian import DIED
 from weberlink.testing.serving import PtyDevice
 from weberlink.testing.stepping import KilledError
 from weberlink.testing.time import TICK
 from weberlink_arms.emulators.feetech import FeetechEmulator
 from weberlink_arms.feetech.arm import SO101
-from weberlink_arms.feetech.follower import So101Follower, So101FollowerOptions
+from weberlink_arms.feetech.follower import HoldingGuardian, So101Follower, So101FollowerOptions
 from weberlink_arms.servo.layout import RAD_PER_COUNT
 from weberlink_arms.servo.position import SINK_RAD_S, SINK_S
 

@@ -90,13 +90,21 @@ class Guardian:
         self._memory = mmap(memory[0], MEMORY_SIZE)
         os.close(memory[0])
         self._use(self._memory)
-        put_message(self._shared, self.zero)
+        self.keep(self.zero)
         self._connection.setblocking(False)
         self._writes = 0
         self._beats = (self._words[BEATS], monotonic())
         if not self._words[APART] and not self._is_told:
             sys.stderr.write(SHARED)
             self._is_told = True
+
+    def keep(self, message: bytes) -> None:
+        """Have the guardian write this message from now on; ValueError if it is too long."""
+        put_message(self._shared, message)
+
+    def lease(self, until: float) -> None:
+        """Let what is written stand until a time [s], 0 for ever."""
+        self._words[LEASE] = int(until * 1e9)
 
     def given(self, at: float, stale: float) -> None:
         """Set the time of the next command, and its largest age when it is written [s]."""
@@ -107,15 +115,15 @@ class Guardian:
         old: this process was held up; HardwareFault if it carries force, and the guardian is dead or silent."""
         if data.startswith(self._all_rests):
             return
-        self._check_heard()
-        self._words[LEASE] = int((self._given_at + max(LEASE_S, 2.0 * self._stale)) * 1e9)
+        self.check_heard()
+        self.lease(self._given_at + max(LEASE_S, 2.0 * self._stale))
         if (late := monotonic() - self._given_at) > self._stale:
             raise BadReply(f"was held up for {late * 1e3:.0f} ms; the force comes up again from zero")
 
     def after(self, data: bytes) -> None:
         """Call after a whole message was written; raises HardwareFault if the guardian is dead."""
         if data.startswith(self._all_rests):
-            self._words[LEASE] = 0
+            self.lease(0.0)
             if self._connection is not None:
                 self._silent(monotonic())
 
@@ -146,7 +154,8 @@ class Guardian:
             self._memory.close()
             self._memory = None
 
-    def _check_heard(self) -> None:
+    def check_heard(self) -> None:
+        """Raise HardwareFault if the guardian is dead or silent."""
         if (silent := self._silent(monotonic())) > SILENT_S:
             raise HardwareFault(
                 f"its guardian process {self.pid} has not run for {silent * 1e3:.0f} ms, and its board has no watchdog"
@@ -202,32 +211,3 @@ def _is_closed(connection: socket) -> bool:
         return False
     except OSError:
         return True
-
-
-class HoldingGuardian(Guardian):
-    """Lets an arm whose motors keep their last goals push no more when this process stops, and keep its place.
-
-    Without torque the arm would drop, so there is no message that takes the torque off. Each cycle, within `lease` [s]
-    of the last one, the exchange says what leaves the arm where it is."""
-
-    def __init__(self, lease: float) -> None:
-        super().__init__(b"")
-        self._lease = self._stale = lease
-
-    def hold(self, message: bytes) -> None:
-        """Set what leaves the arm safe from now on, and that this process is at work; raises HardwareFault if the
-        guardian is dead or silent."""
-        put_message(self._shared, message)
-        self._words[LEASE] = int((monotonic() + self._lease) * 1e9)
-        self._check_heard()
-
-    def end(self) -> None:
-        """The arm is safe as it is."""
-        put_message(self._shared, b"")
-        self._words[LEASE] = 0
-
-    def before(self, data: bytes) -> None:
-        """A message of the exchange is written in any case: the last ones leave the arm safe."""
-
-    def after(self, data: bytes) -> None:
-        """See `before`."""

@@ -19,7 +19,7 @@ from pydantic import Field
 from weberlink.arms.contract import ArmSpec
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.hardware.guardian import HoldingGuardian
+from weberlink.hardware.guardian import Guardian
 from weberlink_arms.feetech import registers
 from weberlink_arms.feetech.arm import NO_LOAD_RAD_S, REPEATS, SO101, FeetechExchange, SixPositive, So101Options
 from weberlink_arms.feetech.bus import USB
@@ -83,6 +83,38 @@ class So101FollowerOptions(So101Options):
     @property
     def calibrated(self) -> bool:
         return self.torque_per_load_nm is not None or self.torque_per_amp_nm is not None
+
+
+class HoldingGuardian(Guardian):
+    """Lets an arm whose motors keep their last goals push no more when this process stops, and keep its place.
+
+    Without torque the arm would drop, so there is no message that takes the torque off. Each cycle, within `lasts` [s]
+    of the last one, the exchange says what leaves the arm where it is.
+    """
+
+    def __init__(self, lasts: float) -> None:
+        super().__init__(b"")
+        self._lasts = lasts
+        self.given(0.0, lasts)
+
+    def hold(self, message: bytes) -> None:
+        """Set what leaves the arm safe from now on, and that this process is at work; raises HardwareFault if the
+        guardian is dead or silent.
+        """
+        self.keep(message)
+        self.lease(monotonic() + self._lasts)
+        self.check_heard()
+
+    def end(self) -> None:
+        """The arm is safe as it is."""
+        self.keep(b"")
+        self.lease(0.0)
+
+    def before(self, data: bytes) -> None:
+        """A message of the exchange is written in any case: the last ones leave the arm safe."""
+
+    def after(self, data: bytes) -> None:
+        """See `before`."""
 
 
 class So101Follower(ServoFollower):
