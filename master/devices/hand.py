@@ -11,7 +11,7 @@ class FirmHand:
     """m a = k (intended - x) - b v + felt: hand and handle move as one mass, per axis.
 
     Integrated by the exact solution for an intention and a force that are constant over the step, so it is stable at
-    any step. Held against a constant force it yields by force / `static_stiffness`.
+    any step. Held against a constant force it yields by force / k.
     """
 
     def __init__(self, options: HandOptions, position: Vector) -> None:

@@ -90,12 +90,6 @@ class HandOptions(Options):
         """The mass that the intention acts on, without the grasp."""
         return Oscillator(self.mass_kg, self.damping_n_s_m, self.stiffness_n_m)
 
-    @property
-    def static_stiffness(self) -> float:
-        """Force per displacement of the handle at rest [N/m]: the springs in series."""
-        held = self.held
-        return self.stiffness_n_m if held is None else 1.0 / (1.0 / self.stiffness_n_m + 1.0 / held.stiffness_n_m)
-
     def gain(self, omega: float) -> float:
         """|x / intended| of the free handle at `omega` [rad/s]."""
         held = self.held

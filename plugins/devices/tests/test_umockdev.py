@@ -11,9 +11,8 @@ import pytest
 
 from tests.hardware.test_emulator import Echo
 from tests.program import ROOT
-from weberlink.hardware.emulator import HidIdentity
 from weberlink.hardware.fault import HardwareFault
-from weberlink_devices.umockdev import ADVICE, WRAPPER, Testbed, TestbedNode, missing
+from weberlink_devices.umockdev import ADVICE, WRAPPER, HidIdentity, Testbed, TestbedNode, missing
 
 REASON = missing()
 DESCRIPTOR = bytes.fromhex("06abff0a0002a1017508150025ff950e09018102950e09029102c0")
@@ -21,7 +20,6 @@ DESCRIPTOR = bytes.fromhex("06abff0a0002a1017508150025ff950e09018102950e09029102
 HOST = """
 import json, sys
 from time import monotonic
-from weberlink.hardware.emulator import HidIdentity
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.discovery import UsbId, hid_devices
 from weberlink.hardware.hid_port import HidPort

@@ -1,4 +1,4 @@
-"""Emulated devices: the interface of one, its faults, what it says of itself to the kernel, and the table of them all.
+"""Emulated devices: the interface of one, its faults, and the table of them all.
 
 `weberlink.testing.serving` connects one to a port, `weberlink device emulate` also one of the kernel.
 """
@@ -14,9 +14,9 @@ EMULATORS: Registry[Any] = Registry("emulated device", {}, "weberlink.emulators"
 """Each by the name of its driver, of the entry points of `weberlink.emulators`.
 
 An entry is an `Emulator`, with the pydantic class of its `Options` and the name of its `transport`: serial, hid, evdev,
-or one of its own. For a device of the kernel (hid, evdev) it has `identity`, a
-`HidIdentity` or one that has `entry(number, instance)`, which tells umockdev of it. With a transport of its own it has
-`served(begin)`, which gives a `weberlink.testing.serving.ServedDevice` with an `address`.
+or one of its own. For a device of the kernel (hid, evdev) it has an `identity` with `entry(number, instance)`, which
+tells umockdev of it. With a transport of its own it has `served(begin)`, which gives a
+`weberlink.testing.serving.ServedDevice` with an `address`.
 """
 
 
@@ -77,16 +77,3 @@ class Emulator:
     def apply_fault(self, name: str, value: float) -> None:
         """Let one of `OWN_FAULTS` happen now."""
         raise NotImplementedError
-
-
-@dataclass(frozen=True, slots=True)
-class HidIdentity:
-    """What a USB device with one HID interface says of itself."""
-
-    vendor: int  # 16 bits
-    product: int  # 16 bits
-    name: str
-    report_descriptor: bytes
-    report_size: int  # of a report to the device, without its number [bytes]
-    serial_number: str = ""
-    manufacturer: str = ""

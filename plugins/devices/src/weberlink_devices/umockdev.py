@@ -20,7 +20,6 @@ from types import TracebackType
 from typing import Any, Self
 
 from weberlink.child_process import Child
-from weberlink.hardware.emulator import HidIdentity
 from weberlink.hardware.fault import HardwareFault
 from weberlink.testing.serving import PtyDevice, serve
 
@@ -55,36 +54,42 @@ def usb_interface(instance: int) -> tuple[str, str]:
     return f"{BUS}/1-{instance}", f"{BUS}/1-{instance}/1-{instance}:1.0"
 
 
-def hid_entry(identity: HidIdentity, number: int, instance: int) -> TestbedEntry:
-    """A HID device with the node of this number."""
-    vendor, product, path = identity.vendor, identity.product, f"/dev/hidraw{number}"
-    usb, interface = usb_interface(instance)
-    hid = f"{interface}/0003:{vendor:04X}:{product:04X}.{instance:04X}"
-    node = f"{hid}/hidraw/hidraw{number}"
-    usb_id = f"E: PRODUCT={vendor:x}/{product:x}/100"
-    name = " ".join(filter(None, (identity.manufacturer, identity.name)))
-    lines = [
-        *(f"P: {usb}", "E: DEVTYPE=usb_device", "E: SUBSYSTEM=usb", usb_id),
-        *(f"A: idVendor={vendor:04x}", f"A: idProduct={product:04x}", "A: bcdDevice=0100"),
-        f"A: product={identity.name}",
-        *([f"A: manufacturer={identity.manufacturer}"] if identity.manufacturer else []),
-        *([f"A: serial={identity.serial_number}"] if identity.serial_number else []),
-        *("", f"P: {interface}", "E: DEVTYPE=usb_interface", "E: SUBSYSTEM=usb", usb_id, "A: bInterfaceNumber=00"),
-        *("", f"P: {hid}", "E: SUBSYSTEM=hid", f"E: HID_ID=0003:{vendor:08X}:{product:08X}"),
-        *(f"E: HID_NAME={name}", f"E: HID_PHYS=usb-{instance}/input0", f"E: HID_UNIQ={identity.serial_number}"),
-        *("", f"P: {node}", f"E: DEVNAME={path}", "E: SUBSYSTEM=hidraw", "E: MAJOR=240", f"E: MINOR={number}", ""),
-    ]
-    descriptor = identity.report_descriptor
-    size = len(descriptor).to_bytes(4, "little").hex().upper()
-    padded = descriptor.ljust(LONGEST_DESCRIPTOR, b"\0").hex().upper()
-    ioctls = f"@DEV {path}\nHIDIOCGRDESCSIZE 0 {size}\nHIDIOCGRDESC 0 {size}{padded}\n"
-    return TestbedEntry(path, (usb, interface, hid, node), "\n".join(lines), ioctls)
+@dataclass(frozen=True, slots=True)
+class HidIdentity:
+    """What a USB device with one HID interface says of itself."""
 
+    vendor: int  # 16 bits
+    product: int  # 16 bits
+    name: str
+    report_descriptor: bytes
+    report_size: int  # of a report to the device, without its number [bytes]
+    serial_number: str = ""
+    manufacturer: str = ""
 
-def entry_of(identity: Any, number: int, instance: int) -> TestbedEntry:
-    is_hid = isinstance(identity, HidIdentity)
-    entry: TestbedEntry = hid_entry(identity, number, instance) if is_hid else identity.entry(number, instance)
-    return entry
+    def entry(self, number: int, instance: int) -> TestbedEntry:
+        """A HID device with the node of this number."""
+        vendor, product, path = self.vendor, self.product, f"/dev/hidraw{number}"
+        usb, interface = usb_interface(instance)
+        hid = f"{interface}/0003:{vendor:04X}:{product:04X}.{instance:04X}"
+        node = f"{hid}/hidraw/hidraw{number}"
+        usb_id = f"E: PRODUCT={vendor:x}/{product:x}/100"
+        name = " ".join(filter(None, (self.manufacturer, self.name)))
+        lines = [
+            *(f"P: {usb}", "E: DEVTYPE=usb_device", "E: SUBSYSTEM=usb", usb_id),
+            *(f"A: idVendor={vendor:04x}", f"A: idProduct={product:04x}", "A: bcdDevice=0100"),
+            f"A: product={self.name}",
+            *([f"A: manufacturer={self.manufacturer}"] if self.manufacturer else []),
+            *([f"A: serial={self.serial_number}"] if self.serial_number else []),
+            *("", f"P: {interface}", "E: DEVTYPE=usb_interface", "E: SUBSYSTEM=usb", usb_id, "A: bInterfaceNumber=00"),
+            *("", f"P: {hid}", "E: SUBSYSTEM=hid", f"E: HID_ID=0003:{vendor:08X}:{product:08X}"),
+            *(f"E: HID_NAME={name}", f"E: HID_PHYS=usb-{instance}/input0", f"E: HID_UNIQ={self.serial_number}"),
+            *("", f"P: {node}", f"E: DEVNAME={path}", "E: SUBSYSTEM=hidraw", "E: MAJOR=240", f"E: MINOR={number}", ""),
+        ]
+        descriptor = self.report_descriptor
+        size = len(descriptor).to_bytes(4, "little").hex().upper()
+        padded = descriptor.ljust(LONGEST_DESCRIPTOR, b"\0").hex().upper()
+        ioctls = f"@DEV {path}\nHIDIOCGRDESCSIZE 0 {size}\nHIDIOCGRDESC 0 {size}{padded}\n"
+        return TestbedEntry(path, (usb, interface, hid, node), "\n".join(lines), ioctls)
 
 
 def missing() -> str | None:
@@ -149,7 +154,7 @@ class Testbed:
     def plug(self, identity: Any, number: int) -> None:
         """Let the device appear; the caller makes its node in /dev."""
         self._instances += 1
-        device = entry_of(identity, number, self._instances)
+        device: TestbedEntry = identity.entry(number, self._instances)
         is_new = self._described.get(number) != identity
         self._ask({"add": device.description, "ioctls": device.ioctls if is_new else ""})
         self._described[number] = identity
@@ -205,7 +210,7 @@ class TestbedNode(PtyDevice):
     def __init__(self, testbed: Testbed, emulator: Any, *, begin: Callable[[], object] = lambda: None) -> None:
         self._number = testbed.free_number()
         self._identity = emulator.identity
-        self.node = entry_of(self._identity, self._number, 0).node  # its path for processes that see the testbed
+        self.node: str = self._identity.entry(self._number, 0).node  # its path for processes that see the testbed
         super().__init__(emulator, testbed.root / self.node.removeprefix("/"), begin=begin)
         self._testbed = testbed
         self._rest, self._came_at = b"", 0.0

@@ -18,7 +18,6 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from weberlink.hardware.emulator import HidIdentity
 from weberlink.master.devices.polhem.mechanism import Board
 from weberlink.master.devices.polhem.parameters import MODEL_SETS, Model
 from weberlink.master.devices.polhem.protocol import (
@@ -36,6 +35,7 @@ from weberlink.master.devices.polhem.protocol import (
     encode_status,
 )
 from weberlink_devices.polhem.board import FAULTS, OFF, BoardOptions, Currents, PolhemBoard
+from weberlink_devices.umockdev import HidIdentity
 
 VENDOR, PRODUCT = 0x1234, 0x0006
 FRAME_S = 0.001  # frame period of full-speed USB [s]

@@ -8,9 +8,9 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.hardware.emulator import HidIdentity
 from weberlink_devices.spacemouse.reports import FULL_COUNTS, PuckState
 from weberlink_devices.thumb import DeflectionEmulator, ThumbOptions
+from weberlink_devices.umockdev import HidIdentity
 
 Product = Literal["spacenavigator", "compact", "wireless"]
 PRODUCTS: dict[Product, tuple[int, int, str, bool]] = {

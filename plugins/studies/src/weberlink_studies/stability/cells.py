@@ -93,7 +93,9 @@ class SystemCell:
         """
         if self.wall_speed_m_s or self.by_torque:
             return None
-        return DEPTH / (1.0 / self.wall.hand.static_stiffness + 1.0 / self.displayed_n_m)
+        hand = self.wall.hand
+        held = 0.0 if hand.held is None else 1.0 / hand.held.stiffness_n_m
+        return DEPTH / (1.0 / hand.stiffness_n_m + held + 1.0 / self.displayed_n_m)
 
     def limits(self) -> dict[str, float]:
         """Without coding: stiffness [N/m] up to which the loop is stable with this hand, and passive with any."""
