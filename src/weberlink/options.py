@@ -26,6 +26,8 @@ def refuse_unknown_keys(model: type[BaseModel], data: Mapping[Any, Any]) -> None
     of them. `into` in its context is the one field that takes any keys, those of a driver.
     """
     fields = model.model_fields
+    if any(info.validation_alias for info in fields.values()):
+        return  # pydantic alone knows these keys
     for name in data:
         if name in fields:
             continue

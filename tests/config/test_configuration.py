@@ -9,13 +9,16 @@ from typing import Any
 
 import pytest
 import yaml
+from pydantic import Field, create_model
 
 from tests.session.packages import install
 from tests.session.systems import ARMS, CONFIGS, HAS_ARMS, configuration
 from weberlink.codec.deadband import ForceDeadband
 from weberlink.config import MASTER, SLAVE, ConfigurationError, load
+from weberlink.config.errors import validated
 from weberlink.config.model import System
 from weberlink.master.devices.operator import OperatorDevice
+from weberlink.options import Options
 from weberlink.session.advice import dry_run
 from weberlink.session.composition.channels import streams
 from weberlink.session.simulation import build_simulation
@@ -161,6 +164,13 @@ def test_a_file_that_is_not_there_or_not_text_is_named(tmp_path: Path) -> None:
 
 
 # --- accepted
+
+
+def test_a_key_may_have_another_name_in_the_file_than_in_python() -> None:
+    model = create_model("Renamed", __base__=Options, start=(float, Field(alias="from")))
+    assert dict(validated(model, {"from": 1})) == {"start": 1.0}
+    with pytest.raises(ConfigurationError, match="to: unknown key"):
+        validated(model, {"from": 1, "to": 2})
 
 
 def test_a_minimal_file_is_complete_and_overrides_reach_into_it(tmp_path: Path) -> None:

@@ -116,21 +116,18 @@ def override(content: dict[str, Any], text: str) -> str:
         raise ConfigurationError(f"--set {text}: the value is not YAML: {problem}") from None
     target: Any = content
     for depth, key in enumerate(keys):
-        last = depth == len(keys) - 1
+        slot: Any = key
         if isinstance(target, list):
             if not (key.isdigit() and int(key) < len(target)):
                 raise ConfigurationError(f"--set {text}: {'.'.join(keys[:depth])} has items 0 to {len(target) - 1}")
-            slot: Any = int(key)
-        elif isinstance(target, dict):
-            slot = key
-            if target.get(slot) is None and not last:
-                target[slot] = {}
-        else:
+            slot = int(key)
+        elif not isinstance(target, dict):
             raise ConfigurationError(f"--set {text}: {'.'.join(keys[:depth])} is a value and has no keys")
-        if last:
+        if depth == len(keys) - 1:
             target[slot] = parsed
             if slot == "predictor":
                 target.pop("bank", None)
-        else:
-            target = target[slot]
+        elif isinstance(target, dict) and target.get(slot) is None:
+            target[slot] = {}
+        target = target[slot]
     return ".".join(keys)
