@@ -59,12 +59,17 @@ def describe(configuration: Configuration) -> Iterator[str]:
 def _hand_and_tool(system: System, device: Device | None, robot: Robot | None) -> Iterator[str]:
     yield f"rate      {system.rate_hz:g} Hz, axes {system.axes}"
     if device is not None:
-        yield f"master    device {system.master.device.driver}{_detail(device)}, {_displayed(system, device)}"
-        if system.master.mapping is not None:
-            mapping = system.master.mapping.model_dump(exclude_defaults=True, exclude={"walls"})
+        # The smaller of the limits of the file and of the device.
+        master, spec, scale = system.master, device.spec, system.master.frame_map.force_scale
+        force = min(master.limits.force_n, spec.force_n * scale) if spec.force_feedback else 0.0
+        torque = f", torque at most {min(master.limits.torque_nm, spec.torque_n_m * scale):g} N m"
+        displayed = f"force at most {force:g} N{torque if system.codec.rotation is not None else ''}"
+        yield f"master    device {master.device.driver}{_detail(device)}, {displayed}"
+        if master.mapping is not None:
+            mapping = master.mapping.model_dump(exclude_defaults=True, exclude={"walls"})
             mapped = [f"{name} {value}" for name, value in mapping.items()]
-            if system.master.mapping.walls is not None:
-                mapped.append(f"walls of {system.master.mapping.walls.stiffness_n_m:g} N/m")
+            if master.mapping.walls is not None:
+                mapped.append(f"walls of {master.mapping.walls.stiffness_n_m:g} N/m")
             yield f"          mapped: {', '.join(mapped) or 'one to one'}"
     if robot is not None:
         if hasattr(robot, "measure_steps"):
@@ -80,16 +85,6 @@ def _hand_and_tool(system: System, device: Device | None, robot: Robot | None) -
         extras = [name for name in ("friction", "damping_n_s_m", "motion") if getattr(thing, name) is not None]
         with_extras = f" with {', '.join(extras)}" if extras else ""
         yield f"scene     {thing.shape}, {thing.stiffness_n_m:g} N/m{with_extras}"
-
-
-def _displayed(system: System, device: Device) -> str:
-    """The largest force and torque on the hand: the smaller of the limits of the file and of the device."""
-    limits, spec = system.master.limits, device.spec
-    scale = system.master.frame_map.force_scale
-    force = min(limits.force_n, spec.force_n * scale) if spec.force_feedback else 0.0
-    if system.codec.rotation is None:
-        return f"force at most {force:g} N"
-    return f"force at most {force:g} N, torque at most {min(limits.torque_nm, spec.torque_n_m * scale):g} N m"
 
 
 def _detail(part: Device | Robot) -> str:

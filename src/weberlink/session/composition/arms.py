@@ -1,5 +1,6 @@
 """Builds both ends of a session of arms, from a configuration."""
 
+from collections.abc import Callable
 from functools import partial
 
 from weberlink.arms.contract import Arm, ArmFault, ArmSpec
@@ -138,19 +139,19 @@ def angle_limits(system: System, spec: ArmSpec) -> tuple[Joints, Joints]:
     """The range of commanded angles of a follower: its own within that of the file [rad]; raises ConfigurationError if
     nothing of it is left for an axis, or a limit has not one value for each axis."""
     own = system.slave.limits.joints or FollowerLimits()
-    lower, upper = spec.lower, spec.upper
-    if own.lower_rad is not None:
-        lower = tuple(map(max, lower, each_axis("slave.limits.joints.lower_rad", own.lower_rad, spec.axes)))
-    if own.upper_rad is not None:
-        upper = tuple(map(min, upper, each_axis("slave.limits.joints.upper_rad", own.upper_rad, spec.axes)))
+    lower = within("slave.limits.joints.lower_rad", own.lower_rad, spec.lower, max)
+    upper = within("slave.limits.joints.upper_rad", own.upper_rad, spec.upper)
     for axis, low, high in zip((*spec.joints, "gripper"), lower, upper, strict=False):
         if not low < high:
             raise ConfigurationError(f"slave.limits.joints: leaves nothing of the range of {axis}")
     return lower, upper
 
 
-def within(where: str, setting: float | tuple[float, ...] | None, most: Joints) -> Joints:
-    return most if setting is None else tuple(map(min, most, each_axis(where, setting, len(most))))
+def within(
+    where: str, setting: float | tuple[float, ...] | None, own: Joints, narrow: Callable[..., float] = min
+) -> Joints:
+    """Limits of an arm, on each axis narrowed by a setting of the file."""
+    return own if setting is None else tuple(map(narrow, own, each_axis(where, setting, len(own))))
 
 
 def each_axis(where: str, setting: float | tuple[float, ...], count: int) -> Joints:
