@@ -14,9 +14,9 @@ import numpy as np
 from benchmarks.percentiles import Series, summary
 from weberlink.codec import Channel, force_channel
 from weberlink.codec.replay import code
-from weberlink.environment import environment, footer
 from weberlink.geometry.vector import Vector
 from weberlink.master.trace import read_trace
+from weberlink_figures.environment import environment, footer
 from weberlink_studies.evaluate.replay import signal_of
 from weberlink_studies.evaluate.traces import SHIPPED
 from weberlink_studies.paper.claims import PREDICTORS

@@ -31,9 +31,9 @@ from benchmarks.latency import WAYS, one_way
 from benchmarks.loopback import Session
 from benchmarks.percentiles import summary
 from weberlink.cli.sessions import one_host
-from weberlink.environment import environment, footer
 from weberlink.protocol.keys import generate
 from weberlink_doctor.report import Needs
+from weberlink_figures.environment import environment, footer
 from weberlink_studies.result import plain_table
 
 A, B = "A", "B"

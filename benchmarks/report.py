@@ -13,7 +13,7 @@ from benchmarks.latency import Latency
 from benchmarks.lateness import Lateness
 from benchmarks.percentiles import NAMES
 from weberlink.compiled import is_compiled
-from weberlink.environment import footer
+from weberlink_figures.environment import footer
 from weberlink_studies.result import plain_table
 
 

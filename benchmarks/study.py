@@ -29,9 +29,9 @@ from benchmarks.start_up import StartUp
 from benchmarks.update_cost import UpdateCost
 from weberlink.config import ConfigurationError
 from weberlink.config.errors import require_package
-from weberlink.environment import environment, footer
 from weberlink.protocol.keys import generate
 from weberlink_doctor.report import Needs
+from weberlink_figures.environment import environment, footer
 from weberlink_studies.interruption import Interruption
 from weberlink_studies.result import StudyResult, how_much
 

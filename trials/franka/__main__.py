@@ -22,7 +22,7 @@ from tests.laws import Laws
 from trials.franka.faults import END_S, FAULTS, FrankaSession, inflict
 from trials.franka.robot import likeness, own_address
 from weberlink.config import MASTER, SIDES, SLAVE
-from weberlink.environment import environment, footer
+from weberlink_figures.environment import environment, footer
 
 PACKAGES = ("franka-sim", "pylibfranka", "mujoco", "numpy")
 SUCCESS = 0.99

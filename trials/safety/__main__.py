@@ -13,7 +13,7 @@ import pandas as pd
 
 from trials.safety import held
 from trials.safety.run import every, run
-from weberlink.environment import environment, footer
+from weberlink_figures.environment import environment, footer
 
 WORST = {
     "round_trip_ms": "agreed round trip [ms]",

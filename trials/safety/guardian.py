@@ -25,7 +25,6 @@ from tests.confined import NAMESPACE, ControlGroup, control_group
 from tests.hardware.test_guardian import TAKE_OFF, Service, serving
 from tests.program import ROOT
 from trials.rig import within
-from weberlink.environment import environment, footer
 from weberlink.geometry.vector import norm
 from weberlink.master.devices import DEVICES
 from weberlink.realtime.process import prepare
@@ -33,6 +32,7 @@ from weberlink.testing.serving import PtyDevice
 from weberlink.testing.wires import emulated
 from weberlink_devices.inverse3.websocket_device import WebSocketDevice
 from weberlink_devices.umockdev import Testbed, TestbedNode
+from weberlink_figures.environment import environment, footer
 
 OWN, SERVICE = "of the session", "service"
 REFUSED, GOES_ON, STAYS, ENDED = "refused", "goes on", "stays", "ended soon after its start"

@@ -20,8 +20,8 @@ from trials.soak import laws
 from trials.soak.faults import CONDITIONS, EXCLUDED, FAULTS, Fault, Field
 from trials.soak.report import Kind, Report
 from trials.soak.watch import SoakError, Watch
-from weberlink.environment import environment, footer
 from weberlink.protocol.emulation import Emulation
+from weberlink_figures.environment import environment, footer
 
 QUIET_S, LONG_QUIET_S = 0.5, 4.0  # after a fault, before the session is judged, and for how long
 SETTLE_S = 0.5

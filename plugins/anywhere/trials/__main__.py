@@ -21,7 +21,7 @@ from plugins.anywhere.tests.testbed import NATS
 from plugins.anywhere.trials.faults import FAULTS, inflict
 from plugins.anywhere.trials.laws import Laws, write
 from plugins.anywhere.trials.scene import nat_row, readme_row
-from weberlink.environment import environment, footer
+from weberlink_figures.environment import environment, footer
 
 ATTEMPTS = 3  # A row in which the host itself stood still says nothing, and is tried again
 HEADING = f"\n{'in contact':32} {'away ms':>7} {'back':>6} {'force':>6} {'robot':>6} {'step N':>6}"

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
+from weberlink.compiled import build, is_compiled
 from weberlink.config import MASTER, SIDES, SLAVE, Configuration, ConfigurationError, System
-from weberlink.environment import environment, footer
 from weberlink.installation import absence
 from weberlink.protocol.states import State
 from weberlink.session.ending import URGENT, Connection, failures
@@ -157,7 +157,7 @@ class Summary(SessionCounts[SideCounts]):
         }
         names = ("sent", "received", "lost", "dropped")
         link = {name: sum(side.counter(f"datagrams_{name}") for side in self.sides.values()) for name in names}
-        faults, found = facts.get("faults", {}), environment()
+        faults = facts.get("faults", {})
         document = {
             "duration_s": self.duration_s,
             "ticks": ticks,
@@ -169,7 +169,6 @@ class Summary(SessionCounts[SideCounts]):
                 "word": word,
                 "causes": [{"level": "failed", "name": name, "text": text} for name, text in failed.items()],
             },
-            "environment": found,
         }
 
         def show(title: str, console: "Console") -> None:
@@ -186,7 +185,7 @@ class Summary(SessionCounts[SideCounts]):
                 f"round trip {trip}; datagrams: {', '.join(f'{count} {name}' for name, count in link.items())}",
                 *(f"{name}: {each['missed']} ticks missed" for name, each in ticks.items() if each["count"]),
                 f"faults: {', '.join(by_side) or 'none'}",
-                footer(found, facts.get("seed")),
+                build(compiled=is_compiled()),
             ]
             console.print("\n".join(lines), markup=False, highlight=False)
 

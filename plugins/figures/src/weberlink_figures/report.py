@@ -12,12 +12,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from weberlink.environment import footer
 from weberlink.order import MASTER
 from weberlink.protocol.paths import LinkPath, finding
 from weberlink.protocol.states import State
 from weberlink.session.ending import FAILED_OUTCOME
 from weberlink.telemetry.record import RELEASED
+from weberlink_figures.environment import footer
 from weberlink_figures.tree import DEGRADED, FAILURE, GOOD, Channel, Energy, Figures, Median, Quality, Ticks
 from weberlink_figures.verdict import percent, verdict
 

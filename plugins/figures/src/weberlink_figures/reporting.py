@@ -8,12 +8,12 @@ from time import monotonic, time
 from typing import TYPE_CHECKING, Any
 
 from weberlink.config import MASTER, SLAVE, Configuration, System
-from weberlink.environment import environment
 from weberlink.order import COMPLETED
 from weberlink.session.composition.channels import streams
 from weberlink.session.report import Ended, Facts, exit_status
 from weberlink.session.simulation import Observer, simulate
 from weberlink.telemetry.reader import Records
+from weberlink_figures.environment import environment
 from weberlink_figures.host_watch import HostWatch
 from weberlink_figures.journal import Journal
 from weberlink_figures.log_file import LogFile

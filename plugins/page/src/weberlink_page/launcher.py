@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 from weberlink.child_process import python
 from weberlink.order import COMPLETED, EMERGENCY, FAILED, NOTE
+from weberlink.session.report import CHOSEN_BY
 from weberlink_figures.watching.control import Answer, refusal
 
 STOP_LIMIT_S = 20.0  # time from the request to stop to a kill; the launcher gives its daemons 15 s
@@ -295,6 +296,7 @@ class SessionLauncher:
             arguments += ["--duration", f"{max(SHORTEST_S, self._deadline - monotonic()):.3f}"]
         process = await asyncio.create_subprocess_exec(
             *self._program, "loopback", *arguments, stdin=DEVNULL, stdout=PIPE, stderr=PIPE,
+            env=os.environ | {CHOSEN_BY: "figures"},  # whose document is read here
             start_new_session=True,  # Ctrl-C reaches this process only, which ends the session in order
         )  # fmt: skip
         return _Child(process, scene, asked_at)

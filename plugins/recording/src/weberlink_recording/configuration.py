@@ -6,11 +6,11 @@ from typing import Any
 
 import yaml
 
-from weberlink.environment import environment
 from weberlink.protocol.states import State
 from weberlink.session.description import RANGE
 from weberlink.telemetry.fault import Fault
 from weberlink_figures.channel import joints_in
+from weberlink_figures.environment import environment
 
 LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 LONGEST_FOREIGN = 1 << 16  # characters of it; those of all shipped files have 5,000

@@ -19,7 +19,7 @@ from rich.console import RenderableType
 
 from weberlink.config import ConfigurationError
 from weberlink.config.errors import require_package
-from weberlink.environment import environment, footer
+from weberlink_figures.environment import environment, footer
 from weberlink_studies.parallel import Progress, gather, parallel_map
 from weberlink_studies.result import StudyResult, how_much
 

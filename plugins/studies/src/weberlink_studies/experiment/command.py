@@ -9,9 +9,9 @@ from typing import TextIO
 
 from weberlink.config import MASTER, ConfigurationError, load
 from weberlink.config.errors import require_package
-from weberlink.environment import environment
 from weberlink.registry import is_scripted
 from weberlink.session.recorder import format_for
+from weberlink_figures.environment import environment
 from weberlink_studies.experiment.conduct import Conduct, Subject, SubjectLeft, TrialRunner
 from weberlink_studies.experiment.ledger import LedgerError, Resumed, opened, path_of, subjects
 from weberlink_studies.experiment.plan import SCALE, TRIAL_S, TrialPlan, order
