@@ -6,11 +6,9 @@ from math import pi, radians, sin
 from weberlink.geometry.rotation import (
     IDENTITY,
     Quaternion,
-    angle_between,
     inverse,
     product,
     quaternion,
-    toward,
     unit_quaternion,
     vector,
 )
@@ -47,29 +45,6 @@ class Wrist:
         way = (a * x + b * v[0], a * y + b * v[1], a * z + b * v[2])
         self.orientation = unit_quaternion(product(quaternion(way), self.orientation)) or intended
         self.velocity = (c * x + d * v[0], c * y + d * v[1], c * z + d * v[2])
-
-
-class TurnIntention:
-    """How a hand means to turn the handle: it follows a target by a filter of first order, at a bounded speed.
-
-    `smooth` is the time constant of the filter [s], > 0, and `speed` the largest angular speed [rad/s].
-    """
-
-    def __init__(self, smooth: float, speed: float) -> None:
-        self._smooth, self._speed = smooth, speed
-        self.orientation: Quaternion = IDENTITY
-
-    @property
-    def rotation(self) -> Vector:
-        """The rotation vector of the orientation [rad]."""
-        return vector(self.orientation)
-
-    def follow(self, target: Vector, step: float) -> None:
-        """Move on by a step [s] towards a rotation vector [rad], on the shortest way."""
-        goal = quaternion(target)
-        share = step / (self._smooth + step)  # implicit Euler, as of `PointerIntention`
-        angle = min(share * angle_between(self.orientation, goal), self._speed * step)
-        self.orientation = toward(self.orientation, goal, angle)
 
 
 class Turning:

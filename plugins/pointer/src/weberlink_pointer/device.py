@@ -6,6 +6,7 @@ from typing import ClassVar
 
 from pydantic import Field
 
+from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, quaternion, toward, vector
 from weberlink.geometry.vector import ZERO, Vector, confined, cube, distance, interpolate, scale, subtract
 from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.devices.hand_device import HandDevice
@@ -77,6 +78,29 @@ class PointerIntention:
         self.position, self._velocity = there, scale(subtract(there, before), 1.0 / step)
 
 
+class TurnIntention:
+    """How a hand means to turn the handle: it follows a target by a filter of first order, at a bounded speed.
+
+    `smooth` is the time constant of the filter [s], > 0, and `speed` the largest angular speed [rad/s].
+    """
+
+    def __init__(self, smooth: float, speed: float) -> None:
+        self._smooth, self._speed = smooth, speed
+        self.orientation: Quaternion = IDENTITY
+
+    @property
+    def rotation(self) -> Vector:
+        """The rotation vector of the orientation [rad]."""
+        return vector(self.orientation)
+
+    def follow(self, target: Vector, step: float) -> None:
+        """Move on by a step [s] towards a rotation vector [rad], on the shortest way."""
+        goal = quaternion(target)
+        share = step / (self._smooth + step)  # implicit Euler, as of `PointerIntention`
+        angle = min(share * angle_between(self.orientation, goal), self._speed * step)
+        self.orientation = toward(self.orientation, goal, angle)
+
+
 class PointerDevice(HandDevice):
     """A hand that follows the targets of a source while they are held, and is still while they are not.
 
@@ -100,10 +124,8 @@ class PointerDevice(HandDevice):
 
     def _begin(self) -> None:
         self._lead = PointerIntention(self._pointer)
-        self._turn_lead = None
+        self._turn_lead: TurnIntention | None = None
         if self._pointer.wrist is not None:
-            from weberlink.master.devices.turning import TurnIntention  # noqa: PLC0415 - with a wrist only
-
             self._turn_lead = TurnIntention(self._pointer.smooth_ms * 1e-3, self._pointer.turn_rad_s)
         self._target, self._rotation = self._pointer.home_m, ZERO
         self._is_scripted, self._is_held = self._pointer.scripted, False
