@@ -1,14 +1,14 @@
 """The condition of each side of a session, once a second, in the words of the log file."""
 
 from collections.abc import Mapping
-from enum import Enum, IntEnum
+from enum import IntEnum
 from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from weberlink.protocol.states import State
-from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.fault import Fault, name_of
 from weberlink.telemetry.reader import Records
 from weberlink.telemetry.record import RELEASED
 from weberlink_figures.watching.rings import RingSource
@@ -101,22 +101,14 @@ class SideCondition:
             figures = {"ticks [1/s]": per_second("tick")} | figures
         selected = int(last["selected"])
         predictor = bank[selected] if selected < len(bank) else str(selected)
-        names = {"state": _name(State, int(last["state"])), "predictor": predictor}
+        names = {"state": name_of(State, last["state"]), "predictor": predictor}
         return names | {name: f"{value:.6g}" if isfinite(value) else "unknown" for name, value in figures.items()}
 
 
 def _condition(source: RingSource, last: Any) -> Words:
     """The fault if there is one, else the state, or that the button is not held."""
     if last["fault"]:
-        return fault_words(source.side, _name(Fault, int(last["fault"])))
+        return fault_words(source.side, name_of(Fault, last["fault"]))
     if last["ramping"] == RELEASED:
         return words(source.side, "released", {})
-    return words(source.side, _name(State, int(last["state"])), {})
-
-
-def _name(kind: type[Enum], number: int) -> str:
-    """The name of a state or fault, or the number of one that another release knows."""
-    try:
-        return kind(number).name.lower()
-    except ValueError:
-        return str(number)
+    return words(source.side, name_of(State, last["state"]), {})

@@ -32,7 +32,6 @@ class SessionFollower:
         self._find_at = 0.0
         self.session: str | None = None  # that is followed
         self._sources: dict[str, RingSource] = {}  # its sides on this host that run
-        self._before: dict[str, int] = {}  # by side, the records that were overwritten before it was found
 
     def look(self, now: float) -> None:
         """One round: find sides, and hand on what they have written since the last one."""
@@ -41,16 +40,14 @@ class SessionFollower:
             self._find()
         for side, source in list(self._sources.items()):
             records = source.read()
-            before = self._before.setdefault(side, source.lost)
             if len(records):
                 self._bridge.put(source, records)
             if source.drained:
-                self._bridge.end(source)
-                lost = source.lost - before
+                lost = self._bridge.end(source)
                 words = f"; {lost} records were overwritten before they were read" if lost else ""
                 self._tell(f"session {self.session}: {side} is over{words}")
                 source.close()
-                del self._sources[side], self._before[side]
+                del self._sources[side]
         if not self._sources:
             self.session = None
         self._bridge.look(now)

@@ -150,15 +150,17 @@ class TopicBridge(ABC):
             for begin in range(0, len(data), size):
                 publisher.put_body(data[begin : begin + size], now_ns)
 
-    def end(self, source: RingSource) -> None:
-        """The side has ended; all its records were put."""
-        side = self._sides.pop(source.side, None)
+    def end(self, source: RingSource) -> int:
+        """The side has ended; all its records were put. Returns how many ticks were overwritten before that."""
+        side, lost = self._sides.pop(source.side, None), 0
         if side is not None:
             self._ended.append(side.condition.status(monotonic()))
-            self._lost += side.lost
+            lost = side.lost
+        self._lost += lost
         self._newest.pop(source.side, None)
         if not self._sides:
             self._session = None
+        return lost
 
     def look(self, now: float) -> None:
         """Called once a round, after the records."""
@@ -191,16 +193,10 @@ class TopicBridge(ABC):
             self._publish(SCENE, MARKERS).put_body(self._scene, time_ns())
         statuses = [self.own_status(), *self._ended, *(side.condition.status(now) for side in self._sides.values())]
         self._ended.clear()
-        now_ns = time_ns()
-        self._diagnostics.put_body(encode_body(_array(statuses, now_ns), ARRAY), now_ns)
-
-
-def _array(statuses: list[Status], now_ns: int) -> Any:
-    """The message diagnostic_msgs/DiagnosticArray."""
-    made = types().types
-    header = made["std_msgs/msg/Header"](made["builtin_interfaces/msg/Time"](now_ns // 10**9, now_ns % 10**9), "")
-    told = [
-        made[STATUS](int(level), *texts, [made[PAIR](*pair) for pair in values.items()])
-        for level, *texts, values in statuses
-    ]
-    return made[ARRAY](header, told)
+        now_ns, made = time_ns(), types().types
+        header = made["std_msgs/msg/Header"](made["builtin_interfaces/msg/Time"](now_ns // 10**9, now_ns % 10**9), "")
+        told = [
+            made[STATUS](int(level), *texts, [made[PAIR](*pair) for pair in values.items()])
+            for level, *texts, values in statuses
+        ]
+        self._diagnostics.put_body(encode_body(made[ARRAY](header, told), ARRAY), now_ns)
