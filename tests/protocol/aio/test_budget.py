@@ -26,11 +26,11 @@ def test_spent_time_returns_at_the_rate_of_the_share() -> None:
     assert budget.left(5.0) == -0.002, "nothing returns while the clock stands"
 
 
-def plain() -> socket.socket:
-    bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    bound.bind(("127.0.0.1", 0))
-    bound.setblocking(False)
-    return bound
+class Plain(socket.socket):
+    def __init__(self) -> None:
+        super().__init__(socket.AF_INET, socket.SOCK_DGRAM)
+        self.bind(("127.0.0.1", 0))
+        self.setblocking(False)
 
 
 def listening(
@@ -41,7 +41,7 @@ def listening(
     **changes: Any,
 ) -> ReceiveQueue:
     return ReceiveQueue(
-        bound or plain(),
+        bound or Plain(),
         loop=asyncio.get_running_loop(),
         now=now,
         take=lambda data, _source, _ancillary, _now: take(data),  # type: ignore[arg-type, return-value]
@@ -53,7 +53,7 @@ def listening(
 @in_loop
 async def test_a_queue_that_has_paused_goes_on() -> None:
     taken: list[bytes] = []
-    with plain() as sender:
+    with Plain() as sender:
         queue = listening(lambda data: (taken.append(data), time.sleep(0.02)), 0.1)
         for number in range(6):
             sender.sendto(bytes([number]), queue.socket.getsockname())
@@ -63,11 +63,9 @@ async def test_a_queue_that_has_paused_goes_on() -> None:
     queue.close()
 
 
-class Counting(socket.socket):
+class Counting(Plain):
     def __init__(self) -> None:
-        super().__init__(socket.AF_INET, socket.SOCK_DGRAM)
-        self.bind(("127.0.0.1", 0))
-        self.setblocking(False)
+        super().__init__()
         self.reads: list[str] = []
 
     def recv(self, *arguments: Any) -> Any:
@@ -83,7 +81,7 @@ class Counting(socket.socket):
 async def test_each_datagram_is_acted_on_before_the_next_is_read_with_one_short_read() -> None:
     """What the system gives beside the datagrams of a connected socket is read now and then."""
     bound, now, acted = Counting(), 0.0, []
-    with plain() as peer:
+    with Plain() as peer:
         bound.connect(peer.getsockname())
         peer.connect(bound.getsockname())
         queue = listening(
@@ -102,13 +100,11 @@ async def test_each_datagram_is_acted_on_before_the_next_is_read_with_one_short_
     assert bound.reads == expected
 
 
-class Endless(socket.socket):
+class Endless(Plain):
     """A socket with something to read in every case; each datagram or refusal takes 50 us on its own clock."""
 
     def __init__(self, *, is_broken: bool) -> None:
-        super().__init__(socket.AF_INET, socket.SOCK_DGRAM)
-        self.bind(("127.0.0.1", 0))
-        self.setblocking(False)
+        super().__init__()
         self.is_broken, self.reads = is_broken, 0
 
     def recvmsg(self, *arguments: Any) -> Any:
@@ -129,7 +125,7 @@ async def test_datagrams_and_errors_without_end_cost_the_budget_and_end_the_slic
     # A loop that was woken counts the time from the read on, and goes on after the real time that it waits for.
     share, taking = (0.001, 1) if is_woken else (0.1, 0)
     queue = listening(taken.append, share, bound, lambda: 50e-6 * (bound.reads + taking * len(taken)))
-    with plain() as sender:
+    with Plain() as sender:
         sender.sendto(b"x", bound.getsockname())
     for _ in range(100):
         before = bound.reads
@@ -151,7 +147,7 @@ async def test_datagrams_and_errors_without_end_cost_the_budget_and_end_the_slic
 async def test_a_datagram_behind_an_error_is_taken() -> None:
     """The error of an earlier send, which the system reports once."""
     taken: list[bytes] = []
-    with plain() as peer:
+    with Plain() as peer:
         queue = listening(taken.append, 0.3, None, lambda: 0.0)
         queue.socket.connect(("127.0.0.1", 1))  # nobody listens there
         queue.socket.send(b"x")
@@ -166,7 +162,7 @@ async def test_a_datagram_behind_an_error_is_taken() -> None:
 async def test_a_datagram_waits_while_something_else_is_due_unless_it_is_asked_for() -> None:
     taken: list[bytes] = []
     is_due = True
-    with plain() as sender:
+    with Plain() as sender:
         queue = listening(taken.append, 0.3, is_due=lambda: is_due)
         sender.sendto(b"first", queue.socket.getsockname())
         for _ in range(10):

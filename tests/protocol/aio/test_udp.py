@@ -60,29 +60,26 @@ def events(endpoint: Endpoint) -> Iterator[Event]:
         yield event
 
 
-async def open_slave(silence: float = 2.0, **arguments: Any) -> tuple[UdpShell, Endpoint]:
-    slave = make(Role.RESPONDER, silence=silence)
-    shell = shell_of(slave, **{"listen": ANY, **arguments})
-    await shell.open(asyncio.get_running_loop())
-    slave.connect(monotonic())
-    return shell, slave
+def comes(condition: Callable[[], bool]) -> Awaitable[bool]:
+    return soon(condition, "what must come", pause=0.001)
 
 
-async def open_master(peer: Address, silence: float = 2.0, **arguments: Any) -> tuple[UdpShell, Endpoint]:
-    master = make(Role.INITIATOR, peer=peer, silence=silence)
-    shell = shell_of(master, **arguments)
+async def opened(peer: Address | None = None, silence: float = 2.0, **arguments: Any) -> tuple[UdpShell, Endpoint]:
+    """A master that calls its peer, or a slave."""
+    endpoint = make(Role.RESPONDER if peer is None else Role.INITIATOR, peer=peer, silence=silence)
+    shell = shell_of(endpoint, **({"listen": ANY} if peer is None else {}) | arguments)
     await shell.open(asyncio.get_running_loop())
-    master.connect(monotonic())
+    endpoint.connect(monotonic())
     shell.flush(monotonic())
-    return shell, master
+    return shell, endpoint
 
 
 async def engage(
     link: EmulatedLink[Address] | None = None, host: str = "127.0.0.1", *, silence: float = 2.0, **of_slave: Any
 ) -> tuple[UdpShell, Endpoint, UdpShell, Endpoint]:
-    slave_shell, slave = await open_slave(silence, **of_slave)
+    slave_shell, slave = await opened(None, silence, **of_slave)
     peer = (host, slave_shell.address[1])
-    master_shell, master = await open_master(peer, silence, link=link)
+    master_shell, master = await opened(peer, silence, link=link)
     assert (await until(master, Connected)).address == peer  # type: ignore[attr-defined]
     await until(slave, Connected)
     return master_shell, master, slave_shell, slave
@@ -173,8 +170,8 @@ async def test_a_send_that_the_system_refuses_is_a_loss() -> None:
         with pytest.raises(PermissionError):
             plain.sendto(b"x", broadcast)
     for peer in (broadcast, nobody):
-        _, master = await open_master(peer)
-        await soon(lambda told=master.statistics: told.sent >= 4, "what must come", pause=0.001)
+        _, master = await opened(peer)
+        await comes(lambda told=master.statistics: told.sent >= 4)
         assert master.state is State.CONNECTING
 
 
@@ -259,11 +256,8 @@ async def test_strangers_fill_a_buffer_of_their_own() -> None:
 @live
 async def test_a_peer_that_moves_is_followed() -> None:
     master_shell, master, slave_shell, slave = await engage()
-    await soon(
-        lambda: slave_shell.paths[0].remote == f"127.0.0.1:{master_shell.address[1]}", "what must come", pause=0.001
-    )
-    assert slave_shell.paths[0][:4] == (0, "direct", "", "")
-    assert slave_shell.paths[0].changes == 0
+    await comes(lambda: slave_shell.paths[0].remote == f"127.0.0.1:{master_shell.address[1]}")
+    assert slave_shell.paths[0][:4] == (0, "direct", "", "") and slave_shell.paths[0].changes == 0
     moved = shell_of(master, listen=ANY)
     master_shell.close()
     await moved.open(asyncio.get_running_loop())
@@ -275,9 +269,8 @@ async def test_a_peer_that_moves_is_followed() -> None:
         moved.flush(monotonic())
         return slave_shell.paths[0].remote == f"127.0.0.1:{moved.address[1]}"
 
-    await soon(is_followed, "what must come", pause=0.001)
-    assert slave.peer == moved.address
-    assert slave.state is State.ENGAGED
+    await comes(is_followed)
+    assert slave.peer == moved.address and slave.state is State.ENGAGED
     assert slave_shell.paths[0].changes == 1
 
 
@@ -285,18 +278,12 @@ async def test_a_peer_that_moves_is_followed() -> None:
 @pytest.mark.parametrize("host", ["127.0.0.1", "::1"])
 @live
 async def test_class_of_service_is_asked_for_and_seen(host: str, dscp: int) -> None:
-    if host == "::1" and not socket.has_ipv6:
-        pytest.skip("this Python has no IPv6")
     try:
-        slave_shell, _ = await open_slave(listen=(host, 0), dscp=dscp)
+        slave_shell, _ = await opened(listen=(host, 0), dscp=dscp)
     except OSError:
         pytest.skip("this host has no IPv6 loopback")
-    master_shell, _ = await open_master(slave_shell.address, dscp=7)
-    await soon(
-        lambda: master_shell.paths[0].dscp is not None and slave_shell.paths[0].dscp is not None,
-        "what must come",
-        pause=0.001,
-    )
+    master_shell, _ = await opened(slave_shell.address, dscp=7)
+    await comes(lambda: None not in (master_shell.paths[0].dscp, slave_shell.paths[0].dscp))
     assert (master_shell.paths[0].dscp, slave_shell.paths[0].dscp) == (dscp, 7)
 
 
