@@ -227,7 +227,7 @@ class Endpoint:
         self._due = None
         self.state = moved(self.state, State.CONNECTING if self._calls else State.LISTENING)
         if self._calls:
-            self._call(now)
+            self._post(self._dialer.call(now))
 
     def close(self, now: float, reason: str) -> None:
         """Leave for good, and tell the peer why; the farewell is among the datagrams to send. StateError if closed."""
@@ -297,16 +297,12 @@ class Endpoint:
             self._is_peer_heard = now - self.liveness.heard_at < 0.5 * FADE_SHARE * silence
             self._tell(events.PeerSilent(self._is_peer_heard))
             if self._calls:
-                self._call(now)
+                self._post(self._dialer.call(now))
         if self._is_peer_heard and now >= self.liveness.heard_at + silence:
             self._is_peer_heard = False
             self._tell(events.PeerSilent(is_heard=False))
         if self.state is _SILENT and now >= session.expires_at:
             self._leave(events.SessionExpired(), now)
-
-    def _call(self, now: float) -> None:
-        self._dialer.start(now)
-        self._post(self._dialer.hello(now))
 
     def _tell_encoding(self) -> None:
         session = self._session

@@ -228,11 +228,11 @@ class Dialer:
         self._epoch = b""
         self.due = inf
 
-    def start(self, now: float) -> None:
-        """Begin a new call; the first HELLO is due at once."""
+    def call(self, now: float) -> bytes:
+        """Begin a new call: its first HELLO."""
         self.stop()
         self._interval = self._first_interval
-        self.due = now
+        return self.hello(now)
 
     def stop(self) -> None:
         """Stop calling, and accept no more answers."""

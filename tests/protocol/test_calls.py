@@ -365,8 +365,7 @@ def test_each_answer_to_a_call_has_its_outcome(security: Security) -> None:
         (pack_map({**welcome, "clock_us": -500_000}), DropReason.STALE),
         (pack_map(welcome), Session),
     ):
-        dialer.start(0.0)
-        hello = dialer.hello(0.0)
+        hello = dialer.call(0.0)
         heard = security.hear(hello[: HELLO_HEADER.size], hello[HELLO_HEADER.size :])
         _, version, _, stamp = HELLO_HEADER.unpack_from(hello)
         assert heard is not None

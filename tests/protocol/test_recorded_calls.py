@@ -29,7 +29,6 @@ def recorded(count: int, *, name: str = "master", first: int = 1, step: int = 1)
     stamps = iter(range(first, first + count * step, step))
     entropy = Random(f"{name} {first}").randbytes
     dialer = Dialer(local_end(name=name, entropy=entropy, stamp=lambda now: next(stamps)))
-    dialer.start(0.0)
     return [dialer.hello(0.0) for _ in range(count)]
 
 
