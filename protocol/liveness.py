@@ -78,6 +78,8 @@ class Liveness:
         undelivered_at: when the updates of one direction count as undelivered: S + 2 R after that departure, or without
             all updates of a peer whose encoder says that it runs. So one that is sent again on evidence comes in time.
         proven_at: by stream of the peer, when this end was last known to hold all its updates.
+        is_proven: whether an update of each stream of either end is known to have arrived at the other, or need not be;
+            needed after an interruption, so that nobody gets a new limit's worth of motion by each.
         in_touch_at: the end is in touch until then, and fades as time passes since then.
         silent_at: when one of the limits is passed if nothing more is heard.
         silence: S.
@@ -111,7 +113,7 @@ class Liveness:
         self.held_until = self.undelivered_at = self._unheld_since = self._runs_from = inf
         self._counts_from = -inf
         self.proven_at = [-inf] * streams
-        self._is_proven = True
+        self.is_proven = True
         self._update()
 
     def agree(self, round_trip: float, now: float) -> None:
@@ -140,7 +142,7 @@ class Liveness:
         loop_from, heard_at = self.confirmed_at + self.round_trip, self.encoder_heard_at
         held_from = max(self._unheld_since, self._counts_from) + self.round_trip
         self.in_touch_at = min(loop_from, heard_at, held_from)
-        self.held_until = held_from + self.silence if self._is_proven else -inf
+        self.held_until = held_from + self.silence if self.is_proven else -inf
         self.undelivered_at = min(held_from, max(heard_at, self._runs_from) + self.round_trip) + self.limit
         if self.is_opening:
             self.silent_at = self.opened_at + self.limit
@@ -206,10 +208,9 @@ class Liveness:
         self._update()
 
     def hold(self, unheld_since: float, *, is_proven: bool) -> None:
-        """The oldest of our updates that the peer is not known to hold left then [s], inf for none; `is_proven` unless
-        the peer must first prove that it holds any."""
-        if unheld_since != self._unheld_since or is_proven is not self._is_proven:
-            self._unheld_since, self._is_proven = unheld_since, is_proven
+        """The oldest of our updates that the peer is not known to hold left then [s], inf for none."""
+        if unheld_since != self._unheld_since or is_proven is not self.is_proven:
+            self._unheld_since, self.is_proven = unheld_since, is_proven
             self._update()
 
     def resume(self, now: float) -> None:

@@ -7,6 +7,7 @@ from collections import deque
 from math import ceil, inf, log
 from typing import Final
 
+from weberlink.protocol.liveness import Liveness
 from weberlink.protocol.wire import ACKNOWLEDGEMENT_MASK, UpdateLayout
 from weberlink.update import Update
 
@@ -142,12 +143,12 @@ class OutgoingStream:
     departure of the oldest update that the peer is not known to hold, or to have replaced by a newer one; inf if it
     holds the newest. `is_held` if it is known to hold any since `forget`."""
 
-    def __init__(self, layout: UpdateLayout, allowance: Allowance, silence: float) -> None:
+    def __init__(self, layout: UpdateLayout, allowance: Allowance, liveness: Liveness) -> None:
         self.layout = layout
         self.update: Update | None = None
         self.sent_at = -inf
         self.is_pending = self.is_forgotten = False
-        self._allowance = allowance
+        self._allowance, self._liveness = allowance, liveness
         self._begun_at, self._begun = -inf, 0
         self._count = 0
         self.is_missed = False
@@ -158,7 +159,6 @@ class OutgoingStream:
         self.unheld_since = inf
         # Of a few updates in a row: departure of the first, number of the last.
         self._unheld: deque[tuple[float, int]] = deque(maxlen=_MOST_UNHELD)
-        self._silence = silence
         self._urgent_at = inf
         self._newest = 0
 
@@ -166,7 +166,7 @@ class OutgoingStream:
         """A new `update` was sent in the datagram of this number; `copies` early repeats follow, if allowed."""
         self._count, self._newest, self._begun = 0, sequence, sequence
         self._begun_at = self.sent_at = now
-        if self._unheld and now - self._unheld[-1][0] < UNHELD_SHARE * self._silence:
+        if self._unheld and now - self._unheld[-1][0] < UNHELD_SHARE * self._liveness.silence:
             self._unheld[-1] = self._unheld[-1][0], sequence
         else:
             self._unheld.append((now, sequence))
@@ -225,28 +225,26 @@ class OutgoingStream:
             self._unheld.append((self._begun_at, self._begun))
         self.unheld_since, self.is_held = self._begun_at if self.is_pending else inf, False
 
-    def is_lost(self, now: float, limit: float) -> bool:
-        """Whether the peer needs a new state, because it has forgotten the update, or the update has not arrived and
-        was first sent longer ago than the limit [s]; then it is repeated no more."""
-        if not self.is_forgotten and not (self.is_pending and now - self._begun_at > limit):
+    def is_lost(self, now: float) -> bool:
+        """Whether the peer needs a new state, because it has forgotten the update, or the update has not arrived and is
+        older than what the peer executes; then it is repeated no more."""
+        if not self.is_forgotten and not (self.is_pending and now - self._begun_at > self._liveness.limit):
             return False
         self.is_pending = self.is_forgotten = False
         return True
 
-    def due_at(self, rtt: float, fallback: float, round_trip: float) -> float:
-        """Time of the next repeat, infinity if there is no need; `fallback` is how long to wait for evidence, and
-        `round_trip` that by which it must be acknowledged, beside the silence limit [s]."""
+    def due_at(self, rtt: float, fallback: float) -> float:
+        """Time of the next repeat, infinity if there is no need; `fallback` is how long to wait for evidence [s]."""
         if not self.is_pending:
             return inf
-        self._urgent_at = self.unheld_since + round_trip + URGENT_SHARE * self._silence
-        urgent_at = max(self._urgent_at, self.sent_at + URGENT_PACE * self._silence)
-        due = self._due_at(rtt, fallback)
-        return urgent_at if urgent_at < due and urgent_at < self.unheld_since + round_trip + self._silence else due
-
-    def _due_at(self, rtt: float, fallback: float) -> float:
-        if self._early:
-            return self.sent_at + SHORTEST_PACE
         pace = max(SHORTEST_PACE, rtt)
-        if self._count >= _EVEN_REPEATS:
-            pace = min(pace * 2.0 ** min(self._count + 1 - _EVEN_REPEATS, 10), max(LONGEST_PACE, rtt))
-        return self.sent_at + (pace if self.is_missed else max(pace, fallback))
+        if self._early:
+            pace = SHORTEST_PACE
+        else:
+            if self._count >= _EVEN_REPEATS:
+                pace = min(pace * 2.0 ** min(self._count + 1 - _EVEN_REPEATS, 10), max(LONGEST_PACE, rtt))
+            pace = pace if self.is_missed else max(pace, fallback)
+        silence, held_from = self._liveness.silence, self.unheld_since + self._liveness.round_trip
+        self._urgent_at = held_from + URGENT_SHARE * silence
+        urgent_at = max(self._urgent_at, self.sent_at + URGENT_PACE * silence)
+        return urgent_at if urgent_at < self.sent_at + pace and urgent_at < held_from + silence else self.sent_at + pace

@@ -41,8 +41,6 @@ class Session:
             (`Liveness.is_fresh`), and whether none that was sent after it was accepted before it.
         said_encoding: whether our newest datagram said that our encoder runs.
         copies: how often to send at once, on this link, what must not be lost.
-        is_proven: whether an update of each stream of either end is known to have arrived at the other, or need not be;
-            needed after an interruption, so that nobody gets a new limit's worth of motion by each.
     """
 
     def __init__(
@@ -72,7 +70,6 @@ class Session:
         self.silent_since = inf
         self.sequence = 0
         self.is_fresh = self.is_newest = self.said_encoding = False
-        self.is_proven = True
         self._loss = LossMeter()
         # What the peer sends.
         self._replay = ReplayWindow()
@@ -86,7 +83,7 @@ class Session:
         self._told_from = -inf  # the same for the first updates of all since an interruption; inf until there are any
         # What this end sends.
         self._allowance = Allowance()
-        self._streams = tuple(OutgoingStream(layout, self._allowance, end.silence) for layout in end.sends.updates)
+        self._streams = tuple(OutgoingStream(layout, self._allowance, self.liveness) for layout in end.sends.updates)
         self._next_sequence = 1
         _, self._departed = self.clock.stamp(now)
         protection.begin(now, self._next_sequence, end.rekey_after)
@@ -294,19 +291,19 @@ class Session:
 
     def prove(self) -> None:
         """Nothing counts that either end held before an interruption."""
-        self.is_proven = False
         self._told_from = max(self._acks_from) if all(self._acks) else inf  # one may have ended the silence
         for stream in self._streams:
             stream.forget()
-        self._watch_streams()
+        self._watch_streams(was_proven=False)
 
-    def _watch_streams(self) -> None:
+    def _watch_streams(self, *, was_proven: bool = True) -> None:
         since, are_held = inf, True
         for stream in self._streams:
             since = min(since, stream.unheld_since)
             are_held = are_held and stream.is_held
-        self.is_proven = self.is_proven or (are_held and self.liveness.confirmed_at >= self._told_from)
-        self.liveness.hold(since, is_proven=self.is_proven)
+        liveness = self.liveness
+        was_proven = was_proven and liveness.is_proven
+        liveness.hold(since, is_proven=was_proven or (are_held and liveness.confirmed_at >= self._told_from))
 
     def late_stream(self, now: float) -> int:
         """Number of the stream, from 1, of which an update is missing for longest: of this end if one is too late, else
@@ -429,13 +426,12 @@ class Session:
         return datagram
 
     def take_lost(self, now: float) -> list[int]:
-        """Streams of which the peer needs a new state: it has forgotten the newest update, or that has not arrived and
-        is older than what the peer executes."""
-        return [number for number, stream in enumerate(self._streams) if stream.is_lost(now, self.liveness.limit)]
+        """Streams of which the peer needs a new state (`OutgoingStream.is_lost`)."""
+        return [number for number, stream in enumerate(self._streams) if stream.is_lost(now)]
 
-    def _patience(self) -> tuple[float, float, float]:
-        """Round trip, how long to wait for evidence that an update was lost, and the agreed round trip [s]."""
-        rtt, agreed = self.clock.rtt, self.liveness.round_trip
+    def _patience(self) -> tuple[float, float]:
+        """Round trip, and how long to wait for evidence that an update was lost [s]."""
+        rtt = self.clock.rtt
         if rtt is None:
-            return 0.0, UNMEASURED_RTT, agreed
-        return rtt, rtt + self.clock.outgoing_jitter + SLACK + self.heartbeats.max_gap, agreed
+            return 0.0, UNMEASURED_RTT
+        return rtt, rtt + self.clock.outgoing_jitter + SLACK + self.heartbeats.max_gap

@@ -7,6 +7,7 @@ from math import inf
 import pytest
 from hypothesis import given, strategies as st
 
+from weberlink.protocol.liveness import Liveness
 from weberlink.protocol.retransmission import (
     GROWTH,
     GROWTH_SLACK,
@@ -33,15 +34,13 @@ UPDATE = Update(0, 0, (1, 2, 3))
 SILENCE = 0.1
 
 
-def stream(allowance: Allowance | None = None) -> OutgoingStream:
-    made = OutgoingStream(LAYOUT, allowance or Allowance(), SILENCE)
+def stream(allowance: Allowance | None = None, round_trip: float = inf) -> OutgoingStream:
+    """That of an end with this round trip; with an infinite one nothing is urgent."""
+    end = Liveness(0.0, SILENCE, 0.0, 0.0)
+    end.round_trip = round_trip
+    made = OutgoingStream(LAYOUT, allowance or Allowance(), end)
     made.update = UPDATE
     return made
-
-
-def due(stream: OutgoingStream, rtt: float, fallback: float) -> float:
-    """When the next repeat is due, without urgency."""
-    return stream.due_at(rtt, fallback, inf)
 
 
 def acknowledge(stream: OutgoingStream, ack: int) -> bool:
@@ -50,39 +49,39 @@ def acknowledge(stream: OutgoingStream, ack: int) -> bool:
 
 def test_a_repeat_is_due_until_the_update_or_a_repeat_of_it_is_acknowledged() -> None:
     sent = stream()
-    assert due(sent, 0.01, 0.1) == inf
+    assert sent.due_at(0.01, 0.1) == inf
     sent.begin(6, 0.9)
     sent.begin(7 + 2**16, 1.0)
-    assert due(sent, 0.01, 0.1) == 1.1
+    assert sent.due_at(0.01, 0.1) == 1.1
     sent.is_missed = True  # evidence of a loss
-    assert (due(sent, 0.01, 0.1), due(sent, 0.0, 0.1)) == (1.01, 1.0 + SHORTEST_PACE)
+    assert (sent.due_at(0.01, 0.1), sent.due_at(0.0, 0.1)) == (1.01, 1.0 + SHORTEST_PACE)
     sent.repeated(9 + 2**16, 1.1)
     assert not acknowledge(sent, 6) and sent.is_pending
     assert acknowledge(sent, 7)
-    assert due(sent, 0.01, 0.1) == inf
+    assert sent.due_at(0.01, 0.1) == inf
     sent.begin(20, 2.0, copies=1)  # early, without evidence
-    assert due(sent, 0.3, 9.0) == 2.0 + SHORTEST_PACE
+    assert sent.due_at(0.3, 9.0) == 2.0 + SHORTEST_PACE
     sent.repeated(21, 2.005)
-    assert due(sent, 0.3, 9.0) > 9.0
+    assert sent.due_at(0.3, 9.0) > 9.0
 
 
 def test_an_update_is_lost_slower_with_each_repeat_and_forgotten_only_by_the_newest_datagram() -> None:
     sent = stream()
     sent.begin(5, 0.0)
-    assert not sent.is_lost(0.1, 0.1)
+    assert not sent.is_lost(0.1)
     assert sent.acknowledge(3, None, is_newest=False), "an old datagram without one says nothing"
     assert not sent.acknowledge(4, None, is_newest=True)
     for repeats, pace in ((1, 0.01), (2, 0.01), (3, 0.02), (4, 0.04)):
         sent.repeated(5 + repeats, 0.0)
         sent.is_missed = True
-        assert due(sent, 0.01, 1.0) == pytest.approx(pace), repeats
+        assert sent.due_at(0.01, 1.0) == pytest.approx(pace), repeats
     assert sent.acknowledge(10, 7, is_newest=True)
     sent.acknowledge(9, 0, is_newest=False)
     assert not sent.is_forgotten
     sent.acknowledge(11, 0, is_newest=True)
-    assert sent.is_lost(0.2, 0.1) and not sent.is_lost(0.3, 0.1), "once"
+    assert sent.is_lost(0.2) and not sent.is_lost(0.3), "once"
     sent.begin(12, 0.5)
-    assert sent.is_lost(0.61, 0.1) and not sent.is_pending, "not arrived within the limit"
+    assert sent.is_lost(0.61) and not sent.is_pending, "not arrived within the limit"
 
 
 def test_what_the_peer_lacks_is_as_old_as_the_first_update_after_the_one_that_it_holds() -> None:
@@ -113,16 +112,16 @@ def test_what_the_peer_lacks_is_as_old_as_the_first_update_after_the_one_that_it
 
 def test_an_update_is_urgent_when_its_time_runs_out() -> None:
     """It must be acknowledged within 0.1 s and the round trip; then nothing follows, and nothing is urgent."""
-    sent = stream()
+    sent = stream(round_trip=0.06)
     sent.begin(1, 1.0)
-    assert sent.due_at(0.05, 9.0, 0.06) == pytest.approx(1.125)
+    assert sent.due_at(0.05, 9.0) == pytest.approx(1.125)
     assert not sent.repeated(2, 1.124)
-    assert sent.due_at(0.05, 9.0, 0.06) == pytest.approx(1.128)
-    assert sent.repeated(3, 1.158) and sent.due_at(0.05, 9.0, 0.06) > 9.0
+    assert sent.due_at(0.05, 9.0) == pytest.approx(1.128)
+    assert sent.repeated(3, 1.158) and sent.due_at(0.05, 9.0) > 9.0
     sent.begin(4, 1.16)
-    assert sent.due_at(0.05, 9.0, 0.06) > 9.0, "there is no time left for one"
+    assert sent.due_at(0.05, 9.0) > 9.0, "there is no time left for one"
     sent.acknowledge(1, 3, is_newest=True)
-    assert sent.due_at(0.05, 9.0, 0.06) == pytest.approx(1.285)
+    assert sent.due_at(0.05, 9.0) == pytest.approx(1.285)
 
 
 STEPS = st.lists(st.tuples(st.floats(0.0, 0.05), st.sampled_from(["update", "acknowledged", "missed", "nothing"])))
@@ -135,7 +134,7 @@ def test_repeats_keep_to_their_bound_over_any_pattern(
     """Whatever is lost or acknowledged, whenever updates come, however late the owner looks at the clock. Only where a
     round trip is agreed on is anything urgent."""
     pace, most = (max(SHORTEST_PACE, 0.0 if copies else rtt), 13) if agreed == inf else (URGENT_PACE * SILENCE, 23)
-    sent = stream()
+    sent = stream(round_trip=agreed)
     now, number, begun_at, repeats = 0.0, 0, 0.0, 0
     for wait, what in steps:
         now += wait
@@ -146,7 +145,7 @@ def test_repeats_keep_to_their_bound_over_any_pattern(
             acknowledge(sent, number)
         elif what == "missed":
             sent.is_missed = True
-        while sent.due_at(rtt, 0.0, agreed) <= now:
+        while sent.due_at(rtt, 0.0) <= now:
             assert now >= sent.sent_at + pace - 1e-12
             number, repeats = number + 1, repeats + 1
             sent.repeated(number, now)
@@ -174,7 +173,7 @@ def test_early_repeats_are_bounded_by_their_allowance(
             number += 1
             streams[place % 2].begin(number, now, copies)
         for each in streams:
-            while due(each, 0.0, inf) <= now:  # without evidence, and without end of patience
+            while each.due_at(0.0, inf) <= now:  # without evidence, and without end of patience
                 number, repeats = number + 1, repeats + 1
                 each.repeated(number, now)
     assert repeats <= MOST_EARLY_PER_S * (1.0 + now) + 1e-9
