@@ -6,10 +6,12 @@ from random import Random
 import pytest
 from hypothesis import given, strategies as st
 
-from tests.control.teleoperation import ACCOUNT, TICK
+from tests.control.wall import ACCOUNT, SETTINGS, TICK, Wall
 from tests.examples import examples
 from weberlink.control.account import Account
 from weberlink.control.axes import HANDLE, LEVER, BoundedAxes, build_axes
+from weberlink.control.bounded import BoundedMaster
+from weberlink.control.contract import CREDIT_STEP
 
 STIFFNESS = 500.0
 
@@ -34,6 +36,33 @@ def test_no_force_that_is_asked_for_gives_more_than_the_bound(seed: int, stiffne
         asked = random.uniform(0.0, 30.0)
         force = asked * account.share(asked, stiffness, TICK)
         way = fastest * TICK * random.uniform(-0.1, 1.0)
+
+
+@given(seed=st.integers(0, 2**32), fastest=st.floats(0.05, 1.0), rtt=st.floats(0.0, 0.7), supplies=st.booleans())
+@examples(60)
+def test_no_update_makes_a_hand_get_more_than_the_bound(seed: int, fastest: float, rtt: float, supplies: bool) -> None:
+    """Of any force and surface, right or wrong. It goes where it gains, and a limit shows less than is asked for."""
+    random, master = Random(seed), BoundedMaster(SETTINGS)
+    stiffness, limit = 10.0 ** random.uniform(1.0, 6.0), random.choice((0.5, 1.0))
+    hand = force = given_out = most = 0.0
+    allowed, credit = ACCOUNT.allowance, 0
+    for tick in range(1500):
+        if tick % 400 == 399 and seed % 5 == 0:
+            master.resume(credit)
+        way = fastest * TICK * random.uniform(-0.1, 1.0) * (-3.0 if seed % 3 == 0 and tick % 200 >= 150 else 1.0)
+        hand, given, more = hand + way, force * way, random.choice((0, 0, 0, 10)) if supplies else 0
+        credit += more
+        if random.random() < 0.3:
+            surface = Wall(stiffness * random.uniform(0.5, 2.0), hand + 0.02)
+            pushed = surface.at(0.0, (0.0, 0.0, hand))
+            master.learn(random.choice((surface, None)), pushed, (0.0, 0.0, hand + random.uniform(-0.002, 0.002)))
+        master.observe((0.0, 0.0, hand), TICK, tick, credit, rtt)
+        given_out, most = given_out + given, max(most, given)
+        allowed += ACCOUNT.refill * TICK + ACCOUNT.damping * way * way / TICK + CREDIT_STEP * more
+        assert given_out <= allowed + most + 1e-12
+        master.command((0.0, 0.0, hand))
+        force = limit * master.render((0.0, 0.0, random.choice((10.0, 30.0))))[2]
+        master.displayed((0.0, 0.0, force))
 
 
 def test_a_force_that_the_hand_has_not_pressed_in_rises() -> None:

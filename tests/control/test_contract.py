@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from hypothesis import given, strategies as st
 
-from tests.control.teleoperation import SETTINGS, TICK, Wall
+from tests.control.wall import SETTINGS, TICK, Wall
 from tests.examples import examples
 from weberlink.codec.predictors.geometry_based import Sphere
 from weberlink.codec.sample import UNKNOWN

@@ -6,7 +6,7 @@ from math import inf, sin, sqrt
 
 import pytest
 
-from tests.control.teleoperation import ACCOUNT, SETTINGS, TICK, Hand, Link, Wall, operate
+from tests.control.wall import ACCOUNT, SETTINGS, TICK, Wall
 from weberlink.codec.predictors.geometry_based import Sphere
 from weberlink.control.account import passivity_limit
 from weberlink.control.bounded import (
@@ -131,15 +131,6 @@ def test_a_robot_that_was_led_out_while_it_waits_still_goes_in_slowly_and_once_t
         before, here = here, follow(-0.0006, here)
         assert before - here <= LEAVE * TICK * (1.0 + 1e-9)
     assert [follow(-0.0006, 0.0), follow(-0.02, 0.0)] == [-0.0006, -0.02]
-
-
-@pytest.mark.parametrize("delay", [0.01, 0.02, 0.05])
-def test_a_light_hand_does_not_bounce_off_a_hard_wall_that_it_feels_late(delay: float) -> None:
-    """Two presses and six taps, each of which begins and ends once: without damping of the contact up to 40 more."""
-    master, slave, hand = BoundedMaster(SETTINGS), BoundedSlave(SETTINGS), Hand(mass=0.1, stiffness=100.0, damping=3.0)
-    course = operate(master, slave, wall=Wall(2500.0), link=Link(delay), hand=hand, seconds=4.5)
-    touches = [force > LEAST_CONTACT for force in course.wall_forces]
-    assert sum(before != after for before, after in pairwise(touches)) <= 20
 
 
 @pytest.mark.parametrize(

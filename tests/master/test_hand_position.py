@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 from hypothesis import given, strategies as st
 
-from tests.control.teleoperation import Wall
+from tests.control.wall import Wall
 from weberlink.codec import Encoder, position_channel
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, AccountParameters, MasterControl, SchemeParameters
 from weberlink.geometry.vector import ZERO, Vector, norm

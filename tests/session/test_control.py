@@ -1,9 +1,10 @@
 """Control schemes in whole systems in virtual time: few packets, and the credit of the robot's end in the records."""
 
+import numpy as np
 import pytest
 
-from tests.session.kinds import HAND, changed, run, says
-from weberlink.control.contract import CREDIT_STEP
+from tests.session.kinds import FORCE, HAND, changed, run, says
+from weberlink.control.contract import CREDIT_STEP, LEAST_CONTACT
 from weberlink.protocol.states import State
 from weberlink.telemetry.reader import Records
 
@@ -26,6 +27,26 @@ def plane(scheme: str, stiffness: float, round_trip: float) -> tuple[str, ...]:
         "master.device.home_m=[0, 0, 0.005]",
         "slave.robot.home_m=[0, 0, 0.005]",
     )
+
+
+@pytest.mark.parametrize("round_trip", [0.0, 0.01, 0.1])
+@pytest.mark.parametrize(("stiffness", "within"), [(500.0, 0.07), (1e4, 0.15)])
+def test_the_wall_is_felt_and_pressed_on_alike(stiffness: float, within: float, round_trip: float) -> None:
+    """A control that displays no force at all would be passive too. A hard wall is tapped on gently at first."""
+    fine = ("codec.force.predictor=zoh", "codec.force.weber=0.02")
+    ran = run(HAND, 3.5 + 2.0 * round_trip, *plane("bounded", stiffness, round_trip), *fine)
+    felt, pressed = (np.linalg.norm(forces, axis=1) for forces in (FORCE.output(ran.master), FORCE.raw(ran.slave)))
+    assert felt.sum() / pressed.sum() == pytest.approx(1.0, abs=within)
+    assert felt.max() >= 3.0
+
+
+@pytest.mark.parametrize("round_trip", [0.02, 0.04, 0.1])
+def test_a_light_hand_does_not_bounce_off_a_hard_wall_that_it_feels_late(round_trip: float) -> None:
+    """A press and four taps, each of which begins and ends once: without damping of the contact up to 23 more."""
+    hand = "master.device.hand={mass_kg: 0.1, stiffness_n_m: 100, damping_n_s_m: 3}"
+    ran = run(HAND, 3.5 + 2.0 * round_trip, *plane("bounded", 2500.0, round_trip), hand)
+    touches = np.linalg.norm(FORCE.raw(ran.slave), axis=1) > LEAST_CONTACT
+    assert np.count_nonzero(np.diff(touches)) <= 20
 
 
 @pytest.mark.parametrize(("round_trip", "fewer"), [(0.1, 0.8), (1.0, 0.9)])

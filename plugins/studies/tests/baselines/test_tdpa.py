@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.control.teleoperation import Course, Hand, Link, Wall, operate
+from plugins.studies.tests.baselines.teleoperation import Course, operate
 from weberlink.control.contract import AccountParameters, SchemeParameters
 from weberlink.control.table import build_master_control, build_slave_control
 from weberlink_studies.baselines.tdpa import MOST_DAMPING, TdpaMaster, TdpaSlave
@@ -36,7 +36,7 @@ def generated(course: Course) -> float:
 def test_it_is_passive_on_a_delayed_wall_where_none_is_not(delay: float) -> None:
     """Both ports together, on a spring of 500 N/m."""
     courses = [
-        operate(master, slave, wall=Wall(500.0), link=Link(delay), hand=Hand(), seconds=4.0)
+        operate(master, slave, wall=500.0, delay=delay, seconds=4.0)
         for master, slave in (
             (TdpaMaster(SETTINGS), TdpaSlave(SETTINGS)),
             (build_master_control("none", SETTINGS), build_slave_control("none", SETTINGS)),
