@@ -17,8 +17,7 @@ class JointMappingSettings(Options):
     """Name of the joint of the leader; left out, `match` finds it."""
     scale: float = Field(default=1.0, ge=-100, le=100)
     """Radians of the follower for a radian of the leader; negative to turn the other way, not 0."""
-    offset_rad: Angle = 0.0
-    """Angle of the follower where the leader is at 0 [rad]."""
+    offset_rad: Angle = 0.0  # angle of the follower where the leader is at 0 [rad]
     rest_rad: Angle | None = None
     """Angle at which the joint stays, driven by no joint of the leader [rad]; leave out to drive it."""
 
@@ -34,12 +33,10 @@ class JointMappingSettings(Options):
 class GripperMappingSettings(Options):
     """What drives the gripper of the follower: a range of the leader's angles, mapped to one of the follower's."""
 
-    leader_rad: Ends | None = None
-    """Angles of the leader, closed and open [rad]; its whole range if not given."""
+    leader_rad: Ends | None = None  # angles of the leader, closed and open [rad]; its whole range if not given
     follower_rad: Ends | None = None
     """Angles of the follower at these [rad], which it never leaves; left out, it has the angle of the leader."""
-    rest_rad: Angle | None = None
-    """Angle at which the gripper stays, driven by nothing [rad]; leave out to drive it."""
+    rest_rad: Angle | None = None  # angle at which the gripper stays, driven by nothing [rad]; leave out to drive it
 
     @model_validator(mode="after")
     def _drives_or_rests(self) -> Self:
