@@ -7,6 +7,7 @@ gave beyond what it took. See docs/control.md.
 """
 
 from math import hypot, inf, sqrt
+from typing import Any
 
 from weberlink.control.account import Account
 from weberlink.control.contract import (
@@ -235,15 +236,17 @@ class BoundedMaster(MasterControl):
     def learn(self, surface: Surface, force: Vector, position: Vector) -> None:
         self._contact.learn(surface, force, position)
 
-    def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, rtt: float | None) -> None:
-        last, held = self._position or position, self._held
-        x, y, z = position[0] - last[0], position[1] - last[1], position[2] - last[2]
+    # As wide as in the base class: compiled code takes no narrower argument.
+    def observe(self, position: Any, elapsed: float, tick: float, peer_credit: int, rtt: float | None) -> None:
+        here: Vector = position
+        last, held = self._position or here, self._held
+        x, y, z = here[0] - last[0], here[1] - last[1], here[2] - last[2]
         supplied = 0.0
         if peer_credit > self._credit:
             supplied = (peer_credit - self._credit) * CREDIT_STEP
             self._credit = peer_credit
         self._account.book(held[0] * x + held[1] * y + held[2] * z, x * x + y * y + z * z, elapsed, supplied)
-        self._position, self._elapsed, self._tick = position, elapsed, tick
+        self._position, self._elapsed, self._tick = here, elapsed, tick
         self._speed = (x / elapsed, y / elapsed, z / elapsed) if elapsed > 0.0 else ZERO
         if rtt is not None:
             self._rtt = rtt + self._delay
@@ -265,18 +268,19 @@ class BoundedMaster(MasterControl):
         self._sent.add(position)
         return position
 
-    def render(self, force: Vector) -> Vector:
+    def render(self, force: Any) -> Vector:
         contact, rtt = self._contact, self._rtt
+        stated: Vector = force
         if self._position is not None:
-            force = contact.at(self._position, force, self._sent.ago(rtt), self._tick, rtt)
+            stated = contact.at(self._position, stated, self._sent.ago(rtt), self._tick, rtt)
             if rtt > CALM:
-                force = contact.damped(force, self._speed, min(CALM, rtt - CALM))
-        self._stated = force
-        x, y, z = force
+                stated = contact.damped(stated, self._speed, min(CALM, rtt - CALM))
+        self._stated = stated
+        x, y, z = stated
         share = self._account.share(hypot(x, y, z), contact.stiffness, self._elapsed, contact.softest)
-        return force if share == 1.0 else (share * x, share * y, share * z)
+        return stated if share == 1.0 else (share * x, share * y, share * z)
 
-    def displayed(self, force: Vector) -> None:
+    def displayed(self, force: Any) -> None:
         self._held = force
 
 
