@@ -1,28 +1,27 @@
-"""Writes the types of requests for the scripts of the page: `python -m plugins.page.tests.declarations`."""
+"""Writes the types of messages for the scripts of the page: `python -m plugins.page.tests.declarations`."""
 
 import types
 from pathlib import Path
 from typing import Annotated, Any, Literal, NotRequired, Union, get_args, get_origin, get_type_hints
 
 import weberlink_page
-from weberlink_page import requests
+from weberlink_page import messages
 
 PATH = Path(weberlink_page.__file__).parent / "page" / "js" / "messages.d.ts"
-MARK = "// Requests of a page, written by `python -m plugins.page.tests.declarations` from requests.py."
 PLAIN = {str: "string", int: "number", float: "number", bool: "boolean", type(None): "null", Any: "any"}
 
 
 def declarations() -> str:
-    kinds = {name: kind for name, kind in vars(requests).items() if hasattr(kind, "__required_keys__")}
-    lines = [MARK, ""]
+    kinds = {name: kind for name, kind in vars(messages).items() if hasattr(kind, "__required_keys__")}
+    lines = ["// Written by `python -m plugins.page.tests.declarations` from messages.py.", ""]
     for name, kind in kinds.items():
-        if name.startswith("_") or kind.__module__ != requests.__name__:
+        if name.startswith("_") or kind.__module__ != messages.__name__:
             continue
         lines.append(f"export interface {name} {{")
         for member, hint in get_type_hints(kind, include_extras=True).items():
             lines.append(f"  {member}{'' if member in kind.__required_keys__ else '?'}: {typescript(hint)};")
         lines += ["}", ""]
-    lines.append(f"export type Request = {typescript(requests.Request)};")
+    lines += [f"export type {name} = {typescript(getattr(messages, name))};" for name in ("Message", "Request")]
     return "\n".join(lines) + "\n"
 
 
@@ -42,4 +41,4 @@ def typescript(hint: Any) -> str:
 
 
 if __name__ == "__main__":
-    PATH.write_text(PATH.read_text(encoding="utf-8").partition(MARK)[0] + declarations(), encoding="utf-8")
+    PATH.write_text(declarations(), encoding="utf-8")

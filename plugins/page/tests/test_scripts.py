@@ -22,6 +22,6 @@ def test_scripts_pass_their_own_tests() -> None:
     assert re.search(r"^. pass [1-9]", run.stdout, re.MULTILINE), run.stdout
 
 
-def test_declared_requests_are_those_that_are_read() -> None:
-    told = declarations.PATH.read_text(encoding="utf-8")
-    assert told.endswith(declarations.declarations()), "run python -m plugins.page.tests.declarations"
+def test_declarations_are_those_of_the_messages() -> None:
+    expected = declarations.declarations()
+    assert declarations.PATH.read_text(encoding="utf-8") == expected, "run python -m plugins.page.tests.declarations"

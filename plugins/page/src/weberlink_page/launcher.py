@@ -20,6 +20,7 @@ from weberlink.child_process import python
 from weberlink.order import COMPLETED, EMERGENCY, FAILED, NOTE
 from weberlink.session.report import CHOSEN_BY
 from weberlink_figures.watching.control import Answer, refusal
+from weberlink_page.messages import Rooms
 
 STOP_LIMIT_S = 20.0  # time from the request to stop to a kill; the launcher gives its daemons 15 s
 SAME_PRESS_S = 1.0  # within this time, stops are the two ways of one press
@@ -178,10 +179,10 @@ class SessionLauncher:
         self.message: dict[str, Any] = self._told("idle", order.scene, None)
 
     @property
-    def rooms(self) -> dict[str, Any]:
+    def rooms(self) -> Rooms:
         """What a page may start."""
         scenes = [{"name": name, "title": scene.title} for name, scene in self._order.scenes.items()]
-        return {"start": True, "scenes": scenes, "scene": self.message["scene"]}
+        return {"start": True, "scenes": scenes, "scene": self.message["scene"]}  # type: ignore[typeddict-item]
 
     @property
     def is_starting(self) -> bool:

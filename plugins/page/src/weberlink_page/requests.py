@@ -3,16 +3,16 @@
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping
 from hmac import compare_digest
-from typing import Annotated, Any, Literal, NotRequired
+from typing import Any
 
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
-from typing_extensions import TypedDict  # pydantic needs it before Python 3.12
+from pydantic import ValidationError
 
 from weberlink.session.control_socket import LINK_SETTINGS
 from weberlink.session.emergency import NO_SESSION
 from weberlink_figures.watching.control import Answer, ask_daemon, change, refusal
 from weberlink_page.access import new_token
 from weberlink_page.front import UNPROVEN
+from weberlink_page.messages import REQUEST
 from weberlink_page.session import PageSession
 from weberlink_page.viewer import Viewer
 
@@ -22,67 +22,6 @@ URGENT = frozenset({"drive", "emergency"})
 READ_ONLY = "this page is read-only: open the address that weberlink printed, the key in it permits changes"
 INHERIT_TIMES, INHERIT_AGAIN_S = 150, 0.2
 """How often, and how soon again, a new session is asked to take the settings of the one before."""
-
-
-class _Request(TypedDict):
-    """A request, with the token of the greeting."""
-
-    token: NotRequired[str]
-
-
-class ChangeRequest(_Request):
-    """Change settings of the session that the page shows; the daemon checks their ranges."""
-
-    type: Literal["change"]
-    weber: NotRequired[float]
-    predictor: NotRequired[str]
-    delay_ms: NotRequired[float]
-    jitter_ms: NotRequired[float]
-    loss: NotRequired[float]
-
-
-class DriveRequest(_Request):
-    """Hold the handle at a target [m], or let go of it."""
-
-    type: Literal["drive"]
-    target: tuple[float, float, float]
-    held: bool
-
-
-class SessionRequest(_Request):
-    """Start or stop a session; a start says how many emergency stops the page knows of."""
-
-    type: Literal["session"]
-    do: Literal["start", "stop"]
-    scene: NotRequired[str | None]
-    stops: NotRequired[int]
-
-
-class EmergencyRequest(_Request):
-    """Force to zero at once; also a request by POST, which does not wait for the event loop.
-
-    `age_ms` is the time since the button was pressed: no session that was started after that is stopped.
-    """
-
-    type: Literal["emergency"]
-    age_ms: NotRequired[float]
-
-
-class RecordRequest(_Request):
-    """Begin, mark or end a recording."""
-
-    type: Literal["record"]
-    do: Literal["start", "stop", "mark"]
-    name: NotRequired[str | None]
-    text: NotRequired[str | None]
-
-
-Request = ChangeRequest | DriveRequest | SessionRequest | EmergencyRequest | RecordRequest
-
-REQUEST: TypeAdapter[Any] = TypeAdapter(
-    Annotated[Request, Field(discriminator="type")], config=ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
-)
-"""Reads a request of a page."""
 
 Handler = Callable[[Viewer, dict[str, Any]], Awaitable[Answer | None]]
 """Answers a request, which has no `type` and `token` any more; None for no answer."""
@@ -106,7 +45,7 @@ class Requests:
         return isinstance(token, str) and compare_digest(token.encode(errors="replace"), self.token.encode())
 
     def read(self, viewer: Viewer, text: str) -> dict[str, Any]:
-        """The request in a text, see `REQUEST`; a refusal, of type `answer`, if it is none or the page
+        """The request in a text, see `weberlink_page.messages`; a refusal, of type `answer`, if it is none or the page
         may not make it.
         """
         try:

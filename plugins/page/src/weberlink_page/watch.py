@@ -13,6 +13,7 @@ from weberlink_figures.watching.rings import RingOpener, RingSource, find_rings
 from weberlink_page.driving import Driving
 from weberlink_page.front import ANSWER_S, LONGEST_AGE_MS, LOOK_S as LOOK_STOP_S
 from weberlink_page.launcher import SessionLauncher
+from weberlink_page.messages import Rooms
 from weberlink_page.requests import Requests, SessionControl
 from weberlink_page.session import PageSession, events_message
 from weberlink_page.viewer import Topic, Viewer, put_all
@@ -243,7 +244,7 @@ class SessionWatcher:
 
     def _own_part(self, viewer: Viewer) -> dict[str, Any]:
         """The part of a greeting that depends on the page."""
-        nothing: dict[str, Any] = {"start": False, "scenes": [], "scene": None}
+        nothing: Rooms = {"start": False, "scenes": [], "scene": None}
         rooms = nothing if self.launcher is None else self.launcher.rooms
         return {"token": self.requests.token if viewer.may_change else None, "rooms": rooms}
 

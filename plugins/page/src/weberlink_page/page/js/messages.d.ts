@@ -1,27 +1,22 @@
-// Every message between the server and a page. Times are in s since the session began, lengths in m, forces in N,
-// torques in N m, angles in rad; null stands for what is unknown.
+// Written by `python -m plugins.page.tests.declarations` from messages.py.
 
-// A session that the page may start.
 export interface SceneTitle {
   name: string;
   title: string;
 }
 
-// What the page may start.
 export interface Rooms {
   start: boolean;
   scenes: SceneTitle[];
   scene: string | null;
 }
 
-// The greeting; only the first four members without a session.
 export interface Hello {
   type: "hello";
   session: string | null;
-  token: string | null; // goes with every request that changes something; null for a page that only looks
+  token: string | null;
   rooms: Rooms;
   readonly?: boolean;
-  // Their descriptions, see `weberlink.session.description`.
   sides?: Partial<Record<"master" | "slave", Record<string, any> | null>>;
   present?: ("master" | "slave")[];
   names?: Record<string, string | null>;
@@ -44,7 +39,6 @@ export interface Hello {
   view?: string | null;
 }
 
-// Rows of one side; a vector is a list of its axes.
 export interface Samples {
   type: "samples";
   side: "master" | "slave";
@@ -52,7 +46,6 @@ export interface Samples {
   columns: Record<string, (number | null)[] | ((number | null)[])[]>;
 }
 
-// The felt error of rows.
 export interface Felt {
   type: "felt";
   t: number[];
@@ -61,14 +54,12 @@ export interface Felt {
   bound_n: (number | null)[];
 }
 
-// A fault that is active, or what the report would hold against the session so far.
 export interface Alarm {
   level: string;
   name: string;
   text: string;
 }
 
-// The figures of the report so far, and those of the last second.
 export interface Figures {
   type: "figures";
   session: string;
@@ -89,7 +80,6 @@ export interface Figures {
   generation?: number | null;
 }
 
-// A line of the log; `wall` is in s since 1970.
 export interface LogEvent {
   at: number;
   wall: number;
@@ -98,21 +88,18 @@ export interface LogEvent {
   text: string;
 }
 
-// New events, oldest first.
 export interface Events {
   type: "events";
   session: string;
   events: LogEvent[];
 }
 
-// Who has the handle; `why` if this page cannot drive.
 export interface Handle {
   type: "handle";
   state: "none" | "free" | "yours" | "taken";
   why: string | null;
 }
 
-// The session that pages start.
 export interface Launcher {
   type: "launcher";
   state: "idle" | "starting" | "running" | "failed";
@@ -121,7 +108,6 @@ export interface Launcher {
   stops: number;
 }
 
-// The newest recording of the session.
 export interface RecordingState {
   type: "recording";
   session: string;
@@ -133,7 +119,6 @@ export interface RecordingState {
   why: string | null;
 }
 
-// What came of a request of type `to`.
 export interface AnswerMessage {
   type: "answer";
   to?: string;
@@ -147,10 +132,6 @@ export interface AnswerMessage {
   path?: string;
   sessions?: string[];
 }
-
-export type Message = Hello | Samples | Felt | Figures | Events | Handle | Launcher | RecordingState | AnswerMessage;
-
-// Requests of a page, written by `python -m plugins.page.tests.declarations` from requests.py.
 
 export interface ChangeRequest {
   token?: string;
@@ -191,4 +172,5 @@ export interface RecordRequest {
   text?: string | null;
 }
 
+export type Message = Hello | Samples | Felt | Figures | Events | Handle | Launcher | RecordingState | AnswerMessage;
 export type Request = ChangeRequest | DriveRequest | SessionRequest | EmergencyRequest | RecordRequest;
