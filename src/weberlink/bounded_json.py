@@ -10,8 +10,7 @@ LONGEST_NUMBER = 32  # most characters of a number
 
 def parse(data: bytes, longest: int) -> Any:
     """Parse a JSON text in UTF-8. ValueError if it has more than the `longest` bytes, is not JSON, is nested deeper
-    than `DEEPEST`, or holds a number that is not finite or longer than `LONGEST_NUMBER`.
-    """
+    than `DEEPEST`, or holds a number that is not finite or longer than `LONGEST_NUMBER`."""
     if len(data) > longest:
         raise ValueError(f"more than {longest} bytes")
     try:

@@ -65,11 +65,8 @@ def absence(what: str, guest: str) -> str:
 
 
 def install_line(extra: str) -> str:
-    """The command that adds to this installation, to be typed in the present directory.
-
-    Args:
-        extra: of the kernel; or a guest, which may have an extra too, such as "studies[dask]".
-    """
+    """The command that adds to this installation, to be typed in the present directory: an extra of the kernel, or a
+    guest, which may have an extra too, such as "studies[dask]"."""
     is_guest = extra.partition("[")[0] in all_guests()
     clone = Path(__file__).resolve().parents[2]
     if not (clone / "pyproject.toml").is_file():
@@ -80,10 +77,8 @@ def install_line(extra: str) -> str:
 
 
 def _with_needed(guest: str) -> list[str]:
-    """The guests to install from a clone for this one: those that it depends on, then itself.
-
-    pip would look for the former on an index.
-    """
+    """The guests to install from a clone for this one: those that it depends on, which pip would look for on an index,
+    then itself."""
     needed = guests(NEEDED).get(guest.partition("[")[0], "").split()
     return [*dict.fromkeys(each for other in needed for each in _with_needed(other)), guest]
 

@@ -23,8 +23,7 @@ class Options(BaseModel):
 
 def refuse_unknown_keys(model: type[BaseModel], data: Mapping[Any, Any]) -> None:
     """Raise ValidationError for the first key that a model does not have, with the nearest of those that it has, or all
-    of them. `into` in its context is the one field that takes any keys, those of a driver.
-    """
+    of them. `into` in its context is the one field that takes any keys, those of a driver."""
     fields = model.model_fields
     if any(info.validation_alias for info in fields.values()):
         return  # pydantic alone knows these keys

@@ -111,8 +111,7 @@ class Registry(Mapping[str, T], Generic[T]):
 
     def check_known(self, name: str) -> str:
         """Return the name if an entry has it; raises ValueError if no entry has this name; the message says how to
-        install the guest that has it, or lists all names and the nearest one.
-        """
+        install the guest that has it, or lists all names and the nearest one."""
         if name in self:
             return name
         absent = self.absent()
@@ -167,8 +166,7 @@ def resolve(place: str) -> Any:
 
 def import_part(what: str, place: str) -> Any:
     """Import "module:attribute" of another distribution, whose module may raise anything; PartError if it cannot be
-    imported. `what` is its kind, name and distribution, for the message.
-    """
+    imported. `what` is its kind, name and distribution, for the message."""
     try:
         return resolve(place)
     except Exception as error:
@@ -182,8 +180,7 @@ def in_words(error: BaseException) -> str:
 
 class PartFault(NamedTuple):
     """An error that escaped from a part by name: kind, name, distribution, error and line; and whether the part is of
-    another distribution, or else the error one of this program.
-    """
+    another distribution, or else the error one of this program."""
 
     text: str
     is_foreign: bool
@@ -208,8 +205,7 @@ def fault_of(error: BaseException) -> PartFault | None:
 
 def check_contract(what: str, made: object, contract: type) -> None:
     """See that an object, or a class, has all that a protocol names; ValueError naming what is missing. `what` is its
-    kind and name, for the message, such as "device acme".
-    """
+    kind and name, for the message, such as "device acme"."""
     entry = made if isinstance(made, type) else type(made)
     _complain(what, entry, "has no", [name for name in members(contract) if not hasattr(made, name)], contract)
 

@@ -21,8 +21,7 @@ LOOK_S = 0.002
 
 def ask(configuration: Configuration, asks: Right, patience_s: float = PATIENCE_S) -> Mapping[str, object]:
     """What the robot's end answers; to a stop, when it has stopped. Raises CommandError if it refuses or does not
-    answer; ConfigurationError if the key cannot be read, or the peer is not known.
-    """
+    answer; ConfigurationError if the key cannot be read, or the peer is not known."""
     finder = finder_of(configuration, MASTER)
     epoch = monotonic()
     context = live_context(configuration, MASTER, finder, epoch, asks=asks)

@@ -52,8 +52,7 @@ def installed(folders: Sequence[Path] = FOLDERS) -> bool:
 
 def install(folder: Path = RULES_DIR, udevadm: str | None = None) -> str:
     """Copy the rules and let udev apply them to plugged devices; returns what to show. Raises CommandError if they
-    cannot be written; no file is left half written.
-    """
+    cannot be written; no file is left half written."""
     rules = shipped()
     for name, text in rules.items():
         _write(folder / name, text)

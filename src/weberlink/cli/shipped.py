@@ -60,8 +60,7 @@ def _about(path: Path) -> str:
 
 def find(name: str) -> Path:
     """A shipped file or folder by its name; a configuration also without `.yaml`. Raises ConfigurationError if there is
-    none.
-    """
+    none."""
     asked = name.removeprefix("configs/")
     known: dict[str, Path] = {}
     for folder in config_folders():

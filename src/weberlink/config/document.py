@@ -30,8 +30,7 @@ class _Loader(yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader):  
 
 def parse(path: Path) -> dict[str, Any]:
     """The mapping in a file; raises ConfigurationError if there is no such file, it is empty or holds no mapping, or a
-    key is given twice.
-    """
+    key is given twice."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
@@ -101,10 +100,8 @@ def _mistake(text: str, error: yaml.MarkedYAMLError) -> tuple[int, int, str]:
 
 def override(content: dict[str, Any], text: str) -> str:
     """Apply one "path.to.key=value" in place, the value being YAML; returns the path. Raises ConfigurationError if it
-    is not of that form, or the path leads through a value.
-
-    With a `predictor`, the `bank` of the file is dropped, as it belongs to the predictor of the file.
-    """
+    is not of that form, or the path leads through a value. With a `predictor`, the `bank` of the file is dropped, as it
+    belongs to the predictor of the file."""
     name, equals, value = text.partition("=")
     keys = name.strip().split(".")
     if not equals or not all(keys):

@@ -37,8 +37,7 @@ def trace_of(error: BaseException) -> list[str]:
 
 def require_package(package: str, extra: str, asked: str) -> None:
     """Raise ConfigurationError if an optional package is missing, which this extra of the project installs; `asked` is
-    the option or key that needs it, as the user wrote it.
-    """
+    the option or key that needs it, as the user wrote it."""
     if find_spec(package) is None:
         raise ConfigurationError(f"{asked}: needs {package}; install it with: {install_line(extra)}")
 
@@ -60,8 +59,7 @@ def one_of(known: Sequence[str], given: object) -> str:
 
 def validated(model: type[M], document: Mapping[str, Any], *where: str, strict: bool | None = None) -> M:
     """Settings of the part of a file at the path `where`; raises ConfigurationError for the first of its errors. If
-    `strict`, a text is no number.
-    """
+    `strict`, a text is no number."""
     try:
         if model.model_config.get("extra") == "forbid":  # options of others need not be made of ours
             refuse_unknown_keys(model, document)

@@ -85,8 +85,7 @@ FINDERS: Registry[type[PathFinder]] = Registry("path finder", {}, "weberlink.pat
 
 def finder_of(configuration: "Configuration", side: str) -> PathFinder | None:
     """The finder that the file asks for, if it does. As there are keys, no core is dumped any more. Raises
-    ConfigurationError if whom to meet is not known.
-    """
+    ConfigurationError if whom to meet is not known."""
     part = configuration.finder
     if part is None:
         return None

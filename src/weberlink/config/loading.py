@@ -92,8 +92,7 @@ def load(path: Path, overrides: Iterable[str] = (), sides: Iterable[str] = SIDES
 
 def load_device(configuration: Configuration) -> Part:
     """The device of the file, also where only the robot's side was loaded; raises ConfigurationError if its driver
-    cannot be imported here, or an option is wrong.
-    """
+    cannot be imported here, or an option is wrong."""
     if configuration.device is not None:
         return configuration.device
     system = configuration.system
@@ -130,8 +129,7 @@ def load_part(
 
 def make_absolute(value: Any, folder: Path, overridden: Collection[str], where: str = "") -> Any:
     """Settings, or one of them at the path `where` in the file, in which every path is absolute: below the folder, or
-    of the `overridden` fields, which were set on the command line, below the working directory.
-    """
+    of the `overridden` fields, which were set on the command line, below the working directory."""
 
     def absolute(name: str | int, each: Any) -> Any:
         return make_absolute(each, folder, overridden, f"{where}.{name}".removeprefix("."))

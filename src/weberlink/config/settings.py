@@ -51,12 +51,8 @@ Interval = Annotated[tuple[float, float], AfterValidator(rising)]
 
 
 class PredictorFor:
-    """Validates the name of a predictor that suits a signal; imports no other one.
-
-    Args:
-        signal: as of `weberlink.codec.predictors.suits`.
-        chosen: whether a choice among predictors may be named instead.
-    """
+    """Validates the name of a predictor that suits a signal (`weberlink.codec.predictors.suits`), or if `chosen` of a
+    choice among several; imports no other one."""
 
     def __init__(self, signal: str, *, chosen: bool = False) -> None:
         self._signal = signal

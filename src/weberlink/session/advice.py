@@ -404,11 +404,8 @@ def _host_in(text: str) -> str:
 
 
 def tick_rate(parts: DryRun, tick_s: Callable[[Configuration], float | None] | None = None) -> Iterator[str]:
-    """A tick rate that this machine can hardly hold; a usual one is not looked at.
-
-    Args:
-        tick_s: measures how long a tick takes [s]; None where it cannot.
-    """
+    """A tick rate that this machine can hardly hold; a usual one is not looked at. `tick_s` measures how long a tick
+    takes [s], or None where it cannot."""
     system = parts.system
     took = None if system.rate_hz <= USUAL_RATE_HZ else (tick_s or measured_tick_s)(parts.configuration)
     if took is not None and took > TICK_SHARE * system.tick_period:
