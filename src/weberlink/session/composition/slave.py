@@ -24,8 +24,7 @@ from weberlink.slave.robot_port import ContactForce, RobotPort, Unreached
 from weberlink.slave.robots.contract import OrientedRobot, Robot
 from weberlink.slave.scenes.settings import build
 
-DAMPING_MOST = 100.0
-"""Largest damping of a surface that the press limit provides for [N s/m]. Chosen."""
+DAMPING_MOST = 100.0  # largest damping of a surface that the press limit provides for [N s/m]. Chosen.
 
 
 def build_led(configuration: Configuration, endpoint: Endpoint, stopwatch: Callable[[], float] | None) -> Parts:
