@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from math import ceil, cos, cosh, exp, log2, pi, sin, sinh, sqrt
+from typing import Any
 
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.hand_options import GraspOptions, HandOptions, Oscillator
@@ -108,26 +109,23 @@ def exponential(matrix: Sequence[Sequence[float]]) -> list[list[float]]:
     The identity is kept apart until the end, (1 + E)^2 - 1 = 2 E + E^2: else a tick that changes little would be lost
     in the rounding of ones.
     """
-    size = range(len(matrix))
-    largest = max(sum(map(abs, row)) for row in matrix)
+    import numpy as np  # noqa: PLC0415 - with a grasp only
+
+    given: Any = np.asarray(matrix)
+    largest = float(abs(given).sum(axis=1).max())
     halvings = max(0, ceil(log2(largest)) + 3) if largest > 0.0 else 0
-    scaled = [[value / 2.0**halvings for value in row] for row in matrix]
-    change, term = scaled, scaled
+    scaled = given / 2.0**halvings
+    change = term = scaled
     for order in range(2, TERMS + 1):
-        term = [[value / order for value in row] for row in _product(term, scaled)]
-        change = [[change[i][j] + term[i][j] for j in size] for i in size]
+        term = term @ scaled / order
+        change = change + term
     for _ in range(halvings):
-        squared = _product(change, change)
-        change = [[2.0 * change[i][j] + squared[i][j] for j in size] for i in size]
-    return [[change[i][j] + (i == j) for j in size] for i in size]
+        change = 2.0 * change + change @ change
+    result: list[list[float]] = (change + np.eye(len(matrix))).tolist()
+    return result
 
 
 TERMS = 12  # of the Taylor series; the norm of its matrix is at most 1/8, so the remainder is below 1e-21
-
-
-def _product(a: Sequence[Sequence[float]], b: Sequence[Sequence[float]]) -> list[list[float]]:
-    columns = list(zip(*b, strict=True))
-    return [[sum(x * y for x, y in zip(row, column, strict=True)) for column in columns] for row in a]
 
 
 def transition(mass: float, damping: float, stiffness: float, step: float) -> tuple[float, float, float, float]:
