@@ -1,6 +1,5 @@
 """Which answer belongs to which message, in virtual time over a line with any delay."""
 
-from collections.abc import Callable
 from math import inf
 from typing import Any
 
@@ -39,67 +38,62 @@ class DelayedLine(LockStep):
         self.coming = [(at, answer) for at, answer in self.coming if at > self.now]
         return answers
 
-
-@pytest.fixture
-def line() -> DelayedLine:
-    return DelayedLine()
-
-
-@pytest.fixture
-def asked(line: DelayedLine) -> Callable[[int], int | str]:
-    def ask(message: int, fresh_until: float = inf) -> int | str:
+    def asked(self, message: int, fresh_until: float = inf) -> int | str:
         try:
-            return line.ask((message, 0, 0), fresh_until).model
+            return self.ask((message, 0, 0), fresh_until).model
         except BadReply as reply:
             return str(reply)
 
-    return ask
 
-
-def test_stale_message_is_replaced_by_rest(line: DelayedLine, asked: Any) -> None:
-    assert asked(1, line.now) == 1
-    assert asked(2, line.now - 1e-6) == REST
+def test_stale_message_is_replaced_by_rest() -> None:
+    line = DelayedLine()
+    assert line.asked(1, line.now) == 1
+    assert line.asked(2, line.now - 1e-6) == REST
     assert [message for _, message in line.sent] == [1, REST]
 
 
-def test_dialogue_resumes_when_owed_answers_have_come(line: DelayedLine, asked: Any) -> None:
+def test_dialogue_resumes_when_owed_answers_have_come() -> None:
+    line = DelayedLine()
     line.late = 0.03
-    assert asked(1) == "does not answer"
+    assert line.asked(1) == "does not answer"
     line.late = 0.001
-    replies = [asked(message) for message in range(2, 9)]
+    replies = [line.asked(message) for message in range(2, 9)]
     first = next(place for place, reply in enumerate(replies) if isinstance(reply, int))
     assert 100.03 <= line.now < 100.03 + 0.03
     assert replies[first:] == list(range(2 + first, 9))
 
 
-def test_lost_answer_is_given_up_after_silence(line: DelayedLine, asked: Any) -> None:
+def test_lost_answer_is_given_up_after_silence() -> None:
+    line = DelayedLine()
     line.lost = 2
     began = line.now
-    assert asked(7) == "does not answer"
+    assert line.asked(7) == "does not answer"
     assert line.sent == [(100.0, 7), (100.0 + REPLY_S, REST)]
-    while not isinstance(asked(7), int):
+    while not isinstance(line.asked(7), int):
         assert line.now < began + 1.0
     assert began + QUIET_S <= line.now <= began + QUIET_S + PROBE_S + 3 * SLICE_S
-    assert asked(8) == 8
+    assert line.asked(8) == 8
 
 
 @pytest.mark.parametrize("late", [0.0101, 0.02, 0.099, 0.111, 0.15, 0.21, 0.255, 0.27, 0.285, 0.3, 0.5])
-def test_late_answers_are_never_mixed_up(line: DelayedLine, asked: Any, late: float) -> None:
-    assert asked(500) == 500
+def test_late_answers_are_never_mixed_up(late: float) -> None:
+    line = DelayedLine()
+    assert line.asked(500) == 500
     line.late = late
     # What is later than the longest silence is a fault before the silence has been heard twice.
-    replies = [asked(message) for message in range(1, 400 if late < QUIET_S else BAD_REPLIES)]
+    replies = [line.asked(message) for message in range(1, 400 if late < QUIET_S else BAD_REPLIES)]
     assert {reply for reply in replies if isinstance(reply, int)} == set()
     pushed = [at for at, message in line.sent if message != REST]
     rested = [at for at, message in line.sent if message == REST]
     assert all(any(at <= rest <= at + REPLY_S + 1e-9 for rest in rested) for at in pushed[1:-1]), "never held for long"
 
 
-def test_unexpected_answer_is_doubted(line: DelayedLine, asked: Any) -> None:
+def test_unexpected_answer_is_doubted() -> None:
+    line = DelayedLine()
     line.coming.append((line.now, 99))
-    assert asked(1) == "answers late"
+    assert line.asked(1) == "answers late"
     assert line.sent[-1][1] == REST
-    while not isinstance(reply := asked(2), int):
+    while not isinstance(reply := line.asked(2), int):
         assert line.now < 101.0
     assert reply == 2
     assert line.now > 100.0 + QUIET_S
