@@ -33,10 +33,13 @@ SOURCES = {
     "devices": ["master/devices", "plugins/devices/src"],
 }
 """What is mutated, by group; a drawing takes as many of each."""
-NOT_MUTATED = ("emulators", "emulator", "emulation", "umockdev", "umockdev_service", "__main__", "__init__")
+NOT_MUTATED = (
+    *("emulators", "emulator", "emulated_board", "handle", "emulation", "umockdev", "umockdev_service"),
+    *("__main__", "__init__"),
+)
 TESTS = {"master": "tests/master/test_*.py", "slave": "tests/slave/test_*.py"}
 """Tests of a package, where they are not its whole folder."""
-USERS = {"hardware": "tests/master/devices"}
+USERS = dict.fromkeys(("hardware", "polhem"), "plugins/devices/tests")
 SESSIONS = "tests/session"
 """Tests of what uses a package: sessions, or the drivers that are made of it."""
 TIMEOUT_S = 400.0
@@ -137,12 +140,9 @@ def stages(mutant: Mutant, tests: Path) -> list[list[str]]:
     if parts[:2] == ("master", "devices"):
         folder /= "devices"
     mirrored = sorted(folder.glob(f"**/test_*{parts[-1].split('_')[0]}*.py"))
+    users = USERS.get("polhem" if "polhem" in parts else folder.name, SESSIONS)
     whole = sorted(tests.glob(TESTS[folder.name])) if folder.name in TESTS else [folder]
-    return [
-        [str(path.relative_to(tests)) for path in paths]
-        for paths in (mirrored, whole, [tests / USERS.get(folder.name, SESSIONS)])
-        if paths
-    ]
+    return [[str(path.relative_to(tests)) for path in paths] for paths in (mirrored, whole, [tests / users]) if paths]
 
 
 def judge(mutant: Mutant, tree: Path) -> str:

@@ -34,7 +34,7 @@ from weberlink.master.devices.polhem.protocol import (
     encode_sensors,
     encode_status,
 )
-from weberlink_devices.polhem.board import FAULTS, OFF, BoardOptions, Currents, PolhemBoard
+from weberlink_devices.polhem.emulated_board import FAULTS, OFF, BoardOptions, Currents, PolhemBoard
 from weberlink_devices.umockdev import HidIdentity
 
 VENDOR, PRODUCT = 0x1234, 0x0006
