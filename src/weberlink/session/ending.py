@@ -80,7 +80,7 @@ class Connection:
             if last == _CLOSED:
                 return
             seconds = _SECONDS[self.ended]
-            setattr(self, seconds, getattr(self, seconds) + at - before)
+            setattr(self, seconds, getattr(self, seconds) + (at - before))
             self.last_s += at - before
             if last == _ENGAGED:
                 self._heard_at = before

@@ -5,7 +5,6 @@ The same seed gives the same run, bit for bit.
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from itertools import islice
 from pathlib import Path
 from random import Random
 from signal import SIGINT, SIGTERM, default_int_handler, getsignal, signal
@@ -61,24 +60,20 @@ class Simulation:
     def run(self, duration: float, observers: Sequence[Observer], signals: Sequence[int] = ()) -> None:
         """Run to the end of the duration [s], or of the device's motion where that comes first, or until there are
         signals."""
-        for records in self._chunks(duration, signals):
-            for observer in observers:
-                observer(*records)
-
-    def _chunks(self, duration: float, signals: Sequence[int]) -> Iterator[tuple[Records, Records]]:
-        ticks = self._ticks(duration, signals)
-        error = None
-        while error is None:
-            chunk = []
+        last, error = self._index + round(duration / self._tick_period), None
+        while not (error or self.master.stopped or signals):
+            chunk = list[tuple[Values, Values]]()
             try:
-                for records in islice(ticks, CHUNK):
-                    chunk.append(records)  # noqa: PERF402 - those before an error count
+                while len(chunk) < CHUNK and not (self.master.stopped or signals):
+                    if self._index == last:
+                        self.master.stop(self._index * self._tick_period, "completed")
+                    chunk.append(self.step())
             except Exception as raised:
-                error = raised
-            if not chunk:
-                break
-            masters, slaves = zip(*chunk, strict=True)
-            yield as_array(masters), as_array(slaves)
+                error = raised  # the ticks before it count
+            if chunk:
+                records = [as_array(of_side) for of_side in zip(*chunk, strict=True)]
+                for observer in observers:
+                    observer(*records)
         if error is not None:
             raise error
 
@@ -86,13 +81,6 @@ class Simulation:
         """The records of both sides of so many ticks, 1 or more."""
         masters, slaves = zip(*(self.step() for _ in range(ticks)), strict=True)
         return as_array(masters), as_array(slaves)
-
-    def _ticks(self, duration: float, signals: Sequence[int]) -> Iterator[tuple[Values, Values]]:
-        last = self._index + round(duration / self._tick_period)
-        while not (self.master.stopped or signals):
-            if self._index == last:
-                self.master.stop(self._index * self._tick_period, "completed")
-            yield self.step()
 
     def close(self) -> None:
         """Close device and robot; may be repeated."""
