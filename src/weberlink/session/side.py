@@ -120,7 +120,7 @@ class Side:
         self._datagrams = -1  # sent, received and refused, as in the row
         self.send_at_once: Callable[[float], None] | None = None
         """Sends what the endpoint has ready at a time [s], so that an update leaves before the rest of the tick."""
-        endpoint.told, endpoint.on_update = self.told, self._on_update
+        endpoint.told, endpoint.on_update = self.told, None if playout else self._apply
 
     @property
     def outcome(self) -> str | None:
@@ -292,14 +292,6 @@ class Side:
 
     # --- what the peer says
 
-    def _on_update(self, event: UpdateReceived) -> bool:
-        """Apply an update as it comes, so that the next tick needs no time for it; False if it must wait for that."""
-        # A tick does nothing before it takes the updates, so what a decoder holds is not looked at in between.
-        if self._playout or self.endpoint.sessions != self._session:
-            return False
-        self._apply(event)
-        return True
-
     def _receive(self, now: float) -> None:
         endpoint = self.endpoint
         if endpoint.sessions != self._session:
@@ -313,7 +305,11 @@ class Side:
             else:
                 self._apply(event)
 
-    def _apply(self, event: UpdateReceived) -> None:
+    def _apply(self, event: UpdateReceived) -> bool:
+        """Apply an update, as it comes, so that the next tick needs no time for it; False if it must wait for that."""
+        # A tick does nothing before it takes the updates, so what a decoder holds is not looked at in between.
+        if self.endpoint.sessions != self._session:
+            return False
         began, channel = self._stopwatch(), self.incoming[event.stream]
         try:  # as `_guarded`, without a call
             channel.decoder.apply(event.update)
@@ -324,6 +320,7 @@ class Side:
         except Exception:
             self._on_bad_contents()
         self.codec_time += self._stopwatch() - began
+        return True
 
     def _on_event(self, event: Event, now: float) -> None:
         """Other events need nothing: `_receive` and `_engage` see the state, and the endpoint counts what it drops."""
