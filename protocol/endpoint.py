@@ -100,7 +100,7 @@ class Endpoint:
         self._stopper: tuple[bytes, Address] | None = None  # the answer to who asked to stop, and where to
         self._is_peer_heard = False  # true while silent if datagrams of the peer still came as silence fell
         self._due: float | None = None  # read several times a tick; None when it may have changed
-        self._dialer, self._listener = Dialer(end), Listener(end)
+        self._dialer, self._listener = Dialer(end), Listener(end, self._told)
 
     # --- what the owner reads
 
@@ -348,8 +348,7 @@ class Endpoint:
             self._on_welcome(data, address, now)
             return
         serving = None if self._session is None else self._served
-        is_engaged = self.state is _ENGAGED
-        reply = self._listener.on_hello(data, address, now, serving=serving, is_engaged=is_engaged, told=self._told)
+        reply = self._listener.on_hello(data, address, now, serving=serving, is_engaged=self.state is _ENGAGED)
         if isinstance(reply, DropReason):
             self._drop(reply)
             return

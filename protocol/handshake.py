@@ -359,10 +359,10 @@ class _Master:
 
 
 class Listener:
-    """Answers HELLOs and keeps the sessions that they may become."""
+    """Answers HELLOs and keeps the sessions that they may become. `told` gives what is told to who watches."""
 
-    def __init__(self, end: LocalEnd) -> None:
-        self._end = end
+    def __init__(self, end: LocalEnd, told: Callable[[], Mapping[str, object]]) -> None:
+        self._end, self._told = end, told
         self._epoch = b""
         self._masters: dict[bytes, _Master] = {}
         self._floor = 0
@@ -382,17 +382,10 @@ class Listener:
             master.pending.clear()
 
     def on_hello(  # noqa: C901, PLR0911, PLR0912 - each reason to drop
-        self,
-        data: bytes,
-        address: Address,
-        now: float,
-        *,
-        serving: Hello | None = None,
-        is_engaged: bool = False,
-        told: Callable[[], Mapping[str, object]] = dict,
+        self, data: bytes, address: Address, now: float, *, serving: Hello | None, is_engaged: bool
     ) -> Reply | DropReason:
         """Take a HELLO: the reply, or the reason to drop it. `serving` is the master of the present session,
-        `is_engaged` whether it is heard; `told` gives what is told to who watches."""
+        `is_engaged` whether it is heard."""
         if len(data) < PADDED_HELLO:
             return DropReason.TRUNCATED
         _, version, identity, stamp = HELLO_HEADER.unpack_from(data)
@@ -422,7 +415,7 @@ class Listener:
                 return judged
             if isinstance(judged, Hello):
                 hello, master.exchanged_at = judged, now
-                reply = pack_map(self._answer(hello, now, told))
+                reply = pack_map(self._answer(hello, now))
             else:
                 if now < self._refused_at + REFUSAL_PACE:
                     return DropReason.OVERLOADED
@@ -443,11 +436,11 @@ class Listener:
             master.pending.append(Pending(session, hello, address, grant))
         return Reply(welcome)
 
-    def _answer(self, hello: Hello, now: float, told: Callable[[], Mapping[str, object]]) -> dict[str, object]:
+    def _answer(self, hello: Hello, now: float) -> dict[str, object]:
         """What a call is answered that is not refused."""
         end = self._end
         if hello.asks == Right.WATCH:
-            return {"told": {"name": end.name, **told()}}
+            return {"told": {"name": end.name, **self._told()}}
         if hello.asks == Right.STOP:
             self._epoch = self._epoch or end.entropy(EPOCH_BYTES)
             return {"told": {"name": end.name}} if hello.epoch == self._epoch else {"epoch": self._epoch}
