@@ -312,7 +312,7 @@ class Dialer:
                 self._too_long_answers += 1
                 self._too_long = min(self._too_long, round_trip)
             return DropReason.STALE
-        session = Session(end, protection, peer_clock, now, longest_round_trip=longest, confirmed_at=hello_at)
+        session = Session(end, protection, peer_clock, now, longest, hello_at)
         session.liveness.agree(min(rounded_up(round_trip), longest), now)
         session.clock.learn(outward_delay, 0.0, 0.0)
         session.measure()
@@ -432,7 +432,7 @@ class Listener:
             return Reply(welcome, stopper=hello.name if hello.epoch == self._epoch else "")
         if hello.asks == Right.DRIVE:
             longest = min(end.longest_round_trip, hello.longest_round_trip_us * 1e-6)
-            session = Session(end, protection, hello.clock_us * 1e-6, now, longest_round_trip=longest)
+            session = Session(end, protection, hello.clock_us * 1e-6, now, longest)
             master.pending.append(Pending(session, hello, address, grant))
         return Reply(welcome)
 

@@ -44,19 +44,13 @@ class Session:
     """
 
     def __init__(
-        self,
-        end: LocalEnd,
-        protection: Protection,
-        peer_clock: float,
-        now: float,
-        *,
-        longest_round_trip: float,
-        confirmed_at: float = -inf,
+        self, end: LocalEnd, keys: Protection, peer_clock: float, now: float, longest: float, confirmed_at: float = -inf
     ) -> None:
         """Begin with a handshake datagram of the peer, which left at `peer_clock` on its clock and arrived at `now`.
-        `confirmed_at` is the departure of our datagram that it answers; -inf if it answers none."""
+        `confirmed_at` is the departure of our datagram that it answers; -inf if it answers none. `longest` is the
+        largest round trip that both ends allow [s]."""
         self._end = end
-        self._protection = protection
+        self._protection = keys
         self._incoming = end.receives
         self._silence, self._tick_period = end.silence, end.tick_period
         self._statistics = end.statistics
@@ -66,7 +60,7 @@ class Session:
         self.liveness = Liveness(end.epoch, end.silence, peer_clock, now, confirmed_at, streams)
         self.heartbeats = HeartbeatSchedule(self.liveness, now, end.tick_period)
         self.negotiation = Negotiation()
-        self.round_trip = RoundTripAgreement(self.liveness, longest_round_trip, end.tick_period, proposes=end.calls)
+        self.round_trip = RoundTripAgreement(self.liveness, longest, end.tick_period, proposes=end.calls)
         self.silent_since = inf
         self.sequence = 0
         self.is_fresh = self.is_newest = self.said_encoding = False
@@ -86,7 +80,7 @@ class Session:
         self._streams = tuple(OutgoingStream(layout, self._allowance, self.liveness) for layout in end.sends.updates)
         self._next_sequence = 1
         _, self._departed = self.clock.stamp(now)
-        protection.begin(now, self._next_sequence, end.rekey_after)
+        keys.begin(now, self._next_sequence, end.rekey_after)
         self._reported = (0.0, 0.0, 0.0)
         self._lost = 0
         self.copies = copies_needed(end.statistics.outgoing_loss, end.statistics.outgoing_burst)

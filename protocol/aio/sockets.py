@@ -22,6 +22,7 @@ from weberlink.protocol.events import Address
 from weberlink.protocol.wire import LONGEST_DATAGRAM
 
 Ancillary = list[tuple[int, int, bytes]]  # level, kind and data of what the system gives or takes beside a datagram
+Take = Callable[[bytes, Address, Ancillary, float], None]  # a datagram, its sender, what is beside it, arrival [s]
 _NOTHING: Final[Ancillary] = []
 ANCILLARY_BYTES: Final = socket.CMSG_SPACE(20)  # enough for a class of service or a called address
 ECN_BITS: Final = 2
@@ -173,7 +174,7 @@ class ReceiveQueue:
         *,
         loop: asyncio.AbstractEventLoop,
         now: Callable[[], float],
-        take: Callable[[bytes, Address, Ancillary, float], None],
+        take: Take,
         is_due: Callable[[], bool],
         on_datagrams: Callable[[], None],
         share: float,

@@ -23,6 +23,7 @@ from weberlink.protocol.aio.sockets import (
     ECN_BITS,
     Ancillary,
     ReceiveQueue,
+    Take,
     address_of,
     answering,
     ask_for_destination,
@@ -84,12 +85,7 @@ class Path:
         self._open = self._queue(bound, self._take_from_anywhere)
         self._peer: ReceiveQueue | None = None
 
-    def _queue(
-        self,
-        bound: socket.socket,
-        take: Callable[[bytes, Address, Ancillary, float], None],
-        source: Address | None = None,
-    ) -> ReceiveQueue:
+    def _queue(self, bound: socket.socket, take: Take, source: Address | None = None) -> ReceiveQueue:
         shell = self._owner.shell
         return ReceiveQueue(
             bound, loop=self._loop, now=shell.now, take=take, is_due=shell.is_due, on_datagrams=shell.on_datagrams,

@@ -21,8 +21,7 @@ def sessions(security: Security, first_sequence: int = 1, **changes: Any) -> tup
     """Both ends of a session without a round trip, and what the first one counts."""
     ends = [local_end(Role.RESPONDER, outgoing=(forms(3),), **changes) for _ in range(2)]
     first, second = (
-        Session(end, protection, 0.0, 0.0, longest_round_trip=0.4)
-        for end, protection in zip(ends, exchanged(security), strict=True)
+        Session(end, protection, 0.0, 0.0, 0.4) for end, protection in zip(ends, exchanged(security), strict=True)
     )
     for session in (first, second):
         session._next_sequence = first_sequence
