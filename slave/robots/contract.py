@@ -1,12 +1,9 @@
 """The interface of every robot driver."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol
 
 from weberlink.geometry.vector import ZERO, Vector
-
-if TYPE_CHECKING:  # rotations are imported where something turns
-    from weberlink.geometry.rotation import Quaternion
 
 
 class RobotFault(RuntimeError):  # noqa: N818 - a fault of a device, not an error of the program
@@ -51,7 +48,11 @@ class Robot(Protocol):
     It may also have `trouble`, which is what was wrong with the last attempt where samples are missing, else None;
     `stay()`, where `close` may move it: called at an emergency stop or a failure, after which it moves no more; and a
     simulated one, called before `open` of a live loop, `publish_pose()`, to publish its pose until `close` for who
-    draws its scene, and `measure_steps(stopwatch)`, to adapt its computation to the machine.
+    draws its scene, and `measure_steps(stopwatch)`, to adapt its computation to the machine. One whose tool can be
+    turned about its tip, set up for that if `spec.torque_n_m` is more than 0, has `point(orientation, now)`: turn to a
+    quaternion, relative to that at home, robot frame; it holds until the next one, and `open` turns back. It never
+    blocks, has no effect unless the robot is open, and raises ValueError for a quaternion that is not finite or has no
+    length.
     """
 
     @property
@@ -71,17 +72,4 @@ class Robot(Protocol):
 
     def close(self) -> None:
         """Leave the robot safe; may be called at any time, any number of times."""
-        ...
-
-
-@runtime_checkable
-class OrientedRobot(Robot, Protocol):
-    """A robot whose tool can be turned about its tip; `spec.torque_n_m` is more than 0 if it is set up for that."""
-
-    def point(self, orientation: "Quaternion", now: float) -> None:
-        """Turn to an orientation, relative to that at home, robot frame; it holds until the next one.
-
-        After `open` the tool is as at home. Never blocks; no effect unless the robot is open. Raises ValueError if the
-        orientation is not finite or has no length.
-        """
         ...

@@ -21,7 +21,7 @@ from weberlink.session.composition.link import (
 from weberlink.session.side import Parts
 from weberlink.slave.guard import Guard, PressLimit, Workspace
 from weberlink.slave.robot_port import ContactForce, RobotPort, Unreached
-from weberlink.slave.robots.contract import OrientedRobot, Robot
+from weberlink.slave.robots.contract import Robot
 from weberlink.slave.scenes.settings import build
 
 DAMPING_MOST = 100.0  # largest damping of a surface that the press limit provides for [N s/m]. Chosen.
@@ -92,7 +92,7 @@ def build_robot(configuration: Configuration) -> Robot:
     check_span("codec.force.step_n", force, "slave.robot reports up to", robot.spec.force_n, "N")
     press_limit(system, robot)
     for channel in torque:
-        if not (isinstance(robot, OrientedRobot) and robot.spec.torque_n_m > 0.0):
+        if not (hasattr(robot, "point") and robot.spec.torque_n_m > 0.0):
             raise ConfigurationError(
                 f"codec.rotation: slave.robot driver {system.slave.robot.driver}, as it is set here, takes no "
                 "orientation; use one that does, or leave codec.rotation out"
