@@ -22,11 +22,11 @@ class Options(BaseModel):
 
 
 def refuse_unknown_keys(model: type[BaseModel], data: Mapping[Any, Any]) -> None:
-    """Raise ValidationError for the first key that a model does not have, with the nearest of those that it has, or all
-    of them. `into` in its context is the one field that takes any keys, those of a driver."""
+    """Raise ValidationError for the first key that a model forbids, with the nearest of those that it has, or all of
+    them. `into` in its context is the one field that takes any keys, those of a driver."""
     fields = model.model_fields
-    if any(info.validation_alias for info in fields.values()):
-        return  # pydantic alone knows these keys
+    if model.model_config.get("extra") != "forbid" or any(info.validation_alias for info in fields.values()):
+        return  # any key is good, or pydantic alone knows which
     for name in data:
         if name in fields:
             continue

@@ -61,8 +61,7 @@ def validated(model: type[M], document: Mapping[str, Any], *where: str, strict: 
     """Settings of the part of a file at the path `where`; raises ConfigurationError for the first of its errors. If
     `strict`, a text is no number."""
     try:
-        if model.model_config.get("extra") == "forbid":  # options of others need not be made of ours
-            refuse_unknown_keys(model, document)
+        refuse_unknown_keys(model, document)  # options of others need not be made of ours
         return model.model_validate(document, strict=strict)
     except ValidationError as error:
         raise ConfigurationError(_line(error.errors(include_url=False), document, where)) from None
