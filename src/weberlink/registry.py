@@ -30,11 +30,6 @@ def is_hardware(driver: object) -> bool:
     return not getattr(driver, "COMPUTED", False)
 
 
-def is_scripted(driver: object) -> bool:
-    """Whether a program moves a device, so that no person feels anything with it; a driver says `SCRIPTED = True`."""
-    return getattr(driver, "SCRIPTED", False)
-
-
 class Driver(Protocol):
     """A driver class: its options, and a device, robot or arm made of them and the tick period [s].
 

@@ -9,7 +9,6 @@ from typing import TextIO
 
 from weberlink.config import MASTER, ConfigurationError, load
 from weberlink.config.errors import require_package
-from weberlink.registry import is_scripted
 from weberlink.session.recorder import format_for
 from weberlink_figures.environment import environment
 from weberlink_studies.experiment.conduct import Conduct, Subject, SubjectLeft, TrialRunner
@@ -88,7 +87,9 @@ def run(
 def check_device(request: ExperimentRequest) -> None:
     """See that a person can feel the trials."""
     configuration = load(request.file, request.overrides, [MASTER])
-    if not request.simulate and configuration.device is not None and is_scripted(configuration.device.driver):
+    # A device that a program moves, so that no person feels anything with it, says `SCRIPTED = True`.
+    is_scripted = configuration.device is not None and getattr(configuration.device.driver, "SCRIPTED", False)
+    if not request.simulate and is_scripted:
         driver = configuration.system.master.device.driver
         raise ConfigurationError(
             f"{request.file}: master.device.driver: a program moves {driver}, so no person would feel the trials; name "
