@@ -24,9 +24,7 @@ import pytest
 
 from conftest import may_use_fifo
 from tests.confined import NAMESPACE, control_group, namespaces
-from tests.hardware import pushing_client
 from tests.hardware.helpers import descriptors
-from tests.hardware.pushing_client import FORCE, ZERO
 from tests.program import ROOT
 from tests.wait import PATIENCE, until
 from weberlink.child_process import isolated_python
@@ -50,7 +48,7 @@ from weberlink.hardware.guardian_process import (
 )
 from weberlink.hardware.serial_port import SerialPort
 
-OTHER_ZERO, HERE = b"nothing\n", b"here\n"
+ZERO, FORCE, OTHER_ZERO, HERE = b"zero\n", b"force\n", b"nothing\n", b"here\n"
 TAKE_OFF = ("-P", "-m", guardian_process.__name__, "zero")
 """Arguments of Python in `ExecStopPost=` of the unit, before its runtime directory."""
 LONG_S = 60.0
@@ -286,11 +284,29 @@ def test_blocked_device_still_gets_the_zero(wire: Wire) -> None:
 # --- however the session ends
 
 
+PUSHING = """
+import sys
+from contextlib import suppress
+from time import monotonic, sleep
+from weberlink.hardware.fault import BadReply
+from weberlink.hardware.guardian import Guardian
+from weberlink.hardware.serial_port import SerialPort
+
+guardian = Guardian(b"zero\\n")
+port = SerialPort(sys.argv[1], guardian=guardian)
+while True:
+    guardian.given(monotonic(), 0.25)  # a busy machine holds it up for less
+    with suppress(BadReply):
+        port.write(b"force\\n")
+    sleep(0.005)
+"""
+
+
 @contextmanager
 def pushing(prefix: tuple[str, ...] = ()) -> Iterator[tuple[subprocess.Popen[str], int]]:
     near, far = os.openpty()
     tty.setraw(far)
-    command = (*prefix, sys.executable, "-m", pushing_client.__name__, os.ttyname(far))
+    command = (*prefix, sys.executable, "-c", PUSHING, os.ttyname(far))
     with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
         try:
             yield process, near
@@ -406,26 +422,16 @@ def test_where_all_were_killed_the_end_of_the_unit_writes_the_zero(
         assert killed.leases == []
 
 
-def test_a_client_with_another_clock_is_refused(service: Service) -> None:
-    """As in a time namespace: its leases would never end, or never begin."""
-    for ahead in (-(10**10), 10**9):
+def test_who_has_another_clock_or_says_nothing_of_use_is_left_and_the_service_goes_on(service: Service) -> None:
+    """Another clock as in a time namespace: its leases would never end, or never begin."""
+    assert service.socket.stat().st_mode & 0o777 == 0o660, "for user and group alone"
+    others = [(HELLO.pack(monotonic_ns() + ahead), [0], OTHER_CLOCK) for ahead in (-(10**10), 10**9)]
+    for said, files, answer in (*others, (b"", [], b""), (b"x", [], b""), (b"x" * HELLO.size, [], b"")):
         with socket(AF_UNIX) as client:
             client.connect(str(service.socket))
-            send_fds(client, [HELLO.pack(monotonic_ns() + ahead)], [0])
-            assert client.recv(1000) == OTHER_CLOCK
-
-
-def test_the_socket_is_for_user_and_group_alone(service: Service) -> None:
-    assert service.socket.stat().st_mode & 0o777 == 0o660
-
-
-def test_who_says_nothing_of_use_is_left_and_the_service_goes_on(service: Service) -> None:
-    for said in (b"", b"x", b"x" * HELLO.size):
-        with socket(AF_UNIX) as client:
-            client.connect(str(service.socket))
-            client.sendall(said)
+            send_fds(client, [said], files)
             client.settimeout(PATIENCE)
-            assert client.recv(1000) == b""
+            assert client.recv(1000) == answer
     assert service.process.poll() is None
 
 
