@@ -71,9 +71,8 @@ class HandDevice:
         self._felt = self._torque = ZERO
         if self._turning is not None:
             self._turning.begin()
-        self._reading = DeviceReading(
-            now, self._hand.position, False, None if self._turning is None else self._turning.orientation
-        )
+        orientation = None if self._turning is None else self._turning.orientation
+        self._reading = DeviceReading(now, self._hand.position, False, orientation)
 
     def latest(self, now: float) -> DeviceReading:
         reading = self._reading
@@ -94,10 +93,8 @@ class HandDevice:
             self._hand.advance(intended, self._felt, step)
             if self._turning is not None:
                 self._turning.advance(self._elapsed, self._torque, step)
-        position = confined(self._hand.position, self.spec.workspace_m)
-        self._reading = DeviceReading(
-            now, position, ended, None if self._turning is None else self._turning.orientation
-        )
+        orientation = None if self._turning is None else self._turning.orientation
+        self._reading = DeviceReading(now, confined(self._hand.position, self.spec.workspace_m), ended, orientation)
         return self._reading
 
     def command(self, force: Vector, now: float) -> None:  # noqa: ARG002

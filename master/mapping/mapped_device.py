@@ -9,7 +9,7 @@ from math import cos, radians, sin
 from typing import NamedTuple
 
 from weberlink.geometry.rotation import IDENTITY, Quaternion, inverse, product
-from weberlink.geometry.vector import ZERO, Vector, add, confined, is_finite, scale, subtract, within
+from weberlink.geometry.vector import ZERO, Vector, add, confined, dot, is_finite, scale, subtract, within
 from weberlink.master.devices.contract import Device, DeviceReading, DeviceSpec, TorqueDevice, check_finite
 
 Box = tuple[Vector, Vector]  # lowest and highest corner
@@ -86,11 +86,7 @@ def _cos_sin(degrees: float) -> tuple[float, float]:
 
 def _times(rows: tuple[Vector, Vector, Vector], v: Vector) -> Vector:
     a, b, c = rows
-    return (
-        a[0] * v[0] + a[1] * v[1] + a[2] * v[2],
-        b[0] * v[0] + b[1] * v[1] + b[2] * v[2],
-        c[0] * v[0] + c[1] * v[1] + c[2] * v[2],
-    )
+    return (dot(a, v), dot(b, v), dot(c, v))
 
 
 class Walls(NamedTuple):

@@ -51,14 +51,13 @@ LONG, SHORT = _LONG.size, _SHORT.size  # bytes in a report of the newer and of t
 
 
 def decode_sensors(report: bytes) -> Sensors:
-    """Raises ValueError for a report of another length."""
+    """Of a report of `LONG` or `SHORT` bytes; raises struct.error for another one."""
     if len(report) == LONG:
         *counts, info = _LONG.unpack(report)
         pressed = counts[3] > BUTTON_ABOVE
         if pressed:
             counts[3] -= BUTTON_OFFSET
         return Sensors(tuple(counts), pressed, info == 1)
-    _check_length(report)
     *counts, number = _SHORT.unpack(report)
     return Sensors(tuple(counts), number=number)
 
@@ -88,18 +87,12 @@ def encode_command(command: Message, size: int, number: int = 0) -> bytes:
 
 
 def decode_command(report: bytes) -> Message:
-    """As the device understands it: whatever is not command 1 is currents. Raises ValueError for another length."""
+    """As the device understands it: whatever is not command 1 is currents. Raises as `decode_sensors`."""
     if len(report) == LONG:
         d, e, f, command, a, b, c = _LONG.unpack(report)
         return SetCounters((a, b, c, d, e, f)) if command == SET_COUNTERS else (d, e, f)
-    _check_length(report)
     a, b, c, _ = _SHORT.unpack(report)
     return (a, b, c)
-
-
-def _check_length(report: bytes) -> None:
-    if len(report) != SHORT:
-        raise ValueError(f"expected a report of {LONG} or {SHORT} bytes, got {len(report)}")
 
 
 def wrapped(count: int) -> int:

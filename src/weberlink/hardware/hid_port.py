@@ -69,10 +69,7 @@ class HidPort:
             raise HardwareFault(f"{self.path}: unplugged") from None
 
     def _waiting(self) -> list[bytes]:
-        reports = []
-        while report := self._device.read(LONGEST_REPORT):
-            reports.append(bytes(report))
-        return reports
+        return [bytes(report) for report in iter(lambda: self._device.read(LONGEST_REPORT), [])]
 
     def close(self) -> None:
         if self._guardian is not None:

@@ -1,5 +1,6 @@
 """What every message of a device keeps: it is read as it was sent, and what is no message is refused in one line."""
 
+from struct import error as StructError  # noqa: N812 - as of an exception
 from typing import Any
 
 import pytest
@@ -57,15 +58,16 @@ MESSAGES = {
     "polhem status": Message(
         statuses, encode_status, status, refused=(b"[1,2,x,4,5,6,7,0]\n", b"[1,2,3]\n"), padded=False
     ),
-    "polhem sensors": Message(long_sensors, encode_sensors, decode_sensors, lengths=(SHORT,)),
-    "polhem short sensors": Message(short_sensors, encode_sensors, decode_sensors),
+    "polhem sensors": Message(long_sensors, encode_sensors, decode_sensors, StructError, lengths=(SHORT,)),
+    "polhem short sensors": Message(short_sensors, encode_sensors, decode_sensors, StructError),
     "polhem report": Message(
-        three(integers(16)), lambda value: encode_command(value, LONG), decode_command, lengths=(SHORT,)
+        three(integers(16)), lambda value: encode_command(value, LONG), decode_command, StructError, lengths=(SHORT,)
     ),
     "polhem counters": Message(
         st.builds(SetCounters, st.tuples(*[integers(16)] * 6)),
         lambda value: encode_command(value, LONG),
         decode_command,
+        StructError,
         lengths=(SHORT,),
     ),
 }
