@@ -135,7 +135,6 @@ class LiveRun:
     _peers: dict[str, Any] = field(default_factory=dict)
     _paths: dict[str, list[LinkPath]] = field(default_factory=dict)
     _told: set[str] = field(default_factory=set)
-    _has_advised: bool = False
     _tell_at: float = 0.0
 
     def __enter__(self) -> Self:
@@ -310,11 +309,10 @@ class LiveRun:
         for name in causes.keys() - self._told:
             self.tell(causes[name])
         self._told = set(causes)
-        if not self._has_advised and (round_trip_s := self._report.round_trip_s) is not None:
-            advice = self.on_delay(round_trip_s)
-            if advice is not None:
-                self._has_advised = True
-                self.tell(f"{NOTE}{advice}")
+        round_trip_s = self._report.round_trip_s
+        if round_trip_s is not None and (advice := self.on_delay(round_trip_s)) is not None:
+            self.on_delay = lambda _: None
+            self.tell(f"{NOTE}{advice}")
 
 
 def sweep(folders: Sequence[Path] | None = None) -> None:
