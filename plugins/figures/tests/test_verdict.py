@@ -93,7 +93,6 @@ def test_each_cause_follows_from_its_figures(name: str) -> None:
     found_level, found_name, text = cause.level, cause.name, cause.text
     assert (found_level, found_name, figure in text) == (level, name, True)
     assert found.line == f"{level} because {text}"
-    assert found.status == (1 if level == FAILURE else 0)
     assert to_json(found) == {"word": level, "causes": [{"level": level, "name": name, "text": text}]}
 
 
@@ -112,7 +111,7 @@ def test_each_cause_follows_from_its_figures(name: str) -> None:
 def test_what_is_usual_degrades_nothing(changes: dict[str, Any]) -> None:
     """The master has left a slave; a slave that waited; a few ticks and datagrams."""
     found = verdict(with_changes(changes))
-    assert (found, found.line, found.status) == (Verdict(GOOD, ()), "good", 0)
+    assert (found, found.line) == (Verdict(GOOD, ()), "good")
 
 
 @examples(40)
@@ -122,5 +121,4 @@ def test_failures_come_first_and_decide_the_word(chosen: set[str]) -> None:
     levels = [cause.level for cause in found.causes]
     assert levels == sorted(levels, key=(FAILURE, DEGRADED).index)
     assert found.word == levels[0]
-    assert found.status == (FAILURE in levels)
     assert len({cause.name for cause in found.causes}) == len(found.causes)

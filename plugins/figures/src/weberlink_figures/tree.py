@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
-from weberlink.order import COMPLETED, FAILED
 from weberlink.protocol.paths import LinkPath
 from weberlink.session.ending import Connection
 
@@ -196,11 +195,6 @@ class Verdict:
     def line(self) -> str:
         """In one line."""
         return f"{self.word} because {'; '.join(cause.text for cause in self.causes)}" if self.causes else self.word
-
-    @property
-    def status(self) -> int:
-        """Exit status of the command that ran the session."""
-        return FAILED if self.word == FAILURE else COMPLETED
 
 
 @dataclass(frozen=True)
