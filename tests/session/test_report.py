@@ -1,6 +1,7 @@
 """What reports a session: the kernel's summary, and how that of another distribution is chosen."""
 
 import json
+import sys
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -96,6 +97,24 @@ def test_the_summary_is_chosen_in_the_environment_and_has_no_log(
     assert "--log" in weberlink("loopback", "--log", tmp_path / "log").complaint()
     monkeypatch.setenv(CHOSEN_BY, "sumary")
     assert "nearest is 'summary'" in weberlink("loopback").complaint()
+
+
+@pytest.mark.parametrize(
+    ("source", "why"),
+    [("raise RuntimeError('no\\nink')", "RuntimeError: no ink"), ("class Report: ...", "has no open_log")],
+)
+def test_a_report_that_cannot_be_used_is_one_line(
+    source: str, why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    install(
+        tmp_path, "broken-report", {"broken_report": source}, "[weberlink.reports]\nbroken = broken_report:Report\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "broken_report", raising=False)
+    monkeypatch.setenv(CHOSEN_BY, "broken")
+    said = weberlink("simulate", CONFIGS / "loopback.yaml").complaint()
+    assert "report broken of broken-report" in said or "report broken: " in said
+    assert why in said
 
 
 def test_of_two_others_none_reports_without_a_choice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -194,7 +194,7 @@ def simulate(
     """
     from weberlink.config import ConfigurationError, load  # noqa: PLC0415
     from weberlink.session.advice import dry_run  # noqa: PLC0415
-    from weberlink.session.report import REPORTS, chosen_report  # noqa: PLC0415
+    from weberlink.session.report import report_type  # noqa: PLC0415
     from weberlink.session.simulation import DEFAULT_DURATION, TraceRecorder, refuse_live, simulate as run  # noqa: PLC0415
 
     configuration = load(file, set_ or ())
@@ -203,7 +203,7 @@ def simulate(
             f"--trace: {file}: an arm has joints, not one position; use --record and weberlink record export"
         )
     refuse_live(configuration)
-    report, recorder = REPORTS[chosen_report()](configuration), TraceRecorder()
+    report, recorder = report_type()(configuration), TraceRecorder()
     say_advice(dry_run(configuration))
     observers = [report.add] if trace is None else [report.add, recorder.add]
     recording, length = None, DEFAULT_DURATION if duration is None else duration
@@ -246,15 +246,15 @@ def _live(
     with ExitStack() as stack:
         opened = None
         if log is not None:
-            from weberlink.session.report import REPORTS, chosen_report  # noqa: PLC0415
+            from weberlink.session.report import report_type  # noqa: PLC0415
 
-            opened = stack.enter_context(REPORTS[chosen_report()].open_log(log))
+            opened = stack.enter_context(report_type().open_log(log))
         # Their imports take as long as ours, which follow.
         waiting = {side: stack.enter_context(WaitingDaemon(side)) for side in sides}
         from weberlink.config import load  # noqa: PLC0415
         from weberlink.session.advice import dry_run  # noqa: PLC0415
         from weberlink.session.launcher import LiveRun  # noqa: PLC0415
-        from weberlink.session.report import REPORTS, chosen_report  # noqa: PLC0415
+        from weberlink.session.report import chosen_report, report_type  # noqa: PLC0415
         from weberlink.telemetry.runtime_directory import directory  # noqa: PLC0415
 
         with errors(lambda trace: None if opened is None else opened.trace(trace)):
@@ -270,7 +270,7 @@ def _live(
         on_delay = say_advice(parts)
         with LiveRun(
             configuration, overrides, sides, duration, status_display, record,
-            lambda: REPORTS[report](configuration, sides, opened),
+            lambda: report_type(report)(configuration, sides, opened),
             take_over=take_over, tell=tell, on_delay=on_delay, waiting=waiting,
         ) as run:  # fmt: skip
             ended = run.run()

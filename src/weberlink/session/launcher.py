@@ -24,7 +24,7 @@ from weberlink.protocol.keys import generate
 from weberlink.protocol.paths import LinkPath, notable, paths_of
 from weberlink.session import control_socket, description
 from weberlink.session.description import DaemonOrder, failure
-from weberlink.session.report import REPORTS, Facts, Report, chosen_report
+from weberlink.session.report import Facts, Report, report_type
 from weberlink.session.waiting import WaitingDaemon
 from weberlink.telemetry.ring import default_path, process_started
 from weberlink.telemetry.runtime_directory import directories, directory
@@ -199,7 +199,7 @@ class LiveRun:
 
     @cached_property
     def _report(self) -> Report:
-        make = self.make_report or partial(REPORTS[chosen_report()], self.configuration, self.sides)
+        make = self.make_report or partial(report_type(), self.configuration, self.sides)
         report = make()
         self._stack.callback(report.close)
         return report

@@ -120,6 +120,14 @@ def chosen_report() -> str:
     return others[0] if others else SUMMARY
 
 
+def report_type(name: str | None = None) -> type[Report]:
+    """What reports, or the one of a name; ConfigurationError too if it cannot be imported or used."""
+    try:
+        return REPORTS[name or chosen_report()]
+    except (ImportError, ValueError) as error:
+        raise ConfigurationError(str(error)) from None
+
+
 def exit_status(facts: Facts, *, failed: bool) -> int:
     """That of the command which ran a session."""
     if "status" in facts:
