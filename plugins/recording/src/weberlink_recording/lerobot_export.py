@@ -30,7 +30,6 @@ def write_dataset(frames: Frames, task: str, robot: str | None, folder: Path) ->
     """Write a dataset; returns in words what is in it.
 
     Args:
-        frames: of all episodes.
         task: what was done, in words; the same for every episode.
         robot: kind of the follower; None if it is not known.
         folder: that is not there yet.

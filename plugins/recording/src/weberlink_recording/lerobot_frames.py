@@ -49,27 +49,16 @@ class Video:
 
 @dataclass(frozen=True)
 class Frames:
-    """The frames of all episodes, one after the other.
-
-    Args:
-        fps: frames per second.
-        lengths: frames of each episode, at least one episode.
-        times: of the frames, since the first record of the session [s].
-        features: each with a row for every frame.
-        lead_s: time in which the leader led the follower; only this becomes frames [s].
-        span_s: length of the session [s].
-        held: records that were missing within an episode, and replaced by the one before.
-        videos: of each camera that gave pictures.
-    """
+    """The frames of all episodes, one after the other."""
 
     fps: int
-    lengths: tuple[int, ...]
-    times: NDArray[np.float64]
-    features: tuple[Feature, ...]
-    lead_s: float
-    span_s: float
-    held: int
-    videos: tuple[Video, ...] = ()
+    lengths: tuple[int, ...]  # frames of each episode, at least one episode
+    times: NDArray[np.float64]  # of the frames, since the first record of the session [s]
+    features: tuple[Feature, ...]  # each with a row for every frame
+    lead_s: float  # time in which the leader led the follower; only this becomes frames [s]
+    span_s: float  # length of the session [s]
+    held: int  # records that were missing within an episode, and replaced by the one before
+    videos: tuple[Video, ...] = ()  # of each camera that gave pictures
 
 
 class _Signal(NamedTuple):

@@ -64,10 +64,8 @@ _LAYOUTS: dict[str, tuple[str, int]] = {
 
 
 def dtype_of(schema_text: str) -> np.dtype[np.void]:
-    """The layout of the body of a message of numbers and vectors, each value on its own boundary as CDR has it.
-
-    Raises:
-        ValueError: the definition has a field of another type, one name twice, or none at all.
+    """The layout of the body of a message of numbers and vectors, each value on its own boundary as CDR has it; raises
+    ValueError if the definition has a field of another type, one name twice, or none at all.
     """
     columns: dict[str, tuple[str, tuple[str, tuple[int, ...]], int]] = {}
     for kind, name in fields_in(schema_text):
@@ -283,10 +281,8 @@ def _layout(channel: Channel, schema: Schema | None) -> np.dtype[np.void]:
 
 
 def _unpacked(chunk: Chunk) -> bytes:
-    """The content of a chunk, of the size that it states: its own decompressors trust what is compressed.
-
-    Raises:
-        Exception: one of `_DAMAGE`.
+    """The content of a chunk, of the size that it states: its own decompressors trust what is compressed. Raises one of
+    `_DAMAGE`.
     """
     size, data = chunk.uncompressed_size, chunk.data
     if chunk.compression == "zstd":
@@ -327,39 +323,24 @@ class RecordingError(ValueError):
 
 @dataclass(frozen=True)
 class Recording:
-    """What a file holds.
-
-    Args:
-        facts: what was said of the system when it began.
-        origins: by side.
-        records: by side, in order of `tick`; the fields are those of this release, but for what the file lacks.
-        joints: axes of a session in joint space, the gripper last; none of a hand.
-        complete: whether the recording was closed in order and nothing was lost.
-        lost: records by side that the recorder missed, as far as it could say so.
-        outcome: "complete", "cut off", or in words what ended the recording.
-        marks: that a person set, in order of time.
-        journal: what its chain of lines says of itself; None where there is none.
-        pictures: of the robot, in order of time.
-    """
+    """What a file holds; what is by side has the sides that are there."""
 
     path: Path
-    facts: dict[str, str]
+    facts: dict[str, str]  # what was said of the system when it began
     origins: dict[str, Origin]
-    records: dict[str, Rows]
-    complete: bool
-    lost: dict[str, int]
-    outcome: str
-    joints: tuple[str, ...] = ()
-    marks: tuple[Mark, ...] = ()
-    journal: Verified | None = None
-    pictures: tuple[RecordedPicture, ...] = ()
+    records: dict[str, Rows]  # in order of `tick`; the fields are those of this release, but for what the file lacks
+    complete: bool  # whether the recording was closed in order and nothing was lost
+    lost: dict[str, int]  # records that the recorder missed, as far as it could say so
+    outcome: str  # "complete", "cut off", or in words what ended the recording
+    joints: tuple[str, ...] = ()  # axes of a session in joint space, the gripper last; none of a hand
+    marks: tuple[Mark, ...] = ()  # that a person set, in order of time
+    journal: Verified | None = None  # what its chain of lines says of itself; None where there is none
+    pictures: tuple[RecordedPicture, ...] = ()  # of the robot, in order of time
 
 
 def read_recording(path: str | Path, *, with_pictures: bool = False) -> Recording:
-    """Read a file to its end, or to where it is cut off or damaged; its pictures only where they are asked for.
-
-    Raises:
-        RecordingError: it cannot be opened, is something else, or nothing of a recording is left.
+    """Read a file to its end, or to where it is cut off or damaged; its pictures only where they are asked for. Raises
+    RecordingError if it cannot be opened, is something else, or nothing of a recording is left.
     """
     path = Path(path)
     try:

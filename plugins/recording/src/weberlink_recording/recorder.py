@@ -44,19 +44,12 @@ COMMANDS_AT_ONCE = 65_536  # bytes of commands taken at a look
 
 @dataclass(frozen=True)
 class RecordingOrder(Order):
-    """What to record.
+    """What to record."""
 
-    Args:
-        rings: path by side; the files may appear later.
-        out: path of the recording.
-        facts: as of `RecordingWriter.create`.
-        since: moment on the clock of the records from which on to record [s]; None for all that the rings hold.
-    """
-
-    rings: dict[str, str]
-    out: str
-    facts: dict[str, str]
-    since: float | None = None
+    rings: dict[str, str]  # path by side; the files may appear later
+    out: str  # path of the recording
+    facts: dict[str, str]  # as of `RecordingWriter.create`
+    since: float | None = None  # moment on the clock of the records from which on [s]; None for all that the rings hold
 
 
 class RingSource:
@@ -73,10 +66,8 @@ class RingSource:
         self._left_out: int | None = None  # how many records were before `since`; None before the first look
 
     def open(self) -> bool:
-        """Open the ring if it exists; returns whether it is open.
-
-        Raises:
-            RingFormatError, OSError: it is there and cannot be read.
+        """Open the ring if it exists; returns whether it is open. Raises RingFormatError or OSError if it is there and
+        cannot be read.
         """
         if self.ring is None:
             with suppress(FileNotFoundError):
@@ -85,10 +76,7 @@ class RingSource:
 
     def move(self, writer: RecordingWriter) -> Rows | None:
         """Write the new records, and count those that were overwritten before they could be read; returns what was
-        written, None without a ring and after its end.
-
-        Raises:
-            OSError: by the writer.
+        written, None without a ring and after its end. Raises OSError by the writer.
         """
         if self.ring is None or self.drained:
             return None
@@ -160,10 +148,8 @@ class RingRecorder:
         self._loading: Thread | None = None
 
     def run(self) -> str:
-        """Record until every daemon has ended, or until this process is told to; returns the outcome.
-
-        Raises:
-            RingFormatError, OSError: a ring cannot be read, or the file cannot be written.
+        """Record until every daemon has ended, or until this process is told to; returns the outcome. Raises
+        RingFormatError or OSError if a ring cannot be read, or the file cannot be written.
         """
         give_up_at = monotonic() + APPEAR_S
         while True:

@@ -23,13 +23,8 @@ CHUNK_ROWS = 4096
 
 
 def write_ros(session: RecordedSession, origins: Mapping[str, Origin], facts: Mapping[str, str], path: Path) -> int:
-    """Write the file; returns the number of messages.
-
-    Args:
-        session: both sides on one clock.
-        origins: of the sides; the first one's clock is that of the session.
-        facts: of the recording.
-        path: of a file that is not there yet.
+    """Write a file that is not there yet; returns the number of messages. The clock of the first origin is that of the
+    session.
     """
     clock, channels = next(iter(origins.values())), dict[str, int]()
     file = McapFile.create(path, Metadata(FACTS, dict(facts)))

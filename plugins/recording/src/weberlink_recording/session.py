@@ -45,17 +45,13 @@ class SessionPicture(NamedTuple):
 class RecordedSession:
     """Both sides of a session; a side that was not recorded is empty.
 
-    Args:
-        master: records with `at` on the clock of the master.
-        slave: records with `at` on the clock of the master, or on its own if the master was not recorded.
-        layout: what the records mean.
-        marks: that a person set, in order of time.
+    `at` of the records is on the clock of the master, or on that of the slave if the master was not recorded.
     """
 
     master: Records
     slave: Records
-    layout: Layout
-    marks: tuple[SessionMark, ...] = ()
+    layout: Layout  # what the records mean
+    marks: tuple[SessionMark, ...] = ()  # in order of time, as the pictures
     pictures: tuple[SessionPicture, ...] = ()
 
     @property
@@ -78,10 +74,8 @@ class RecordedSession:
 
 
 def put_together(recordings: Sequence[Recording]) -> RecordedSession:
-    """Join one or two recordings.
-
-    Raises:
-        RecordingError: the files contain the same side twice, different codecs or rates, no records, or no common time.
+    """Join one or two recordings; raises RecordingError if the files contain the same side twice, different codecs or
+    rates, no records, or no common time.
     """
     found: dict[str, tuple[Recording, Records]] = {}
     for recording in recordings:

@@ -52,11 +52,7 @@ class RecordingWriter:
 
     @classmethod
     def create(cls, path: str | Path, facts: Mapping[str, str]) -> Self:
-        """Begin a recording.
-
-        Args:
-            path: of a file that is not there yet.
-            facts: what a reader is to know beside the records.
+        """Begin a recording, with the facts that a reader is to know beside the records.
 
         Raises:
             RecordingExistsError: the path is taken; what is there is left alone.
@@ -102,12 +98,8 @@ class RecordingWriter:
     def write(self, side: str, records: Rows) -> None:
         """Take the next records of a side; they are in the file after `flush`, or when a chunk is full.
 
-        Args:
-            side: one that was added.
-            records: of `weberlink.telemetry.reader.DTYPE`, shape (n,), oldest first.
-
-        Raises:
-            ValueError: of another type, or of a side that was not added.
+        Oldest first, of `weberlink.telemetry.reader.DTYPE`; raises ValueError for those of another type, or of a side
+        that was not added.
         """
         self._check()
         if side not in self._sides:
