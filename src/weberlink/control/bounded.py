@@ -105,11 +105,12 @@ class FeltContact:
 
     def _fit(self, way: float, fall: float) -> None:
         """Take in that over a way out of the wall [m] the force fell by so much [N]."""
-        share = min(1.0, LEAST_WAY / abs(way)) if way else 0.0
+        share = 1.0 if -LEAST_WAY <= way <= LEAST_WAY else LEAST_WAY / abs(way)
         self._squares = FORGET * self._squares + share * share * way * way
         self._products = FORGET * self._products + share * share * way * fall
         if self._squares > 0.1 * LEAST_WAY * LEAST_WAY:
-            self.stiffness = min(self._coupling, max(SOFTEST, self._products / self._squares))
+            found, stiffest = self._products / self._squares, self._coupling
+            self.stiffness = stiffest if found > stiffest else found if found > SOFTEST else SOFTEST
             self.softest = inf
 
     def at(self, hand: Vector, force: Vector, robot: Vector, tick: float, rtt: float = 0.0) -> Vector:
@@ -215,7 +216,7 @@ class BoundedMaster(MasterControl):
     def _forget(self) -> None:
         self._sent.reset()
         self._position: Vector | None = None
-        self._speed: Vector = ZERO
+        self._way: Vector = ZERO  # of the hand since the tick before
         self._held: Vector = ZERO
         self._stated: Vector = ZERO
         self._back: Vector = ZERO
@@ -246,8 +247,7 @@ class BoundedMaster(MasterControl):
             supplied = (peer_credit - self._credit) * CREDIT_STEP
             self._credit = peer_credit
         self._account.book(held[0] * x + held[1] * y + held[2] * z, x * x + y * y + z * z, elapsed, supplied)
-        self._position, self._elapsed, self._tick = here, elapsed, tick
-        self._speed = (x / elapsed, y / elapsed, z / elapsed) if elapsed > 0.0 else ZERO
+        self._position, self._elapsed, self._tick, self._way = here, elapsed, tick, (x, y, z)
         if rtt is not None:
             self._rtt = rtt + self._delay
 
@@ -274,7 +274,9 @@ class BoundedMaster(MasterControl):
         if self._position is not None:
             stated = contact.at(self._position, stated, self._sent.ago(rtt), self._tick, rtt)
             if rtt > CALM:
-                stated = contact.damped(stated, self._speed, min(CALM, rtt - CALM))
+                (x, y, z), elapsed = self._way, self._elapsed
+                speed = (x / elapsed, y / elapsed, z / elapsed) if elapsed > 0.0 else ZERO
+                stated = contact.damped(stated, speed, min(CALM, rtt - CALM))
         self._stated = stated
         x, y, z = stated
         share = self._account.share(hypot(x, y, z), contact.stiffness, self._elapsed, contact.softest)
