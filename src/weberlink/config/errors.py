@@ -95,24 +95,18 @@ def _path(error: ErrorDetails, document: Any) -> list[int | str]:
     return [*path, error["loc"][-1]] if error["type"] == "missing" else path
 
 
-# What a value should be, by the type of error of pydantic, whose own words name its classes.
-_EXPECTED = {
-    "tuple_type": "should be a list",
-    "list_type": "should be a list",
-    "model_type": "should be a mapping of keys",
-    "model_attributes_type": "should be a mapping of keys",
-    "dict_type": "should be a mapping of keys",
-    "path_type": "should be a path",
-    "string_type": "should be text",
-    "float_type": "should be a number",
-    "float_parsing": "should be a number",
-    "int_type": "should be a whole number",
-    "int_parsing": "should be a whole number",
-    "int_from_float": "should be a whole number",
-    "bool_type": "should be true or false",
-    "bool_parsing": "should be true or false",
-    "union_tag_not_found": "shape is missing",
+# What a value should be, and the errors of pydantic that say so in words of its own classes.
+_SHOULD_BE = {
+    "a list": "tuple_type list_type",
+    "a mapping of keys": "model_type model_attributes_type dict_type",
+    "a path": "path_type",
+    "text": "string_type",
+    "a number": "float_type float_parsing",
+    "a whole number": "int_type int_parsing int_from_float",
+    "true or false": "bool_type bool_parsing",
 }
+_EXPECTED = {kind: f"should be {words}" for words, kinds in _SHOULD_BE.items() for kind in kinds.split()}
+_EXPECTED["union_tag_not_found"] = "shape is missing"
 
 
 def _expectation(error: ErrorDetails) -> str:
