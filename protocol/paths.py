@@ -41,12 +41,6 @@ class LinkPath(NamedTuple):
         changes = f", {self.changes} change{'' if self.changes == 1 else 's'}" if self.changes else ""
         return f"path{number}{of and f' of the {of}'}: {self.route_words}{changes}"
 
-    def dscp_words(self, sent: int | None) -> str:
-        """What came of the class of service that was asked for (`link.dscp`); "" while unknown."""
-        if self.dscp is None:
-            return ""
-        return f"DSCP {self.dscp}" if self.dscp == sent or sent is None else f"DSCP {sent} came as {self.dscp}"
-
 
 def paths_of(described: Mapping[str, Any] | None) -> list[LinkPath]:
     """The paths in a description or in the summary of a daemon, each value of its type; empty where none is known."""

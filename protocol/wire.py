@@ -415,9 +415,9 @@ class UpdateLayout:
             raise ValueError(f"{len(data)} bytes after the levels")
         return Update(lag, selector, newest, payload), ticks, credit
 
-    def length(self, update: Update, *, acknowledges: bool = True) -> int:
-        """Bytes of an update whose sample is of its tick, without tag, with or without the acknowledgements."""
-        return len(self.pack((0, 0, 0, 0, (0 if acknowledges else None,) * self._acks), 0, update))
+    def length(self, update: Update) -> int:
+        """Bytes of an update whose sample is of its tick, with acknowledgements, without tag."""
+        return len(self.pack((0, 0, 0, 0, (0,) * self._acks), 0, update))
 
     @property
     def lengths(self) -> tuple[int, int]:

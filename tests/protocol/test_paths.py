@@ -28,7 +28,6 @@ def test_a_strange_description_gives_words_all_the_same(found: Any) -> None:
     assert len(paths) <= MOST
     for path in paths:
         assert len(path.words()) < 3 * LONGEST
-        assert isinstance(path.dscp_words(46), str)
     assert isinstance(finding(paths), str)
     assert all(isinstance(text, str) for text in notable([], paths))
 

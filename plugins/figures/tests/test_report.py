@@ -53,9 +53,12 @@ def test_the_report_of_a_master_that_met_nobody_says_why() -> None:
 def test_the_report_has_each_way_and_the_paths() -> None:
     way = {"rtt_us": 42e3, "one_way_us": 30e3, "jitter_us": 3e3, "outgoing_loss": 0.0123, "peer_burst": 1.5}
     made = records(2000, datagrams_received=90, datagrams_lost=10, **way)
-    text = shown(replace(figures(made, NONE), outcome="completed", dscp=46, paths={"master": RELAYED}))
-    for figure in ("42.00 ms", "3.00 ms", "12.0", "1.23 %", "29.9", "10.00 %", "1.5", "relay.example"):
+    known = replace(figures(made, NONE), outcome="completed", dscp=46)
+    text = shown(replace(known, paths={"master": [path._replace(dscp=0) for path in RELAYED]}))
+    for figure in ("42.00 ms", "3.00 ms", "12.0", "1.23 %", "29.9", "10.00 %", "1.5", "relay.example", "46 came as 0"):
         assert figure in text
+    text = shown(replace(known, paths={"master": [path._replace(dscp=46) for path in RELAYED]}))
+    assert "DSCP 46" in text and "came as" not in text
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from weberlink.telemetry.record import RELEASED
 from weberlink_figures.environment import footer
 from weberlink_figures.tree import DEGRADED, FAILURE, GOOD, Channel, Energy, Figures, Median, Quality, Ticks
 from weberlink_figures.verdict import percent, verdict
+from weberlink_figures.wording import class_words
 
 WIDTH = 80
 
@@ -230,7 +231,7 @@ def _link(figures: Figures) -> Iterator[str]:
         yield f"play-out, on top of the fastest way: {figures.playout_ms:g} ms at each end"
 
     def words_of(path: LinkPath, side: str = "") -> str:
-        return ", ".join(part for part in (path.words(side), path.dscp_words(figures.dscp)) if part)
+        return ", ".join(part for part in (path.words(side), class_words(path, figures.dscp)) if part)
 
     by_side = sorted((figures.paths or {}).items())
     told = [[words_of(path) for path in paths] for _, paths in by_side]

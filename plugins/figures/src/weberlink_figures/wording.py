@@ -4,13 +4,20 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from weberlink.config import MASTER, SLAVE
-from weberlink.protocol.paths import path_in
+from weberlink.protocol.paths import LinkPath, path_in
 from weberlink_figures.tree import DEGRADED, GOOD
 
 INFO, WARN, ALARM = "info", "warn", "alarm"
 """Levels of an event: all is well; worth a look; the session does not do its work."""
 
 Fields = Mapping[str, Any]
+
+
+def class_words(path: LinkPath, sent: int | None) -> str:
+    """What came of the class of service that was asked for (`link.dscp`); "" while unknown."""
+    if path.dscp is None:
+        return ""
+    return f"DSCP {path.dscp}" if path.dscp == sent or sent is None else f"DSCP {sent} came as {path.dscp}"
 
 
 class Words(NamedTuple):

@@ -19,6 +19,7 @@ from weberlink_figures.watching.rings import RingSource
 from weberlink_figures.watching.rows import felt_message, listed
 from weberlink_figures.watching.scene import drawn
 from weberlink_figures.watching.session import SessionEvent, WatchedSession
+from weberlink_figures.wording import class_words
 
 BACKLOG_S = 5.0  # how far back `backlog` reaches
 ROWS_PER_S = 250.0  # rows per second of a side, besides the ticks that sent an update
@@ -258,7 +259,7 @@ class PageSession(WatchedSession):
             "button": self._button,
             "ways_now": ways_now(last),
             "paths": [
-                path._asdict() | {"side": name, "words": path.route_words, "class": path.dscp_words(dscp)}
+                path._asdict() | {"side": name, "words": path.route_words, "class": class_words(path, dscp)}
                 for name, of_side in paths.items()
                 for path in of_side
             ],
