@@ -31,11 +31,12 @@ TOLD = ("outcome", "drops", "peers", "realtime", "recording", "run_time_s", "see
 def streams(system: System) -> dict[str, tuple[str, ...]]:
     """Names of the streams of each side, first and second."""
     codec = system.codec
-    if codec.joints is not None:
-        count, of = 1 + (codec.gripper is not None), {SLAVE: "torque", MASTER: "angle"}
-        return {side: tuple(f"{axes}_{of[side]}" for axes in ("joint", "gripper"))[:count] for side in SIDES}
-    count = 1 + (codec.rotation is not None)
-    return {SLAVE: ("force", "torque")[:count], MASTER: ("position", "orientation")[:count]}
+    if codec.joints is None:
+        names, more = {SLAVE: ("force", "torque"), MASTER: ("position", "orientation")}, codec.rotation is not None
+    else:
+        names = {SLAVE: ("joint_torque", "gripper_torque"), MASTER: ("joint_angle", "gripper_angle")}
+        more = codec.gripper is not None
+    return {side: each[: 1 + more] for side, each in names.items()}
 
 
 class SideCounts:
@@ -130,17 +131,16 @@ class Summary(SessionCounts[SideCounts]):
         self._system = configuration.system
 
     @staticmethod
-    def open_log(target: Path) -> AbstractContextManager[SessionLog]:
-        others = REPORTS.absent()
-        why = absence("--log", next(iter(others.values()))) if others else f"{CHOSEN_BY}={SUMMARY} writes no log"
-        raise ConfigurationError(f"{why} (--log {target})")
+    def open_log(target: Path) -> AbstractContextManager[SessionLog]:  # noqa: ARG004 - writes none
+        others = list(REPORTS.absent().values())
+        raise ConfigurationError(absence("--log", others[0]) if others else f"--log: {CHOSEN_BY}={SUMMARY} has none")
 
     def close(self) -> None:
         pass
 
     def status_line(self, facts: Facts) -> str:
-        present = {name: State(side.counter("state")) for name, side in self.sides.items() if side.ticks}
-        states = [f"{name} {state.name.lower()}" for name, state in present.items()]
+        present = [(name, State(side.counter("state"))) for name, side in self.sides.items() if side.ticks]
+        states = [f"{name} {state.name.lower()}" for name, state in present]
         parts = [f"{self.duration_s:6.1f} s", "; ".join(states) or "starting"]
         recording = facts.get("recording")
         if recording is not None and not recording.get("running", False):
@@ -152,12 +152,12 @@ class Summary(SessionCounts[SideCounts]):
     def end(self, facts: Facts) -> Ended:
         failed, packets = self.failures(facts), self._packets()
         word = "failed" if failed else "ended"
-        ticks = {
-            name: {"count": side.ticks, "missed": side.counter("ticks_missed")} for name, side in self.sides.items()
-        }
+        sides = self.sides.items()
+        ticks = {name: {"count": side.ticks, "missed": side.counter("ticks_missed")} for name, side in sides}
         names = ("sent", "received", "lost", "dropped")
-        link = {name: sum(side.counter(f"datagrams_{name}") for side in self.sides.values()) for name in names}
+        link = {name: sum(side.counter(f"datagrams_{name}") for _, side in sides) for name in names}
         faults = facts.get("faults", {})
+        causes = [{"level": "failed", "name": name, "text": text} for name, text in failed.items()]
         document = {
             "duration_s": self.duration_s,
             "ticks": ticks,
@@ -165,10 +165,7 @@ class Summary(SessionCounts[SideCounts]):
             "link": {"rtt_us": {"p50": self.round_trip_us}, **link},
             "faults": faults,
             **{name: facts[name] for name in TOLD if name in facts},  # type: ignore[literal-required]
-            "verdict": {
-                "word": word,
-                "causes": [{"level": "failed", "name": name, "text": text} for name, text in failed.items()],
-            },
+            "verdict": {"word": word, "causes": causes},
         }
 
         def show(title: str, console: "Console") -> None:
