@@ -14,13 +14,7 @@ CHECK = Struct("<I")
 
 
 class Slot:
-    """One end of a slot.
-
-    Args:
-        memory: shared with the other end.
-        at: where the slot begins [byte].
-        values: format of the values; little-endian, "<...".
-    """
+    """One end of a slot, which begins at a byte of shared memory; the values have a little-endian format, "<..."."""
 
     __slots__ = ("_at", "_body", "_end", "_memory", "_number")
 

@@ -98,10 +98,7 @@ def die_with_parent(signal: Signals, parent: int | None = None) -> None:
 
     The signal comes once for each thread of the parent, so choose one whose repetition has no effect. If the parent is
     already gone, this process sends it to itself. The kernel watches the thread that started this process: start it
-    from a thread that lives as long as the parent.
-
-    Args:
-        parent: process id of the parent; None for the parent at the time of this call.
+    from a thread that lives as long as the parent. `parent` is its process id; None for that of this call.
     """
     expected = os.getppid() if parent is None else parent
     checked(LIBC.prctl(_SET_PARENT_DEATH_SIGNAL, signal, 0, 0, 0))

@@ -88,11 +88,8 @@ class Ticker:
         return self._loop is not None
 
     def start(self) -> None:
-        """Arm the timer in the running event loop; does nothing if it runs already.
-
-        Raises:
-            RuntimeError: outside an event loop, or after `stop`: a ticker serves one run.
-        """
+        """Arm the timer in the running event loop; does nothing if it runs already. Raises RuntimeError outside an
+        event loop, or after `stop`: a ticker serves one run."""
         if self._loop is not None:
             return
         if self._stopped:

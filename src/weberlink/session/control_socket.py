@@ -155,12 +155,8 @@ def ask(ring: str | Path, request: Mapping[str, Any], patience_s: float = 2.0) -
 
 
 class ControlSocket:
-    """The daemon's end: takes requests between ticks and hands them to its side.
-
-    Args:
-        listener: see `reserved`.
-        ordered_at: when the run was ordered, on `time.monotonic` [s].
-    """
+    """The daemon's end: takes requests between ticks and hands them to its side; `listener` as of `reserved`, and
+    `ordered_at` when the run was ordered, on `time.monotonic` [s]."""
 
     def __init__(
         self, listener: socket.socket, side: "Side", link: "LiveLink | None" = None, ordered_at: float = 0.0

@@ -89,15 +89,9 @@ def main(descriptor: int) -> int:
 
 
 def serve(order: DaemonOrder, configuration: Configuration, control_socket: int) -> dict[str, Any]:
-    """Run one side to its end, answering at the control socket of this descriptor.
-
-    Returns:
-        Outcome, faults, drops and rights, which the telemetry does not contain.
-
-    Raises:
-        ConfigurationError, StartError, OSError: before the first tick.
-        Exception: whatever a driver, another part or this program itself raised.
-    """
+    """Run one side to its end, answering at the control socket of this descriptor; returns outcome, faults, drops and
+    rights, which the telemetry does not contain. Raises ConfigurationError, StartError or OSError before the first
+    tick, and whatever a driver, another part or this program itself raised."""
     system = configuration.system
     realtime = system.realtime
     cpu = None if realtime.cpus is None else realtime.cpus[0 if order.side == MASTER else 1]
@@ -185,11 +179,8 @@ def _after_tick(side: Side, udp: UdpShell, ring: RingWriter, described: descript
 
 
 class LiveLink:
-    """The emulated link of one direction, and its present faults, which may change while a session runs.
-
-    Args:
-        fixed: why nothing may be changed; None if it may.
-    """
+    """The emulated link of one direction, and its present faults, which may change while a session runs; `fixed` says
+    why nothing may be changed."""
 
     def __init__(self, faults: DirectionFaults, link: EmulatedLink[Address], fixed: str | None = None) -> None:
         self.link = link

@@ -52,11 +52,8 @@ def path_beside(ring: str | Path) -> Path:
 
 
 def describe(configuration: Configuration, side: str, name: str = "", port: Port | None = None) -> dict[str, Any]:
-    """Describe the daemon in this process; the paths of keys and secrets are left out.
-
-    Args:
-        port: of the side, where it is known; that of an arm adds the range of its angles.
-    """
+    """Describe the daemon in this process; the paths of keys and secrets are left out. The port of an arm, where it is
+    known, adds the range of its angles."""
     system = configuration.system
     force, torque = banks(system)
     options = {} if system.link.finder is None else system.link.finder.options

@@ -54,11 +54,8 @@ class EmergencyStop:
         self._find_at = self._tell_at = at
 
     def advance(self, now: float) -> bool:
-        """Find sides, tell them, and read what they answer, without waiting; call it again until it returns True.
-
-        Returns:
-            Whether no side is left that has not acknowledged.
-        """
+        """Find sides, tell them, and read what they answer, without waiting; call it again until it returns True: no
+        side is left that has not acknowledged."""
         if now >= self._find_at:
             self._find_at = now + FIND_S
             found = [path for path in control_sockets() if self._scope.holds(path)]

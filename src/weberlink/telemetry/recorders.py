@@ -97,12 +97,9 @@ RECORDERS: Registry[RecordingFormat] = Registry(
 
 
 def format_of(path: Path, asked: str) -> RecordingFormat:
-    """The format of a file by its suffix; for one without a known suffix, the first that is installed.
-
-    Raises:
-        ValueError: none is installed; the message begins with `asked` and names one to install.
-        PartError: it cannot be imported.
-    """
+    """The format of a file by its suffix; for one without a known suffix, the first that is installed. Raises
+    ValueError if none is, whose message begins with `asked` and names one to install; PartError if it cannot be
+    imported."""
     suffix = path.suffix[1:]
     name = suffix if suffix in RECORDERS else next(iter(RECORDERS), None)
     if name is None:

@@ -82,12 +82,8 @@ class RingInUseError(FileExistsError):
 
 
 def default_path(name: str) -> Path:
-    """The path of a ring: in the runtime directory of this user, which is created if there is none.
-
-    Raises:
-        ValueError: the name is empty or would lead to another directory.
-        RuntimeDirectoryError: there is no such directory, and none can be made.
-    """
+    """The path of a ring: in the runtime directory of this user, which is created if there is none. Raises ValueError
+    if the name would lead to another directory or is empty, RuntimeDirectoryError if no directory can be made."""
     if not name or "/" in name or "\x00" in name:
         raise ValueError(f"name must be a file name without a slash, got {name!r}")
     return directory() / f"weberlink-{name}.ring"

@@ -113,16 +113,8 @@ def directories() -> list[Path]:
 
 
 def open_file(path: Path, longest: int) -> int:
-    """Open a file for reading; never waits, follows no symbolic link.
-
-    Args:
-        path: of a regular file of this user or of root.
-        longest: size that it may have [bytes].
-
-    Raises:
-        ForeignFileError: it is not such a file.
-        OSError: it is not there, or cannot be opened.
-    """
+    """Open a file for reading; never waits, follows no symbolic link. Raises ForeignFileError if it is no regular file
+    of this user or of root, or longer [bytes]; another OSError if it is not there, or cannot be opened."""
     if path.is_symlink():  # for the message alone: O_NOFOLLOW refuses a link in any case
         raise ForeignFileError(f"{path} is a symbolic link, not a file")
     fd = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
