@@ -168,7 +168,7 @@ class Stepped(Bench):
     def __init__(self, driver: Any, emulator: Any) -> None:
         super().__init__(None, emulator)
         self._worker = SteppedWorker.of(driver, self.time.clock)
-        exchange = self._worker.device
+        exchange = self._worker.exchange._exchange
         exchange._connect, exchange._clock, exchange._pause = self._connect, self.time.clock, self.time.pause
         exchange._guardian = None
 

@@ -89,7 +89,7 @@ def test_a_replugged_arm_goes_on(name: str, monkeypatch: pytest.MonkeyPatch) -> 
             stepped.port.broken = None
         return stepped._connect()
 
-    stepped._worker.device._connect = connect
+    stepped._worker.exchange._exchange._connect = connect
     stepped.faults["unplug"]()
     until(lambda: arm.latest(stepped.tick()).at > before + 0.2, "it to go on", pause=0.0)
     assert list(is_back) == []

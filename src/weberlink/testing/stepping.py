@@ -10,14 +10,12 @@ from weberlink.hardware.worker import Worker
 class VirtualTime:
     def __init__(self) -> None:
         self.now = 100.0
-        self.stall_s = 0.0  # how much longer than asked for the next pause lasts [s]
 
     def clock(self) -> float:
         return self.now
 
     def pause(self, time: float) -> None:
-        self.now += time + self.stall_s
-        self.stall_s = 0.0
+        self.now += time
 
 
 class KilledError(BaseException):
@@ -90,11 +88,6 @@ class SteppedWorker(Worker[Any, Any]):
         worker.__class__, worker.clock = cls, clock
         assert isinstance(worker, cls)
         return worker
-
-    @property
-    def device(self) -> Any:
-        """The exchange that a driver was made with."""
-        return getattr(self.exchange, "_exchange", self.exchange)
 
     def start(self) -> None:
         self.stop()
