@@ -125,7 +125,8 @@ class ForceDeadband(Deadband):
     def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:  # noqa: ARG002
         name = self.reference
         reference = actual if name == "actual" else displayed if name == "displayed" else sent
-        return max(self.floor, self.weber * norm(reference))
+        scaled, floor = self.weber * norm(reference), self.floor
+        return scaled if scaled > floor else floor
 
 
 class PositionDeadband(Deadband):

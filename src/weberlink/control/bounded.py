@@ -301,6 +301,7 @@ class BoundedSlave(SlaveControl):
         self._before: tuple[Vector, Vector] | None = None
         self._stored = self._age = 0.0
         self._force: Vector = ZERO
+        self._size = 0.0
         self._waits = False
         self._target: Vector | None = None
 
@@ -310,33 +311,31 @@ class BoundedSlave(SlaveControl):
         return int(self._given / CREDIT_STEP)
 
     def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, rtt: float | None) -> Vector:  # noqa: ARG002
-        x, y, z = self._force
-        size, answered = hypot(x, y, z), 1.5 * ((rtt or 0.0) + self._delay) + LATE
+        (x, y, z), size = self._force, self._size
         last, self._target = self._target or target, target
         # An open contact becomes a new one as slowly as it was answered: the operator knows the wall of the last tap.
         if size < LEAST_CONTACT:
             self._age, self._waits = max(0.0, self._age - elapsed), False
             return target
-        a, b, c = x / size, y / size, z / size
+        answered = 1.5 * ((rtt or 0.0) + self._delay) + LATE
         self._age = min(self._age + elapsed, answered)
+        is_new = size >= PRESS / sqrt(answered) and self._age < answered
+        if not (is_new or self._waits):
+            return target
+        a, b, c = x / size, y / size, z / size
         inward = (here[0] - target[0]) * a + (here[1] - target[1]) * b + (here[2] - target[2]) * c
         own = (last[0] - target[0]) * a + (last[1] - target[1]) * b + (last[2] - target[2]) * c
-        if size >= PRESS / sqrt(answered) and self._age < answered:
-            most, self._waits = 0.0, True
-        elif self._waits:
-            most = max(0.0, own) + LEAVE * elapsed
-        else:
-            return target
+        self._waits, most = True, 0.0 if is_new else max(0.0, own) + LEAVE * elapsed
         if inward <= most:
-            self._waits = self._waits and most == 0.0
+            self._waits = most == 0.0
             return target
         back = inward - most
         return (target[0] + back * a, target[1] + back * b, target[2] + back * c)
 
     def observe(self, position: Vector, force: Vector) -> None:
         before, self._before = self._before, (position, force)
-        self._force = force
-        if before is None or hypot(*force) < LEAST_CONTACT:
+        self._force, self._size = force, hypot(*force)
+        if before is None or self._size < LEAST_CONTACT:
             self._stored = 0.0
             return
         p, f = before
