@@ -11,7 +11,6 @@ from weberlink.config import MASTER, SLAVE, Configuration, System
 from weberlink.order import COMPLETED
 from weberlink.session.composition.channels import streams
 from weberlink.session.report import Ended, Facts, exit_status
-from weberlink.session.simulation import Observer, simulate
 from weberlink.telemetry.reader import Records
 from weberlink_figures.environment import environment
 from weberlink_figures.host_watch import HostWatch
@@ -24,6 +23,8 @@ from weberlink_figures.verdict import verdict
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+    from weberlink.session.simulation import Observer
 
 
 class FiguresReport:
@@ -104,8 +105,10 @@ def told(figures: Figures) -> Ended:
     return Ended(figures.status or COMPLETED, replace(figures, status=None).to_json() | {"environment": found}, show)
 
 
-def simulated(configuration: Configuration, duration_s: float | None = None, *observers: Observer) -> Figures:
+def simulated(configuration: Configuration, duration_s: float | None = None, *observers: "Observer") -> Figures:
     """The figures of a session in virtual time; arguments and errors as of `weberlink.simulate`."""
+    from weberlink.session.simulation import simulate  # noqa: PLC0415 - a live session needs none of it
+
     report = FiguresReport(configuration)
     report.end(simulate(configuration, duration_s, [report.add, *observers]))
     assert report.ended is not None
