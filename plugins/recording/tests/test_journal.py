@@ -7,10 +7,9 @@ import pytest
 
 from plugins.recording.tests.records import noise, origin
 from tests.program import weberlink
-from weberlink_figures.chain import START, Chain
+from weberlink_figures.chain import START, Chain, verify
 from weberlink_figures.log_file import LogFile
 from weberlink_recording.reader import read_recording
-from weberlink_recording.verified import verify
 from weberlink_recording.writer import RecordingWriter
 
 EVENTS = [{"event": name, "side": "slave", "at_s": 0.1 * number} for number, name in enumerate("abcde")]

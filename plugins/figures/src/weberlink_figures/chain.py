@@ -5,11 +5,13 @@ the text of the line without this member. Who rewrites every line from one on le
 """
 
 import json
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from hashlib import sha256
-from typing import Any
+from typing import Any, NamedTuple
 
 START = "0" * 64  # the hash before the first line of a session
+_LINE = re.compile(rb'(\{.*),"chain":"([0-9a-f]{64})"\}', re.DOTALL)
 
 
 class Chain:
@@ -30,3 +32,33 @@ class Chain:
 def line_hash(before: str, text: bytes) -> str:
     """Of a line without its last member and brace, after the one with the hash `before`."""
     return sha256(before.encode() + text).hexdigest()
+
+
+class Verified(NamedTuple):
+    """What a chain of lines says of itself: lines and sessions, the last hash, and the first line that does not follow
+    on the one before it; 0 for none."""
+
+    lines: int
+    sessions: int
+    head: str
+    broken: int
+
+    def __str__(self) -> str:
+        if self.broken:
+            return f"changed at line {self.broken}: it does not follow on what is before it"
+        sessions = f"{self.sessions} sessions" if self.sessions != 1 else "1 session"
+        return f"{self.lines} lines of {sessions}, unchanged; its last hash is {self.head}"
+
+
+def verify(lines: Iterable[bytes]) -> Verified:
+    """Follow the chain of some lines, without their ends, up to the first that does not follow."""
+    number, sessions, head = 0, 0, START
+    for number, line in enumerate(lines, 1):
+        found = _LINE.fullmatch(line)
+        text, told = (b"", "") if found is None else (found[1], found[2].decode())
+        if told == line_hash(START, text):
+            sessions += 1
+        elif not sessions or told != line_hash(head, text):
+            return Verified(number - 1, sessions, head, number)
+        head = told
+    return Verified(number, sessions, head, 0)

@@ -73,10 +73,6 @@ class SessionCollector:
     def __init__(self, sessions: Callable[[], Iterable[WatchedSession]]) -> None:
         self._sessions = sessions
 
-    def describe(self) -> list[Metric]:
-        """Nothing in advance: the metrics depend on the sessions."""
-        return []
-
     def collect(self) -> Iterator[Metric]:
         sessions = list(self._sessions())
         newest = [(session.name, side, record) for session in sessions for side, record in session.last.items()]

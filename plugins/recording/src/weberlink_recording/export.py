@@ -22,6 +22,7 @@ from weberlink.session.description import RANGE
 from weberlink.telemetry.reader import Records
 from weberlink.telemetry.record import AXES, MOST_AXES, SECOND
 from weberlink.telemetry.recorders import COMPLETE
+from weberlink_figures.chain import Verified, verify
 from weberlink_figures.log_file import LONGEST_LINE
 from weberlink_figures.report import session_report
 from weberlink_figures.session import Layout
@@ -31,7 +32,6 @@ from weberlink_recording.lerobot_frames import NoFramesError, frames_of
 from weberlink_recording.reader import Recording, RecordingError, read_recording
 from weberlink_recording.ros_export import RATE_HZ, write_ros
 from weberlink_recording.session import RecordedSession, put_together, time_axis
-from weberlink_recording.verified import Verified, verify
 
 FORMATS = ("csv", "parquet", "ros", "lerobot")
 ARROW = ("parquet", "lerobot")  # formats that need pyarrow, which is in the extra of that name

@@ -23,6 +23,7 @@ from mcap.records import Channel, Chunk, Metadata, Schema
 from weberlink.telemetry.record import AXES, MOST_AXES
 from weberlink.telemetry.recorders import COMPLETE
 from weberlink.text import one_line
+from weberlink_figures.chain import Verified, verify
 from weberlink_figures.message import (
     CODES,
     ENCAPSULATION,
@@ -52,7 +53,6 @@ from weberlink_recording.container import (
 from weberlink_recording.former import of_this_release
 from weberlink_recording.marks import JOURNAL_TOPIC, MARK_SCHEMA, MARK_TOPIC, Mark, read_mark, shortened
 from weberlink_recording.pictures import PICTURE_SCHEMA, PICTURE_TOPIC, RecordedPicture, read_picture
-from weberlink_recording.verified import Verified, verify
 
 Parsed = TypeVar("Parsed")
 
