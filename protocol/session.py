@@ -51,8 +51,7 @@ class Session:
         largest round trip that both ends allow [s]."""
         self._end = end
         self._protection = keys
-        self._incoming = end.receives
-        self._silence, self._tick_period = end.silence, end.tick_period
+        self._tick_period = end.tick_period
         self._statistics = end.statistics
         self.clock = Clock(end.epoch, peer_clock, now)
         self.credit = Credit()
@@ -119,11 +118,11 @@ class Session:
             self._protection.accept(data[0])
         # Numbers up to one that was accepted at least one silence limit ago are rejected: they left before that. Time
         # stamps and echoes wrap, so a datagram that was held back for minutes may look new; its number does not.
-        if now - self._marked_at >= self._silence:
+        if now - self._marked_at >= self.liveness.silence:
             self._floor, self._mark, self._marked_at = self._mark, newest, now
         self._statistics.lost += self._loss.record(sequence)
         try:
-            content = self._incoming.read(said)
+            content = self._end.receives.read(said)
         except ValueError:
             return DropReason.MALFORMED
         clock = self.clock
