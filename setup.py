@@ -32,7 +32,6 @@ COMPILED = (
     "master/mapping/*.py",
     "master/devices/hand.py",
     "master/devices/hand_device.py",
-    "master/devices/motion.py",
     "master/devices/turning.py",
     "slave/robot_port.py",
     "slave/rotation.py",

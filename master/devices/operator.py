@@ -8,9 +8,8 @@ from typing import Annotated, ClassVar, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale
-from weberlink.master.devices.hand_device import HandDevice
+from weberlink.master.devices.hand_device import CircularLeg, HandDevice, Leg, LegSequence, StraightLeg
 from weberlink.master.devices.hand_options import HandDeviceOptions
-from weberlink.master.devices.motion import CircularLeg, Leg, LegSequence, StraightLeg
 from weberlink.options import Options
 
 Duration = Annotated[float, Field(gt=0.0, le=3600.0)]

@@ -7,9 +7,8 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import AfterValidator, Field
 
 from weberlink.geometry.vector import Vector
-from weberlink.master.devices.hand_device import HandDevice
+from weberlink.master.devices.hand_device import HandDevice, LegSequence, RecordedLeg, StraightLeg
 from weberlink.master.devices.hand_options import HandDeviceOptions
-from weberlink.master.devices.motion import LegSequence, RecordedLeg, StraightLeg
 from weberlink.master.trace import Trace, read_motion
 
 

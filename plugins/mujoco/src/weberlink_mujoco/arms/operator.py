@@ -11,7 +11,7 @@ from pydantic import Field
 
 from weberlink.arms.contract import ArmSpec
 from weberlink.geometry.joints import Joints
-from weberlink.master.devices.motion import minimum_jerk
+from weberlink.master.devices.hand_device import minimum_jerk
 from weberlink.options import Options
 from weberlink_mujoco.arms.computed import ComputedArm, ModelOptions, PerAxis, home_of, labels, motors, per_axis
 from weberlink_mujoco.arms.models import ArmModel, load
