@@ -113,7 +113,7 @@ class PredictedSettings(Settings):
 
 
 class ShapeSettings(Settings):
-    """The name of a deadband; a subclass has its options as fields (`weberlink.codec.deadband.contract.Deadband`)."""
+    """The name of a deadband; a subclass has its options as fields (`weberlink.codec.deadband.Deadband`)."""
 
     shape: str
 

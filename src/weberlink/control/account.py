@@ -73,7 +73,8 @@ class Account:
         self._reserve += supplied  # it comes in lumps
         full = self._allowance - self._taken
         if self.energy < full and elapsed > 0.0:
-            self.energy = min(full, self.energy + self._refill * elapsed + self._damping * moved / elapsed)
+            filled = self.energy + self._refill * elapsed + self._damping * moved / elapsed
+            self.energy = filled if filled < full else full
 
     def share(self, force: float, stiffness: float, elapsed: float, softest: float = inf) -> float:
         """The share of a force of this size [N], of a contact of this stiffness [N/m], that may be displayed, 0..1.

@@ -11,7 +11,7 @@ once as a leader with that count. An adversary reaches the bound (Cesa-Bianchi a
 Games, 2006). Forgetting is for a best candidate that changes (Littlestone and Warmuth, The weighted majority algorithm,
 1994).
 The bound is not one of the sends of a session: after a send the model in use is not that of the shadow. Measured, the
-sends of most synthetic signals are 0.4 to 1.1 times the best of the paper's four (tests/codec/test_selection.py).
+sends of most synthetic signals are 0.4 to 1.1 times the best of the paper's four (tests/test_selection.py).
 """
 
 from collections.abc import Sequence
