@@ -31,7 +31,7 @@ from weberlink.telemetry.row import Row
 
 
 def create(path, **changes):
-    return RingWriter.create(path, **({"side": "master", "rate_hz": 1000.0, "capacity": 8} | changes))
+    return RingWriter(path, **({"side": "master", "rate_hz": 1000.0, "capacity": 8} | changes))
 
 
 def header_of(path):
@@ -166,7 +166,7 @@ def test_axes_and_streams_that_a_session_lacks_read_as_zero(path):
     for field in FIELDS:
         setattr(row, field.name, 1 if field.axes == 1 else (1.0,) * 3)
     kept = layout(3, 1)
-    with RingWriter.create(path, side="slave", rate_hz=4000.0, capacity=8, records=kept) as writer:
+    with RingWriter(path, side="slave", rate_hz=4000.0, capacity=8, records=kept) as writer:
         writer.write(kept.values(row))
         with closing(RingReader(path)) as reader:
             (record,) = reader.read()

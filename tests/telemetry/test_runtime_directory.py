@@ -127,11 +127,11 @@ def test_only_a_small_regular_file_is_opened(shared):
 def test_a_ring_of_another_user_is_neither_read_nor_replaced(shared, attack):
     path = shared / "weberlink-7-master.ring"
     as_stranger(attack, path)
-    with RingWriter.create(shared / "right", side="master", rate_hz=1000.0, capacity=4) as ring:
+    with RingWriter(shared / "right", side="master", rate_hz=1000.0, capacity=4) as ring:
         as_stranger(squat_file, shared / "forged", ring.path.read_bytes())
     with pytest.raises(ForeignFileError, match="belongs to"):
         RingReader(shared / "forged")
-    for use in (lambda: RingReader(path), lambda: RingWriter.create(path, side="x", rate_hz=1.0, capacity=2)):
+    for use in (lambda: RingReader(path), lambda: RingWriter(path, side="x", rate_hz=1.0, capacity=2)):
         began = monotonic()
         with pytest.raises(ForeignFileError):
             use()
@@ -141,7 +141,7 @@ def test_a_ring_of_another_user_is_neither_read_nor_replaced(shared, attack):
 
 def test_a_ring_that_claims_more_than_it_may_is_refused(shared):
     path = shared / "large.ring"
-    RingWriter.create(path, side="master", rate_hz=1000.0, capacity=4).close(unlink=False)
+    RingWriter(path, side="master", rate_hz=1000.0, capacity=4).close(unlink=False)
     with path.open("r+b") as file:
         file.truncate(LARGEST_FILE + 1)
     with pytest.raises(ForeignFileError, match="more than"):

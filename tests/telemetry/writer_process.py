@@ -13,7 +13,7 @@ from weberlink.telemetry.ring import RingWriter
 path, side, count, capacity, period = sys.argv[1], sys.argv[2], int(sys.argv[3]), int(sys.argv[4]), float(sys.argv[5])
 is_byte = [field.kind == "u1" for field in FIELDS for _ in range(field.axes)][1:]
 
-with RingWriter.create(path, side=side, rate_hz=1000.0, capacity=capacity) as writer:
+with RingWriter(path, side=side, rate_hz=1000.0, capacity=capacity) as writer:
     sys.stdout.write("ready\n")
     sys.stdout.flush()
     began = time.monotonic()

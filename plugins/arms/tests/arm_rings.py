@@ -33,7 +33,7 @@ class ArmRings:
         for side in ("master", "slave"):
             ring = folder / f"weberlink-{session}-{side}.ring"
             Description(ring, {"side": side, "system": system, **ranges.get(side, {})}).publish()
-            writer = RingWriter.create(ring, side=side, rate_hz=1000.0, capacity=64)
+            writer = RingWriter(ring, side=side, rate_hz=1000.0, capacity=64)
             self._writers[side] = stack.enter_context(writer)
 
     def write(self, tick: int, at: float | None = None) -> None:

@@ -113,7 +113,7 @@ class Daemon:
 
     def __init__(self, folder: Path, session: str, side: str, loop: asyncio.AbstractEventLoop) -> None:
         self.path = path = folder / f"weberlink-{session}-{side}.ring"
-        self.ring = RingWriter.create(path, side=side, rate_hz=1000.0, capacity=10_000)
+        self.ring = RingWriter(path, side=side, rate_hz=1000.0, capacity=10_000)
         self.ticks = 0
         self.tick(20)
         self.tuning = Tuning(LiveSettings(0.1, "zoh"), {}, lambda *_: None)

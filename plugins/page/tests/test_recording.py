@@ -83,7 +83,7 @@ class Rig:
 @pytest.fixture
 def rig(tmp_path: Path) -> Iterator[Rig]:
     path = tmp_path / "weberlink-7-slave.ring"
-    ring = RingWriter.create(path, side="slave", rate_hz=1000.0, capacity=10_000)
+    ring = RingWriter(path, side="slave", rate_hz=1000.0, capacity=10_000)
     source = RingSource(path)
     rig = Rig(tmp_path, ring, source)
     yield rig

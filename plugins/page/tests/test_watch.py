@@ -18,7 +18,7 @@ from weberlink_page.watch import SessionWatcher
 
 def ring(folder: Path, session: int, side: str) -> RingWriter:
     path = folder / f"weberlink-{session}-{side}.ring"
-    return RingWriter.create(path, side=side, rate_hz=1000.0, capacity=64)
+    return RingWriter(path, side=side, rate_hz=1000.0, capacity=64)
 
 
 def told(viewer: Viewer) -> list[dict[str, Any]]:

@@ -241,7 +241,7 @@ def test_records_that_were_overwritten_are_counted_once(capacity, before, steps)
     """Those before the recorder came too, which the ring itself does not tell."""
     with tempfile.TemporaryDirectory() as folder:
         path = str(Path(folder) / "ring")
-        with RingWriter.create(Path(path), side="master", rate_hz=1000.0, capacity=capacity) as ring:
+        with RingWriter(Path(path), side="master", rate_hz=1000.0, capacity=capacity) as ring:
             source, kept, total = RingSource("master", path), Kept(), 0
             for step in (before, *steps):
                 for tick in range(total, total + step):

@@ -32,7 +32,7 @@ def endpoint() -> str:
 def ring(folder: Path, side: str, session: int = 7, described: Any = None) -> RingWriter:
     path = folder / f"weberlink-{session}-{side}.ring"
     Description(path, described or description(side)).publish()
-    return RingWriter.create(path, side=side, rate_hz=1000.0, capacity=4096)
+    return RingWriter(path, side=side, rate_hz=1000.0, capacity=4096)
 
 
 def body(x: float, stamp_ns: int, frame: str = "weberlink", type_name: str = TYPE, turned_rad: float = 0.0) -> bytes:

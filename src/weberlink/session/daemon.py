@@ -119,7 +119,7 @@ def serve(order: DaemonOrder, configuration: Configuration, control_socket: int)
         described = description.Description(order.ring, told)
         described.publish(paths=udp.paths)
         stack.callback(described.remove)
-        ring = RingWriter.create(
+        ring = RingWriter(
             order.ring,
             side=order.side,
             rate_hz=system.rate_hz,

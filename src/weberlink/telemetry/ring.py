@@ -127,54 +127,46 @@ def process_started(pid: int) -> int | None:
 
 
 class RingWriter:
-    """Publishes records in a ring file; for one thread."""
+    """Publishes records in a ring file; for one thread.
+
+    The file is made with all of its memory, in place of one that a dead writer left.
+
+    Args:
+        path: as of `default_path`.
+        side: name of who writes, up to 32 bytes.
+        rate_hz: records per second that are intended [Hz].
+        capacity: slots; a reader can lag behind by one record less.
+
+    Raises:
+        ValueError: an argument is out of range.
+        RingInUseError: a living process writes this file.
+        RingFormatError: the path holds something else, which is left alone.
+        ForeignFileError: the path holds what is no file, or belongs to another user; it is left alone.
+        OSError: there is no room for the file.
+    """
 
     __slots__ = ("_body", "_count", "_counter", "_end", "_map", "_slot", "_slot_bytes", "path")
 
-    def __init__(self, path: Path, mapping: mmap, capacity: int, records: Layout = ALL) -> None:
-        self.path = path
-        self._map = mapping
-        self._body = body_of(records)
-        self._slot_bytes = slot_bytes(records)
-        # A native 64-bit item is stored as one word; packing with an explicit byte order would store eight bytes.
-        self._counter = memoryview(mapping)[COUNTER_AT : COUNTER_AT + 8].cast("Q")
-        self._end = RECORDS_AT + capacity * self._slot_bytes
-        self._slot = RECORDS_AT
-        self._count = 0
-
-    @classmethod
-    def create(cls, path: str | Path, *, side: str, rate_hz: float, capacity: int, records: Layout = ALL) -> Self:
-        """Create the file with all of its memory, in place of one that a dead writer left.
-
-        Args:
-            path: as of `default_path`.
-            side: name of who writes, up to 32 bytes.
-            rate_hz: records per second that are intended [Hz].
-            capacity: slots; a reader can lag behind by one record less.
-
-        Raises:
-            ValueError: an argument is out of range.
-            RingInUseError: a living process writes this file.
-            RingFormatError: the path holds something else, which is left alone.
-            ForeignFileError: the path holds what is no file, or belongs to another user; it is left alone.
-            OSError: there is no room for the file.
-        """
-        path, name = Path(path), side.encode()
+    def __init__(self, path: str | Path, *, side: str, rate_hz: float, capacity: int, records: Layout = ALL) -> None:
+        self.path, name = Path(path), side.encode()
         if not 0 < len(name) <= SIDE_BYTES:
             raise ValueError(f"side must be 1 to {SIDE_BYTES} bytes, got {side!r}")
         if not rate_hz > 0.0:
             raise ValueError(f"rate_hz must be positive, got {rate_hz}")
-        size = slot_bytes(records)
-        most = (LARGEST_FILE - RECORDS_AT) // size
+        self._body, self._slot_bytes = body_of(records), slot_bytes(records)
+        most = (LARGEST_FILE - RECORDS_AT) // self._slot_bytes
         if not 2 <= capacity <= most:
             raise ValueError(f"capacity must be 2 to {most} records, got {capacity}")
-        _refuse_to_replace(path)
+        _refuse_to_replace(self.path)
         pid = os.getpid()
-        started = process_started(pid) or 0
-        began = (time(), monotonic())
-        known, shape = (MAGIC, VERSION, SCHEMA, body_of(records).size - NUMBER_BYTES), (records.axes, records.streams)
+        known, began = (MAGIC, VERSION, SCHEMA, self._body.size - NUMBER_BYTES), (time(), monotonic())
+        started, shape = process_started(pid) or 0, (records.axes, records.streams)
         header = Header(*known, pid, started, capacity, rate_hz, *began, name, *shape)
-        return cls(path, _place(path, header, RECORDS_AT + capacity * size), capacity, records)
+        self._slot, self._count = RECORDS_AT, 0
+        self._end = RECORDS_AT + capacity * self._slot_bytes
+        self._map = _place(self.path, header, self._end)
+        # A native 64-bit item is stored as one word; packing with an explicit byte order would store eight bytes.
+        self._counter = memoryview(self._map)[COUNTER_AT : COUNTER_AT + 8].cast("Q")
 
     def write(self, record: Sequence[float]) -> None:
         """Publish the values of one record; never blocks and does not depend on readers. Raises struct.error or

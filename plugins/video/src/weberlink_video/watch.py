@@ -35,7 +35,7 @@ async def watch_pictures(configuration: Configuration, duration: float | None) -
     why, place = "slave.cameras.watchers is 0 in this file: nobody may watch", 0
     telling = loop.create_task(_tell_of_the_first(hub))
     try:
-        with RingWriter.create(ring, side=MASTER, rate_hz=described["rate_hz"], capacity=2):
+        with RingWriter(ring, side=MASTER, rate_hz=described["rate_hz"], capacity=2):
             await hub.open()
             ending = loop.create_task(over.wait())
             for place in range(1, 1 + configuration.cameras.options.watchers):  # type: ignore[attr-defined]
