@@ -9,7 +9,6 @@ import pytest
 from tests.program import PATIENT, Program, Records, document, faults_of, weberlink
 from tests.session.systems import CONFIGS
 from tests.session.test_broken_parts import FAULTS, GROUPS, KEYED, MISTAKES, folder, sets  # noqa: F401 - a fixture
-from tests.terminals import on_terminal
 
 DELAY_MS = 20
 SETTINGS = (f"link.emulate={{delay_ms: {DELAY_MS}, seed: 1}}", "link.silence_ms=2000", "codec.force.lookahead_ms=10")
@@ -65,13 +64,6 @@ def check_that_figures_agree(report: dict[str, Any], master: Records, slave: Rec
     assert report["ways"]["to_master"]["loss"] == 0.0
     assert report["lookahead_ms"] == {"position": 0.0, "force": 10.0}
     assert slave["updates_received"][-1] > 0
-
-
-@pytest.mark.realtime
-def test_on_a_terminal_the_status_line_has_the_figures_so_far() -> None:
-    status, lines = on_terminal("loopback", "--duration", 3, *PATIENT)
-    assert status == 0
-    assert any("engaged" in line and "force" in line and "rtt" in line for line in lines)
 
 
 def test_the_log_has_the_trace_of_what_prevents_a_session(folder: Path) -> None:  # noqa: F811
