@@ -45,10 +45,7 @@ class ComputedRobot:
             raise RobotFault(f"{self.spec.name}: not open")
         if now <= reading.at:
             return reading
-        position, force, torque = self._advance(self._commanded, now - reading.at)
-        force = force if force == ZERO else within(force, self.spec.force_n)
-        torque = torque if torque == ZERO else within(torque, self.spec.torque_n_m)
-        self._reading = RobotReading(now, position, force, torque)
+        self._reading = RobotReading(now, *self._advance(self._commanded, now - reading.at))
         return self._reading
 
     def close(self) -> None:
@@ -59,7 +56,7 @@ class ComputedRobot:
         raise NotImplementedError
 
     def _advance(self, commanded: Vector, elapsed: float) -> tuple[Vector, Vector, Vector]:
-        """Position [m], force [N] and torque [N m] after `elapsed` [s]."""
+        """Position [m], and force [N] and torque [N m] within the ranges of the spec, after `elapsed` [s]."""
         raise NotImplementedError
 
 
@@ -107,7 +104,8 @@ class PointRobot(ComputedRobot):
         if self._tool is None:
             felt, torque = self._scene.force(commanded, elapsed), ZERO
         else:
-            felt, torque = self._tool.wrench(commanded, elapsed)
+            felt, turning = self._tool.wrench(commanded, elapsed)
+            torque = within(turning, self.spec.torque_n_m)
         if felt == ZERO:
             return commanded, ZERO, torque
         x, y, z = force = within(felt, self.spec.force_n)

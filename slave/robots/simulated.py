@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, NamedTuple
 
 from pydantic import Field, WithJsonSchema, field_validator
 
-from weberlink.geometry.vector import ZERO, Vector, is_finite
+from weberlink.geometry.vector import ZERO, Vector, is_finite, within
 from weberlink.slave.integrators import BUILT_IN, INTEGRATORS, ControlledMass, Integrator, MassState
 from weberlink.slave.robots.computed import LONGEST_GAP, ComputedRobot
 from weberlink.slave.robots.contract import RobotFault
@@ -99,7 +99,7 @@ class SimulatedRobot(ComputedRobot):
         if not is_finite(motion.position) or not is_finite(motion.velocity):
             raise RobotFault(f"simulated: the motion is not finite after the command {commanded}")
         self._motion = motion
-        return motion.position, motion.force, ZERO
+        return motion.position, within(motion.force, self.spec.force_n), ZERO
 
     def description(self) -> str:
         """The integrator with the reason for its choice, and the lag of the position control, in one line."""

@@ -6,7 +6,7 @@ from time import monotonic
 from typing import TYPE_CHECKING
 
 from weberlink.geometry.rotation import Quaternion
-from weberlink.geometry.vector import Vector
+from weberlink.geometry.vector import Vector, within
 from weberlink.slave.robots.computed import LONGEST_GAP, ComputedRobot
 from weberlink.slave.robots.contract import RobotSpec
 from weberlink.slave.scenes.scene import Scene
@@ -74,10 +74,10 @@ class MujocoRobot(ComputedRobot):
         self._simulation.reset()
 
     def _advance(self, commanded: Vector, elapsed: float) -> tuple[Vector, Vector, Vector]:
-        reached = self._simulation.advance(commanded, min(elapsed, LONGEST_GAP))
+        position, force, torque = self._simulation.advance(commanded, min(elapsed, LONGEST_GAP))
         if self._pose is not None:
             self._unshown += elapsed
             if self._unshown >= POSE_S:
                 self._unshown = 0.0
                 self._pose.write(monotonic(), self._simulation.pose)
-        return reached
+        return position, within(force, self.spec.force_n), within(torque, self.spec.torque_n_m)
