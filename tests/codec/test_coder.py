@@ -78,7 +78,7 @@ def test_no_model_begins_outside_the_deadband(
     monkeypatch.setitem(CHOICES.built_in, Asides.name, Asides)  # type: ignore[arg-type]
     deadband = shaped(shape, 0.1 if smoothing else 0.3, 0.002)
     channel = make_channel(predictor, deadband=deadband, smoothing=smoothing)
-    updates = [tick.update for tick in coded(channel, rubbing_stream(3, ticks=800)) if tick.update is not None]
+    updates = [tick.update for tick in coded(channel, rubbing_stream(5, ticks=800)) if tick.update is not None]
     assert len(updates) > 5
     if predictor == "aside":
         assert {update.payload is None for update in updates} == {True, False}

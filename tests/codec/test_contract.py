@@ -119,7 +119,7 @@ def test_any_update_that_arrives_restores_the_state(kind: Kind, lookahead: int) 
     channel = kind.channel(**({} if kind.of == "joints" else {"lookahead": lookahead}))
     encoder, decoder, random = Encoder(channel), Decoder(channel), Random(7)
     agree, delayed, compared, lost = True, None, 0, 0
-    stream = kind.stream(7, ticks=900, rubbing=kind.of != "joints")
+    stream = kind.stream(5, ticks=900, rubbing=kind.of != "joints")
     for tick, (value, place) in enumerate(stream):
         update = encoder.encode(tick, value, place)
         coded_at = stream[max(0, tick - channel.lookahead)][1]

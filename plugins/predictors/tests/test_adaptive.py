@@ -10,8 +10,9 @@ from typing import Any
 
 import pytest
 
+from plugins.predictors.tests.signals import GodObject, contact
 from tests.codec.law import FITTED
-from tests.codec.signals import GodObject, Stream, contact, stroke, up
+from tests.codec.signals import Stream, stroke, up
 from weberlink.codec import Channel, Encoder, force_channel
 from weberlink.codec.choice import NOTHING, DueSample
 from weberlink.codec.deadband import ForceDeadband

@@ -9,7 +9,8 @@ from math import cos, pi, sin
 
 import pytest
 
-from tests.codec.signals import GodObject, Stream, contact, stroke
+from plugins.predictors.tests.signals import GodObject, contact
+from tests.codec.signals import Stream, stroke
 from weberlink.codec import force_channel
 from weberlink.codec.predictors import FitLimits
 from weberlink.codec.sample import Sample

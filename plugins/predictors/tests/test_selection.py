@@ -5,8 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from plugins.predictors.tests.signals import Array
 from tests.codec.law import make_channel, sends
-from tests.codec.signals import Array, Stream
+from tests.codec.signals import Stream
 from weberlink.codec import force_channel
 from weberlink.codec.choice import Hybrid
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from tests.codec.signals import GodObject
+from plugins.predictors.tests.signals import GodObject
 from tests.examples import examples
 from weberlink.codec import Channel, Decoder, Update, force_channel
 from weberlink.codec.sample import Sample
