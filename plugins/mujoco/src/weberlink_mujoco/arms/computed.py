@@ -91,15 +91,10 @@ def home_of(model: ArmModel, home: tuple[float, ...] | None) -> Joints:
         return tuple(min(max(0.0, low), high) for low, high in zip(model.lower, model.upper, strict=True))
     if len(home) != model.axes:
         raise ValueError(f"home_rad: expected {model.axes} angles, got {len(home)}")
-    for label, angle, low, high in zip(labels(model), home, model.lower, model.upper, strict=True):
+    for label, angle, low, high in zip(model.labels, home, model.lower, model.upper, strict=True):
         if not low <= angle <= high:
             raise ValueError(f"home_rad: {label}: expected {low:.4g} to {high:.4g} rad, got {angle:g}")
     return home
-
-
-def labels(model: ArmModel) -> tuple[str, ...]:
-    """Names of all axes."""
-    return (*model.names, "gripper") if model.gripper else model.names
 
 
 def motors(model: ArmModel, torque: PerAxis | None) -> Joints:

@@ -51,10 +51,10 @@ class ArmModel:
         self._data: Any = self._mujoco.MjData(self._model)
         self._followers = self._coupled()
         joints = self._axes()
-        labels = [self._model.joint(i).name for i in joints]
-        self.gripper = labels[-1:] == [GRIPPER]  # whether the last axis is one; 0 is closed
-        self.names = tuple(labels[:-1] if self.gripper else labels)  # of the joints in order, without the gripper
-        self._check(joints, labels)
+        self.labels: tuple[str, ...] = tuple(self._model.joint(i).name for i in joints)  # names of all axes
+        self.gripper = self.labels[-1:] == (GRIPPER,)  # whether the last axis is one; 0 is closed
+        self.names = self.labels[:-1] if self.gripper else self.labels  # of the joints in order, without the gripper
+        self._check(joints)
         first = int(self._model.jnt_dofadr[joints[0]])
         self.dofs = slice(first, first + len(joints))  # of the axes in the vectors of MuJoCo
         ranges = self._model.jnt_range[joints].tolist()
@@ -155,8 +155,8 @@ class ArmModel:
             and int(model.jnt_dofadr[joint]) not in following
         ]
 
-    def _check(self, joints: list[int], labels: list[str]) -> None:
-        model, count = self._model, len(self.names)
+    def _check(self, joints: list[int]) -> None:
+        model, count, labels = self._model, len(self.names), list(self.labels)
         if not 1 <= count <= MOST_JOINTS or GRIPPER in self.names or not all(labels):
             raise ValueError(
                 f"model: {self.path}: expected 1 to {MOST_JOINTS} hinges with names between the world and the site "

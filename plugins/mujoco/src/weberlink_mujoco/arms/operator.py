@@ -13,7 +13,7 @@ from weberlink.arms.contract import ArmSpec
 from weberlink.geometry.joints import Joints
 from weberlink.master.devices.hand_device import minimum_jerk
 from weberlink.options import Options
-from weberlink_mujoco.arms.computed import ComputedArm, ModelOptions, PerAxis, home_of, labels, motors, per_axis
+from weberlink_mujoco.arms.computed import ComputedArm, ModelOptions, PerAxis, home_of, motors, per_axis
 from weberlink_mujoco.arms.models import ArmModel, load
 
 Inertia = Annotated[float, Field(ge=0.0, le=1e3)]
@@ -211,7 +211,7 @@ def legs_of(script: Sequence[ArmStep], model: ArmModel, home: Joints) -> list[Jo
             raise ValueError(f"script.{number}.{error}") from None
         for time in range(17):
             angles = leg.at(time / 16.0 * leg.duration)
-            for label, angle, low, high in zip(labels(model), angles, model.lower, model.upper, strict=True):
+            for label, angle, low, high in zip(model.labels, angles, model.lower, model.upper, strict=True):
                 if not low - 1e-9 <= angle <= high + 1e-9:
                     raise ValueError(f"script.{number}: {label}: expected {low:.4g} to {high:.4g} rad, got {angle:.4g}")
         legs.append(leg)
