@@ -12,7 +12,7 @@ import numpy as np
 
 from weberlink.compiled import build, is_compiled
 from weberlink.config import MASTER, SIDES, SLAVE, Configuration, ConfigurationError, System
-from weberlink.installation import absence
+from weberlink.installation import absence, install_line
 from weberlink.protocol.states import State
 from weberlink.session.ending import URGENT, Connection, failures
 from weberlink.session.report import CHOSEN_BY, MEASURED_S, REPORTS, SUMMARY, Ended, Facts, SessionLog, exit_status
@@ -183,6 +183,7 @@ class Summary(SessionCounts[SideCounts]):
                 *(f"{name}: {each['missed']} ticks missed" for name, each in ticks.items() if each["count"]),
                 f"faults: {', '.join(by_side) or 'none'}",
                 build(compiled=is_compiled()),
+                *(f"felt error, delay, energy: {install_line(guest)}" for guest in set(REPORTS.absent().values())),
             ]
             console.print("\n".join(lines), markup=False, highlight=False)
 
