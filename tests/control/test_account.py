@@ -65,9 +65,12 @@ def test_no_update_makes_a_hand_get_more_than_the_bound(seed: int, fastest: floa
         master.displayed((0.0, 0.0, force))
 
 
-def test_a_force_that_the_hand_has_not_pressed_in_rises() -> None:
+@pytest.mark.parametrize("supplied", [0.0, 0.01])
+def test_a_force_that_the_hand_has_not_pressed_in_rises(supplied: float) -> None:
+    """Nor does what the scene supplies make it jump."""
     account = Account(ACCOUNT)
     account.share(0.0, STIFFNESS, TICK)
+    account.book(0.0, 0.0, 0.0, supplied)
     forces = [3.0 * account.share(3.0, STIFFNESS, TICK) for _ in range(60)]
     assert forces[:30] == pytest.approx([ACCOUNT.rise * TICK * tick for tick in range(1, 31)])
     assert forces[-1] == 3.0
