@@ -25,7 +25,7 @@ def put(column: NDArray[Any], values: ArrayLike) -> None:
     (column[..., : np.shape(values)[-1]] if column.ndim > 1 and np.ndim(values) else column)[...] = values
 
 
-def phases(*parts: tuple[int, dict[str, ArrayLike]], **columns: ArrayLike) -> NDArray[Any]:
+def phases(*parts: tuple[int, dict[str, ArrayLike]], **columns: Any) -> NDArray[Any]:
     """Records of parts that follow each other, each its ticks and its columns; `columns` hold in all."""
     made = ticks(sum(count for count, _ in parts), **columns)
     begin = 0
