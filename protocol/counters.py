@@ -18,16 +18,10 @@ _LEAST_BURSTS: Final = 2.5 * _SLOW
 def expand(truncated: int, bits: int, near: int) -> int:
     """The number congruent to `truncated` modulo 2^bits that lies nearest to `near` (RFC 9000, appendix A.3).
 
-    It may be negative. It is right if `near` is off by less than half of what the truncated field can count."""
+    It is right if `near` is off by less than half of what the truncated field can count. It may be negative; of a
+    counter that starts from 0, `near` is at least half the range, so that it is not."""
     half = 1 << (bits - 1)
     return near - half + ((truncated - near + half) & ((1 << bits) - 1))
-
-
-def expand_counter(truncated: int, bits: int, near: int) -> int:
-    """Like `expand`, for counters that start from 0."""
-    half, range_ = 1 << (bits - 1), 1 << bits
-    full = near - half + ((truncated - near + half) & (range_ - 1))
-    return full if full >= 0 else full + range_
 
 
 class ReplayWindow:

@@ -203,20 +203,18 @@ class OutgoingStream:
             ack = self.last_ack
         elif sequence > self._acknowledged_by:
             if ack not in (0, self.last_ack):
-                self._hold(self._newest - (self._newest - ack & ACKNOWLEDGEMENT_MASK))
+                held, unheld = self._newest - (self._newest - ack & ACKNOWLEDGEMENT_MASK), self._unheld
+                is_newest_held = held >= self._begun
+                while unheld and (is_newest_held or unheld[0][1] <= held):
+                    unheld.popleft()
+                    self.is_held = True
+                self.unheld_since = unheld[0][0] if unheld else inf
+                self.is_pending = self.is_pending and not is_newest_held
             self.last_ack, self._acknowledged_by = ack, sequence
         if self.is_pending:
             return False
         self.is_forgotten |= is_newest and ack == 0 and self.update is not None
         return True
-
-    def _hold(self, number: int) -> None:
-        unheld, is_newest = self._unheld, number >= self._begun
-        while unheld and (is_newest or unheld[0][1] <= number):
-            unheld.popleft()
-            self.is_held = True
-        self.unheld_since = unheld[0][0] if unheld else inf
-        self.is_pending = self.is_pending and not is_newest
 
     def forget(self) -> None:
         """The peer holds nothing any more; what is still to arrive will be sent again."""

@@ -4,7 +4,7 @@ from math import inf
 from typing import Final
 
 from weberlink.protocol import wire
-from weberlink.protocol.counters import Credit, LossMeter, ReplayWindow, expand_counter
+from weberlink.protocol.counters import Credit, LossMeter, ReplayWindow, expand
 from weberlink.protocol.events import ChangeAnswered, ChangeProposed, DropReason, PathProbe, PeerClosed, UpdateReceived
 from weberlink.protocol.liveness import HeartbeatSchedule, Liveness
 from weberlink.protocol.local_end import LocalEnd
@@ -71,6 +71,9 @@ class Session:
         self._marked_at = now
         self._every = tuple(range(streams))
         self._held_ticks = [0] * streams
+        # Sum of these, truncated. Where the peer tells another one, an update is missing: otherwise an attacker who
+        # drops only updates could keep an old one in use.
+        self._held_sum = 0
         self._acks = [0] * streams  # number of the newest update received; 0 for none
         self._acks_from = [-inf] * streams  # the `confirmed_at` that shows that the peer has heard of it
         self._told_from = -inf  # the same for the first updates of all since an interruption; inf until there are any
@@ -101,7 +104,7 @@ class Session:
     def _open(self, data: bytes) -> tuple[int, bytes | None]:
         """Number of a datagram, and what it says (`DirectionLayout.read`); None if it is not of this session."""
         newest = self._replay.newest
-        sequence = expand_counter(wire.sequence_of(data), wire.SEQUENCE_BITS, newest + 1)
+        sequence = expand(wire.sequence_of(data), wire.SEQUENCE_BITS, max(newest + 1, wire.HALF_SEQUENCE))
         return sequence, self._protection.open(sequence, data, newest)
 
     def receive(self, data: bytes, now: float) -> Outcome:  # noqa: C901, PLR0911, PLR0912 - each reason to drop
@@ -127,7 +130,7 @@ class Session:
             return DropReason.MALFORMED
         clock = self.clock
         departure = clock.departure(content.sent, now)
-        if not clock.is_plausible(departure, now):
+        if departure is None:
             return DropReason.IMPLAUSIBLE
         if sequence <= self._floor:
             return DropReason.STALE
@@ -181,14 +184,15 @@ class Session:
 
     def _deliver(self, content: Content, departure: float, now: float) -> Outcome:  # noqa: PLR0911 - as above
         kind, liveness = content.kind, self.liveness
-        age = self.clock.age(departure, now)
+        age = self.clock.one_way  # of this datagram, which was recorded last
         if not liveness.is_fresh(age, content.generation):
             return DropReason.STALE
         self.is_fresh = True
         is_current = liveness.hear(departure, content.echo, content.generation, now)
         if kind == wire.HEARTBEAT:
             runs = content.selector & wire.ENCODES != 0
-            liveness.hear_encoder(self.sequence, now, runs=runs, streams=self._current(content.tick))
+            streams = self._every if content.tick == self._held_sum else ()
+            liveness.hear_encoder(self.sequence, now, runs=runs, streams=streams)
             if content.mark:
                 self.heartbeats.is_answer_wanted = True
             return None
@@ -209,13 +213,9 @@ class Session:
         if -ahead > liveness.limit + TICK_AGE_SLACK:
             return DropReason.STALE
         self._acknowledge(stream, self.sequence, tick)
-        liveness.hear_encoder(self.sequence, now, runs=True, streams=self._current(content.tick) or (stream,))
+        streams = self._every if content.tick == self._held_sum else (stream,)
+        liveness.hear_encoder(self.sequence, now, runs=True, streams=streams)
         return UpdateReceived(Update(tick, selector, newest, payload), age, stream)
-
-    def _current(self, ticks: int) -> tuple[int, ...]:
-        """All streams, if this end holds the newest updates, whose ticks have this sum; else none: an update is
-        missing. Otherwise an attacker who drops only updates could keep an old one in use."""
-        return self._every if ticks == sum(self._held_ticks) & _TICK_MASK else ()
 
     def _deliver_change(self, content: Content, departure: float, now: float) -> Outcome:
         number, body = content.selector, content.data
@@ -223,7 +223,7 @@ class Session:
         if content.mark:
             return negotiation.on_answer(number, body, now)
         sent_tick = departure / self._tick_period
-        tick = expand_counter(content.tick, wire.CHANGE_TICK_BITS, int(sent_tick))
+        tick = expand(content.tick, wire.CHANGE_TICK_BITS, max(int(sent_tick), wire.HALF_CHANGE_TICK))
         if abs(tick - sent_tick) * self._tick_period > CHANGE_AHEAD:
             return DropReason.IMPLAUSIBLE
         peer_time = self.clock.peer_time(now)
@@ -233,6 +233,7 @@ class Session:
     def _acknowledge(self, stream: int, number: int, tick: int) -> None:
         """Acknowledge an update of the peer from now on; with 0, that this end holds none."""
         self._acks[stream], self._held_ticks[stream] = number, tick
+        self._held_sum = sum(self._held_ticks) & _TICK_MASK
         self._acks_from[stream] = self.liveness.confirmed_after(self._departed)
         if self._told_from == inf and all(self._acks):
             self._told_from = max(self._acks_from)

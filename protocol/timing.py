@@ -66,7 +66,7 @@ class Clock:
         jitter: the larger one of the two [s].
         bound: round trip that few datagrams of the two directions together exceed [s].
         rtt: round trip of the latest datagrams of the two directions [s].
-        one_way: delay of the latest datagram of the peer [s].
+        one_way: delay of the latest datagram of the peer [s], not negative.
     """
 
     def __init__(self, epoch: float, peer_clock: float, now: float) -> None:
@@ -92,17 +92,16 @@ class Clock:
         units = floor((now - self._epoch) * _STAMPS_PER_S)
         return units & _STAMP_MASK, units * STAMP_UNIT
 
-    def departure(self, stamp: int, now: float) -> float:
-        """Time on the peer's clock [s] of a stamp that has just arrived."""
-        return expand(stamp, STAMP_BITS, int((now - self._epoch - self._inward.value) * _STAMPS_PER_S)) * STAMP_UNIT
-
-    def is_plausible(self, departure: float, now: float) -> bool:
-        """Whether a datagram can have left then: not much later than it arrived.
+    def departure(self, stamp: int, now: float) -> float | None:
+        """Time on the peer's clock [s] of a stamp that has just arrived; None if a datagram cannot have left then, much
+        later than it arrived.
 
         The true delay is at least 0, and the offset is wrong by at most half the least round trip. After a whole window
         without a plausible datagram any stamp is accepted: then a clock was stepped, not a datagram damaged."""
-        early = self._inward.value - (now - self._epoch - departure)
-        return early <= self._early_limit or self._inward.is_expired(now)
+        arrived, inward = now - self._epoch, self._inward
+        departure = expand(stamp, STAMP_BITS, int((arrived - inward.value) * _STAMPS_PER_S)) * STAMP_UNIT
+        early = inward.value - (arrived - departure)
+        return departure if early <= self._early_limit or inward.is_expired(now) else None
 
     def record(self, departure: float, now: float) -> None:
         """Update the mapping with the raw delay of a plausible datagram."""
@@ -144,10 +143,6 @@ class Clock:
     def latest_receivable_peer_time(self, now: float) -> float | None:
         """The peer's clock at the departure of a datagram that arrives now with the least delay [s]; None likewise."""
         return None if self._offset is None else now - self._epoch - self._inward.value
-
-    def age(self, departure: float, now: float) -> float | None:
-        """Time since a departure on the peer's clock [s], not negative; None until both directions are measured."""
-        return None if self._offset is None else max(0.0, now - self._epoch + self._offset - departure)
 
     def arrival_bound(self, sent_at: float) -> float | None:
         """Time on the peer's clock [s] by which nearly every datagram that we sent at `sent_at` [s] has arrived."""

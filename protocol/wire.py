@@ -95,10 +95,12 @@ SEQUENCE_BITS: Final = _widths("clear")[-1]
 """A number is expanded from what came last, so an outage may take up to 2^15 of them. In the longest that a session
 outlives, an end sends far fewer: a silent one sends heartbeats only."""
 SEQUENCE_MASK: Final = (1 << SEQUENCE_BITS) - 1
+HALF_SEQUENCE: Final = 1 << SEQUENCE_BITS - 1
 ACKNOWLEDGEMENT_MASK: Final = (1 << ACKNOWLEDGEMENT_BITS) - 1
 GENERATION_BITS, SENT_BITS, ECHO_BITS = _widths("head")
 (TICK_BITS,) = _widths("heartbeat")
 CHANGE_TICK_BITS = _widths("change")[0]
+HALF_CHANGE_TICK = 1 << CHANGE_TICK_BITS - 1
 (UPDATE_CREDIT_BITS,), (HEARTBEAT_CREDIT_BITS,) = _widths("update_credit"), _widths("heartbeat_credit")
 MOST_LEVELS: Final = 256  # largest number of levels of a sample
 LONGEST_DATAGRAM: Final = 4096
