@@ -1,7 +1,7 @@
 """Datagram session between the two ends of a teleoperation link, sans I/O; `weberlink.protocol.aio` is the shell.
 
-The core is pure: sockets, clocks and randomness are passed in. Security suites are imported where they are chosen
-(`weberlink.protocol.psk`, `weberlink.protocol.checksum`).
+The core is pure: sockets, clocks and randomness are passed in. The suite with a key,
+`weberlink.protocol.psk`, is imported where it is chosen.
 """
 
 from weberlink.protocol.endpoint import Endpoint

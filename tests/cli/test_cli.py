@@ -38,6 +38,11 @@ def test_every_command_explains_itself(command: str) -> None:
     assert (ended.status, ended.output[:7], ended.errors) == (0, "Usage: ", "")
 
 
+def test_a_group_without_a_command_shows_its_help() -> None:
+    ended = run("device")
+    assert (ended.status, ended.output, ended.errors) == (2, "", run("device -h").output)
+
+
 LOOPBACK, FIG6, ARM = "configs/loopback.yaml", "configs/fig6.yaml", "configs/phantom.yaml"
 WRONG = {
     # The command or the option is not there.

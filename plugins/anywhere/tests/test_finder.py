@@ -1,4 +1,4 @@
-"""Two hosts behind NATs find a path to each other, with the real relay and mailbox; `trials/anywhere` does the rest."""
+"""Two hosts behind NATs find a path by the real relay and mailbox; `plugins.anywhere.trials` does the rest."""
 
 from os import urandom
 from pathlib import Path

@@ -197,18 +197,19 @@ class CommandGroup(TyperGroup):
             format_message = getattr(error, "format_message", None)
             if format_message is None or not standalone_mode:
                 raise
-            sys.stderr.write(f"weberlink: {one_line(error, format_message)}\n")
+            text = format_message()  # that of a group without a command is its help
+            sys.stderr.write(f"{text}\n" if text.startswith("Usage: ") else f"weberlink: {one_line(error, text)}\n")
             sys.exit(MISCONFIGURED)
         if not standalone_mode:
             return result
         return sys.exit(result if isinstance(result, int) else COMPLETED)
 
 
-def one_line(error: Exception, format_message: Callable[[], str]) -> str:
+def one_line(error: Exception, text: str) -> str:
     """A usage error in one line; for an unknown option, with the options that there are."""
     context, name = getattr(error, "ctx", None), getattr(error, "option_name", None)
     if context is None or name is None:
-        return " ".join(format_message().replace(": Input should", ": should").split())
+        return " ".join(text.replace(": Input should", ": should").split())
     options = [option for parameter in context.command.get_params(context) for option in parameter.opts]
     command = context.command_path.removeprefix("weberlink").strip() or "weberlink"
     return f"{command} has no option {name}; {_known(name, [each for each in options if each.startswith('--')])}"
