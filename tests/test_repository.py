@@ -13,7 +13,7 @@ import pytest
 
 from docs.generated import as_text, list_guests, schema
 from weberlink.compiled import is_compiled
-from weberlink.installation import GUESTS, all_guests
+from weberlink.installation import GUESTS, NEEDED, all_guests
 
 ROOT = Path(__file__).parents[1]
 KERNEL = ("codec", "protocol", "master", "slave", "src/weberlink")
@@ -37,6 +37,15 @@ def test_links_of_the_documents_lead_to_files() -> None:
             continue
         for target in re.findall(r"\]\((?!https?:|#)([^)#]+)", page.read_text(encoding="utf-8")):
             assert target in GENERATED or (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_lines_that_install_guests_name_all_that_these_need() -> None:
+    """Pip would look for the others on an index."""
+    needed = json.loads(GUESTS.read_text(encoding="utf-8"))[NEEDED]
+    for page in [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("plugins/*/README.md")]:
+        for line in page.read_text(encoding="utf-8").splitlines():
+            named = set(re.findall(r'-e "?plugins/(\w+)', line))
+            assert {each for guest in named for each in needed.get(guest, "").split()} <= named, f"{page}: {line}"
 
 
 def test_make_targets_that_the_documents_name_are_there() -> None:
