@@ -87,11 +87,6 @@ class Decoder:
         """All that a prediction depends on, except a ramp: selector, model, newest sample and memory, of each part."""
         return [(part.selected, part.model, part.newest, part._memory) for part in self.parts]
 
-    @property
-    def surface(self) -> Any:
-        """The contact surface of the model in use; None if the model describes none."""
-        return None if self.model is None else self.model.surface()
-
     def retune(self, deadband: Deadband, since: float = -inf) -> None:
         """Size ramps by another deadband, that of the encoder; without smoothing this changes nothing.
 

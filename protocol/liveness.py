@@ -168,7 +168,8 @@ class Liveness:
         return self._epoch + (floor(departure / unit) + 1) * unit
 
     def hear(self, departure: float, echo: int, generation: int, now: float) -> bool:
-        """Take a fresh datagram; returns whether its loop age as it arrives is within the limit."""
+        """Take a fresh datagram; returns whether its loop age as it arrives is within the limit. `hold` follows, which
+        derives `in_touch_at`, `held_until`, `undelivered_at` and `silent_at` anew."""
         self.heard_at = now
         self._departure = departure if departure > self._departure else self._departure
         if generation == self.generation and self.generation_heard_at == inf:
@@ -184,13 +185,12 @@ class Liveness:
             if self.is_opening and confirmed + self.limit / UNITS >= self.opened_at:
                 self.is_opening = False
                 self.resume(now)
-        self._update()
         return now - confirmed <= self.limit
 
     def hear_encoder(self, sequence: int, now: float, *, runs: bool, streams: Sequence[int] = ()) -> None:
         """Take what a fresh datagram of this number says of the peer's encoder: whether it ran, and of which streams
-        this end holds all updates. An update says so only if it is executed: otherwise somebody who holds updates back
-        could keep an old one in use."""
+        this end holds all updates; `hold` follows. An update says so only if it is executed: otherwise somebody who
+        holds updates back could keep an old one in use."""
         if sequence <= self._newest:
             return
         if not runs:
@@ -205,13 +205,11 @@ class Liveness:
             proven_at = min(max(self.proven_at), min(self.proven_at) + self.round_trip)
             if proven_at > -inf:
                 self.encoder_heard_at, self.encodes_until = proven_at, proven_at + self.silence
-        self._update()
 
     def hold(self, unheld_since: float, *, is_proven: bool) -> None:
         """The oldest of our updates that the peer is not known to hold left then [s], inf for none."""
-        if unheld_since != self._unheld_since or is_proven is not self.is_proven:
-            self._unheld_since, self.is_proven = unheld_since, is_proven
-            self._update()
+        self._unheld_since, self.is_proven = unheld_since, is_proven
+        self._update()
 
     def resume(self, now: float) -> None:
         """Each end hears the other from now on: what their encoders have sent before does not count as missing."""

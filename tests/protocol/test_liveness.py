@@ -88,25 +88,31 @@ def test_overtaken_datagram_does_not_say_that_the_encoder_runs() -> None:
     assert end.encodes_until == 0.07 + SILENCE
 
 
+def encoder_of(end: Liveness, sequence: int, now: float, *, runs: bool, streams: tuple[int, ...] = ()) -> None:
+    """Take what a datagram says of the peer's encoder, as a session does, while the peer holds all our updates."""
+    end.hear_encoder(sequence, now, runs=runs, streams=streams)
+    end.hold(inf, is_proven=True)
+
+
 def test_each_stream_must_be_proven_and_what_lacks_for_too_long_is_undelivered() -> None:
     end = Liveness(0.0, SILENCE, 0.0, 0.0, streams=2)
     end.agree(0.2, 0.0)
     assert end.undelivered_at == inf and end.held_until == inf
-    end.hear_encoder(1, 0.01, runs=True, streams=(0,))
+    encoder_of(end, 1, 0.01, runs=True, streams=(0,))
     assert end.encodes_until == -inf, "nothing is known of the second stream"
     assert end.undelivered_at == pytest.approx(0.01 + 0.2 + end.limit)
-    end.hear_encoder(2, 0.02, runs=True, streams=(0, 1))
-    end.hear_encoder(3, 0.05, runs=True, streams=(1,))
-    end.hear_encoder(4, 0.06, runs=True)
+    encoder_of(end, 2, 0.02, runs=True, streams=(0, 1))
+    encoder_of(end, 3, 0.05, runs=True, streams=(1,))
+    encoder_of(end, 4, 0.06, runs=True)
     assert (end.encoder_heard_at, end.encodes_until) == (0.05, 0.05 + SILENCE), "it may lag by the round trip"
-    end.hear_encoder(5, 0.3, runs=True, streams=(1,))
+    encoder_of(end, 5, 0.3, runs=True, streams=(1,))
     assert (end.encoder_heard_at, end.encodes_until) == (pytest.approx(0.22), pytest.approx(0.22 + SILENCE))
     assert end.undelivered_at == pytest.approx(0.22 + 0.2 + end.limit)
     end.resume(0.5)
     assert end.undelivered_at == pytest.approx(0.5 + 0.2 + end.limit)
-    end.hear_encoder(6, 0.6, runs=False)
+    encoder_of(end, 6, 0.6, runs=False)
     assert (end.encodes_until, end.undelivered_at) == (-inf, inf), "who does not encode owes nothing"
-    end.hear_encoder(7, 0.7, runs=True, streams=(0,))
+    encoder_of(end, 7, 0.7, runs=True, streams=(0,))
     assert end.encodes_until == -inf
 
 

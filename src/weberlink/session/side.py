@@ -315,8 +315,9 @@ class Side:
             channel.decoder.apply(event.update)
             channel.received += 1
             if channel.learner is not None:
-                newest: Any = channel.decoder.newest
-                channel.learner.learn(channel.decoder.surface, newest.value, newest.position)
+                newest: Any = channel.decoder.newest  # an update leaves a sample and a model of it
+                model: Any = channel.decoder.model
+                channel.learner.learn(model.surface(), newest.value, newest.position)
         except Exception:
             self._on_bad_contents()
         self.codec_time += self._stopwatch() - began
