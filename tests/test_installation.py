@@ -1,5 +1,6 @@
-"""The line that adds an extra is one that works here: from a clone, and from an installed wheel."""
+"""The line that adds an extra is one that works here: in a clone, of one that was installed, and of a wheel."""
 
+import json
 import os
 import shlex
 import shutil
@@ -60,6 +61,14 @@ def test_a_clone_is_installed_anew_and_a_wheel_by_its_name(
         words = line(folder, ROOT / "src", extra=extra)
         assert words[words.index("install") + 1 :] == [word for each in expected for word in ("-e", each)]
     assert line(tmp_path, wheel, extra=extra)[-2:] == ["install", of_a_wheel]
+
+
+def test_of_an_installed_clone_its_folder_is_named(wheel: Path, tmp_path: Path) -> None:
+    told = wheel / "weberlink-0.1.0.dist-info" / "direct_url.json"
+    told.parent.mkdir()
+    for folder, expected in ((ROOT, f"{ROOT}/plugins/devices"), (tmp_path / "gone", "weberlink-devices")):
+        told.write_text(json.dumps({"dir_info": {}, "url": folder.as_uri()}))
+        assert line(tmp_path, wheel, extra="devices")[-2:] == ["install", expected]
 
 
 def test_it_is_the_installer_of_this_environment(wheel: Path, tmp_path: Path) -> None:

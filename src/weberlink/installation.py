@@ -11,6 +11,7 @@ from pathlib import Path
 from shlex import quote
 from shutil import which
 from typing import TYPE_CHECKING
+from urllib.parse import unquote, urlsplit
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -68,12 +69,21 @@ def install_line(extra: str) -> str:
     """The command that adds to this installation, to be typed in the present directory: an extra of the kernel, or a
     guest, which may have an extra too, such as "studies[dask]"."""
     is_guest = extra.partition("[")[0] in all_guests()
-    clone = Path(__file__).resolve().parents[2]
-    if not (clone / "pyproject.toml").is_file():
+    clone, option = _clone()
+    if clone is None:
         return f"{pip_install()} {quote(f'weberlink-{extra}' if is_guest else f'weberlink[{extra}]')}"
     where = "." if clone == Path.cwd() else str(clone)
     folders = [f"{where}/plugins/{each}" for each in _with_needed(extra)] if is_guest else [f"{where}[{extra}]"]
-    return " ".join((pip_install(), *(f"-e {quote(each)}" for each in folders)))
+    return " ".join((pip_install(), *(f"{option}{quote(each)}" for each in folders)))
+
+
+def _clone() -> tuple[Path | None, str]:
+    """The clone that this program runs in, with the option of pip for that, or was installed from; None for a wheel."""
+    package = Path(__file__).resolve().parent
+    told = package.parent.glob("weberlink-*.dist-info/direct_url.json")  # by pip
+    origins = (json.loads(path.read_text(encoding="utf-8"))["url"] for path in told)
+    places = [(package.parents[1], "-e "), *((Path(unquote(urlsplit(url).path)), "") for url in origins)]
+    return next((place for place in places if (place[0] / "pyproject.toml").is_file()), (None, ""))
 
 
 def _with_needed(guest: str) -> list[str]:
