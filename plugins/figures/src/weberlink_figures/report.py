@@ -162,7 +162,7 @@ def _felt(figures: Figures) -> Iterator[str]:
     channel, unit = figures.felt, UNITS[next(iter(figures.channels))]
     errors, felt, coding = channel.errors, channel.felt, channel.coding
     if errors.error_rms is None or felt is None:
-        yield "felt error: unknown; needs both sides (loopback, simulate, or info on two recordings)"
+        yield "felt error: unknown; needs both sides (loopback, simulate, or record info)"
     else:
         yield (
             f"{percent(errors.violation_fraction)} of ticks outside the deadband "

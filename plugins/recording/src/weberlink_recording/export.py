@@ -1,4 +1,4 @@
-"""The `info` and `export` commands: describe recordings, and write them as tables, for ROS tools, and for LeRobot."""
+"""The `record` commands: describe recordings, and write them as tables, for ROS tools, and for LeRobot."""
 
 import csv
 import os
@@ -120,9 +120,9 @@ def _verified(path: Path) -> Verified:
 def export(paths: Sequence[Path], to: str, folder: Path | None, fps: int, task: str) -> list[str]:
     """Write files beside the first recording, or into the folder; returns a line for each.
 
-    `csv` and `parquet` are a table for each side; with `csv` also the signal that `evaluate` reads, what the robot was
-    commanded and felt while engaged. `ros` is one MCAP file for ROS tools, `lerobot` the folder of a LeRobot dataset
-    with so many frames per second, of what was done in words.
+    `csv` and `parquet` are a table for each side; with `csv` also the signal that `study evaluate` reads: what the
+    robot was commanded and felt while engaged. `ros` is one MCAP file for ROS tools, `lerobot` the folder of a LeRobot
+    dataset with so many frames per second, of what was done in words.
 
     Raises:
         ConfigurationError: for a format or a file that cannot be used, or a file that exists already.
