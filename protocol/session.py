@@ -163,7 +163,8 @@ class Session:
         if self.sequence < self._newest_report:
             return True
         clock, statistics = self.clock, self._statistics
-        if not clock.learn(report.minimum_us * 1e-6, report.latest_us * 1e-6, report.late_us * 1e-6):
+        bound = clock.learn(report.minimum_us * 1e-6, report.latest_us * 1e-6, report.late_us * 1e-6)
+        if bound is None:
             return False
         self._newest_report = self.sequence
         statistics.outgoing_loss = report.loss_65535 / wire.LOSS_UNITS
@@ -172,8 +173,7 @@ class Session:
         lost = (report.lost - self._lost + 0x8000 & 0xFFFF) - 0x8000
         self._allowance.adapt(lost, self._next_sequence, clock.outgoing_jitter, now)
         self._lost = report.lost
-        if clock.bound is not None:
-            self.round_trip.on_needed(clock.bound, now - self._end.epoch, now)
+        self.round_trip.on_needed(bound, now - self._end.epoch, now)
         self._pace()
         return True
 

@@ -64,7 +64,6 @@ class Clock:
         outgoing_jitter: by how much few of our datagrams exceed their least delay, as the peer measured it [s].
         incoming_jitter: the same of the peer's datagrams [s].
         jitter: the larger one of the two [s].
-        bound: round trip that few datagrams of the two directions together exceed [s].
         rtt: round trip of the latest datagrams of the two directions [s].
         one_way: delay of the latest datagram of the peer [s], not negative.
     """
@@ -82,7 +81,6 @@ class Clock:
         self._offset: float | None = None
         self._early_limit = _EARLY_LIMIT_UNMAPPED
         self.outgoing_jitter = self.incoming_jitter = self.jitter = 0.0
-        self.bound: float | None = None
         self.rtt: float | None = None
         self.one_way: float | None = None
         self.record(peer_clock, now)
@@ -125,16 +123,18 @@ class Clock:
         minimum = self._inward.value
         return minimum, self._latest - minimum, self.incoming_jitter
 
-    def learn(self, minimum: float, latest: float, late: float) -> bool:
-        """Take the peer's report; False, with nothing changed, if no real link can cause it."""
-        if not _LEAST_RTT - EARLY_LIMIT <= self._inward.value + minimum <= LONGEST_RTT:
-            return False
+    def learn(self, minimum: float, latest: float, late: float) -> float | None:
+        """Take the peer's report; returns the round trip that few datagrams of the two directions together exceed [s],
+        or None, with nothing changed, if no real link can cause it."""
+        least_rtt = self._inward.value + minimum
+        if not _LEAST_RTT - EARLY_LIMIT <= least_rtt <= LONGEST_RTT:
+            return None
         self._outward = minimum
         self._outward_latest = latest
         self.outgoing_jitter = min(late, LONGEST_RTT)
         self._map()
         self._measure()
-        return True
+        return max(0.0, least_rtt) + self.outgoing_jitter + self.incoming_jitter
 
     def peer_time(self, now: float) -> float | None:
         """The peer's clock now [s]; None until both directions are measured."""
@@ -165,8 +165,7 @@ class Clock:
         incoming, outgoing = self.incoming_jitter, self.outgoing_jitter
         self.jitter = outgoing if outgoing > incoming else incoming
         if self._outward is None:
-            self.rtt = self.bound = None
+            self.rtt = None
         else:
             self.rtt = max(0.0, self._latest + self._outward + self._outward_latest)
-            self.bound = max(0.0, self._inward.value + self._outward) + outgoing + incoming
         self.one_way = None if self._offset is None else max(0.0, self._latest + self._offset)

@@ -9,7 +9,7 @@ from weberlink.protocol.timing import EARLY_LIMIT, LONGEST_RTT, WINDOW, Clock, S
 def mapped(offset: float = 100.0, delay: float = 0.01) -> Clock:
     """A clock whose peer is `offset` ahead, over a symmetric link, at 0."""
     clock = Clock(0.0, offset - delay, 0.0)
-    assert clock.learn(delay + offset, 0.0, 0.0)
+    assert clock.learn(delay + offset, 0.0, 0.0) is not None
     return clock
 
 
@@ -43,7 +43,7 @@ def test_offset_and_delay_of_a_link(offset: float) -> None:
     asymmetric = Clock(0.0, offset - 0.03, 0.0)
     assert asymmetric.rtt is asymmetric.one_way is None
     assert asymmetric.peer_time(1.0) is asymmetric.arrival_bound(1.0) is None
-    asymmetric.learn(0.01 + offset, 0.0, 0.005)
+    assert asymmetric.learn(0.01 + offset, 0.0, 0.005) == pytest.approx(0.045)
     assert asymmetric.peer_time(0.0) == pytest.approx(offset - 0.01), "the offset is wrong by half the asymmetry"
     assert asymmetric.arrival_bound(12.0) == pytest.approx(12.015 + offset)
 
@@ -72,7 +72,7 @@ def test_departure_after_arrival_is_implausible_within_the_window() -> None:
 @pytest.mark.parametrize("minimum", [-1e12, -1.0, LONGEST_RTT + 1.0, 1e12])
 def test_a_report_that_no_link_can_give_changes_nothing(minimum: float) -> None:
     clock = mapped(0.0, 0.01)
-    assert not clock.learn(minimum, 1.0, 1.0)
+    assert clock.learn(minimum, 1.0, 1.0) is None
     assert clock.peer_time(0.0) == pytest.approx(0.0)
     assert clock.rtt == pytest.approx(0.02)
     assert clock.outgoing_jitter == 0.0
@@ -82,7 +82,7 @@ def test_step_of_the_peers_clock_removes_the_mapping() -> None:
     clock = mapped(0.0, 0.01)
     clock.record(1.0 + 30.0 + WINDOW, 1.0 + WINDOW)
     assert clock.peer_time(5.0) is None
-    assert clock.learn(30.02, 0.0, 0.0)
+    assert clock.learn(30.02, 0.0, 0.0) is not None
     assert clock.peer_time(5.0) == pytest.approx(35.01)
 
 
