@@ -79,7 +79,9 @@ def _line(errors: Sequence[ErrorDetails], document: Mapping[str, Any], where: tu
     keys = [*where, *map(str, path)]
     line = f"{'.'.join(keys) or 'the file'}: {_expectation(first)}"
     into = first.get("ctx", {}).get("into")
-    return line if into is None else f"{line}; options of a driver belong into {'.'.join((*keys[:-1], into))}"
+    if into is None:
+        return line
+    return f"{line}{'' if line.endswith('?') else '.'} Options of a driver belong into {'.'.join((*keys[:-1], into))}"
 
 
 def _path(error: ErrorDetails, document: Any) -> list[int | str]:
