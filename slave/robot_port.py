@@ -90,10 +90,9 @@ class RobotPort(Port):
     `sensors` are those of what is felt, part by part; the first also knows which readings cannot be used, gives where
     the robot is and what it feels (`place`), and the command that holds it there (`held`). The `tool` turns with the
     hand, as the second incoming channel says (`weberlink.slave.rotation.ToolOrientation`); None without six degrees of
-    freedom. `control`: of the scheme; None where
-    an arm is led. `by_button`: the operator leads only while holding a button. `applied` is the last command,
-    `commanded` the decoded one that was last followed; `where` the robot is and what is `felt` of the environment are
-    as measured.
+    freedom. `control`: of the scheme; None where an arm is led. `by_button`: the operator leads only while holding a
+    button. `applied` is the last command, `commanded` the decoded one that was last followed; `where` the robot is and
+    what is `felt` of the environment are as measured.
     """
 
     def __init__(
