@@ -176,22 +176,23 @@ async def test_a_send_that_the_system_refuses_is_a_loss() -> None:
 
 
 class SlowClock:
-    """`monotonic`; from `hold` on, time advances only by what the test adds, and with each datagram of an endpoint by
-    more than a slice. A stall of this machine is then no stall of the loop."""
+    """`monotonic`; from `hold` on, time goes on where it was last read, and advances only by what the test adds, and
+    with each datagram of an endpoint by more than a slice. A stall of this machine is then no stall of the loop."""
 
     STEP_S = 3e-4
 
     def __init__(self) -> None:
         self._now: Callable[[], float] = monotonic
-        self.waited = 0.0
+        self.waited = self._last = 0.0
 
     def hold(self, endpoint: Endpoint) -> None:
-        began, told = monotonic(), endpoint.statistics
+        began, told = self._last, endpoint.statistics
         before = told.received + told.drops
         self._now = lambda: began + self.waited + self.STEP_S * (told.received + told.drops - before)
 
     def __call__(self) -> float:
-        return self._now()
+        self._last = self._now()
+        return self._last
 
 
 @live
