@@ -208,7 +208,8 @@ def test_reach_and_gap_leave_room_for_the_path_and_for_losses(
     shortest = LEAST_SHARE * SILENCE
     unanswered = 1.0 - (1.0 - loss) ** 2
     alone = rtt + jitter + LATE + (SILENCE + round_trip) / UNITS  # the loop age without any wait
-    answered = LEAST_QUESTIONS * (ASK_PACE + TICK) + rtt + jitter
+    questions = max(LEAST_QUESTIONS, questions_needed(unanswered, shortest / 3600.0))
+    answered = questions * (ASK_PACE + TICK) + rtt + jitter
     for pause, limit, passed, share in (
         (schedule.max_echo_age, round_trip, alone, unanswered),
         (schedule.max_gap, 0.0, jitter + LATE, loss),

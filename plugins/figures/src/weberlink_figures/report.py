@@ -249,7 +249,8 @@ def _host(figures: Figures) -> Iterator[str]:
     line = f"host not watched: {host['unknown']}"
     if host["unknown"] is None:
         missed = sum(ticks.missed for ticks in figures.ticks.values())
-        line = f"host: {host['stalls']} stalls, longest {host['longest_ms']:.1f} ms"
+        stalls = "1 stall" if host["stalls"] == 1 else f"{host['stalls']} stalls"
+        line = f"host: {stalls}, longest {host['longest_ms']:.1f} ms"
         line += f"; {sum(host['missed'].values())} of {missed} missed ticks"
     yield f"{line}; steal {percent(host['steal'], 2) if host['steal'] is not None else 'not counted'}"
 
