@@ -98,8 +98,9 @@ async def test_two_shells_connect_exchange_updates_and_part(called: str, listens
             shell.service(now)
         assert master.send_update(now, sample_update(tick))
         master_shell.flush(now)
-        event = await until(slave, UpdateReceived)
-        assert event.update == sample_update(tick)  # type: ignore[attr-defined]
+        # One that a busy machine acknowledges late is repeated, and comes again before the next.
+        while (await until(slave, UpdateReceived)).update != sample_update(tick):  # type: ignore[attr-defined]
+            assert master.statistics.repeats > 0
     slave.close(monotonic(), "slave: done")
     assert await until(master, PeerClosed) == PeerClosed("slave: done")
 
